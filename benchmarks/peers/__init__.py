@@ -1,0 +1,27 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The simulators that are compared; those not installed are left out by name."""
+
+from __future__ import annotations
+
+from importlib import import_module
+
+from benchmarks.peers.base import Contestant
+
+ADAPTERS = {
+    "MuJoCo": "mujoco_peer",
+    "Drake": "drake_peer",
+    "PyBullet": "pybullet_peer",
+    "SciPy": "scipy_peer",
+}
+
+
+def installed() -> tuple[list[Contestant], dict[str, str]]:
+    """Every peer that can be imported, and the reason for each that cannot, by name."""
+    found: list[Contestant] = []
+    missing: dict[str, str] = {}
+    for name, module in ADAPTERS.items():
+        try:
+            found += import_module(f"benchmarks.peers.{module}").contestants()
+        except ImportError as error:
+            missing[name] = str(error)
+    return found, missing

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the benchmark asks of a simulator."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from benchmarks.robots import Robot
+
+Vector = np.ndarray
+TICK = 1e-3  # [s], over which a controller's torque is held
+
+
+class Trial(Protocol):
+    """One robot in one simulator at one setting; built and reset outside the clock."""
+
+    def reset(self, q: Vector, v: Vector) -> None:
+        """Start again from positions [rad] and velocities [rad/s], time zero."""
+
+    def advance(self, duration: float) -> None:
+        """Free motion for ``duration`` [s] without torque, by the fastest call there is."""
+
+    def replay(self, torques: Vector) -> None:
+        """Run one tick for each row of ``torques`` (ticks, n) [N m], each held for its tick."""
+
+    def state(self) -> tuple[Vector, Vector]:
+        """Positions and velocities now."""
+
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:
+        """Forward dynamics as this simulator sees it [rad/s²]: is it the same arm?"""
+
+
+@dataclass(frozen=True)
+class Contestant:
+    """One method of one simulator.
+
+    Attributes:
+        family: the simulator, for colours and for "the best of".
+        method: the integrator.
+        knob: what a setting means: ``"step"`` [s] or ``"tolerance"``.
+        settings: for free motion, from coarse to fine.
+        tick_settings: for a held torque at 1 kHz; steps divide the tick.
+        build: makes a trial of a robot at a setting.
+        note: what a reader has to know about its timing.
+    """
+
+    family: str
+    method: str
+    knob: str
+    settings: tuple[float, ...]
+    tick_settings: tuple[float, ...]
+    build: Callable[[Robot, float], Trial]
+    note: str = ""
+
+    @property
+    def name(self) -> str:
+        """Simulator and method."""
+        return f"{self.family} {self.method}"
+
+
+def halvings(coarse: float, fine: float) -> tuple[float, ...]:
+    """Steps from ``coarse`` down to ``fine`` [s], each half of the one before."""
+    count = int(np.floor(np.log2(coarse / fine) + 1e-9)) + 1
+    return tuple(coarse / 2**k for k in range(count))
+
+
+def decades(first: int, last: int) -> tuple[float, ...]:
+    """Tolerances 10**first, 10**(first - 1), … down to 10**last."""
+    return tuple(10.0**k for k in range(first, last - 1, -1))

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""This suite, reached the way its users reach it: ``Simulator.run`` and ``Simulator.rollout``."""
+
+from __future__ import annotations
+
+from functools import lru_cache, partial
+
+import numpy as np
+
+from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.compiler import compiler_version, find_compiler
+from arm_sim import SimulationDiverged, Simulator
+from arm_sim.integrators import METHODS
+from benchmarks.bench import OURS
+from benchmarks.peers.base import TICK, Contestant, Vector, decades, halvings
+from benchmarks.robots import Robot
+
+STEPS = {
+    "euler": (halvings(8e-3, 1.5e-5), halvings(TICK, 1.5e-5)),
+    "semi_implicit_euler": (halvings(8e-3, 1.5e-5), halvings(TICK, 1.5e-5)),
+    "midpoint": (halvings(8e-3, 3e-5), halvings(TICK, 6e-5)),
+    "heun": (halvings(8e-3, 3e-5), halvings(TICK, 6e-5)),
+    "rk4": (halvings(8e-3, 6e-5), halvings(TICK, 2.5e-4)),
+    "dopri5": (halvings(16e-3, 2.5e-4), halvings(TICK, 5e-4)),
+    "dop853": (halvings(32e-3, 1e-3), halvings(TICK, 5e-4)),
+}
+OTHER_STEPS = (halvings(8e-3, 2.5e-4), halvings(TICK, 2.5e-4))
+TOLERANCES = (decades(-3, -13), (1e-4, 1e-7))
+
+
+def contestants() -> list[Contestant]:
+    """Every integrator with fixed steps, and all that estimate their error with control."""
+    fixed = [
+        Contestant(OURS, name, "step", *STEPS.get(name, OTHER_STEPS), partial(FixedTrial, name))
+        for name in METHODS
+    ]
+    controlled = [
+        Contestant(OURS, f"{name}, adaptive", "tolerance", *TOLERANCES,
+                   partial(AdaptiveTrial, name))
+        for name, method in METHODS.items()
+        if method.adaptive
+    ]  # fmt: skip
+    return fixed + controlled
+
+
+def backend() -> str:
+    """What compiles the generated code here."""
+    command = find_compiler()
+    return compiler_version(command) if command else "none: CasADi's virtual machine"
+
+
+class FixedTrial:
+    """One step of the method a tick; smaller steps repeat the rows of a torque table."""
+
+    def __init__(self, method: str, robot: Robot, step: float) -> None:
+        """Build the simulator."""
+        self.substeps = round(TICK / step)
+        self.simulator = Simulator(_model(robot.urdf), integrator=method, dt=step)
+        self.lost = False
+
+    def reset(self, q: Vector, v: Vector) -> None:  # noqa: D102
+        self.lost = False
+        self.simulator.reset(q, v)
+
+    def advance(self, duration: float) -> None:  # noqa: D102
+        self._run(duration, None)
+
+    def replay(self, torques: Vector) -> None:  # noqa: D102
+        table = np.repeat(torques, self.substeps, axis=0) if self.substeps > 1 else torques
+        self._run(len(torques) * TICK, table)
+
+    def state(self) -> tuple[Vector, Vector]:  # noqa: D102
+        state = self.simulator.state
+        wrong = np.nan if self.lost else 0.0
+        return state.q + wrong, state.v + wrong
+
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:  # noqa: D102
+        return _acceleration(self.simulator.model, q, v, tau)
+
+    def _run(self, duration: float, control: Vector | None) -> None:
+        try:
+            self.simulator.run(duration, control)
+        except SimulationDiverged:
+            self.lost = True
+
+
+class AdaptiveTrial:
+    """Error-controlled sub-steps: ticks of 1 s in free motion, of 1 ms under held torques."""
+
+    def __init__(self, method: str, robot: Robot, tolerance: float) -> None:
+        """Build a simulator for either use."""
+        build = partial(Simulator, _model(robot.urdf), integrator=method, tolerance=tolerance)
+        self.free, self.held = build(dt=1.0), build(dt=TICK)
+        self.used = self.free
+
+    def reset(self, q: Vector, v: Vector) -> None:  # noqa: D102
+        self.free.reset(q, v)
+        self.held.reset(q, v)
+
+    def advance(self, duration: float) -> None:  # noqa: D102
+        self.used = self.free
+        self.free.run(duration)
+
+    def replay(self, torques: Vector) -> None:  # noqa: D102
+        self.used = self.held
+        self.held.run(len(torques) * TICK, torques)
+
+    def state(self) -> tuple[Vector, Vector]:  # noqa: D102
+        return self.used.state.q.copy(), self.used.state.v.copy()
+
+    def acceleration(self, q: Vector, v: Vector, tau: Vector) -> Vector:  # noqa: D102
+        return _acceleration(self.free.model, q, v, tau)
+
+
+@lru_cache
+def _model(urdf: str) -> ArmModel:
+    return ArmModel(load_scene(urdf))
+
+
+@lru_cache(maxsize=1)
+def _euler(model: ArmModel) -> Simulator:
+    return Simulator(model, integrator="euler", dt=TICK)
+
+
+def _acceleration(model: ArmModel, q: Vector, v: Vector, tau: Vector) -> Vector:
+    """What the generated code computes: one explicit Euler step is v + h a."""
+    euler = _euler(model)
+    euler.reset(q, v)
+    return (euler.step(tau).v - v) / TICK

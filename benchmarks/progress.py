@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A progress bar that draws only between measurements, never during one."""
+
+from __future__ import annotations
+
+import time
+from types import TracebackType
+
+from rich.console import Console
+from rich.progress import BarColumn, MofNCompleteColumn, Progress, TextColumn, TimeElapsedColumn
+
+DRAW_EVERY = 0.1  # [s]
+
+
+class Bar:
+    """One line for the stage that runs, one bar; no refresh thread, which would cost time."""
+
+    def __init__(self, console: Console) -> None:
+        """Prepare the bar on ``console``."""
+        self._rich = Progress(
+            TextColumn("{task.description:<38}"), BarColumn(), MofNCompleteColumn(),
+            TimeElapsedColumn(), console=console, auto_refresh=False,
+        )  # fmt: skip
+        self._task = self._rich.add_task("starting", total=None)
+        self._began = time.perf_counter()
+        self._drawn = 0.0
+
+    @property
+    def elapsed(self) -> float:
+        """Seconds since the bar was made."""
+        return time.perf_counter() - self._began
+
+    def __enter__(self) -> Bar:
+        """Show the bar."""
+        self._rich.start()
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the last state on the screen."""
+        self._rich.stop()
+
+    def stage(self, text: str, total: int) -> None:
+        """A stage of ``total`` jobs begins."""
+        self._rich.reset(self._task, description=text, total=total)
+        self._rich.refresh()
+
+    def advance(self) -> None:
+        """One job is done."""
+        self._rich.advance(self._task)
+        now = time.perf_counter()
+        if now - self._drawn > DRAW_EVERY:
+            self._drawn = now
+            self._rich.refresh()

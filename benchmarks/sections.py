@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sections of the Markdown report, one function each."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from benchmarks.bench import OURS, Record
+from benchmarks.markdown import duration, number, quantity, table
+
+METHOD = """\
+Times are processor times of one thread unless a line says otherwise. All measurements of a table
+are interleaved (every job once, then every job again), medians are shown, and ratios are between
+numbers of the same run. Every simulator reads the same URDF (no limits, friction, meshes or
+contacts), and each has switched off what such a scene does not need."""
+
+
+def markdown(results: Record, pictures: dict[str, str]) -> str:
+    """The whole report.
+
+    Args:
+        results: of all studies that ran.
+        pictures: file names of the figures, by study.
+    """
+    parts = ["# Run time against error", _about(results["about"]), METHOD, _claims(results)]
+    for name, section in SECTIONS.items():
+        if name in results:
+            parts.append(section(results))
+            parts += [f"![{name}]({file})" for key, file in pictures.items()
+                      if key.split(":")[0] == name]  # fmt: skip
+    return "\n\n".join(parts) + "\n"
+
+
+def _about(about: Record) -> str:
+    noise = about["noise"]
+    lines = [
+        f"- {about['date']}, {about['processor']}, {about['compiler']}",
+        "- " + ", ".join(f"{k} {v}" for k, v in about["versions"].items()),
+        f"- {about['repeats']} repeats, {about['elapsed_s'] / 60:.1f} min"
+        + (", quick" if about["quick"] else ""),
+        f"- machine noise: the same arithmetic, timed {noise['probes']} times in between, varied "
+        f"by {noise['spread_10_90']:.1%} (10th to 90th percentile); load average "
+        f"{noise['load_min']:.1f} to {noise['load_max']:.1f}",
+    ]
+    lines += [f"- left out, not installed: {name}" for name in about["left_out"]]
+    lines += [f"- {name}: {note}" for name, note in about["notes"].items()]
+    return "\n".join(lines)
+
+
+def _claims(results: Record) -> str:
+    verdict = {True: "kept", False: "**broken**", None: "not measured"}
+    rows = [
+        (c["text"], quantity(c["value"], c["unit"]), quantity(c["limit"], c["unit"]),
+         verdict[c["kept"]])
+        for c in results["claims"]
+    ]  # fmt: skip
+    return "## Promises\n\n" + table(("promise", "measured", "at most", ""), rows)
+
+
+def _sameness(results: Record) -> str:
+    rows = results["sameness"]["rows"]
+    robots = list(dict.fromkeys(r["robot"] for r in rows))
+    value = {(r["who"], r["robot"]): number(r["relative"], 2) for r in rows}
+    body = [(who, *(value[who, robot] for robot in robots))
+            for who in dict.fromkeys(r["who"] for r in rows)]  # fmt: skip
+    text = (
+        f"Largest relative difference in acceleration to Pinocchio, "
+        f"{results['sameness']['states']} random states."
+    )
+    return f"## The same arm everywhere\n\n{text}\n\n" + table(("", *robots), body)
+
+
+def _work_precision(results: Record) -> str:
+    text = ["## Run time against error", _truth(results), _targets(results)]
+    return "\n\n".join([*text, "<details><summary>Every point</summary>", _points(results),
+                        "</details>"])  # fmt: skip
+
+
+def _truth(results: Record) -> str:
+    rows = [
+        (t["robot"], t["scenario"], f"{t['duration_s']:g} s", number(t["halving_rad"], 2),
+         number(t["other_method_rad"], 2))
+        for t in results["work_precision"]["truth"]
+    ]  # fmt: skip
+    text = (
+        "Error is the largest |q − truth| [rad] of any joint: at the end of a free motion from "
+        "rest, over all ticks of a controlled one. Truth of a free motion is Gragg extrapolation "
+        "of order 14 in extended precision on dynamics written apart; of a controlled one, order "
+        "8 on Pinocchio in each tick. Both are checked by halving the step and by another method."
+    )
+    head = ("robot", "motion", "duration", "step halved [rad]", "other method [rad]")
+    return text + "\n\n" + table(head, rows)
+
+
+def _targets(results: Record) -> str:
+    families = list(dict.fromkeys(t["family"] for t in results["targets"]))
+    cell: dict[tuple, str] = {}
+    for t in results["targets"]:
+        best = f"{duration(t['cpu_s'])} ({t['method']})" if t["cpu_s"] else "not reached"
+        ratio = f", **{t['ratio']:.3g}×**" if t["ratio"] and t["family"] != OURS else ""
+        cell[t["robot"], t["scenario"], t["target_rad"], t["family"]] = best + ratio
+    keys = dict.fromkeys((t["robot"], t["scenario"], t["target_rad"]) for t in results["targets"])
+    rows = [(k[0], k[1], f"{k[2]:g}", *(cell[(*k, f)] for f in families)) for k in keys]
+    text = "Cheapest way to an error (joined points, log–log), and how many times ours it takes:"
+    return text + "\n\n" + table(("robot", "motion", "error [rad]", *families), rows)
+
+
+def _points(results: Record) -> str:
+    rows = [
+        (p["robot"], p["scenario"], f"{p['family']} {p['method']}",
+         duration(p["setting"]) if p["knob"] == "step" else f"{p['setting']:g}",
+         number(p["error_rad"], 2) if p["error_rad"] is not None else "lost",
+         duration(p["cpu_s"]))
+        for p in results["work_precision"]["points"]
+    ]  # fmt: skip
+    head = ("robot", "motion", "method", "step or tolerance", "error [rad]", "processor time")
+    return table(head, rows)
+
+
+def _cost(results: Record) -> str:
+    rows = [(r["robot"], r["what"], r["who"], number(r["ns"])) for r in results["cost"]["rows"]]
+    growth = results["cost"]["growth"]
+    joints = list(dict.fromkeys(g["joints"] for g in growth))
+    value = {(g["who"], g["joints"]): number(g["ns"]) for g in growth}
+    body = [(who, *(value[who, n] for n in joints))
+            for who in dict.fromkeys(g["who"] for g in growth)]  # fmt: skip
+    return "\n\n".join([
+        "## Cost of one step and of one evaluation",
+        table(("robot", "", "who", "ns"), rows),
+        "Nanoseconds against number of joints of the chain:",
+        table(("joints", *map(str, joints)), body),
+    ])  # fmt: skip
+
+
+def _features(results: Record) -> str:
+    rows = results["features"]["rows"]
+    first = rows[0]
+    body = [
+        (r["scene"], number(r["operations"], 5), number(r["ns"]),
+         f"{r['operations'] - first['operations']:+d}", f"{r['ns'] - first['ns']:+.0f}")
+        for r in rows
+    ]  # fmt: skip
+    head = ("scene", "operations a step", "ns a step", "Δ operations", "Δ ns")
+    text = "One RK4 step of the Panda; every line but the last changes the first in one thing."
+    return f"## What a scene does not need costs nothing\n\n{text}\n\n" + table(head, body)
+
+
+def _rollouts(results: Record) -> str:
+    rows = results["rollouts"]["rows"]
+    arms = list(dict.fromkeys(r["arms"] for r in rows))
+    keys = dict.fromkeys((r["robot"], r["threads"], r["who"]) for r in rows)
+    value = {(r["robot"], r["threads"], r["who"], r["arms"]): r for r in rows}
+    head = ("robot", "threads", "who", *(f"{a} arms" for a in arms))
+
+    def rates(key: str) -> str:
+        body = [(*k, *(number(value[(*k, a)][key] / 1e3) for a in arms)) for k in keys]
+        return table(head, body)
+
+    return "\n\n".join([
+        "## Many arms at once",
+        "Steps of 1 ms, 50 in a call, every state kept, torques of its own for each arm. Thousand "
+        "arm-steps per second of processor time, all threads added up: what one core does.",
+        rates("arm_steps_per_s_per_core"),
+        "Thousand arm-steps per second of wall time, all threads together:",
+        rates("arm_steps_per_s"),
+    ])  # fmt: skip
+
+
+def _energy(results: Record) -> str:
+    rows = results["energy"]["rows"]
+    horizons = sorted({r["horizon_s"] for r in rows})
+    value = {(r["who"], r["setting"], r["horizon_s"]): r for r in rows}
+
+    def cell(who: str, setting: float, horizon: float) -> str:
+        row = value.get((who, setting, horizon))
+        if row is None:
+            return "too slow"
+        return "lost" if row["drift_J"] is None else number(row["drift_J"], 2)
+
+    keys = dict.fromkeys((r["who"], r["knob"], r["setting"]) for r in rows)
+    body = [(k[0], f"{k[1]} {k[2]:g}", *(cell(k[0], k[2], h) for h in horizons)) for k in keys]
+    text = (
+        f"Largest energy error [J] of the free, frictionless {results['energy']['robot']} up to a "
+        f"time; the motion turns over about {results['energy']['scale_J']:.0f} J."
+    )
+    head = ("who", "step [s] or tolerance", *(f"{h:g} s" for h in horizons))
+    return f"## Energy drift\n\n{text}\n\n" + table(head, body)
+
+
+def _startup(results: Record) -> str:
+    rows = results["startup"]["rows"]
+    body = []
+    for r in rows:
+        cold, warm = r["cold_s"], r["cached_s"]
+        total = "total without imports"
+        body.append(
+            (r["robot"], r["joints"], duration(cold[total]), duration(warm[total]),
+             duration(warm["load_scene"]), duration(warm["Simulator"]),
+             duration(warm["first step"]), duration(warm["imports"]),
+             f"{r['compiled_bytes'] / 1024:.0f} KiB")
+        )  # fmt: skip
+    head = ("robot", "joints", "cold", "cached", "load_scene", "Simulator", "first step",
+            "imports", "compiled code")  # fmt: skip
+    text = "Wall time from scene to first step, a fresh process each; parts of the cached start."
+    return f"## Start-up\n\n{text}\n\n" + table(head, body)
+
+
+SECTIONS: dict[str, Callable[[Record], str]] = {
+    "sameness": _sameness,
+    "work_precision": _work_precision,
+    "cost": _cost,
+    "features": _features,
+    "rollouts": _rollouts,
+    "energy": _energy,
+    "startup": _startup,
+}

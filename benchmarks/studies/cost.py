@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What one step and one evaluation cost, and how that grows with the number of joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from benchmarks.bench import Bench, Record
+from benchmarks.measure import Cost, Job, cpu, steady
+from benchmarks.peers import pinocchio_peer
+from benchmarks.peers.base import Contestant
+from benchmarks.robots import Robot, chain
+
+STEP = 1e-3
+STEPS = 500
+LINKS = (2, 3, 5, 7, 10, 15, 20, 30, 40, 50)
+QUICK_LINKS = (2, 7, 20)
+GROWTH = ("euler", "rk4", "Euler", "RK4")
+
+
+def run(bench: Bench, extra: dict[str, Callable[[Robot], Job]]) -> Record:
+    """Cost tables.
+
+    Args:
+        bench: the run.
+        extra: further ways to evaluate forward dynamics or to step, by label; seconds each.
+    """
+    rows: list[Record] = []
+    for robot in bench.robots():
+        jobs = _steps(bench, robot) | _evaluations(robot, extra)
+        costs = bench.time(f"cost of a step: {robot.name}", jobs)
+        rows += [{"robot": robot.name, "what": what, "who": who} | _ns(costs[what, who])
+                 for what, who in jobs]  # fmt: skip
+    return {"rows": rows, "growth": _growth(bench, extra)}
+
+
+def _steps(bench: Bench, robot: Robot) -> dict[tuple[str, str], Job]:
+    stepping = [c for c in bench.contestants if c.knob == "step"]
+    return {("step", c.name): step_job(c, robot) for c in stepping}
+
+
+def _evaluations(
+    robot: Robot, extra: dict[str, Callable[[Robot], Job]]
+) -> dict[tuple[str, str], Job]:
+    ways = {
+        "Pinocchio aba from C++ (abaInParallel, one thread)": pinocchio_peer.compiled,
+        "Pinocchio aba from Python": pinocchio_peer.interpreted,
+    } | extra
+    return {("evaluation", label): build(robot) for label, build in ways.items()}
+
+
+def step_job(who: Contestant, robot: Robot) -> Job:
+    """Seconds for one step of 1 ms, rolled the way that suits the simulator."""
+    trial = who.build(robot, STEP)
+    still = np.zeros(robot.n)
+    job = steady(lambda: trial.reset(robot.q0, still), lambda: trial.advance(STEPS * STEP))
+    return lambda: job() / STEPS
+
+
+def _growth(bench: Bench, extra: dict[str, Callable[[Robot], Job]]) -> list[Record]:
+    rows: list[Record] = []
+    links = QUICK_LINKS if bench.quick else LINKS
+    chosen = [c for c in bench.contestants if c.method in GROWTH and c.family != "PyBullet"]
+    jobs: dict[tuple[int, str], Job] = {}
+    for n in bench.each("building chains", list(links)):
+        robot = chain(n)
+        jobs |= {(n, c.name): step_job(c, robot) for c in chosen}
+        jobs |= {(n, key[1]): job for key, job in _evaluations(robot, extra).items()}
+    costs = bench.time("cost against number of joints", jobs)
+    rows += [{"joints": n, "who": who} | _ns(costs[n, who]) for n, who in jobs]
+    return rows
+
+
+def _ns(cost: Cost) -> Record:
+    c = cost.scaled(1e9)
+    return {"ns": c.median, "low_ns": c.low, "high_ns": c.high}
+
+
+def repeated(call: Callable[[], object], count: int = 2000) -> Job:
+    """Seconds for one of many equal calls from Python."""
+
+    def calls() -> None:
+        for _ in range(count):
+            call()
+
+    return lambda: cpu(calls) / count

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene does not need costs nothing: operations and ns with each feature on or off."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from benchmarks.bench import Bench, Record
+from benchmarks.measure import Job, steady
+from benchmarks.robots import panda
+
+STEPS = 1000
+STEP = 1e-3
+Scene = dict[str, Any]
+
+
+def scenes() -> dict[str, Scene]:
+    """The bare Panda, and the bare Panda with one thing added or taken away."""
+    robot = {"urdf": panda().urdf}
+    bare: Scene = {"robot": robot}
+    ball = [1e-2, 0, 0, 1e-2, 0, 1e-2]
+    load = {"frame": "link7", "mass": 1.2, "com": [0, 0, 0.1], "inertia": ball}
+    names = [f"panda_joint{i}" for i in range(1, 8)]
+    return {
+        "bare arm: inertia, Coriolis, gravity": bare,
+        "− gravity": bare | {"gravity": [0, 0, 0]},
+        "− three wrist joints (locked)": {"robot": robot | {"lock": names[4:]}},
+        "− six joints (locked)": {"robot": robot | {"lock": names[1:]}},
+        "+ viscous friction": bare | _all(friction={"viscous": 0.5}),
+        "+ motor inertia": bare | _all(armature=0.1),
+        "+ effort limits": bare | _all(limits={"effort": 87.0}),
+        "+ payload": bare | {"payloads": [load]},
+        "+ tunable gravity": bare | {"tunable": ["gravity"]},
+        "+ tunable friction": bare | {"tunable": ["friction"]},
+        "+ tunable payload": bare | {"payloads": [load], "tunable": ["payload"]},
+        "all of these on": bare
+        | {"payloads": [load], "tunable": ["gravity", "friction", "payload"]}
+        | _all(friction={"viscous": 0.5}, armature=0.1, limits={"effort": 87.0}),
+    }
+
+
+def run(bench: Bench) -> Record:
+    """Time one RK4 step of each scene."""
+    from arm_sim import Simulator
+
+    jobs: dict[str, Job] = {}
+    operations: dict[str, int] = {}
+    for label, scene in bench.each("building scenes", list(scenes().items())):
+        simulator = Simulator(scene, integrator="rk4", dt=STEP)
+        operations[label] = simulator.plan.operations
+        jobs[label] = _job(simulator)
+    costs = bench.time("cost of each feature", jobs)
+    rows = [
+        {"scene": label, "operations": operations[label], "ns": costs[label].median * 1e9}
+        for label in jobs
+    ]
+    return {"robot": "Panda", "rows": rows}
+
+
+def _job(simulator: Any) -> Job:
+    q0 = np.resize(panda().q0, simulator.n)
+    still = np.zeros(simulator.n)
+    job = steady(lambda: simulator.reset(q0, still), lambda: simulator.run(STEPS * STEP))
+    return lambda: job() / STEPS
+
+
+def _all(**settings: Any) -> Scene:
+    return {"joints": {"*": settings}}

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many arms at once: arm-steps per second and core, against MuJoCo's threaded ``rollout``."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Protocol
+
+import numpy as np
+
+from benchmarks.bench import Bench, Record
+from benchmarks.robots import Robot
+
+STEP = 1e-3
+STEPS = 50
+ARMS = (1, 8, 64, 1024)
+QUICK_ARMS = (8, 512)
+
+
+class Fleet(Protocol):
+    """Rolls many arms with torques of their own, held for all steps, and keeps every state."""
+
+    def __call__(self, q0: np.ndarray, v0: np.ndarray, tau: np.ndarray) -> object:
+        """Each argument has shape (arms, n); ``STEPS`` steps of ``STEP`` are made."""
+
+
+Fleets = dict[str, Callable[[Robot, int], Fleet]]  # label -> (robot, threads) -> fleet
+
+
+def mujoco_fleets() -> Fleets:
+    """MuJoCo's rollout with its Euler and RK4 steps; empty where it is not installed."""
+    try:
+        from benchmarks.peers import mujoco_fleet
+    except ImportError:
+        return {}
+    return {f"MuJoCo {m}": mujoco_fleet.builder(m, STEP, STEPS) for m in ("Euler", "RK4")}
+
+
+@dataclass
+class Sample:
+    """Calls of one fleet: processor time of all its threads, and wall time beside it.
+
+    Attributes:
+        fleet: to be timed. starts: its arguments. calls: per sample.
+        walls: wall time of one arm-step [s], one entry a sample.
+    """
+
+    fleet: Fleet
+    starts: tuple[np.ndarray, np.ndarray, np.ndarray]
+    calls: int
+    walls: list[float] = field(default_factory=list)
+
+    def __call__(self) -> float:
+        """Processor time of one arm-step [s]."""
+        steps = self.calls * len(self.starts[0]) * STEPS
+        wall, processor = time.perf_counter(), time.process_time()
+        for _ in range(self.calls):
+            self.fleet(*self.starts)
+        self.walls.append((time.perf_counter() - wall) / steps)
+        return (time.process_time() - processor) / steps
+
+
+def run(bench: Bench, ours: Fleets) -> Record:
+    """Arm-steps per second of processor time, which is one core's, and of wall time."""
+    cores = len(os.sched_getaffinity(0))
+    rows: list[Record] = []
+    for robot in bench.robots():
+        samples = _samples(bench, robot, ours | mujoco_fleets(), cores)
+        costs = bench.time(f"rollouts: {robot.name}", samples)
+        rows += [
+            {
+                "robot": robot.name,
+                "who": who,
+                "threads": threads,
+                "arms": arms,
+                "steps": STEPS,
+                "arm_steps_per_s": 1 / float(np.median(samples[who, threads, arms].walls)),
+                "arm_steps_per_s_per_core": 1 / costs[who, threads, arms].median,
+            }
+            for who, threads, arms in samples
+        ]
+    return {"cores": cores, "rows": rows}
+
+
+def _samples(
+    bench: Bench, robot: Robot, fleets: Fleets, cores: int
+) -> dict[tuple[str, int, int], Sample]:
+    samples: dict[tuple[str, int, int], Sample] = {}
+    for who, build in fleets.items():
+        for threads in sorted({1, cores}):
+            fleet = build(robot, threads)
+            for arms in QUICK_ARMS if bench.quick else ARMS:
+                samples[who, threads, arms] = _sample(fleet, robot, arms)
+    return samples
+
+
+def _sample(fleet: Fleet, robot: Robot, arms: int) -> Sample:
+    rng = np.random.default_rng(0)
+    q0 = robot.q0 + rng.uniform(-0.1, 0.1, (arms, robot.n))
+    v0 = rng.uniform(-0.1, 0.1, (arms, robot.n))
+    tau = rng.uniform(-1, 1, (arms, robot.n))
+    fleet(q0, v0, tau)
+    return Sample(fleet, (q0, v0, tau), max(1, round(20_000 / (arms * STEPS))))

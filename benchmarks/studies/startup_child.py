@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Run by ``startup.py`` in a fresh process: time each part of a start and print it as JSON."""
+
+import json
+import sys
+import time
+
+began = time.perf_counter()
+import numpy as np  # noqa: E402
+
+from arm_dynamics import load_scene  # noqa: E402
+from arm_sim import Simulator  # noqa: E402
+
+marks = [time.perf_counter()]
+scene = load_scene(sys.argv[1])
+marks.append(time.perf_counter())
+simulator = Simulator(scene, integrator="rk4", dt=1e-3)
+marks.append(time.perf_counter())
+simulator.step(np.zeros(simulator.n))
+marks.append(time.perf_counter())
+
+parts = dict(zip(("load_scene", "Simulator", "first step"), np.diff(marks), strict=True))
+total = {"imports": marks[0] - began, "total without imports": marks[-1] - marks[0]}
+print(json.dumps(total | parts))

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numeric answers from Pinocchio: the reference for everything else in the suite."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from enum import IntFlag
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.laws import friction
+from arm_dynamics.model import ArmModel, Array
+from arm_dynamics.scene import Scene
+from arm_dynamics.scene_file import load_scene
+
+
+class Term(IntFlag):
+    """Terms of the equation of motion τ = M q̈ + C q̇ + G + F that inverse dynamics may add up."""
+
+    INERTIA = 1
+    CORIOLIS = 2
+    GRAVITY = 4
+    FRICTION = 8
+    ALL = 15
+
+
+class Dynamics:
+    """Inverse and forward dynamics of one scene; keep one instance per thread.
+
+    Every method takes vectors of shape (n,) or batches of shape (k, n) in the order of
+    ``joint_names`` and answers in kind. Source of the algorithms: Featherstone, Rigid Body
+    Dynamics Algorithms, 2008, as implemented by Pinocchio.
+
+    Args:
+        scene: A scene, or anything ``load_scene`` takes, or a model that was built already.
+    """
+
+    def __init__(self, scene: Scene | ArmModel | Any) -> None:
+        self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        self._pin = self.model.pin
+        self._weightless = self._pin.copy()
+        self._weightless.gravity.linear = np.zeros(3)
+        self._data = self._pin.createData()
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return self.model.n
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Order of every vector."""
+        return self.model.joint_names
+
+    def inverse(self, q: Any, v: Any, a: Any, terms: Term | int = Term.ALL) -> Array:
+        """Torques that produce a motion: the chosen terms of M a + C v + G + F.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            a: Joint accelerations in [rad/s²] or [m/s²], likewise.
+            terms: Which terms to add up.
+
+        Returns:
+            Joint torques in [N m] or [N], shape of the arguments.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed.
+        """
+        chosen = self._terms(terms)
+        q, v, a = self._checked(q=q, v=v, a=a)
+        model = self._pin if chosen & Term.GRAVITY else self._weightless
+        moving = v if chosen & Term.CORIOLIS else np.zeros_like(v)
+        pushed = a if chosen & Term.INERTIA else np.zeros_like(a)
+        tau = self._each(
+            lambda qi, vi, ai: self.model.gather(pin.rnea(model, self._data, qi, vi, ai)),
+            self.model.configuration(q),
+            self.model.spread(moving),
+            self.model.spread(pushed),
+        )
+        return tau + self._friction(v) if chosen & Term.FRICTION else tau
+
+    def forward(self, q: Any, v: Any, tau: Any) -> Array:
+        """Accelerations that torques produce: M⁻¹ (τ - C v - G - F).
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            tau: Joint torques in [N m] or [N], likewise.
+
+        Returns:
+            Joint accelerations in [rad/s²] or [m/s²], shape of the arguments.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed.
+        """
+        q, v, tau = self._checked(q=q, v=v, tau=tau)
+        solve = self._forward_projected if self.model.has_followers else self._forward_tree
+        free = tau - self._friction(v)
+        return self._each(solve, self.model.configuration(q), self.model.spread(v), free)
+
+    def mass_matrix(self, q: Any) -> Array:
+        """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
+        (q,) = self._checked(q=q)
+        return self._each(self._mass_matrix, self.model.configuration(q))
+
+    def coriolis_matrix(self, q: Any, v: Any) -> Array:
+        """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
+        q, v = self._checked(q=q, v=v)
+        return self._each(
+            lambda qi, vi: self.model.gather_matrix(
+                pin.computeCoriolisMatrix(self._pin, self._data, qi, vi).copy()
+            ),
+            self.model.configuration(q),
+            self.model.spread(v),
+        )
+
+    def gravity(self, q: Any) -> Array:
+        """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
+        (q,) = self._checked(q=q)
+        return self._each(
+            lambda qi: self.model.gather(pin.computeGeneralizedGravity(self._pin, self._data, qi)),
+            self.model.configuration(q),
+        )
+
+    def friction(self, v: Any) -> Array:
+        """Friction torques F(v), of the sign of ``v``, in [N m] or [N], shape of ``v``.
+
+        At rest dry friction may take any value up to its level; the value given here is zero.
+        """
+        (v,) = self._checked(v=v)
+        return self._friction(v)
+
+    def energy(self, q: Any, v: Any) -> tuple[Any, Any]:
+        """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).
+
+        The kinetic energy includes that of the armature.
+        """
+        q, v = self._checked(q=q, v=v)
+        both = self._each(self._energies, self.model.configuration(q), self.model.spread(v))
+        kinetic, potential = both[..., 0], both[..., 1]
+        return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
+
+    def _forward_tree(self, q: Array, v: Array, tau: Array) -> Array:
+        a: Array = pin.aba(self._pin, self._data, q, v, tau, pin.Convention.WORLD)
+        return a.copy()
+
+    def _forward_projected(self, q: Array, v: Array, tau: Array) -> Array:
+        bias = self.model.gather(pin.nonLinearEffects(self._pin, self._data, q, v))
+        return np.linalg.solve(self._mass_matrix(q), tau - bias)
+
+    def _mass_matrix(self, q: Array) -> Array:
+        return self.model.gather_matrix(pin.crba(self._pin, self._data, q).copy())
+
+    def _energies(self, q: Array, v: Array) -> Array:
+        kinetic = pin.computeKineticEnergy(self._pin, self._data, q, v)
+        return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q)])
+
+    def _friction(self, v: Array) -> Array:
+        model = self.model
+        smooth = friction.viscous(v, model.viscous)
+        if not model.has_dry_friction:
+            return smooth
+        return smooth + friction.dry(
+            v, np.sign(v), model.coulomb, model.static, model.stribeck_velocity
+        )
+
+    def _each(self, law: Callable[..., Array], *vectors: Array) -> Array:
+        if vectors[0].ndim == 1:
+            return np.array(law(*vectors))
+        return np.array([law(*row) for row in zip(*vectors, strict=True)])
+
+    def _checked(self, **vectors: Any) -> list[Array]:
+        arrays = [vector(name, value, self.n) for name, value in vectors.items()]
+        counts = {a.shape[0] for a in arrays if a.ndim == 2}
+        if len(counts) > 1:
+            raise InvalidInput(f"batches must be of one length, got {sorted(counts)}")
+        if not counts:
+            return arrays
+        return [np.broadcast_to(a, (*counts, self.n)) for a in arrays]
+
+    def _terms(self, terms: Term | int) -> Term:
+        if not 0 <= int(terms) <= Term.ALL:
+            raise InvalidInput(
+                f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8"
+            )
+        return Term(int(terms))
+
+
+def vector(name: str, value: Any, n: int) -> Array:
+    """Check an argument: finite numbers of shape (n,) or (k, n).
+
+    Args:
+        name: How the caller calls it.
+        value: What was given.
+        n: Degrees of freedom.
+
+    Returns:
+        The value as an array of float.
+
+    Raises:
+        InvalidInput: If it is anything else.
+    """
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(
+            f"{name} = {value!r}: numbers of shape ({n},) or (k, {n}) are wanted"
+        ) from None
+    if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
+        raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is wanted")
+    if not np.isfinite(array).all():
+        bad = np.argwhere(~np.isfinite(array))[0]
+        raise InvalidInput(
+            f"{name}{bad.tolist()} = {array[tuple(bad)]}; only finite numbers are allowed"
+        )
+    return array

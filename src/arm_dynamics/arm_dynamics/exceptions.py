@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Errors that the suite raises on purpose.
+
+Each says what is wrong, the value and what is allowed.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+
+class ArmError(Exception):
+    """Base of all errors of the suite."""
+
+
+class SceneError(ArmError):
+    """A scene file, or a part of it, cannot be used."""
+
+
+class ModelError(SceneError):
+    """The robot description cannot be used: malformed, unsupported or unphysical."""
+
+
+class InvalidInput(ArmError, ValueError):
+    """An argument has the wrong shape, an unknown name or a value that is not allowed."""
+
+
+class KernelError(ArmError):
+    """A generated function disagrees with Pinocchio and is refused."""
+
+
+def known_names(names: Iterable[str], limit: int = 30) -> str:
+    """List valid names for an error message, cut after ``limit``.
+
+    Args:
+        names: The names that would have been accepted.
+        limit: How many to show.
+
+    Returns:
+        A readable list such as ``a, b, c``.
+    """
+    listed = list(names)
+    more = f", … ({len(listed) - limit} more)" if len(listed) > limit else ""
+    return (", ".join(listed[:limit]) + more) or "none"

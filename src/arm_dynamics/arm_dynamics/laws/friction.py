@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint friction torques F(v) in τ = M q̈ + C q̇ + G + F.
+
+The laws take numpy arrays and CasADi expressions alike.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+Quantity = NDArray[np.float64] | ca.SX
+
+
+def viscous(v: Quantity, coefficient: Quantity) -> Quantity:
+    """Friction in proportion to speed.
+
+    Args:
+        v: Joint velocities in [rad/s] or [m/s], shape (…, n).
+        coefficient: In [N m s/rad] or [N s/m], shape (n,).
+
+    Returns:
+        Torques in [N m] or [N], of the sign of ``v``.
+    """
+    return coefficient * v
+
+
+def dry(
+    v: Quantity,
+    direction: Quantity,
+    coulomb: Quantity,
+    static: Quantity,
+    stribeck_velocity: Quantity,
+) -> Quantity:
+    """Dry friction of joints that slide in direction s: F = s (Fc + (Fs - Fc) exp(-(v/vs)²)).
+
+    Coulomb's constant torque with Stribeck's fall from the static level; the exponent 2 is that of
+    Armstrong-Hélouvry, Dupont and Canudas de Wit, "A survey of models, analysis tools and
+    compensation methods for the control of machines with friction", Automatica 30(7), 1994,
+    equation (4). With Fs = Fc it is Coulomb's law.
+
+    Args:
+        v: Joint velocities in [rad/s] or [m/s], shape (…, n).
+        direction: Sign of the motion, or of the motion about to begin; 0 gives no torque.
+        coulomb: Fc in [N m] or [N], shape (n,).
+        static: Fs in [N m] or [N], at least Fc.
+        stribeck_velocity: vs in [rad/s] or [m/s], positive.
+
+    Returns:
+        Torques in [N m] or [N], of the sign of ``direction``.
+    """
+    return direction * (coulomb + (static - coulomb) * _exp(-((v / stribeck_velocity) ** 2)))
+
+
+def _exp(x: Quantity) -> Quantity:
+    return ca.exp(x) if isinstance(x, ca.SX) else np.exp(x)

@@ -1,0 +1,71 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Many arms at a time, one in each lane of a vector register: `real` behaves as a double in generated code.
+ *
+ * Before this file: LANES, the number of doubles in a register.
+ */
+#include <math.h>
+
+/* CasADi's fmin and fmax call the library's, overloaded below, only if they believe in C99. */
+#define __STDC_VERSION__ 201112L
+
+typedef double lanes_t __attribute__((vector_size(8 * LANES)));
+typedef long long bits __attribute__((vector_size(8 * LANES)));
+
+struct real {
+  lanes_t v;
+  real() = default;
+  real(double x) : v(x - lanes_t{}) {}
+  real(lanes_t x) : v(x) {}
+  real& operator+=(real y) { v += y.v; return *this; }
+  real& operator-=(real y) { v -= y.v; return *this; }
+  real& operator*=(real y) { v *= y.v; return *this; }
+};
+
+static inline real operator+(real x, real y) { return x.v + y.v; }
+static inline real operator-(real x, real y) { return x.v - y.v; }
+static inline real operator*(real x, real y) { return x.v * y.v; }
+static inline real operator/(real x, real y) { return x.v / y.v; }
+static inline real operator-(real x) { return -x.v; }
+static inline real fmin(real x, real y) { return x.v < y.v ? x.v : y.v; }
+static inline real fmax(real x, real y) { return x.v > y.v ? x.v : y.v; }
+static inline real fabs(real x) { return (lanes_t)((bits)x.v & 0x7fffffffffffffffLL); }
+
+static inline real sqrt(real x) {
+  for (int i = 0; i < LANES; ++i) x.v[i] = __builtin_sqrt(x.v[i]);
+  return x;
+}
+
+static inline bits AS_BITS(real x) { return (bits)x.v; }
+static inline real AS_REAL(bits b) { return (lanes_t)b; }
+
+static inline bool BEYOND(real x, double limit) {
+  const bits inside = fabs(x).v <= limit;
+  long long all = -1;
+  for (int i = 0; i < LANES; ++i) all &= inside[i];
+  return !all;
+}
+
+static inline real sin_shifted(real x, const long long quarters);
+
+/* Library functions for the lanes that are too far out, and only for those. */
+static inline real far_sin(real x) {
+  real y = sin_shifted(x, 0);
+  for (int i = 0; i < LANES; ++i)
+    if (!(__builtin_fabs(x.v[i]) <= 1.0e6)) y.v[i] = __builtin_sin(x.v[i]);
+  return y;
+}
+
+static inline real far_cos(real x) {
+  real y = sin_shifted(x, 1);
+  for (int i = 0; i < LANES; ++i)
+    if (!(__builtin_fabs(x.v[i]) <= 1.0e6)) y.v[i] = __builtin_cos(x.v[i]);
+  return y;
+}
+
+#include "sincos.h"
+
+#define sin arm_sin
+#define cos arm_cos
+#define casadi_real real
+#define LANE(x, i) ((x).v[i])

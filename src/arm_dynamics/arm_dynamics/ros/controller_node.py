@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controller node: leads an arm along joint trajectories by computed torque."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectory
+
+from arm_dynamics.control import ComputedTorque, Measured
+from arm_dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.follower import Follower
+from arm_dynamics.motion import Limits, Reference
+from arm_dynamics.ros import convert
+from arm_dynamics.ros.executor import run, surviving
+from arm_dynamics.ros.interfaces import (
+    CONTROLLER_STATE,
+    JOINT_COMMANDS,
+    JOINT_STATES,
+    JOINT_TRAJECTORY,
+)
+from arm_dynamics.ros.joint_state_bytes import Array, JointStateReader, JointStateWriter
+from arm_dynamics.ros.params import ControllerParams, declare, watch
+
+_THROTTLE = 2.0  # [s] between warnings of one kind
+
+
+class ControllerNode(Node):
+    """Answers every joint state with a joint command.
+
+    It stands still where it first sees the arm, and where it sees it after time went backwards,
+    until a trajectory comes. Time is that of the states' stamps.
+    """
+
+    def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
+        """Start the node.
+
+        Args:
+            scene: Anything ``load_scene`` takes; the parameter ``scene`` when None.
+            **node_kwargs: For ``rclpy.node.Node``: context, namespace, parameter_overrides, …
+
+        Raises:
+            ArmError: If there is no scene, or a scene or parameter that cannot be used.
+        """
+        super().__init__("controller", **node_kwargs)
+        self._params = declare(self, ControllerParams)
+        scene = scene if scene is not None else self._params.scene or None
+        if scene is None:
+            raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
+        self._dynamics = Dynamics(scene)
+        names = self._dynamics.joint_names
+        self._apply(self._params)
+        limit = self._params.acceleration_limit or float("inf")
+        self._limits = Limits.of(self._dynamics.model, limit)
+        self._follower: Follower | None = None
+        self._stamp = -1
+        self._next_report = 0
+        self._reader = JointStateReader(names, ("position", "velocity"), partial=False, extra=True)
+        self._writer = JointStateWriter(names, ("effort",))
+        self._connect()
+        watch(self, lambda: self._params, self._apply)
+
+    def _connect(self) -> None:
+        self._commands = self.create_publisher(
+            JOINT_COMMANDS.type, JOINT_COMMANDS.name, JOINT_COMMANDS.publish
+        )
+        self._report = self.create_publisher(
+            CONTROLLER_STATE.type, CONTROLLER_STATE.name, CONTROLLER_STATE.publish
+        )
+        for topic, callback, raw in (
+            (JOINT_TRAJECTORY, self.on_joint_trajectory, False),
+            (JOINT_STATES, self.on_joint_states, True),
+        ):
+            self.create_subscription(
+                topic.type, topic.name, surviving(self, callback), topic.subscribe, raw=raw
+            )
+
+    def _apply(self, params: ControllerParams) -> None:
+        self._control = ComputedTorque(
+            self._dynamics, _gains(params.bandwidth), _gains(params.damping_ratio)
+        )
+        self._params = params
+
+    def on_joint_states(self, raw: bytes) -> bytes | None:
+        """Answer a serialized JointState with a serialized command, at once.
+
+        Returns:
+            The command that was published, or None when the state could not be used.
+        """
+        try:
+            stamp, (q, v) = self._reader.read(raw)
+        except InvalidInput as error:
+            self.get_logger().warning(
+                f"joint state passed over: {error}", throttle_duration_sec=_THROTTLE
+            )
+            return None
+        state = Measured(q, v)
+        reference = self._reference(stamp, state)
+        tau = self._control.torque(state, reference)
+        command = self._writer.write(stamp, tau)
+        self._commands.publish(command)
+        if stamp >= self._next_report:
+            self._publish_report(stamp, reference, state, tau)
+        return command
+
+    def _reference(self, stamp: int, state: Measured) -> Reference:
+        if self._follower is None or stamp < self._stamp:
+            self.get_logger().info(
+                "holding where the arm is"
+                if self._follower is None
+                else "time went backwards: holding where the arm is"
+            )
+            self._follower = Follower(state.q, self._limits)
+            self._next_report = 0
+        self._stamp = stamp
+        return self._follower.reference(stamp)
+
+    def on_joint_trajectory(self, message: JointTrajectory) -> None:
+        """Follow a trajectory from the present reference on, or say why not."""
+        log = self.get_logger()
+        if self._follower is None:
+            log.error("trajectory refused: no joint state has been seen yet")
+            return
+        try:
+            here = self._follower.reference(self._stamp)
+            points = convert.waypoints(message, self._dynamics.joint_names, here)
+            start = convert.to_nanoseconds(message.header.stamp) or None
+            trajectory = self._follower.follow(points, self._stamp, start)
+        except ArmError as error:
+            log.error(f"trajectory refused, the one before goes on: {error}")
+            return
+        slower = f", {trajectory.stretch:.3g} times slower for the limits"
+        log.info(
+            f"following {len(points)} points for {trajectory.duration:.3f} s"
+            + (slower if trajectory.stretch > 1.0 else "")
+        )
+
+    def _publish_report(
+        self, stamp: int, reference: Reference, state: Measured, tau: Array
+    ) -> None:
+        """Publish ``~/state`` when somebody listens, at most once in ``state_period``."""
+        self._next_report = stamp + round(1e9 * self._params.state_period)
+        if self._report.get_subscription_count():
+            self._report.publish(
+                convert.tracking_state(stamp, self._dynamics.joint_names, reference, state, tau)
+            )
+
+
+def _gains(values: list[float]) -> Any:
+    return values[0] if len(values) == 1 else values
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run the node until it is interrupted."""
+    sys.exit(run(ControllerNode, args))

@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The dynamics node: answers what the equations of motion say, as services."""
+
+from __future__ import annotations
+
+import sys
+from typing import Any
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from arm_dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.ros import convert, interfaces
+from arm_dynamics.ros.executor import run, surviving
+from arm_dynamics.ros.params import DynamicsParams, declare, watch
+from arm_dynamics.scene_file import scene_from_urdf
+
+
+class DynamicsNode(Node):
+    """Offers inverse and forward dynamics, the terms of the equation of motion, and model facts.
+
+    The arm comes from ``scene``, else from the parameter ``scene``, else from the parameter or
+    topic ``robot_description``; a new description that cannot be used leaves the one before.
+    """
+
+    def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
+        """Start the node.
+
+        Args:
+            scene: Anything ``load_scene`` takes, or None.
+            **node_kwargs: For ``rclpy.node.Node``: context, namespace, parameter_overrides, …
+
+        Raises:
+            ArmError: If a scene or description given at start cannot be used.
+        """
+        super().__init__("dynamics", **node_kwargs)
+        self._dynamics: Dynamics | None = None
+        self._params = declare(self, DynamicsParams)
+        scene = scene if scene is not None else self._params.scene or None
+        if scene is not None:
+            self.load(scene)
+        else:
+            if self._params.robot_description:
+                self.load_description(self._params.robot_description)
+            topic = interfaces.ROBOT_DESCRIPTION
+            self.create_subscription(
+                topic.type,
+                topic.name,
+                surviving(self, self.on_robot_description),
+                topic.subscribe,
+            )
+            watch(self, lambda: self._params, self._apply)
+        for service, callback in (
+            (interfaces.INVERSE_DYNAMICS, self.on_inverse_dynamics),
+            (interfaces.FORWARD_DYNAMICS, self.on_forward_dynamics),
+            (interfaces.DYNAMICS_TERMS, self.on_dynamics_terms),
+            (interfaces.MODEL_INFO, self.on_model_info),
+        ):
+            self.create_service(service.type, service.name, callback)
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """The model in force.
+
+        Raises:
+            InvalidInput: If there is none yet.
+        """
+        if self._dynamics is None:
+            raise InvalidInput(
+                "there is no robot yet; give the parameter scene or robot_description, or publish "
+                f"a URDF on {self.resolve_topic_name(interfaces.ROBOT_DESCRIPTION.name)}"
+            )
+        return self._dynamics
+
+    def load(self, scene: Any) -> None:
+        """Put another arm in force; on any ``ArmError`` the one before stays."""
+        self._dynamics = Dynamics(scene)
+        joints = ", ".join(self._dynamics.joint_names)
+        self.get_logger().info(f"{self._dynamics.n} joints: {joints}")
+
+    def load_description(self, urdf: str) -> None:
+        """Put the arm of a URDF text in force; the text is never taken for a path."""
+        self.load(scene_from_urdf(urdf))
+
+    def on_robot_description(self, message: String) -> None:
+        """Take a URDF from the topic, or say why not."""
+        try:
+            self.load_description(message.data)
+        except ArmError as error:
+            kept = "the one before stays" if self._dynamics else "there is still no robot"
+            self.get_logger().error(f"robot_description refused, {kept}: {error}")
+
+    def _apply(self, params: DynamicsParams) -> None:
+        if params.robot_description != self._params.robot_description:
+            self.load_description(params.robot_description)
+        self._params = params
+
+    def _batch(self, request: Any, most: int) -> convert.Batch:
+        names = self.dynamics.joint_names
+        return convert.Batch(request.joint_names, names, request.position, most)
+
+    def on_inverse_dynamics(self, request: Any, response: Any) -> Any:
+        """Answer ``~/inverse_dynamics``."""
+        with convert.answering(response, self.get_logger()):
+            batch = self._batch(request, interfaces.MAX_POINTS)
+            v = batch.read("velocity", request.velocity)
+            a = batch.read("acceleration", request.acceleration)
+            tau = self.dynamics.inverse(batch.q, v, a, request.terms)
+            response.effort = batch.vectors(tau)
+            response.joint_names = batch.joint_names
+        return response
+
+    def on_forward_dynamics(self, request: Any, response: Any) -> Any:
+        """Answer ``~/forward_dynamics``."""
+        with convert.answering(response, self.get_logger()):
+            batch = self._batch(request, interfaces.MAX_POINTS)
+            v = batch.read("velocity", request.velocity)
+            tau = batch.read("effort", request.effort)
+            a = self.dynamics.forward(batch.q, v, tau)
+            response.acceleration = batch.vectors(a)
+            response.joint_names = batch.joint_names
+        return response
+
+    def on_dynamics_terms(self, request: Any, response: Any) -> Any:
+        """Answer ``~/dynamics_terms``."""
+        with convert.answering(response, self.get_logger()):
+            dynamics, batch = self.dynamics, self._batch(request, interfaces.MAX_TERMS_POINTS)
+            v = batch.read("velocity", request.velocity)
+            kinetic, potential = dynamics.energy(batch.q, v)
+            response.mass_matrix = batch.matrices(dynamics.mass_matrix(batch.q))
+            response.coriolis_matrix = batch.matrices(dynamics.coriolis_matrix(batch.q, v))
+            response.gravity = batch.vectors(dynamics.gravity(batch.q))
+            response.friction = batch.vectors(dynamics.friction(v))
+            response.kinetic_energy = convert.to_array(convert.finite_answer(kinetic))
+            response.potential_energy = convert.to_array(convert.finite_answer(potential))
+            response.joint_names = batch.joint_names
+        return response
+
+    def on_model_info(self, request: Any, response: Any) -> Any:
+        """Answer ``~/model_info``."""
+        del request  # empty
+        with convert.answering(response, self.get_logger()):
+            convert.fill_model_info(response, self.dynamics.model)
+        return response
+
+
+def main(args: list[str] | None = None) -> None:
+    """Run the node until it is interrupted."""
+    sys.exit(run(DynamicsNode, args))

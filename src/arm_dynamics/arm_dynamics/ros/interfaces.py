@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names, types and qualities of service of everything the nodes say and hear, in one place.
+
+All names are relative, so namespaces and remapping work. Publishers are reliable and subscribers
+of control topics take the newest message by best effort, which goes with every partner.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+from arm_msgs.msg import TrackingState
+from arm_msgs.srv import DynamicsTerms, ForwardDynamics, InverseDynamics, ModelInfo
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+from trajectory_msgs.msg import JointTrajectory
+
+PUBLISH = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+EVERY = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
+LATCHED = QoSProfile(
+    depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
+)
+
+MAX_POINTS = 100_000  # of one service call
+MAX_TERMS_POINTS = 10_000  # where a point is answered with matrices
+
+
+class Topic(NamedTuple):
+    """A topic: its name, its type, and how it is published and subscribed."""
+
+    name: str
+    type: Any
+    publish: QoSProfile = PUBLISH
+    subscribe: QoSProfile = EVERY
+
+
+class Service(NamedTuple):
+    """A service: its name and its type."""
+
+    name: str
+    type: Any
+
+
+JOINT_STATES = Topic("joint_states", JointState, subscribe=NEWEST)
+JOINT_COMMANDS = Topic("joint_commands", JointState, subscribe=NEWEST)
+JOINT_TRAJECTORY = Topic("~/joint_trajectory", JointTrajectory)
+CONTROLLER_STATE = Topic("~/state", TrackingState)
+ROBOT_DESCRIPTION = Topic("robot_description", String, publish=LATCHED, subscribe=LATCHED)
+
+INVERSE_DYNAMICS = Service("~/inverse_dynamics", InverseDynamics)
+FORWARD_DYNAMICS = Service("~/forward_dynamics", ForwardDynamics)
+DYNAMICS_TERMS = Service("~/dynamics_terms", DynamicsTerms)
+MODEL_INFO = Service("~/model_info", ModelInfo)

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JointState as bytes: written by patching a serialized message, read by looking at known places.
+
+A generated serializer takes 50 to 120 µs in Python; with names and lengths fixed, all that changes
+from message to message is the stamp and the numbers. The bytes are CDR version 1 (OMG RTPS 2.5,
+section 10): a header of 4 bytes, then fields aligned to their size, counted from after the header.
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+
+from arm_dynamics.exceptions import InvalidInput, known_names
+
+Array = NDArray[np.float64]
+
+Places = NDArray[np.intp] | slice
+
+FIELDS = ("position", "velocity", "effort")
+_NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
+_STAMP = struct.Struct("=iI")
+_STAMP_AT = 4
+_GIGA = 1_000_000_000
+_KINDS = 4  # layouts kept at once, for several publishers on one topic
+
+
+class Layout(NamedTuple):
+    """Where things stand in a serialized JointState.
+
+    Attributes:
+        size: Bytes up to the last number.
+        arrays: Offset and length of position, velocity and effort.
+        fixed: 1 for every bit that is the same in all messages of this layout, as one integer.
+        expected: What these bits are.
+    """
+
+    size: int
+    arrays: tuple[tuple[int, int], ...]
+    fixed: int
+    expected: int
+
+    def fits(self, raw: bytes) -> bool:
+        """Tell whether ``raw`` has this layout, so that the arrays are where they should be."""
+        if len(raw) < self.size:
+            return False
+        return int.from_bytes(raw[: self.size], "little") & self.fixed == self.expected
+
+    def array(self, raw: bytes | bytearray, field: int) -> Array:
+        """View the numbers of one field in place."""
+        offset, length = self.arrays[field]
+        return np.frombuffer(raw, np.float64, length, offset)
+
+
+class _Walk:
+    """Walks over a serialized message and notes which bytes are the same in every one like it."""
+
+    def __init__(self) -> None:
+        self.at = 0
+        self.mask = bytearray()
+
+    def skip(self, size: int, align: int) -> int:
+        """Pass over padding and then ``size`` bytes that change; return where they begin."""
+        start = self.at + -(self.at - len(_NATIVE)) % align
+        self.at = start + size
+        self.mask.extend(bytes(self.at - len(self.mask)))
+        return start
+
+    def fixed(self, size: int, align: int) -> None:
+        """Pass over padding, which may hold anything, and then ``size`` bytes that stay."""
+        start = self.skip(size, align)
+        self.mask[start:] = b"\xff" * size
+
+    def text(self, text: str) -> None:
+        """Pass over a string: its length, its characters and a zero."""
+        self.fixed(4, 4)
+        self.fixed(len(text.encode()) + 1, 1)
+
+
+def layout_of(message: JointState, raw: bytes) -> Layout:
+    """Find out where things stand in ``raw``, the serialized ``message``."""
+    walk = _Walk()
+    walk.fixed(len(_NATIVE), 1)
+    walk.skip(_STAMP.size, 4)
+    walk.text(message.header.frame_id)
+    walk.fixed(4, 4)
+    for name in message.name:
+        walk.text(name)
+    arrays = []
+    for field in FIELDS:
+        length = len(getattr(message, field))
+        walk.fixed(4, 4)
+        arrays.append((walk.skip(8 * length, 8 if length else 1), length))
+    fixed = int.from_bytes(walk.mask, "little")
+    expected = int.from_bytes(raw[: walk.at], "little") & fixed
+    return Layout(walk.at, tuple(arrays), fixed, expected)
+
+
+class JointStateWriter:
+    """A serialized JointState whose stamp and numbers are patched in place.
+
+    Example:
+        >>> writer = JointStateWriter(names, ("effort",))
+        >>> publisher.publish(writer.write(stamp, tau))
+    """
+
+    def __init__(
+        self, names: Sequence[str], fields: Sequence[str] = FIELDS, frame_id: str = ""
+    ) -> None:
+        """Serialize a template once; only ``fields`` are sent, the others stay empty."""
+        message = JointState(name=list(names))
+        message.header.frame_id = frame_id
+        for field in fields:
+            setattr(message, field, [0.0] * len(names))
+        raw = serialize_message(message)
+        layout = layout_of(message, raw)
+        self._buffer = bytearray(layout.expected.to_bytes(layout.size, "little"))
+        self._arrays = [layout.array(self._buffer, FIELDS.index(field)) for field in fields]
+
+    def write(self, stamp: int, *arrays: Array) -> bytes:
+        """Return the message.
+
+        Args:
+            stamp: Time in [ns].
+            arrays: One array for each of the writer's fields, shape (n,).
+        """
+        _STAMP.pack_into(self._buffer, _STAMP_AT, *divmod(stamp, _GIGA))
+        for place, array in zip(self._arrays, arrays, strict=True):
+            place[:] = array
+        return bytes(self._buffer)
+
+
+class _Known(NamedTuple):
+    """A layout that was met, and which of its numbers go where."""
+
+    layout: Layout
+    source: Places
+    to: Places
+
+
+class JointStateReader:
+    """Reads serialized JointStates into arrays in a given order of joints.
+
+    The first message of a kind is read by the generated deserializer and checked; the following
+    ones with the same names and lengths are read by looking at the same places.
+
+    Attributes:
+        slow_reads: How many messages took the generated deserializer.
+    """
+
+    def __init__(
+        self, names: Sequence[str], fields: Sequence[str], *, partial: bool, extra: bool
+    ) -> None:
+        """Choose what to read.
+
+        Args:
+            names: Joints, in the order of the arrays read.
+            fields: Those of position, velocity and effort that must be there.
+            partial: Whether joints may be absent; those keep what was read before, at first zero.
+            extra: Whether joints that are not in ``names`` are passed over.
+        """
+        self._names, self._fields = list(names), [FIELDS.index(field) for field in fields]
+        self._partial, self._extra = partial, extra
+        self._values = np.zeros((len(self._fields), len(self._names)))
+        self._known: list[_Known] = []
+        self.slow_reads = 0
+
+    def read(self, raw: bytes) -> tuple[int, Array]:
+        """Read a message.
+
+        Args:
+            raw: The serialized JointState.
+
+        Returns:
+            Its stamp in [ns] and a new array of shape (fields, n).
+
+        Raises:
+            InvalidInput: If joints or numbers are missing, unknown, doubled or not finite.
+        """
+        known = next((k for k in self._known if k.layout.fits(raw)), None)
+        if known is None:
+            known, raw = self._learn(raw)
+        values = self._values.copy()
+        for row, field in enumerate(self._fields):
+            values[row, known.to] = known.layout.array(raw, field)[known.source]
+        if not np.isfinite(values).all():
+            row, joint = np.argwhere(~np.isfinite(values))[0]
+            raise InvalidInput(
+                f"{FIELDS[self._fields[row]]} of joint '{self._names[joint]}' is "
+                f"{values[row, joint]}; allowed are finite numbers"
+            )
+        self._values = values
+        seconds, nanoseconds = _STAMP.unpack_from(raw, _STAMP_AT)
+        return seconds * _GIGA + nanoseconds, values
+
+    def _learn(self, raw: bytes) -> tuple[_Known, bytes]:
+        """Take the long way, check the message and remember where things stand in it."""
+        self.slow_reads += 1
+        try:
+            message = deserialize_message(raw, JointState)
+            if not raw.startswith(_NATIVE):  # from a machine of the other endianness
+                raw = serialize_message(message)
+        except Exception as error:
+            raise InvalidInput(f"{len(raw)} bytes are not a JointState: {error}") from error
+        known = _Known(layout_of(message, raw), *self._places(message))
+        for field, name in enumerate(FIELDS):
+            np.testing.assert_array_equal(known.layout.array(raw, field), getattr(message, name))
+        self._known = [known, *self._known[: _KINDS - 1]]
+        return known, raw
+
+    def _places(self, message: JointState) -> tuple[Places, Places]:
+        """Check names and lengths; say which numbers of the message go where."""
+        names = list(message.name)
+        if len(set(names)) != len(names):
+            raise InvalidInput(f"joints {names} are not all different; allowed is each once")
+        for field in self._fields:
+            length = len(getattr(message, FIELDS[field]))
+            if length != len(names):
+                raise InvalidInput(
+                    f"{FIELDS[field]} has {length} numbers for {len(names)} joints; "
+                    "allowed is one for each name"
+                )
+        here = [name for name in names if name in self._names]
+        missing = [name for name in self._names if name not in names]
+        if len(here) < len(names) and not self._extra:
+            unknown = known_names(name for name in names if name not in self._names)
+            allowed = known_names(self._names)
+            raise InvalidInput(f"unknown joints {unknown}; allowed are {allowed}")
+        if missing and (not here or not self._partial):
+            raise InvalidInput(f"joints {known_names(missing)} are missing")
+        if names == self._names:
+            return slice(None), slice(None)
+        source = np.array([names.index(name) for name in here], np.intp)
+        return source, np.array([self._names.index(name) for name in here], np.intp)

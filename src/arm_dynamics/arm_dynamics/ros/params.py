@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Parameters as frozen dataclasses, declared with range, and changed together or not at all."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field, fields, replace
+from typing import Any
+
+from rcl_interfaces.msg import (
+    FloatingPointRange,
+    IntegerRange,
+    ParameterDescriptor,
+    SetParametersResult,
+)
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from arm_dynamics.exceptions import ArmError, InvalidInput
+
+
+def parameter(
+    default: Any,
+    description: str,
+    *,
+    low: float | None = None,
+    high: float | None = None,
+    choices: tuple[str, ...] = (),
+    read_only: bool = True,
+) -> Any:
+    """Describe one field of a parameter dataclass.
+
+    Args:
+        default: Value when nobody sets it; its type is the parameter's type.
+        description: What it is, with unit.
+        low: Least value allowed, with ``high``.
+        high: Greatest value allowed.
+        choices: The texts that are allowed, if only some are.
+        read_only: Whether it is fixed once the node runs.
+    """
+    descriptor = ParameterDescriptor(description=description, read_only=read_only)
+    if choices:
+        descriptor.additional_constraints = "one of " + ", ".join(choices)
+    if low is not None and high is not None:
+        if isinstance(default, int):
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+        else:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    metadata = {"descriptor": descriptor, "choices": choices}
+    if isinstance(default, list):
+        return field(default_factory=lambda: list(default), metadata=metadata)
+    return field(default=default, metadata=metadata)
+
+
+def declare[P](node: Node, kind: type[P]) -> P:
+    """Declare the parameters of ``kind`` and read their values.
+
+    Raises:
+        InvalidInput: If a value given at start is of a wrong type or not allowed.
+    """
+    values = {}
+    for item in fields(kind):  # type: ignore[arg-type]
+        default = getattr(kind(), item.name)
+        try:
+            declared = node.declare_parameter(item.name, default, item.metadata["descriptor"])
+        except (InvalidParameterValueException, InvalidParameterTypeException) as error:
+            raise InvalidInput(f"parameter '{item.name}': {error}") from error
+        values[item.name] = _plain(declared.value)
+    return _checked(kind(**values))
+
+
+def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -> None:
+    """Take changes at run time: all parameters of one request together, or none of them.
+
+    Args:
+        node: The node that declared the parameters.
+        current: Gives the dataclass in force.
+        apply: Puts a new one in force; an ``ArmError`` refuses the request, and must leave the old
+            one in force.
+    """
+
+    def on_set(parameters: list[Parameter]) -> SetParametersResult:
+        known = {item.name for item in fields(current())}  # type: ignore[arg-type]
+        values = {p.name: _plain(p.value) for p in parameters if p.name in known}
+        try:
+            if values:
+                apply(_checked(replace(current(), **values)))  # type: ignore[type-var]
+        except ArmError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    node.add_on_set_parameters_callback(on_set)
+
+
+def _plain(value: Any) -> Any:
+    return value if isinstance(value, (bool, int, float, str)) else list(value)
+
+
+def _checked[P](params: P) -> P:
+    for item in fields(params):  # type: ignore[arg-type]
+        value, choices = getattr(params, item.name), item.metadata["choices"]
+        if choices and value not in choices:
+            raise InvalidInput(
+                f"parameter '{item.name}' is '{value}'; allowed is one of {', '.join(choices)}"
+            )
+    return params
+
+
+SCENE = "Scene file or URDF: a path, a package:// URI or URDF text"
+
+
+@dataclass(frozen=True)
+class DynamicsParams:
+    """Parameters of the dynamics node."""
+
+    scene: str = parameter("", f"{SCENE}; empty: the robot description says what the arm is")
+    robot_description: str = parameter(
+        "", "URDF text; empty: it comes from the topic robot_description", read_only=False
+    )
+
+
+@dataclass(frozen=True)
+class ControllerParams:
+    """Parameters of the controller node."""
+
+    scene: str = parameter("", f"{SCENE}; what the controller believes the arm to be")
+    bandwidth: list[float] = parameter(
+        [20.0], "How fast errors vanish [rad/s]: one, or one for each joint", read_only=False
+    )
+    damping_ratio: list[float] = parameter(
+        [1.0], "Damping of errors, 1 is critical: one, or one for each joint", read_only=False
+    )
+    acceleration_limit: float = parameter(
+        0.0,
+        "Greatest acceleration of a trajectory [rad/s²]; 0: none",
+        low=0.0,
+        high=1e6,
+        read_only=True,
+    )
+    state_period: float = parameter(
+        0.02, "Least time between messages on ~/state [s]", low=0.0, high=10.0
+    )

@@ -1,0 +1,254 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene: one validated description of the physics, shared by every node.
+
+The schema below is the scene file (see ``docs/scene-reference.md``). What is absent from it is not
+computed.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import (
+    AfterValidator,
+    BaseModel,
+    BeforeValidator,
+    ConfigDict,
+    Field,
+    PositiveFloat,
+    ValidationError,
+    field_validator,
+)
+from pydantic_core import ErrorDetails
+
+from arm_dynamics.exceptions import SceneError, known_names
+
+
+def _number(value: object) -> object:
+    """Read ``1e5``, which YAML 1.1 takes for text, and refuse truth values as numbers."""
+    if isinstance(value, bool):
+        raise ValueError("a number is wanted, not true or false")
+    if isinstance(value, str):
+        return float(value)
+    return value
+
+
+def _finite(value: float) -> float:
+    if not np.isfinite(value):
+        raise ValueError("only finite numbers are allowed")
+    return value
+
+
+Finite = Annotated[float, BeforeValidator(_number), AfterValidator(_finite)]
+NonNegative = Annotated[Finite, Field(ge=0.0)]
+Positive = Annotated[Finite, Field(gt=0.0)]
+Limit = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]
+Vector3 = tuple[Finite, Finite, Finite]
+Inertia6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
+
+
+class _Part(BaseModel):
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
+
+
+class Robot(_Part):
+    """Which robot, and which of its joints are held fast.
+
+    Attributes:
+        urdf: Path (relative to the scene file), ``package://`` URI, or the URDF text itself.
+        lock: Names of joints that do not move; each stays at its initial position, else at zero.
+    """
+
+    urdf: str = Field(min_length=1)
+    lock: tuple[str, ...] = ()
+
+
+class Friction(_Part):
+    """Friction of one joint; a number that is not given comes from the URDF's ``<dynamics>``.
+
+    Attributes:
+        viscous: Torque per speed in [N m s/rad] or [N s/m].
+        coulomb: Dry friction of a joint that slides, in [N m] or [N].
+        static: Dry friction that a joint at rest withstands in [N m] or [N], at least ``coulomb``.
+        stribeck_velocity: Speed at which friction has fallen to 37 % of the way from static to
+            coulomb, in [rad/s] or [m/s]; if absent it falls at once.
+    """
+
+    viscous: NonNegative | None = None
+    coulomb: NonNegative | None = None
+    static: NonNegative | None = None
+    stribeck_velocity: Positive | None = None
+
+
+class Limits(_Part):
+    """Limits of one joint that replace the URDF's ``<limit>``.
+
+    Attributes:
+        effort: Largest torque in [N m] or force in [N]; commands beyond it are saturated.
+        velocity: Largest speed in [rad/s] or [m/s], for planning.
+        lower: Lower position in [rad] or [m], for planning.
+        upper: Upper position in [rad] or [m], for planning.
+    """
+
+    effort: Limit | None = None
+    velocity: Limit | None = None
+    lower: Finite | None = None
+    upper: Finite | None = None
+
+
+class Joint(_Part):
+    """What the scene says of one joint, or of all (``"*"``).
+
+    Attributes:
+        friction: Friction coefficients.
+        armature: Inertia of the drive seen at the joint in [kg m²] or [kg].
+        limits: Limits in place of the URDF's.
+    """
+
+    friction: Friction = Friction()
+    armature: NonNegative | None = None
+    limits: Limits = Limits()
+
+
+class Payload(_Part):
+    """A rigid body welded to a frame.
+
+    Attributes:
+        frame: Link or joint frame of the URDF that carries it.
+        mass: Mass in [kg].
+        com: Centre of mass in the frame in [m].
+        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, frame axes, in [kg m²].
+    """
+
+    frame: str
+    mass: NonNegative
+    com: Vector3 = (0.0, 0.0, 0.0)
+    inertia: Inertia6 = (0.0,) * 6
+
+    @field_validator("inertia")
+    @classmethod
+    def _positive_semidefinite(cls, value: Inertia6) -> Inertia6:
+        moments = np.linalg.eigvalsh(inertia_matrix(value))
+        if moments[0] < -1e-12 * max(1.0, moments[-1]):
+            raise ValueError(
+                f"the tensor must not be negative in any direction; principal {moments}"
+            )
+        return value
+
+
+class Initial(_Part):
+    """Where the robot starts; a joint that is not named starts at zero, at rest.
+
+    Attributes:
+        position: Joint positions by name in [rad] or [m].
+        velocity: Joint velocities by name in [rad/s] or [m/s].
+    """
+
+    position: dict[str, Finite] = {}
+    velocity: dict[str, Finite] = {}
+
+
+class Sim(_Part):
+    """How the scene is integrated unless the caller says otherwise.
+
+    Attributes:
+        integrator: Name of the integration method, or ``auto``.
+        dt: Length of one tick in [s].
+        tolerance: Error allowed per second of motion; turns on error control inside each tick.
+    """
+
+    integrator: str | None = None
+    dt: Positive = 1.0e-3
+    tolerance: PositiveFloat | None = None
+
+
+class Scene(_Part):
+    """A whole scene, checked.
+
+    Attributes:
+        robot: The robot.
+        gravity: Gravity in the world frame in [m/s²].
+        joints: Joint settings by name; ``"*"`` speaks for all and gives way to a name.
+        payloads: Bodies welded to frames.
+        initial: Start of the motion.
+        sim: Integration.
+        tunable: What may differ between arms of a rollout or change while the simulator runs;
+            costs a little.
+    """
+
+    robot: Robot
+    gravity: Vector3 = (0.0, 0.0, -9.81)
+    joints: dict[str, Joint] = {}
+    payloads: tuple[Payload, ...] = ()
+    initial: Initial = Initial()
+    sim: Sim = Sim()
+    tunable: tuple[Literal["gravity", "payload", "friction"], ...] = ()
+
+    def joint(self, name: str) -> Joint:
+        """What the scene says of the joint ``name``: its own entry laid over that of ``"*"``."""
+        common, own = self.joints.get("*"), self.joints.get(name)
+        if common is None or own is None:
+            return own or common or Joint()
+        return Joint.model_validate(_overlay(_given(common), _given(own)))
+
+
+def _given(part: _Part) -> dict[str, Any]:
+    return part.model_dump(exclude_unset=True, exclude_none=True)
+
+
+def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for key, value in above.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _overlay(merged[key], value) if both else value
+    return merged
+
+
+def inertia_matrix(six: Inertia6) -> NDArray[np.float64]:
+    """Symmetric 3 by 3 tensor from ixx, ixy, ixz, iyy, iyz, izz in [kg m²]."""
+    xx, xy, xz, yy, yz, zz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def validated(data: dict[str, Any]) -> Scene:
+    """Check a scene given as a dictionary.
+
+    Args:
+        data: The content of a scene file.
+
+    Returns:
+        The scene.
+
+    Raises:
+        SceneError: Naming each offending key, its value and what is allowed.
+    """
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        raise SceneError("\n".join(_complaint(e) for e in error.errors())) from None
+
+
+def _complaint(error: ErrorDetails) -> str:
+    where = ".".join(str(key) for key in error["loc"]) or "scene"
+    if error["type"] == "extra_forbidden":
+        allowed = known_names(_fields_at(error["loc"][:-1]))
+        return f"scene: unknown key '{where}' = {error['input']!r}; allowed here: {allowed}"
+    said = error["msg"].removeprefix("Value error, ")
+    return f"scene: '{where}' = {error['input']!r}: {said}"
+
+
+def _fields_at(path: tuple[int | str, ...]) -> list[str]:
+    """Names of the keys that the schema allows at ``path``."""
+    places: dict[str, type[_Part]] = {
+        "robot": Robot,
+        "joints": Joint,
+        "friction": Friction,
+        "limits": Limits,
+        "payloads": Payload,
+        "initial": Initial,
+        "sim": Sim,
+    }
+    named = [places[key] for key in map(str, path) if key in places]
+    return list((named[-1] if named else Scene).model_fields)

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From command to the torque that acts: the controller in the loop, if any, then the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics import ArmModel
+from arm_dynamics.control import demanded_acceleration, gains
+from arm_dynamics.laws import friction, rigid_body
+from arm_dynamics.laws.links import tree_of
+from arm_dynamics.model import Array
+from arm_dynamics.motion import Reference
+from arm_sim.plant import Plant, constant
+
+
+@dataclass(frozen=True)
+class CompiledControl:
+    """A controller that runs in compiled code, once a tick, on the state at the tick's beginning.
+
+    Attributes:
+        law: CasADi function (x, r) -> torque of shape (n,), with x = (q, v).
+        reference: Rows r of references for times of shape (k,) in [s].
+    """
+
+    law: ca.Function
+    reference: Callable[[Array], Array]
+
+
+def computed_torque(
+    model: ArmModel,
+    sample: Callable[[float], Reference],
+    bandwidth: float | Array = 20.0,
+    damping_ratio: float | Array = 1.0,
+) -> CompiledControl:
+    """Computed torque as ``arm_dynamics.control.ComputedTorque``, compiled into the simulator.
+
+    Args:
+        model: The controller's model; another than the plant's to see what a wrong one does.
+        sample: Reference at a time, such as ``Trajectory.sample``.
+        bandwidth: ω in [rad/s], a number or shape (n,).
+        damping_ratio: ζ, a number or shape (n,).
+
+    Returns:
+        A controller for ``Simulator.run``.
+
+    Raises:
+        InvalidInput: If a gain is not allowed.
+    """
+    kp, kd = gains(bandwidth, damping_ratio, model.n)
+    n, tree = model.n, tree_of(model)
+    x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)
+    q, v = x[:n], x[n:]
+    a = demanded_acceleration(q, v, ca.vertsplit(r, n), constant(kp), constant(kd))
+    tau = rigid_body.inverse(tree, q, v, a, constant(model.scene.gravity))
+    tau += friction.viscous(v, constant(model.viscous))
+    if model.has_dry_friction:
+        levels = (model.coulomb, model.static, model.stribeck_velocity)
+        tau += friction.dry(v, ca.sign(v), *map(constant, levels))
+    law = ca.Function("law", [x, r], [ca.densify(tau)], {"cse": True})
+    return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
+
+
+def actuation(plant: Plant, control: CompiledControl | None = None) -> ca.Function:
+    """Compose controller and effort limits.
+
+    Args:
+        plant: The plant, for its limits.
+        control: A controller, or None if torques are commanded directly.
+
+    Returns:
+        CasADi function ``actuate`` (x, r) -> torque that acts, shape (n,).
+    """
+    n = plant.model.n
+    x = ca.SX.sym("x", plant.nx)
+    r = ca.SX.sym("r", control.law.size1_in(1) if control else n)
+    tau = control.law(x, r) if control else r
+    limit = plant.model.effort_limit
+    bounded = [
+        ca.fmax(-limit[i], ca.fmin(limit[i], tau[i])) if np.isfinite(limit[i]) else tau[i]
+        for i in range(n)
+    ]
+    return ca.Function("actuate", [x, r], [ca.vertcat(*bounded)], {"cse": True})
+
+
+def _row(reference: Reference) -> Array:
+    return np.concatenate([reference.q, reference.v, reference.a])

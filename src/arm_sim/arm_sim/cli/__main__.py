@@ -1,0 +1,6 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``python -m arm_sim.cli``, which is what ``./arm`` runs."""
+
+from arm_sim.cli.main import main
+
+main(prog_name="./arm")

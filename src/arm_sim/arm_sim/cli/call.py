@@ -1,0 +1,214 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm call``: the services of running nodes, without the ros2 command line."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import click
+
+from arm_sim.cli.vectors import HOW, Vector, VectorType
+
+TERMS = {"inertia": 1, "coriolis": 2, "gravity": 4, "friction": 8}
+DYNAMICS, SIM = ("/dynamics", "./arm dynamics SCENE"), ("/sim", "./arm sim SCENE")
+
+VECTOR = VectorType()
+Command = Callable[..., Any]
+
+
+@click.group()
+def call() -> None:
+    """Call a service of a running node.
+
+    Vectors are in the model's order, or by joint name; joints that are not named are zero:
+
+    \b
+      ./arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"
+      ./arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity
+      ./arm call model-info --json
+
+    Start nodes by ./arm dynamics SCENE and ./arm sim SCENE.
+    """
+
+
+def _options(partner: tuple[str, str]) -> Callable[[Command], Command]:
+    """Options that every command has."""
+
+    def add(command: Command) -> Command:
+        for option in (
+            click.option("--json", "as_json", is_flag=True, help="Print JSON."),
+            click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
+                         help="How long to wait, in s."),
+            click.option("--node", default=partner[0], show_default=True, help="Node to ask."),
+        ):  # fmt: skip
+            command = option(command)
+        return command
+
+    return add
+
+
+def _vector(name: str, what: str, required: bool = False) -> Callable[[Command], Command]:
+    rest = f"; {HOW}." if required else "; zero when not given."
+    return click.option(f"--{name}", type=VECTOR, required=required, help=what + rest)
+
+
+_joints = click.option(
+    "--joints", default="", help='Order of the vectors, e.g. "elbow shoulder"; else the model\'s.'
+)
+
+
+@call.command("inverse-dynamics", short_help="Torques that produce a motion.")
+@_vector("position", "Joint positions in rad or m", required=True)
+@_vector("velocity", "Joint velocities")
+@_vector("acceleration", "Joint accelerations")
+@click.option("--terms", default="all", show_default=True,
+              help="Which to add up: all, or some of inertia,coriolis,gravity,friction.")  # fmt: skip
+@_joints
+@_options(DYNAMICS)
+def inverse_dynamics(terms: str, **given: Any) -> None:
+    """Torques that produce a motion: M(q) a + C(q, v) v + G(q) + F(v).
+
+    \b
+    Example, the torques that carry the arm's weight, joints by name:
+      ./arm call inverse-dynamics --position "panda_joint2=-0.8 panda_joint4=-2.4"
+    """
+    from arm_sim.cli import answers
+
+    answers.inverse_dynamics(terms=_terms(terms), **given)
+
+
+@call.command("forward-dynamics", short_help="Accelerations that torques produce.")
+@_vector("position", "Joint positions in rad or m", required=True)
+@_vector("velocity", "Joint velocities")
+@_vector("effort", "Joint torques in N m or N")
+@_joints
+@_options(DYNAMICS)
+def forward_dynamics(**given: Any) -> None:
+    """Accelerations that torques produce.
+
+    \b
+    Example, how the arm begins to fall:
+      ./arm call forward-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"
+    """
+    from arm_sim.cli import answers
+
+    answers.forward_dynamics(**given)
+
+
+@call.command("dynamics-terms", short_help="Mass matrix, Coriolis matrix, gravity, friction, energies.")
+@_vector("position", "Joint positions in rad or m", required=True)
+@_vector("velocity", "Joint velocities")
+@_joints
+@_options(DYNAMICS)
+def dynamics_terms(**given: Any) -> None:
+    """Mass matrix, Coriolis matrix, gravity, friction and energies.
+
+    \b
+    Example:
+      ./arm call dynamics-terms --position "0 -0.8 0 -2.4 0 1.6 0.8" --json
+    """
+    from arm_sim.cli import answers
+
+    answers.dynamics_terms(**given)
+
+
+@call.command("model-info", short_help="Joints, limits, frames and mass of the node's arm.")
+@_options(DYNAMICS)
+def model_info(**given: Any) -> None:
+    """What the node knows about its arm: joints, limits, frames, mass.
+
+    \b
+    Example:
+      ./arm call model-info
+    """
+    from arm_sim.cli import answers
+
+    answers.model_info(**given)
+
+
+@call.command(short_help="Put the simulation back to its start.")
+@_options(SIM)
+def reset(**given: Any) -> None:
+    """Put the simulation back to its initial state and time zero.
+
+    \b
+    Example:
+      ./arm call reset
+    """
+    from arm_sim.cli import answers
+
+    answers.reset(**given)
+
+
+@call.command()
+@_options(SIM)
+def pause(**given: Any) -> None:
+    """Stop the simulation's time.
+
+    \b
+    Example:
+      ./arm call pause
+    """
+    from arm_sim.cli import answers
+
+    answers.pause(True, **given)
+
+
+@call.command()
+@_options(SIM)
+def resume(**given: Any) -> None:
+    """Let the simulation's time go on.
+
+    \b
+    Example:
+      ./arm call resume
+    """
+    from arm_sim.cli import answers
+
+    answers.pause(False, **given)
+
+
+@call.command(short_help="Advance a paused simulation.")
+@click.argument("steps", default=1, type=click.IntRange(1))
+@_options(SIM)
+def step(steps: int, **given: Any) -> None:
+    """Advance a paused simulation by STEPS ticks (1 when not given).
+
+    \b
+    Example:
+      ./arm call step 100
+    """
+    from arm_sim.cli import answers
+
+    answers.step(steps, **given)
+
+
+@call.command("set-joint-state", short_help="Put joints of the simulation somewhere at once.")
+@click.option("--position", type=VECTOR, help=f"Joint positions in rad or m; {HOW}.")
+@click.option("--velocity", type=VECTOR, help="Joint velocities; zero when not given.")
+@_joints
+@_options(SIM)
+def set_joint_state(**given: Any) -> None:
+    """Put joints of the simulation somewhere at once; those not named stay.
+
+    \b
+    Example:
+      ./arm call set-joint-state --position "panda_joint4=-1.5"
+    """
+    from arm_sim.cli import answers
+
+    if given["position"] is None and given["velocity"] is None:
+        raise click.UsageError("nothing to set: give --position, --velocity or both")
+    answers.set_joint_state(**given)
+
+
+def _terms(text: str) -> int:
+    words = text.lower().replace(",", " ").split()
+    if words == ["all"]:
+        return sum(TERMS.values())
+    if not words or not set(words) <= set(TERMS):
+        raise click.BadParameter(
+            f"{text!r}; allowed: all, or some of {', '.join(TERMS)}", param_hint="'--terms'"
+        )
+    return sum(TERMS[word] for word in set(words))

@@ -1,0 +1,203 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The course of a demo: plan, start, watch, stop, report."""
+
+from __future__ import annotations
+
+import json
+import sys
+import tempfile
+import time
+from collections.abc import Callable
+from contextlib import contextmanager
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    from arm_sim.cli.demo.motion import Motion
+    from arm_sim.cli.demo.observer import Observer, Seen
+    from arm_sim.cli.demo.processes import Processes
+    from arm_sim.cli.demo.report import Numbers
+
+PANDA = Path(__file__).parents[2] / "scenes/panda.yaml"
+_START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]
+_SETTLED = 0.3  # [s] that are watched after the motion
+
+Say = Callable[[str], None]
+
+
+@click.command()
+@click.option("--robot", default=None, metavar="URDF|SCENE",
+              help="Arm to move: a URDF or scene file; the Panda when not given.")  # fmt: skip
+@click.option("--duration", default=10.0, show_default=True, type=click.FloatRange(1.0, 3600.0),
+              help="How long the motion takes, in s.")  # fmt: skip
+@click.option("--output", default="reports/demo", show_default=True,
+              type=click.Path(file_okay=False, path_type=Path),
+              help="Folder for the figure, the numbers and the logs.")  # fmt: skip
+def demo(robot: str | None, duration: float, output: Path) -> None:
+    """Close the loop on an arm at 1 kHz in real time, and show how well it went.
+
+    Three processes talk over ROS 2: the simulated arm, a computed-torque controller that leads it
+    along a joint trajectory, and the dynamics node, which is asked for torques meanwhile. They have
+    a ROS domain of their own on this machine and are ended whatever happens. The exit status is 1
+    when the loop did not close, with the reason.
+
+    \b
+    Examples:
+      ./arm demo
+      ./arm demo --robot my_arm.urdf --duration 5 --output /tmp/my_arm
+    """
+    from arm_sim.cli.demo.processes import interruptible
+
+    with interruptible():
+        try:
+            _demo(robot or str(PANDA), duration, output)
+        except KeyboardInterrupt:
+            click.echo("interrupted; all processes of the demo have been ended", err=True)
+            sys.exit(130)
+
+
+def _demo(robot: str, duration: float, output: Path) -> None:
+    from arm_sim.cli.output import console
+
+    motion = _planned(robot, duration)
+    output.mkdir(parents=True, exist_ok=True)
+    out = console()
+    with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
+        seen, clock = _run(motion, output, Path(scratch), say, bar)
+    numbers = _numbers(motion, seen, clock)
+    _write(output, motion, seen, numbers)
+    _tell(out, output, numbers)
+
+
+def _planned(robot: str, duration: float) -> Motion:
+    from arm_dynamics import load_scene
+
+    from arm_sim.cli.demo.motion import choose_motion
+
+    return choose_motion(load_scene(robot), duration)
+
+
+def _run(
+    motion: Motion, output: Path, scratch: Path, say: Say, bar: Callable[[float], None]
+) -> tuple[Seen, dict[str, Any]]:
+    """Have the three processes follow the motion; return what was seen and the simulator's report."""
+    from arm_sim.cli.demo.observer import Observer
+    from arm_sim.cli.demo.processes import Processes, free_domain
+
+    scene, report = scratch / "scene.yaml", scratch / "clock.json"
+    _write_scene(scene, motion)
+    domain = free_domain()
+    environment = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    with Processes(output, environment) as processes, Observer(_joints(motion), domain) as observer:
+        say(f"starting the nodes (ROS domain {domain}, this machine only)")
+        processes.start("dynamics", "dynamics", str(scene), "--with-parent")
+        processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
+        observer.wait_for_partners(_START_TIMEOUT, processes.check)
+        # Last and alone, so that nobody's start-up disturbs its clock.
+        processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM)
+        observer.wait_for_motion(_START_TIMEOUT, processes.check)
+        _follow(motion, observer, processes, say, bar)
+        say("stopping the nodes")
+        processes.stop("sim")
+        processes.stop("controller", "dynamics")
+    return observer.seen(), json.loads(report.read_text())
+
+
+_ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity")
+_ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
+
+
+def _follow(
+    motion: Motion, observer: Observer, processes: Processes, say: Say, bar: Callable[[float], None]
+) -> None:
+    from arm_sim.cli.demo.processes import DemoFailed
+
+    say("following the trajectory")
+    duration = motion.trajectory.duration
+    if not observer.send(motion.waypoints, _MOTION_TIMEOUT, processes.check):
+        raise DemoFailed(
+            "the controller did not follow the trajectory; its log says:\n" + processes.tail("controller")
+        )
+
+    def glance() -> None:
+        processes.check()
+        bar(observer.now() / duration)
+
+    patience = _MOTION_TIMEOUT + 1.5 * duration
+    if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience, glance):
+        raise DemoFailed(
+            f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
+            f"{patience:g} s; the simulator's log says:\n" + processes.tail("sim")
+        )
+
+
+def _joints(motion: Motion) -> tuple[str, ...]:
+    from arm_dynamics import ArmModel
+
+    return ArmModel(motion.scene).joint_names
+
+
+def _write_scene(file: Path, motion: Motion) -> None:
+    """The scene as one file that needs no other, for all three nodes."""
+    import yaml
+
+    data = motion.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    file.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
+
+
+@contextmanager
+def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
+    """Progress on a terminal; lines of text where there is none."""
+    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
+
+    if not out.is_terminal:
+        yield (lambda text: out.print(f"{text} …")), (lambda share: None)
+        return
+    columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
+    # Refreshed by hand: a thread of its own would disturb what is measured.
+    with Progress(*columns, console=out, transient=True, auto_refresh=False) as progress:
+        task = progress.add_task("", total=1.0)
+
+        def say(text: str) -> None:
+            progress.update(task, description=text, refresh=True)
+
+        yield say, lambda share: progress.update(task, completed=share, refresh=True)
+
+
+def _numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
+    import numpy as np
+    from arm_dynamics import ArmModel
+
+    from arm_sim.cli.demo.report import numbers
+
+    goal = np.asarray(motion.waypoints[-1].q)
+    return numbers(ArmModel(motion.scene), motion, goal, seen, clock)
+
+
+def _write(output: Path, motion: Motion, seen: Seen, n: Numbers) -> None:
+    from arm_dynamics import ArmModel
+
+    from arm_sim.cli.demo.figure import draw
+
+    model = ArmModel(motion.scene)
+    title = (
+        f"{n.robot}: computed torque at {n.wanted_rate:g} Hz, tracking error {n.error_rms:.1e} "
+        f"{n.unit} RMS"
+    )
+    draw(output / "demo.png", seen, model.joint_names, model.joint_types, n.duration, title)
+    values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n.dict()}
+    (output / "demo.json").write_text(json.dumps(values, indent=2) + "\n")
+
+
+def _tell(out: Any, output: Path, n: Numbers) -> None:
+    from arm_sim.cli.demo.processes import DemoFailed
+    from arm_sim.cli.demo.report import complaints, result_table
+
+    out.print(result_table(n))
+    out.print(f"figure:  {output / 'demo.png'}\nnumbers: {output / 'demo.json'}", soft_wrap=True)
+    if reasons := complaints(n):
+        raise DemoFailed("the loop did not close:\n  " + "\n  ".join(reasons))

@@ -1,0 +1,148 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A motion that suits any arm: inside its joint limits, and slow and light enough for its drives."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene
+from arm_dynamics.motion import Limits, Trajectory, Waypoint
+from arm_dynamics.scene import Initial
+from arm_dynamics.trajectory import quintic
+from numpy.typing import NDArray
+
+Array = NDArray[np.float64]
+
+TURN, SLIDE = 0.6, 0.15  # [rad], [m]: largest excursion from the start
+SHARE_OF_RANGE = 0.3  # of a joint's range that an excursion may take
+MARGIN = 0.05  # of a joint's range that is kept free at its ends
+SPEED_SHARE, EFFORT_SHARE = 0.7, 0.8  # of the limits that the motion may use
+WEIGHT_SHARE = 0.6  # of the effort limits that holding the start may need
+SECONDS_A_POINT = 1.4
+SHRINK, TRIES = 0.8, 30
+SAMPLES_A_SECOND = 100
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Where the arm starts and which points it passes.
+
+    Attributes:
+        scene: The scene with that start.
+        waypoints: Points after the start; the last one is the start again, at rest.
+        trajectory: What leads through them.
+        effort_share: Largest torque as a part of its limit; 0 where nothing limits it.
+        speed_share: Largest speed as a part of its limit, likewise.
+    """
+
+    scene: Scene
+    waypoints: tuple[Waypoint, ...]
+    trajectory: Trajectory
+    effort_share: float
+    speed_share: float
+
+
+def choose_motion(scene: Scene, duration: float) -> Motion:
+    """Choose a motion of some seconds for the arm of a scene.
+
+    The scene's own start is kept if it lies within the joint limits and the drives can hold the
+    arm there; else a start is looked for. Excursions shrink until inverse dynamics and speeds fit
+    the limits.
+
+    Args:
+        scene: The scene.
+        duration: How long the motion takes in [s].
+
+    Returns:
+        The motion.
+
+    Raises:
+        InvalidInput: If the drives are too weak for any motion.
+    """
+    model = ArmModel(scene)
+    dynamics, limits = Dynamics(model), Limits.of(model)
+    start = _start(dynamics)
+    count = max(2, round(duration / SECONDS_A_POINT))
+    times = duration / count * np.arange(1, count + 1)
+    pattern, excursion = _pattern(count, model.n), _excursion(model)
+    for k in range(TRIES):
+        points = np.clip(start + SHRINK**k * excursion * pattern, *_room(model, start))
+        waypoints = tuple(Waypoint(t, q) for t, q in zip(times, points, strict=True))
+        try:
+            trajectory = quintic([Waypoint(0.0, start), *waypoints], limits)
+        except InvalidInput:
+            continue  # it swings beyond a joint limit between its points
+        speed, effort = _shares(dynamics, trajectory)
+        if speed <= SPEED_SHARE and effort <= EFFORT_SHARE:
+            return Motion(_starting(scene, model, start), waypoints, trajectory, effort, speed)
+    raise InvalidInput("no motion is slow and small enough for the limits of this arm")
+
+
+def _pattern(count: int, n: int) -> Array:
+    """Swings of the joints at each point, between -1 and 1, each joint at its own pace; back at last."""
+    k, joint = np.arange(1, count + 1)[:, None], np.arange(n)
+    swings = np.sin(2.0 * np.pi * (k * (0.29 + 0.045 * (joint % 4)) + 0.13 * joint))
+    swings[-1] = 0.0
+    return swings
+
+
+def _excursion(model: ArmModel) -> Array:
+    most = np.where(np.array(model.joint_types) == "prismatic", SLIDE, TURN)
+    return np.minimum(most, SHARE_OF_RANGE * (model.position_upper - model.position_lower))
+
+
+def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
+    """Least and greatest positions to go to: away from the limits, unless the start is there."""
+    span = model.position_upper - model.position_lower
+    free = np.where(np.isfinite(span), MARGIN * np.where(np.isfinite(span), span, 0.0), 0.0)
+    lower, upper = model.position_lower + free, model.position_upper - free
+    return np.minimum(lower, start), np.maximum(upper, start)
+
+
+def _start(dynamics: Dynamics) -> Array:
+    """The scene's own start if the arm can stand there, else the first posture in which it can."""
+    model = dynamics.model
+    q0 = np.array(model.q0)
+    if np.all((model.position_lower <= q0) & (q0 <= model.position_upper)):
+        if _weight_share(dynamics, q0)[0] <= EFFORT_SHARE:
+            return q0
+    lower, upper = model.position_lower, model.position_upper
+    low, high = np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+    low, high = low + MARGIN * (high - low), high - MARGIN * (high - low)
+    tries = [np.clip(q0, low, high), 0.5 * (low + high)]
+    tries += list(np.random.default_rng(0).uniform(low, high, (200, model.n)))
+    shares = [_weight_share(dynamics, q)[0] for q in tries]
+    best = next((i for i, share in enumerate(shares) if share <= WEIGHT_SHARE), int(np.argmin(shares)))
+    if shares[best] > EFFORT_SHARE:
+        _, joint = _weight_share(dynamics, tries[best])
+        needed = abs(dynamics.gravity(tries[best])[joint])
+        raise InvalidInput(
+            f"this arm cannot carry its own weight: joint '{dynamics.joint_names[joint]}' needs "
+            f"{needed:.4g} N m or N, its effort limit is {model.effort_limit[joint]:.4g}; "
+            "allowed is a scene whose start or limits make it possible"
+        )
+    return tries[best]
+
+
+def _weight_share(dynamics: Dynamics, q: Array) -> tuple[float, int]:
+    """Largest part of an effort limit that holding the arm needs, and the joint that needs it."""
+    shares = np.abs(dynamics.gravity(q)) / dynamics.model.effort_limit
+    return float(shares.max()), int(shares.argmax())
+
+
+def _shares(dynamics: Dynamics, trajectory: Trajectory) -> tuple[float, float]:
+    count = max(20, round(SAMPLES_A_SECOND * trajectory.duration))
+    motion = [trajectory.sample(t) for t in np.linspace(0.0, trajectory.duration, count)]
+    q, v, a = (np.array([getattr(point, name) for point in motion]) for name in "qva")
+    speed = np.abs(v) / dynamics.model.velocity_limit
+    effort = np.abs(dynamics.inverse(q, v, a)) / dynamics.model.effort_limit
+    return float(speed.max()), float(effort.max())
+
+
+def _starting(scene: Scene, model: ArmModel, start: Array) -> Scene:
+    """The scene with another start; joints that are locked stay where they are."""
+    position: dict[str, Any] = dict(scene.initial.position)
+    position |= dict(zip(model.joint_names, start.tolist(), strict=True))
+    return scene.model_copy(update={"initial": Initial(position=position)})

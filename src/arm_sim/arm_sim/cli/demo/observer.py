@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo's own node: sends the trajectory, watches the loop and asks for torques meanwhile."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from types import TracebackType
+from typing import Any
+
+import numpy as np
+import rclpy
+from arm_dynamics.motion import Waypoint
+from arm_dynamics.ros.convert import to_nanoseconds
+from arm_dynamics.ros.executor import make_executor
+from arm_dynamics.ros.interfaces import (
+    CONTROLLER_STATE,
+    EVERY,
+    INVERSE_DYNAMICS,
+    JOINT_TRAJECTORY,
+    MODEL_INFO,
+)
+from builtin_interfaces.msg import Duration
+from numpy.typing import NDArray
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from arm_sim.cli.demo.processes import DemoFailed
+from arm_sim.ros.interfaces import ENERGY
+
+Array = NDArray[np.float64]
+
+_GLANCE = 0.02  # [s]
+_RETRY = 1.0  # [s] until an unanswered question is asked again
+_FIELDS = ("reference_position", "feedback_position", "position_error", "effort")
+
+
+@dataclass(frozen=True)
+class Seen:
+    """What was seen of a motion; time starts with the trajectory, rows are samples.
+
+    Attributes:
+        time: In [s], shape (k,).
+        reference: Where the joints should be, shape (k, n).
+        position: Where they were, shape (k, n).
+        error: Reference minus position, shape (k, n).
+        effort: Torque commanded, shape (k, n).
+        asked_time: When the service was asked in [s], shape (m,).
+        asked_effort: The torque that it answered for the reference motion, shape (m, n).
+        asked_for: The torque commanded at those times, shape (m, n).
+        latencies: How long each answer took in [s], shape (m,).
+        energy: kinetic, potential, total, input, dissipated and balance in [J], shape (e, 6).
+    """
+
+    time: Array
+    reference: Array
+    position: Array
+    error: Array
+    effort: Array
+    asked_time: Array
+    asked_effort: Array
+    asked_for: Array
+    latencies: Array
+    energy: Array
+
+
+class Observer:
+    """Joins the graph of the demo; use it in a ``with`` statement."""
+
+    def __init__(self, names: Sequence[str], domain: int) -> None:
+        """Watch the joints ``names`` in the ROS domain ``domain``."""
+        self._names, self._domain = list(names), domain
+        self._states: list[Any] = []
+        self._energies: list[Any] = []
+        self._questions: list[tuple[Any, float, Any]] = []
+        self._pending: tuple[Future, Any, int] | None = None
+        self.start = 0  # stamp in [ns] at which the trajectory began
+
+    def __enter__(self) -> Observer:
+        """Start the node."""
+        self._context = Context()
+        rclpy.init(
+            args=[], context=self._context, domain_id=self._domain,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )  # fmt: skip
+        self._node = Node("demo", context=self._context, start_parameter_services=False)
+        self._executor = make_executor(self._node)
+        self._ask = self._node.create_client(INVERSE_DYNAMICS.type, "dynamics/inverse_dynamics")
+        self._info = self._node.create_client(MODEL_INFO.type, "dynamics/model_info")
+        self._send = self._node.create_publisher(
+            JointTrajectory, _of("controller", JOINT_TRAJECTORY), JOINT_TRAJECTORY.publish
+        )
+        self._node.create_subscription(
+            CONTROLLER_STATE.type, _of("controller", CONTROLLER_STATE), self._on_state, EVERY
+        )
+        self._node.create_subscription(
+            ENERGY.type, _of("sim", ENERGY), self._energies.append, EVERY
+        )
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        """Take the node down."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+    # --- waiting -------------------------------------------------------------------------------
+
+    def until(self, condition: Callable[[], bool], timeout: float, glance: Callable[[], None]) -> bool:
+        """Spin until ``condition``; ``glance`` is called every now and then.
+
+        Returns:
+            Whether the condition came true within ``timeout`` in [s].
+        """
+        end, look = time.monotonic() + timeout, 0.0
+        while not (met := condition()) and (now := time.monotonic()) < end:
+            self._executor.spin_once(timeout_sec=_GLANCE)
+            self._collect_answer()
+            if now >= look:
+                glance()
+                look = now + 0.2
+        return met
+
+    def wait_for_partners(self, timeout: float, glance: Callable[[], None]) -> None:
+        """Wait until the dynamics node answers and the controller listens.
+
+        Raises:
+            DemoFailed: If they do not.
+        """
+        answers = list[Future]()
+        asked = 0.0
+
+        def answered() -> bool:
+            nonlocal asked
+            if self._info.service_is_ready() and time.monotonic() > asked + _RETRY:
+                answers.append(self._info.call_async(MODEL_INFO.type.Request()))
+                asked = time.monotonic()
+            return any(answer.done() for answer in answers)
+
+        if not self.until(answered, timeout, glance):
+            raise DemoFailed(f"the dynamics node gave no answer within {timeout:g} s")
+        if not self.until(lambda: self._send.get_subscription_count() > 0, timeout, glance):
+            raise DemoFailed(f"the controller was not there within {timeout:g} s")
+
+    def wait_for_motion(self, timeout: float, glance: Callable[[], None]) -> None:
+        """Wait until the controller has seen the simulated arm, and answers it.
+
+        Raises:
+            DemoFailed: If it does not.
+        """
+        if not self.until(lambda: len(self._states) > 3, timeout, glance):
+            raise DemoFailed(
+                f"the controller has said nothing within {timeout:g} s: no joint states reach it"
+            )
+
+    # --- the trajectory ------------------------------------------------------------------------
+
+    def send(self, waypoints: Sequence[Waypoint], timeout: float, glance: Callable[[], None]) -> bool:
+        """Send the trajectory.
+
+        Returns:
+            Whether the controller began to follow it within ``timeout`` in [s].
+        """
+        message = JointTrajectory(joint_names=self._names)
+        for waypoint in waypoints:
+            point = JointTrajectoryPoint(positions=np.asarray(waypoint.q).tolist())
+            seconds, part = divmod(round(1e9 * waypoint.time), 1_000_000_000)
+            point.time_from_start = Duration(sec=seconds, nanosec=part)
+            message.points.append(point)
+        here = np.array(self._states[-1].reference_position)
+        first = len(self._states)
+        self._send.publish(message)
+
+        def begun() -> bool:
+            return any(list(s.reference_position) != here.tolist() for s in self._states[first:])
+
+        if not self.until(begun, timeout, glance):
+            return False
+        moving = next(s for s in self._states[first:] if list(s.reference_position) != here.tolist())
+        self.start = _stamp(self._states[self._states.index(moving) - 1])
+        return True
+
+    def now(self) -> float:
+        """Simulated time since the trajectory began, in [s]."""
+        return 1e-9 * (_stamp(self._states[-1]) - self.start)
+
+    # --- watching ------------------------------------------------------------------------------
+
+    def _on_state(self, state: Any) -> None:
+        self._states.append(state)
+        if self.start and self._pending is None:
+            request = INVERSE_DYNAMICS.type.Request(
+                joint_names=state.joint_names, position=state.reference_position,
+                velocity=state.reference_velocity, acceleration=state.reference_acceleration,
+            )  # fmt: skip
+            asked = time.perf_counter_ns()
+            self._pending = (self._ask.call_async(request), state, asked)
+
+    def _collect_answer(self) -> None:
+        if self._pending is None:
+            return
+        future, state, asked = self._pending
+        waited = 1e-9 * (time.perf_counter_ns() - asked)
+        if future.done():
+            self._questions.append((state, waited, future.result()))
+        if future.done() or waited > _RETRY:
+            self._pending = None
+
+    def seen(self) -> Seen:
+        """Everything seen since the trajectory began."""
+        states = [s for s in self._states if _stamp(s) >= self.start]
+        columns = (np.array([getattr(s, field) for s in states]) for field in _FIELDS)
+        good = [(s, waited, r) for s, waited, r in self._questions if r.success]
+        return Seen(
+            self._times(states), *columns,
+            asked_time=self._times([s for s, *_ in good]),
+            asked_effort=np.array([r.effort for *_, r in good]),
+            asked_for=np.array([s.effort for s, *_ in good]),
+            latencies=np.array([waited for _, waited, _ in good]),
+            energy=np.array([[e.kinetic, e.potential, e.total, e.input, e.dissipated, e.balance]
+                             for e in self._energies]),
+        )  # fmt: skip
+
+    def _times(self, states: Sequence[Any]) -> Array:
+        return np.array([1e-9 * (_stamp(s) - self.start) for s in states])
+
+
+def _stamp(state: Any) -> int:
+    return to_nanoseconds(state.header.stamp)
+
+
+def _of(node: str, topic: Any) -> str:
+    return topic.name.replace("~", node)

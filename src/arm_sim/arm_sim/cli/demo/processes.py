@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processes that are ended whatever happens, each with a log of its own."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+import click
+
+_PATIENCE = 5.0  # [s] for an orderly end
+_TAIL = 12  # lines of a log in a message
+_DOMAINS = range(1, 100)
+
+
+class DemoFailed(click.ClickException):
+    """The loop did not close, and why."""
+
+
+class Processes:
+    """Children by name; leaving the ``with`` statement ends those that still run."""
+
+    def __init__(self, folder: Path, environment: Mapping[str, str]) -> None:
+        """Keep logs in ``folder`` and add ``environment`` to that of the children."""
+        self._folder = folder
+        self._environment = {**os.environ, **environment}
+        self._running: dict[str, subprocess.Popen[bytes]] = {}
+
+    def __enter__(self) -> Processes:
+        """Begin without children."""
+        return self
+
+    def __exit__(
+        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+    ) -> None:
+        """End all children, the youngest first, however often the user presses Ctrl-C meanwhile."""
+        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
+        try:
+            self.stop(*reversed(self._running))
+        finally:
+            signal.signal(signal.SIGINT, before)
+
+    def start(self, name: str, *arguments: str) -> None:
+        """Run a command of the suite.
+
+        Args:
+            name: Of the process and its log.
+            arguments: The command line after ``./arm``.
+        """
+        with self.log(name).open("wb") as log:
+            self._running[name] = subprocess.Popen(
+                [sys.executable, "-P", "-m", "arm_sim.cli", *arguments],
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=self._environment,
+                start_new_session=True,  # Ctrl-C reaches them in order, through us
+            )  # fmt: skip
+
+    @property
+    def ids(self) -> dict[str, int]:
+        """Process ids by name."""
+        return {name: process.pid for name, process in self._running.items()}
+
+    def check(self) -> None:
+        """See that all run.
+
+        Raises:
+            DemoFailed: If one has ended.
+        """
+        for name, process in self._running.items():
+            if (status := process.poll()) is not None:
+                said = self.tail(name) or "it said nothing"
+                raise DemoFailed(f"the {name} process ended by itself {_ending(status)}:\n{said}")
+
+    def stop(self, *names: str) -> None:
+        """Ask processes to end, together, and end those for good that do not."""
+        asked = [self._running[name] for name in names if name in self._running]
+        for process in asked:
+            if process.poll() is None:
+                process.send_signal(signal.SIGINT)
+        for process in asked:
+            try:
+                process.wait(_PATIENCE)
+            except subprocess.TimeoutExpired:
+                process.kill()
+                process.wait()
+        for name in names:
+            self._running.pop(name, None)
+
+    def log(self, name: str) -> Path:
+        """Where a process writes what it says."""
+        return self._folder / f"{name}.log"
+
+    def tail(self, name: str) -> str:
+        """The last lines that a process wrote, indented."""
+        lines = self.log(name).read_text(errors="replace").splitlines()[-_TAIL:]
+        return "\n".join(f"    {line}" for line in lines)
+
+
+def _ending(status: int) -> str:
+    if status < 0:
+        return f"(killed by {signal.Signals(-status).name})"
+    return f"with status {status}"
+
+
+def free_domain() -> int:
+    """A ROS domain that nobody on this machine uses: its first discovery port is free.
+
+    Port numbers: OMG RTPS 2.5, section 9.6.1.1.
+
+    Raises:
+        DemoFailed: If all are taken.
+    """
+    first = os.getpid() % len(_DOMAINS)
+    for offset in range(len(_DOMAINS)):
+        domain = _DOMAINS[(first + offset) % len(_DOMAINS)]
+        with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+            try:
+                probe.bind(("", 7410 + 250 * domain))
+            except OSError:
+                continue
+            return domain
+    raise DemoFailed("every ROS domain from 1 to 99 is in use on this machine")
+
+
+@contextmanager
+def interruptible() -> Iterator[None]:
+    """Let SIGTERM and SIGHUP end the program as Ctrl-C does, so that it cleans up."""
+
+    def interrupt(number: int, _: Any) -> None:
+        raise KeyboardInterrupt(signal.Signals(number).name)
+
+    before = {n: signal.signal(n, interrupt) for n in (signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a demo run measured: numbers, a table, and whether the loop closed."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_sim.cli.demo.observer import Seen
+from arm_sim.cli.output import number, table
+
+if TYPE_CHECKING:
+    from arm_dynamics import ArmModel
+    from rich.table import Table
+
+    from arm_sim.cli.demo.motion import Motion
+
+Array = NDArray[np.float64]
+
+# What must hold for the loop to count as closed; a good run is far better than any of these.
+LEAST_RATE = 0.95  # of the ticks that real time asks for
+LEAST_ANSWERED = 0.5  # of the states that a command answered
+MOST_ERROR = 0.02  # [rad, m] RMS
+ARRIVED = 0.02  # [rad, m] from the goal at the end
+
+
+@dataclass(frozen=True)
+class Numbers:
+    """Results; times in [s], errors in ``unit``, energies in [J]."""
+
+    robot: str
+    joints: int
+    unit: str
+    duration: float
+    ticks: int
+    rate: float
+    wanted_rate: float
+    missed: int
+    dropped: int
+    lateness_p50: float
+    lateness_p99: float
+    lateness_max: float
+    commands: int
+    round_trip_p50: float
+    round_trip_p99: float
+    round_trip_max: float
+    questions: int
+    service_p50: float
+    service_p99: float
+    service_max: float
+    torque_difference: float
+    error_rms: float
+    error_max: float
+    goal_distance: float
+    effort_share: float
+    energy_input: float
+    energy_dissipated: float
+    energy_balance: float
+
+    def dict(self) -> dict[str, Any]:
+        """For JSON."""
+        return asdict(self)
+
+
+def numbers(
+    model: ArmModel, motion: Motion, goal: Array, seen: Seen, clock: dict[str, Any]
+) -> Numbers:
+    """Put together what was measured.
+
+    Args:
+        model: The arm.
+        motion: What was asked of it.
+        goal: Where the motion ends, shape (n,).
+        seen: What the observer saw.
+        clock: The sim node's own report.
+    """
+    duration = motion.trajectory.duration
+    loop, trip = clock["loop"], clock["round_trip"]
+    asked = len(seen.latencies)
+    p50, p99, longest = _percentiles(seen.latencies)
+    during = seen.time <= duration
+    return Numbers(
+        robot=model.pin.name, joints=model.n, unit=_unit(model), duration=duration,
+        ticks=loop["ticks"], rate=loop["ticks"] / loop["elapsed"], wanted_rate=1.0 / model.scene.sim.dt,
+        missed=loop["missed"], dropped=loop["dropped"],
+        lateness_p50=loop["lateness"]["p50"], lateness_p99=loop["lateness"]["p99"],
+        lateness_max=loop["lateness"]["max"],
+        commands=trip["count"], round_trip_p50=trip["p50"], round_trip_p99=trip["p99"],
+        round_trip_max=trip["max"],
+        questions=asked, service_p50=p50, service_p99=p99, service_max=longest,
+        torque_difference=float(np.abs(seen.asked_effort - seen.asked_for).max()) if asked else np.nan,
+        error_rms=float(np.sqrt(np.mean(seen.error[during] ** 2))),
+        error_max=float(np.abs(seen.error[during]).max()),
+        goal_distance=float(np.abs(seen.position[-1] - goal).max()),
+        effort_share=motion.effort_share,
+        energy_input=float(np.ptp(seen.energy[:, 3])) if len(seen.energy) else np.nan,
+        energy_dissipated=float(seen.energy[-1, 4]) if len(seen.energy) else np.nan,
+        energy_balance=float(np.abs(seen.energy[:, 5]).max()) if len(seen.energy) else np.nan,
+    )  # fmt: skip
+
+
+def _unit(model: ArmModel) -> str:
+    kinds = {kind == "prismatic" for kind in model.joint_types}
+    return " or ".join(["rad"] * (False in kinds) + ["m"] * (True in kinds))
+
+
+def _percentiles(values: Array) -> tuple[float, float, float]:
+    if not len(values):
+        return (float("nan"),) * 3
+    return tuple(float(x) for x in np.percentile(values, (50, 99, 100)))  # type: ignore[return-value]
+
+
+def complaints(n: Numbers) -> list[str]:
+    """Why the loop does not count as closed; empty when it does."""
+    found = []
+    if not n.rate >= LEAST_RATE * n.wanted_rate:
+        found.append(
+            f"the simulator made {n.rate:.0f} ticks a second, {n.wanted_rate:.0f} are wanted: "
+            "this machine is too slow or too busy"
+        )
+    if not n.commands >= LEAST_ANSWERED * n.ticks:
+        found.append(f"only {n.commands} of {n.ticks} states were answered by a command")
+    if not n.questions:
+        found.append("the dynamics node answered no torque query")
+    if not n.error_rms <= MOST_ERROR:
+        found.append(f"tracking error {n.error_rms:.3g} {n.unit} RMS; {MOST_ERROR:g} is allowed")
+    if not n.goal_distance <= ARRIVED:
+        found.append(f"the arm stopped {n.goal_distance:.3g} {n.unit} from its goal; {ARRIVED:g} is allowed")
+    return found
+
+
+def result_table(n: Numbers) -> Table:
+    """The numbers for people."""
+    return table("", ("", f"{n.robot}, {n.joints} joints", ""), [
+        ("ticks", f"{n.ticks}", f"{n.missed} late by more than a tick, {n.dropped} dropped"),
+        ("rate", f"{n.rate:.2f} Hz", f"wanted {n.wanted_rate:g} Hz"),
+        ("lateness of ticks", *_times(n.lateness_p50, n.lateness_p99, n.lateness_max)),
+        ("state to command and back", *_times(n.round_trip_p50, n.round_trip_p99, n.round_trip_max)),
+        ("torque query by service", *_times(n.service_p50, n.service_p99, n.service_max)),
+        ("", f"{n.questions}", f"queries; answers within {number(n.torque_difference, 2)} N m of the command"),
+        ("tracking error, RMS", *_error(n.error_rms, n.unit)),
+        ("tracking error, max", *_error(n.error_max, n.unit)),
+        ("energy from nowhere", f"{n.energy_balance:.1e} J",
+         f"of {n.energy_input:.3g} J that went in and out of the drives"),
+    ])  # fmt: skip
+
+
+def _times(p50: float, p99: float, longest: float) -> tuple[str, str]:
+    return f"{1e6 * p50:.0f} µs", f"median; p99 {1e6 * p99:.0f} µs, max {1e6 * longest:.0f} µs"
+
+
+def _error(value: float, unit: str) -> tuple[str, str]:
+    degrees = f"{np.degrees(value):.1e} degrees" if unit == "rad" else ""
+    return f"{value:.1e} {unit}", degrees

@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The commands of the suite under one name."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import click
+
+from arm_sim.cli.call import call
+from arm_sim.cli.demo import demo
+from arm_sim.cli.describe import describe
+from arm_sim.cli.nodes import controller, dynamics, sim
+
+
+class Suite(click.Group):
+    """A group whose commands end with one line when something is not as it should be."""
+
+    def invoke(self, ctx: click.Context) -> Any:
+        """Run a command; errors of the suite become a message and exit status 1."""
+        try:
+            return super().invoke(ctx)
+        except (click.ClickException, click.exceptions.Exit, click.Abort):
+            raise
+        except ModuleNotFoundError as error:
+            raise _explained(error) from error
+        except Exception as error:
+            from arm_dynamics import ArmError
+
+            if not isinstance(error, ArmError):
+                raise
+            raise click.ClickException(str(error)) from None
+
+
+def _explained(error: ModuleNotFoundError) -> Exception:
+    if (error.name or "").split(".")[0] not in ("rclpy", "arm_msgs"):
+        return error
+    return click.ClickException(
+        f"Python finds no module '{error.name}': this command needs ROS 2 Jazzy and the built "
+        "workspace; ./arm sets both up, or source the workspace's install/setup.bash"
+    )
+
+
+_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
+
+
+@click.group(cls=Suite, context_settings=_SETTINGS)
+def main() -> None:
+    """Dynamics, simulation and control of robot arms on ROS 2 Jazzy.
+
+    \b
+    A first look:
+      ./arm demo
+      ./arm describe package://example-robot-data/robots/panda_description/urdf/panda.urdf
+    """
+
+
+for command in (demo, describe, call, dynamics, sim, controller):
+    main.add_command(command)

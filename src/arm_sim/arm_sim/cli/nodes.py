@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm sim``, ``./arm dynamics`` and ``./arm controller``: the nodes, without ros2 run."""
+
+from __future__ import annotations
+
+import ctypes
+import json
+import os
+import signal
+import sys
+from collections.abc import Callable
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import click
+
+_PR_SET_PDEATHSIG = 1
+Command = Callable[..., Any]
+
+
+def _node(command: Command) -> click.Command:
+    """A command that takes a scene and hands everything from --ros-args on to ROS."""
+    command = click.option(
+        "--with-parent", is_flag=True, hidden=True, help="End when the parent process ends."
+    )(command)
+    command = click.argument("rest", metavar="[--ros-args …]", nargs=-1, type=click.UNPROCESSED)(command)
+    command = click.argument("scene", required=False)(command)
+    return click.command(context_settings={"ignore_unknown_options": True})(command)
+
+
+@_node
+@click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
+              help="At the end, write how well the clock was kept to this file (JSON).")  # fmt: skip
+def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Path | None) -> None:
+    """Simulate the arm of SCENE at 1 kHz from torque commands until Ctrl-C.
+
+    It takes torques on joint_commands, or on sim/commands in the model's order, and publishes
+    joint_states. Without a command the parameter stale_policy says what acts: zero (the default),
+    hold or gravity.
+
+    \b
+    Examples:
+      ./arm sim my_scene.yaml
+      ./arm sim my_arm.urdf --ros-args -p stale_policy:=gravity -p dt:=0.0005
+      ./arm sim my_arm.urdf --ros-args -r __ns:=/left
+    """
+    from arm_sim.ros.sim_node import SimNode
+
+    made = _run(SimNode, scene, rest, with_parent)
+    if report is not None and made is not None:
+        loop, round_trip = made.report()
+        report.write_text(json.dumps({"loop": asdict(loop), "round_trip": asdict(round_trip)}))
+
+
+@_node
+def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
+    """Answer inverse and forward dynamics of the arm of SCENE as services until Ctrl-C.
+
+    Without SCENE it waits for a URDF on the topic robot_description.
+
+    \b
+    Examples:
+      ./arm dynamics my_scene.yaml
+      ./arm dynamics --ros-args -r __ns:=/left
+    """
+    from arm_dynamics.ros.dynamics_node import DynamicsNode
+
+    _run(DynamicsNode, scene, rest, with_parent)
+
+
+@_node
+def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
+    """Lead the arm of SCENE along joint trajectories by computed torque until Ctrl-C.
+
+    It listens to joint_states and controller/joint_trajectory and publishes joint_commands. It
+    may be given another scene than the simulator: that is a model error.
+
+    \b
+    Examples:
+      ./arm controller my_scene.yaml
+      ./arm controller my_scene.yaml --ros-args -p bandwidth:=[40.0] -p damping_ratio:=[0.9]
+    """
+    from arm_dynamics.ros.controller_node import ControllerNode
+
+    _run(ControllerNode, scene, rest, with_parent)
+
+
+def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Any:
+    """Be the process of one node; return it after an orderly end, else exit with its status."""
+    from arm_dynamics.ros.executor import run
+    from rclpy.parameter import Parameter
+
+    scene, rest = _split(scene, rest)
+    if with_parent:
+        _end_with_parent()
+    chosen = [Parameter("scene", value=scene)] if scene else []
+    made: list[Any] = []
+
+    def make(**kwargs: Any) -> Any:
+        made.append(kind(parameter_overrides=chosen, **kwargs))
+        return made[0]
+
+    status = run(make, list(rest))
+    if status:
+        sys.exit(status)
+    return made[0]
+
+
+def _split(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
+    """Tell the scene from ROS arguments, and refuse what is neither instead of ignoring it."""
+    words = (scene, *rest) if scene else rest
+    at = words.index("--ros-args") if "--ros-args" in words else len(words)
+    before = words[:at]
+    if len(before) > 1 or (before and before[0].startswith("-")):
+        stray = next(word for i, word in enumerate(before) if i or word.startswith("-"))
+        raise click.UsageError(
+            f"'{stray}' is neither the scene nor behind --ros-args; allowed: SCENE, then for example "
+            "--ros-args -p NAME:=VALUE"
+        )
+    return (before[0] if before else None), words[at:]
+
+
+def _end_with_parent() -> None:
+    """Have the kernel send SIGTERM when the parent goes, however it goes."""
+    parent = os.getppid()
+    try:
+        ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
+    except (OSError, AttributeError):
+        return  # not Linux: the parent's own clean-up must do
+    if os.getppid() != parent:
+        sys.exit(1)

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Vectors on a command line: in the model's order, by joint name, or many points at once."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import click
+
+HOW = 'e.g. "0, 0.5, -1", "elbow=0.5 wrist=-1", "[[0, 1], [2, 3]]" for two points, or @FILE'
+
+
+@dataclass(frozen=True)
+class Vector:
+    """What was written: rows of numbers, or numbers by name.
+
+    Attributes:
+        rows: One row for each point; empty when names were given.
+        named: Numbers by joint name.
+        batch: Whether several points were meant, so that the answer has as many.
+    """
+
+    rows: tuple[tuple[float, ...], ...]
+    named: Mapping[str, float]
+    batch: bool = False
+
+    def flat(self, names: Sequence[str]) -> list[float]:
+        """Numbers point after point; joints that are not named get zero.
+
+        Args:
+            names: Joints in the order wanted.
+
+        Raises:
+            click.ClickException: If a name is not among them.
+        """
+        unknown = [name for name in self.named if name not in names]
+        if unknown:
+            raise click.ClickException(
+                f"unknown joint {', '.join(map(repr, unknown))}; allowed: {', '.join(names)}"
+            )
+        if self.named:
+            return [self.named.get(name, 0.0) for name in names]
+        return [value for row in self.rows for value in row]
+
+
+class VectorType(click.ParamType):
+    """Click's view of ``parse``."""
+
+    name = "numbers"
+
+    def convert(
+        self, value: Any, param: click.Parameter | None, ctx: click.Context | None
+    ) -> Vector:
+        """Read what the user wrote, or end with a usage error."""
+        if isinstance(value, Vector):
+            return value
+        try:
+            return parse(value)
+        except (ValueError, OSError) as error:
+            self.fail(f"{error}; {HOW}", param, ctx)
+
+
+def parse(text: str) -> Vector:
+    """Read a vector.
+
+    Args:
+        text: Numbers with commas or spaces between them, ``name=number`` likewise, JSON or YAML,
+            or ``@`` and the name of a file that holds any of these, a line for each point.
+
+    Raises:
+        ValueError: If it is none of these.
+        OSError: If the file cannot be read.
+    """
+    if text.startswith("@"):
+        text = Path(text[1:]).read_text(encoding="utf-8")
+    text = text.strip()
+    if text[:1] in ("[", "{"):
+        return _structured(text)
+    lines = [line.replace(",", " ").split() for line in text.splitlines() if line.strip()]
+    if not lines:
+        raise ValueError("no numbers given")
+    if "=" in text:
+        return Vector((), dict(_pair(word) for line in lines for word in line))
+    return Vector(tuple(tuple(map(_number, line)) for line in lines), {}, len(lines) > 1)
+
+
+def _structured(text: str) -> Vector:
+    import yaml
+
+    try:
+        data = yaml.safe_load(text)
+    except yaml.YAMLError:
+        raise ValueError(f"{_short(text)} is neither JSON nor YAML") from None
+    if isinstance(data, dict):
+        return Vector((), {str(name): _number(value) for name, value in data.items()})
+    nested = any(isinstance(row, list) for row in data)
+    rows = data if nested else [data]
+    if not rows or not all(isinstance(row, list) and len(row) == len(rows[0]) for row in rows):
+        raise ValueError(f"{_short(text)} is not a list of numbers, nor lists of one length")
+    return Vector(tuple(tuple(map(_number, row)) for row in rows), {}, nested)
+
+
+def _pair(word: str) -> tuple[str, float]:
+    name, _, value = word.partition("=")
+    if not name or not value:
+        raise ValueError(f"{word!r} is not of the form joint=number")
+    return name, _number(value)
+
+
+def _number(value: Any) -> float:
+    try:
+        if isinstance(value, bool):
+            raise ValueError
+        return float(value)
+    except (TypeError, ValueError):
+        raise ValueError(f"{value!r} is not a number") from None
+
+
+def _short(text: str) -> str:
+    return repr(text if len(text) < 60 else text[:57] + "…")

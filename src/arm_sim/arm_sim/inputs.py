@@ -1,0 +1,88 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of what a caller hands to the simulator, and what is said of it."""
+
+from __future__ import annotations
+
+import logging
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import ArmModel, InvalidInput
+from arm_dynamics.dynamics import vector
+from arm_dynamics.model import Array
+
+_log = logging.getLogger(__name__)
+
+
+def torque(tau: Any, n: int) -> Array:
+    """Check torques for one tick.
+
+    Args:
+        tau: What was given.
+        n: Degrees of freedom.
+
+    Returns:
+        The torques as an array of shape (n,).
+
+    Raises:
+        InvalidInput: If the shape is another one or a number is not finite.
+    """
+    try:
+        command = np.ascontiguousarray(tau, dtype=float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"tau = {tau!r}: numbers of shape ({n},) are wanted") from None
+    if command.shape != (n,):
+        raise InvalidInput(f"tau has shape {command.shape}; ({n},) is wanted")
+    return command if command @ command < np.inf else vector("tau", command, n)
+
+
+def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:
+    """Check torques for a run: None for zero, held ones of shape (n,), or a row for each tick."""
+    table = vector("control", np.zeros(n) if control is None else control, n)
+    if table.ndim == 2 and len(table) != ticks:
+        raise InvalidInput(f"control has {len(table)} rows; the run has {ticks} ticks of {dt} s")
+    return np.ascontiguousarray(table)
+
+
+def packed_state(q: Any, v: Any, n: int) -> Array:
+    """Check positions and velocities and join them to x = (q, v) of shape (2n,)."""
+    parts = [vector(name, value, n) for name, value in (("q", q), ("v", v))]
+    for name, part in zip("qv", parts, strict=True):
+        if part.ndim != 1:
+            raise InvalidInput(f"{name} has shape {part.shape}; ({n},) is wanted")
+    return np.concatenate(parts)
+
+
+def tick_count(duration: Any, dt: float) -> int:
+    """Check a duration in [s] and round it to whole ticks."""
+    try:
+        seconds = float(duration)
+    except (TypeError, ValueError):
+        seconds = np.nan
+    if not 0.0 <= seconds < np.inf:
+        raise InvalidInput(
+            f"duration = {duration!r}: a finite time of at least zero is wanted, in s"
+        )
+    return round(seconds / dt)
+
+
+class SaturationNotice:
+    """Says once that a commanded torque was cut at its limit."""
+
+    def __init__(self, model: ArmModel) -> None:
+        self._model = model
+        self._said = not np.isfinite(model.effort_limit).any()
+
+    def look(self, command: Array, effort: Array) -> None:
+        """Compare commands with what acted, both of shape (n,) or (k, n)."""
+        if self._said:
+            return
+        beyond = np.any(np.atleast_2d(command) != effort, axis=0)
+        if beyond.any():
+            joint = int(np.argmax(beyond))
+            asked = np.atleast_2d(command)[:, joint]
+            name, limit = self._model.joint_names[joint], self._model.effort_limit[joint]
+            text = "torque %.6g at joint '%s' is beyond its limit of %.6g and was cut; said once"
+            _log.warning(text, asked[np.argmax(abs(asked))], name, limit)
+            self._said = True

@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One-step methods: tableaux and step builders that turn x' = f(x, u, p) into a step of length
+h.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from arm_sim.tableaux import DOP853, DORMAND_PRINCE, EULER, HEUN, MIDPOINT, RK4, Tableau
+
+Rhs = Callable[[ca.MX], ca.MX]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A one-step method.
+
+    Attributes:
+        name: As the user writes it.
+        order: Order of convergence.
+        stages: Evaluations of the right-hand side per step.
+        source: Where it comes from.
+        tableau: Coefficients, or None where the step is built in another way.
+    """
+
+    name: str
+    order: int
+    stages: int
+    source: str
+    tableau: Tableau | None = None
+
+    @property
+    def adaptive(self) -> bool:
+        """Whether it estimates its own error."""
+        return self.tableau is not None and bool(self.tableau.errors)
+
+
+def _from_tableau(name: str, tableau: Tableau) -> Method:
+    return Method(name, tableau.order, len(tableau.b), tableau.source, tableau)
+
+
+METHODS = {
+    method.name: method
+    for method in (
+        _from_tableau("euler", EULER),
+        Method(
+            "semi_implicit_euler",
+            1,
+            1,
+            "Hairer, Lubich, Wanner, Geometric Numerical Integration, 2006, I.1.2",
+        ),
+        _from_tableau("midpoint", MIDPOINT),
+        _from_tableau("heun", HEUN),
+        _from_tableau("rk4", RK4),
+        _from_tableau("dopri5", DORMAND_PRINCE),
+        _from_tableau("dop853", DOP853),
+    )
+}
+
+
+def build_step(method: Method, rhs: ca.Function, n: int) -> ca.Function:
+    """Compose one step of fixed length.
+
+    Args:
+        method: The method.
+        rhs: Function (x, u, p) -> x'.
+        n: Degrees of freedom; x starts with q and v of n each.
+
+    Returns:
+        Function ``step`` (x, u, p, h) -> x at the end of the step.
+    """
+    x, u, p, h = _symbols(rhs)
+    if method.tableau is None:
+        after = _semi_implicit(lambda y: rhs(y, u, p), x, h, n)
+    else:
+        after = x + h * _combine(
+            method.tableau.b, _slopes(method.tableau, lambda y: rhs(y, u, p), x, h)
+        )
+    return ca.Function("step", [x, u, p, h], [after], {"cse": True})
+
+
+def build_attempt(method: Method, rhs: ca.Function, n: int) -> ca.Function:
+    """Compose one step of a method that estimates its error.
+
+    The error of a step is the largest over q and v of |error| / (1 + |x|); DOP853 mixes its
+    estimates of order 5 and 3 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
+    1993, section II.10).
+
+    Args:
+        method: The method; it must have an error estimate.
+        rhs: Function (x, u, p) -> x'.
+        n: Degrees of freedom.
+
+    Returns:
+        Function ``attempt`` (x, u, p, h) -> (x at the end, scaled error, largest error of q).
+    """
+    tableau = method.tableau
+    if tableau is None or not tableau.errors:
+        raise ValueError(f"{method.name} has no error estimate")
+    x, u, p, h = _symbols(rhs)
+    slopes = _slopes(tableau, lambda y: rhs(y, u, p), x, h)
+    after = x + h * _combine(tableau.b, slopes)
+    estimates = [h * _combine(weights, slopes) for weights in tableau.errors]
+    measure = _norms(x.shape[0], len(estimates), n)
+    error, error_q = measure(x, after, *estimates)
+    return ca.Function("attempt", [x, u, p, h], [after, error, error_q], {"cse": True})
+
+
+def _symbols(rhs: ca.Function) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+    x, u, p = (ca.MX.sym(name, rhs.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
+    return x, u, p, ca.MX.sym("h")
+
+
+def _slopes(tableau: Tableau, f: Rhs, x: ca.MX, h: ca.MX) -> list[ca.MX]:
+    slopes: list[ca.MX] = []
+    for row in tableau.a:
+        slopes.append(f(x + h * _combine(row, slopes)) if any(row) else f(x))
+    return slopes
+
+
+def _combine(weights: Sequence[float], slopes: list[ca.MX]) -> ca.MX:
+    total = ca.MX(slopes[0].shape[0], 1)
+    for weight, slope in zip(weights, slopes, strict=True):
+        if weight:
+            total = total + weight * slope
+    return total
+
+
+def _semi_implicit(f: Rhs, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
+    """v first, then q with the new v."""
+    after = x + h * f(x)
+    return ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
+
+
+def _norms(nx: int, estimates: int, n: int) -> ca.Function:
+    before, after = ca.SX.sym("x", nx), ca.SX.sym("y", nx)
+    errors = [ca.SX.sym(f"e{i}", nx) for i in range(estimates)]
+    scale = 1 + ca.fmax(ca.fabs(before), ca.fabs(after))
+    norms = [_largest(ca.fabs(error) / scale) for error in errors]
+    size = norms[0]
+    if estimates == 2:
+        # Hairer's blend: close to the order-5 estimate, damped where the order-3 one is far
+        # larger.
+        size = size * size / ca.sqrt(size * size + 0.01 * norms[1] * norms[1] + 1e-300)
+    return ca.Function(
+        "measure", [before, after, *errors], [size, _largest(ca.fabs(errors[0][:n]))]
+    )
+
+
+def _largest(values: ca.SX) -> ca.SX:
+    # NaN must win, or a diverged step would look perfect: fmax drops NaN, the sum does not.
+    return ca.mmax(values) + 0 * ca.sum1(values)

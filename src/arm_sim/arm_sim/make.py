@@ -1,0 +1,31 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which machinery steps a scene."""
+
+from __future__ import annotations
+
+from arm_sim.actuation import CompiledControl
+from arm_sim.choice import Choice
+from arm_sim.dry_friction import DryStepper
+from arm_sim.plant import Plant
+from arm_sim.stepper import AdaptiveStepper, FixedStepper, Stepper
+
+
+def make_stepper(
+    plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
+) -> Stepper:
+    """The stepper for a scene's physics and a choice of method.
+
+    Args:
+        plant: The equation of motion.
+        choice: Method, tick and tolerance.
+        backend: As for ``Kernel``.
+        control: Controller to compile in, if any.
+
+    Returns:
+        A stepper.
+    """
+    if plant.reaction is not None:
+        return DryStepper(plant, choice, backend, control)
+    if choice.tolerance is None:
+        return FixedStepper(plant, choice.method, choice.dt, backend, control)
+    return AdaptiveStepper(plant, choice.method, choice.dt, choice.tolerance, backend, control)

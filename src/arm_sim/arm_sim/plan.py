@@ -1,0 +1,119 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a tick of a scene computes, what it skips, and what that costs."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from arm_dynamics.kernel import operations
+from arm_sim.choice import Choice
+from arm_sim.plant import Plant
+from arm_sim.stepper import Stepper
+
+TIMED_TICKS = 200
+REPEATS = 5
+
+
+@dataclass(frozen=True)
+class Part:
+    """One piece of physics.
+
+    Attributes:
+        name: What it is.
+        on: Whether it is computed.
+        why: What in the scene decided so.
+    """
+
+    name: str
+    on: bool
+    why: str
+
+
+class Plan:
+    """What is computed and what is skipped.
+
+    Attributes:
+        parts: The physics, computed and skipped.
+        operations: Arithmetic operations of one tick (of one sub-step with error control).
+        evaluation: Operations of one evaluation of the acceleration.
+        algorithm: How accelerations are computed.
+        integrator: Name of the method.
+        reason: Why this method.
+        backend: What runs the code.
+    """
+
+    def __init__(self, plant: Plant, choice: Choice, stepper: Stepper) -> None:
+        self._plant, self._choice, self._stepper = plant, choice, stepper
+        self.parts = _parts(plant)
+        self.operations = stepper.tick_operations
+        self.evaluation = operations(plant.acceleration)
+        self.algorithm = plant.method
+        self.integrator = choice.method.name
+        self.reason = choice.reason
+        self.backend = stepper.kernel.backend
+
+    @cached_property
+    def nanoseconds(self) -> float:
+        """Time of one tick in [ns], measured now: the best of some runs from the initial state
+        without torque.
+        """
+        model, nx = self._plant.model, self._plant.nx
+        trace, effort = np.empty((TIMED_TICKS, nx)), np.empty((TIMED_TICKS, model.n))
+        errors, best = np.empty(TIMED_TICKS), np.inf
+        for _ in range(REPEATS):
+            self._stepper.restart()
+            x = np.concatenate([model.q0, model.v0])
+            start = time.perf_counter_ns()
+            done = self._stepper.roll(x, np.zeros(model.n), TIMED_TICKS, trace, effort, errors)
+            best = min(best, (time.perf_counter_ns() - start) / max(1, done))
+        self._stepper.restart()
+        return best
+
+    def __str__(self) -> str:
+        """Lines for people."""
+        choice = self._choice
+        control = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
+        per = "sub-step" if choice.tolerance is not None else "tick"
+        lines = [
+            f"integrator  {self.integrator} (order {choice.method.order}), dt {choice.dt:g} s{control}: {self.reason}",
+            f"algorithm   {self.algorithm}",
+            f"runs on     {self.backend}",
+            f"cost        {self.operations} operations per {per}, {self.evaluation} per evaluation",
+        ]
+        lines += [f"computed    {part.name}: {part.why}" for part in self.parts if part.on]
+        lines += [f"skipped     {part.name}: {part.why}" for part in self.parts if not part.on]
+        return "\n".join(lines)
+
+
+def _parts(plant: Plant) -> tuple[Part, ...]:
+    model, scene = plant.model, plant.model.scene
+    tunable = plant.parameters.names
+    locked, loads = len(scene.robot.lock), len(scene.payloads)
+    limited = int(np.isfinite(model.effort_limit).sum())
+    followers = model.pin.nv - model.n
+    return (
+        Part("rigid body", True, f"{model.n} joints"),
+        _part("gravity", any(scene.gravity), f"{list(scene.gravity)} m/s²", "zero", "gravity" in tunable),
+        _part("viscous friction", model.viscous.any(), _at(model.viscous), "no coefficient", "friction" in tunable),
+        _part("dry friction", model.static.any(), f"{_at(model.static)}, solved by events", "no level"),
+        _part("drive inertia", model.armature.any(), _at(model.armature), "no armature"),
+        _part("payloads", loads, f"{loads} bodies, folded into their links", "none", "payload" in tunable),
+        _part("effort limits", limited, f"{limited} joints", "no joint has one"),
+        _part("mimic joints", followers, f"{followers} joints follow", "none"),
+        _part("locked joints", False, "", f"{locked} folded away" if locked else "none"),
+        _part("energies", False, "", "computed when asked for"),
+    )  # fmt: skip
+
+
+def _part(name: str, on: object, why: str, why_not: str, tunable: bool = False) -> Part:
+    if tunable:
+        return Part(name, True, f"{why if on else why_not}, tunable")
+    return Part(name, bool(on), why if on else why_not)
+
+
+def _at(values: np.ndarray) -> str:
+    return f"{int(np.count_nonzero(values))} joints"

@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many arms at once: one in each lane of a vector register, groups of them on every core."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import InvalidInput, compiler
+from arm_dynamics.dynamics import vector
+from arm_dynamics.kernel import generate
+from arm_dynamics.model import Array
+from arm_sim.actuation import actuation
+from arm_sim.choice import Choice
+from arm_sim.integrators import build_step
+from arm_sim.make import make_stepper
+from arm_sim.plant import Plant
+from arm_sim.stepper import build_tick, driver_source, pointer
+
+WIDTHS = (8, 4, 2, 1)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Arms to advance and where their motion goes.
+
+    Attributes:
+        x0: Initial states, shape (b, 2n).
+        tau: Torques, shape (b, ticks, n); held or shared ones are repeated by strides of zero.
+        p: Parameters, shape (b, np).
+        steps: Ticks to advance.
+        out: States, shape (b, steps + 1, 2n), or (b, 2n) for the last ones only.
+    """
+
+    x0: Array
+    tau: Array
+    p: Array
+    steps: int
+    out: Array
+
+
+class Rollouts:
+    """Rollouts of one scene with one method; arms never influence one another."""
+
+    def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
+        self._plant, self._choice, self._backend = plant, choice, backend
+        # Error control and dry friction give every arm sub-steps of its own.
+        self._alike = choice.tolerance is None and plant.reaction is None and backend != "vm"
+        self._libraries: dict[int, ctypes.CDLL] = {}
+
+    def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
+        """Advance a batch; see ``Simulator.rollout``."""
+        library, width = self._library(lanes) if self._alike else (None, 1)
+
+        def work(first: int, last: int) -> None:
+            if library is None:
+                self._one_by_one(batch, first, last)
+            else:
+                self._in_lanes(library, batch, first, last)
+
+        share(len(batch.x0), width, threads, work)
+        return batch.out
+
+    def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:
+        """Check arguments; ``p`` is of shape (np,) or (b, np)."""
+        n = self._plant.model.n
+        if not isinstance(steps, int | np.integer) or steps < 0:
+            raise InvalidInput(f"steps = {steps!r}: a whole number of at least zero is wanted")
+        q0, v0 = (np.atleast_2d(vector(name, x, n)) for name, x in (("q0", q0), ("v0", v0)))
+        arms = len(q0)
+        for name, count in (("v0", len(v0)), ("parameters", len(p) if p.ndim == 2 else arms)):
+            if count != arms:
+                raise InvalidInput(f"{name}: {count} arms, but q0 has {arms}")
+        rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
+        out = np.empty((arms, 2 * n) if last_only else (arms, steps + 1, 2 * n))
+        return Batch(np.hstack([q0, v0]), self._torques(tau, arms, steps), rows, int(steps), out)
+
+    def _torques(self, tau: Any, arms: int, steps: int) -> Array:
+        n = self._plant.model.n
+        array = np.ascontiguousarray(tau, dtype=float)
+        if array.shape not in ((n,), (arms, n), (arms, steps, n)):
+            allowed = f"({n},), ({arms}, {n}) or ({arms}, {steps}, {n})"
+            raise InvalidInput(f"tau has shape {array.shape}; {allowed} is wanted")
+        if not np.isfinite(array).all():
+            raise InvalidInput("tau holds numbers that are not finite")
+        by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
+        return np.broadcast_to(by_tick, (arms, max(1, steps), n))
+
+    def _in_lanes(self, library: ctypes.CDLL, batch: Batch, first: int, last: int) -> None:
+        length = np.array([self._choice.dt])
+        arm, tick = (ctypes.c_longlong(stride // 8) for stride in batch.tau.strides[:2])
+        row = ctypes.c_longlong(batch.p.strides[0] // 8)
+        library.rollout(
+            pointer(batch.x0), pointer(batch.tau), arm, tick, pointer(batch.p), row,
+            pointer(length), ctypes.c_longlong(batch.steps), ctypes.c_longlong(first),
+            ctypes.c_longlong(last), pointer(batch.out), ctypes.c_int(batch.out.ndim == 2),
+        )  # fmt: skip
+
+    def _one_by_one(self, batch: Batch, first: int, last: int) -> None:
+        stepper = make_stepper(self._plant, self._choice, self._backend)
+        n, nx, steps = self._plant.model.n, self._plant.nx, batch.steps
+        trace, effort, errors = np.empty((steps, nx)), np.empty((steps, n)), np.empty(steps)
+        for arm in range(first, last):
+            stepper.restart()
+            stepper.p[:] = batch.p[arm]
+            x, tau = batch.x0[arm].copy(), np.ascontiguousarray(batch.tau[arm])
+            done = stepper.roll(x, tau, steps, trace, effort, errors)
+            trace[done:] = np.nan
+            motion = np.vstack([batch.x0[arm], trace])
+            batch.out[arm] = motion[-1] if batch.out.ndim == 2 else motion
+
+    def _library(self, lanes: int | None) -> tuple[ctypes.CDLL | None, int]:
+        """Compiled code and the number of arms that it advances side by side."""
+        if lanes is not None and lanes not in WIDTHS:
+            allowed = ", ".join(map(str, WIDTHS))
+            raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
+        width = (lanes or natural_width()) if compiler.find_compiler("c++") else 1
+        command = compiler.find_compiler("c++" if width > 1 else "c")
+        if command is None:
+            return None, 1
+        if width not in self._libraries:
+            self._libraries[width] = compiler.build(self._source(width), command)
+        return self._libraries[width], width
+
+    def _source(self, width: int) -> str:
+        step = build_step(self._choice.method, self._plant.rhs, self._plant.model.n)
+        tick = build_tick(step, actuation(self._plant))
+        lanes = f'#define LANES {width}\n#include "lanes.hpp"\n'
+        sizes = {"TICK": "tick", "NP": str(len(self._plant.parameters.nominal))}
+        driver = driver_source("rollout.c", self._plant, sizes, tick)
+        return (lanes if width > 1 else '#include "scalar.h"\n') + generate([tick]) + driver
+
+
+def natural_width() -> int:
+    """Doubles that a vector register of this processor holds."""
+    flags = compiler.processor()
+    return 8 if "avx512f" in flags else 4 if "avx2" in flags else 2
+
+
+def share(arms: int, width: int, threads: int | None, work: Callable[[int, int], None]) -> None:
+    """Share arms out to threads in whole groups; compiled code does not hold the interpreter lock.
+
+    Args:
+        arms: How many.
+        width: Arms in a group.
+        threads: How many threads, None for one a core.
+        work: Called with the first arm and the one after the last.
+
+    Raises:
+        InvalidInput: If the number of threads is not positive.
+    """
+    if threads is not None and threads < 1:
+        raise InvalidInput(f"threads = {threads!r}: at least one is wanted")
+    count = threads or len(os.sched_getaffinity(0))
+    groups = -(-arms // width)
+    edges = [min(arms, groups * i // count * width) for i in range(count + 1)]
+    parts = [(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+    with ThreadPoolExecutor(max(1, len(parts))) as pool:
+        for done in [pool.submit(work, *part) for part in parts]:
+            done.result()

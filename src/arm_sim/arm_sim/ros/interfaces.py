@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Names, types and qualities of service of what the sim node says and hears, in one place."""
+
+from __future__ import annotations
+
+from arm_msgs.msg import Energy
+from arm_msgs.srv import SetJointState, Step
+from rosgraph_msgs.msg import Clock
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, NEWEST, Service, Topic
+
+__all__ = [
+    "CLOCK",
+    "COMMANDS",
+    "ENERGY",
+    "JOINT_COMMANDS",
+    "JOINT_STATES",
+    "MAX_STEPS",
+    "PAUSE",
+    "RESET",
+    "SET_JOINT_STATE",
+    "STEP",
+]
+
+MAX_STEPS = 10_000  # of one service call
+
+COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
+ENERGY = Topic("~/energy", Energy)
+CLOCK = Topic("clock", Clock)
+
+RESET = Service("~/reset", Trigger)
+PAUSE = Service("~/pause", SetBool)
+STEP = Service("~/step", Step)
+SET_JOINT_STATE = Service("~/set_joint_state", SetJointState)

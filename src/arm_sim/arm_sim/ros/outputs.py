@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the sim node publishes, and when."""
+
+from __future__ import annotations
+
+import struct
+
+from arm_msgs.msg import Energy
+from rclpy.node import Node
+from rclpy.publisher import Publisher
+from rclpy.serialization import serialize_message
+
+from arm_dynamics.ros.convert import to_time
+from arm_dynamics.ros.interfaces import Topic
+from arm_dynamics.ros.joint_state_bytes import JointStateWriter
+from arm_sim.ros import interfaces
+from arm_sim.ros.energy_meter import EnergyMeter
+from arm_sim.ros.params import SimParams
+from arm_sim.ros.round_trip import RoundTrip
+from arm_sim.simulator import Simulator
+
+_STAMP = struct.Struct("=iI")
+_STAMP_AT = 4  # after the header of the serialized message
+
+
+class Outputs:
+    """Joint states, and clock and energy for those who asked; used by the ticking thread only.
+
+    Attributes:
+        round_trip: How long answers to joint states take.
+    """
+
+    def __init__(self, node: Node, simulator: Simulator, params: SimParams) -> None:
+        """Advertise what will be published."""
+        self._simulator = simulator
+        self._every = params.publish_every
+        self._energy_every = max(1, round(params.energy_period / simulator.dt))
+        self._writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
+        self._states = _publisher(node, interfaces.JOINT_STATES)
+        self._energy = _publisher(node, interfaces.ENERGY)
+        self._clock = _publisher(node, interfaces.CLOCK) if params.publish_clock else None
+        self._clock_bytes = bytearray(serialize_message(interfaces.CLOCK.type()))
+        self._meter: EnergyMeter | None = None
+        self.round_trip = RoundTrip()
+
+    def restart(self) -> None:
+        """Publish the state after a jump and open a new energy account."""
+        self._meter = None
+        self.publish()
+
+    def after_tick(self) -> None:
+        """Publish what is due after the tick that was just made."""
+        state = self._simulator.state
+        if self._meter is not None:
+            self._meter.note(self._simulator.effort, state)
+        if state.step % self._every == 0:
+            self.publish()
+        if state.step % self._energy_every == 0:
+            self._publish_energy()
+
+    def publish(self) -> None:
+        """Publish the present state, and the clock."""
+        state = self._simulator.state
+        stamp = self._stamp()
+        self.round_trip.sent(stamp)
+        self._states.publish(self._writer.write(stamp, state.q, state.v, self._simulator.effort))
+        if self._clock is not None:
+            _STAMP.pack_into(self._clock_bytes, _STAMP_AT, *divmod(stamp, 1_000_000_000))
+            self._clock.publish(bytes(self._clock_bytes))
+
+    def _stamp(self) -> int:
+        """Simulated time in [ns], from the step counter."""
+        return round(1e9 * self._simulator.state.time)
+
+    def _publish_energy(self) -> None:
+        """Keep the account while somebody listens; it opens with the first listener."""
+        if not self._energy.get_subscription_count():
+            self._meter = None
+            return
+        if self._meter is None:
+            self._meter = EnergyMeter(
+                self._simulator.dynamics, self._simulator.dt, self._simulator.state
+            )
+        account = self._meter.account()
+        message = Energy(**account._asdict())
+        message.header.stamp = to_time(self._stamp())
+        self._energy.publish(message)
+
+
+def _publisher(node: Node, topic: Topic) -> Publisher:
+    return node.create_publisher(topic.type, topic.name, topic.publish)

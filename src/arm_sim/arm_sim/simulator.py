@@ -1,0 +1,308 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulated robot arm: integrates M q̈ + C q̇ + G + F = τ tick by tick."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
+from arm_dynamics.model import Array
+from arm_sim.actuation import CompiledControl
+from arm_sim.choice import Choice, choose
+from arm_sim.exceptions import SimulationDiverged
+from arm_sim.inputs import SaturationNotice, packed_state, tick_count, torque, torque_table
+from arm_sim.linearization import Linearizer
+from arm_sim.make import make_stepper
+from arm_sim.plan import Plan
+from arm_sim.plant import Plant
+from arm_sim.recording import Recording, record
+from arm_sim.rollout import Rollouts
+from arm_sim.state import State
+from arm_sim.stepper import Stepper
+
+Control = Callable[[State], Any]
+
+
+class Simulator:
+    """Simulated arm; keep one instance per thread.
+
+    Args:
+        scene: A scene, anything ``load_scene`` takes, or a model that was built already.
+        integrator: Name of a method, or ``auto``; None takes the scene's word, else ``auto``.
+        dt: Length of a tick in [s], for which a torque is held; None takes the scene's.
+        tolerance: Turns on error control: scaled error |e| / (1 + |x|) that each sub-step inside a
+            tick may have.
+        backend: ``auto``, ``native`` (compiled) or ``vm`` (CasADi's virtual machine).
+
+    Raises:
+        InvalidInput: If the method is unknown, or dt or tolerance is out of range.
+        SceneError: If the scene cannot be used.
+        KernelError: If the generated equations disagree with Pinocchio.
+    """
+
+    def __init__(
+        self,
+        scene: Scene | ArmModel | Any,
+        integrator: str | None = None,
+        dt: float | None = None,
+        tolerance: float | None = None,
+        backend: str = "auto",
+    ) -> None:
+        self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        self.choice: Choice = choose(self.model.scene, integrator, dt, tolerance)
+        self.plant = Plant(self.model)
+        self.backend = backend
+        self._stepper = make_stepper(self.plant, self.choice, backend)
+        self._controlled: tuple[CompiledControl, Stepper] | None = None
+        self._x = np.zeros(self.plant.nx)
+        self._effort = np.zeros((1, self.n))
+        self._trace, self._error = np.zeros((1, self.plant.nx)), np.zeros(1)
+        self._step = 0
+        self._saturation = SaturationNotice(self.model)
+        self.reset()
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return self.model.n
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Order of every vector."""
+        return self.model.joint_names
+
+    @property
+    def dt(self) -> float:
+        """Length of a tick in [s]."""
+        return self.choice.dt
+
+    @property
+    def step_count(self) -> int:
+        """Ticks since the last reset."""
+        return self._step
+
+    @property
+    def state(self) -> State:
+        """Where the robot is; read-only arrays that later steps do not touch."""
+        return self._state
+
+    @property
+    def effort(self) -> Array:
+        """Torque that acted in the last tick, limits applied, in [N m] or [N], shape (n,)."""
+        return self._effort[0].copy()
+
+    @cached_property
+    def dynamics(self) -> Dynamics:
+        """The same scene's numeric dynamics, by Pinocchio."""
+        return Dynamics(self.model)
+
+    @cached_property
+    def plan(self) -> Plan:
+        """What a tick computes, what it skips, and why; ``str(sim.plan)`` is for people."""
+        return Plan(self.plant, self.choice, self._stepper)
+
+    def step(self, tau: Any) -> State:
+        """Advance one tick with the torque held.
+
+        Args:
+            tau: Joint torques in [N m] or [N], shape (n,); saturated at the effort limits.
+
+        Returns:
+            The state at the end of the tick.
+
+        Raises:
+            InvalidInput: If ``tau`` has the wrong shape or is not finite; the state stays.
+            SimulationDiverged: If the tick gives numbers that are not finite; the state stays.
+        """
+        command = torque(tau, self.n)
+        if self._roll(self._stepper, command, self._trace, self._effort, self._error) != 1:
+            raise self._diverged()
+        self._saturation.look(command, self._effort)
+        return self._state
+
+    def run(self, duration: float, control: Control | CompiledControl | Any = None) -> Recording:
+        """Advance for a while and record every tick.
+
+        Args:
+            duration: In [s]; rounded to whole ticks.
+            control: None for no torque, torques of shape (n,) to hold, a table of shape
+                (ticks, n), a compiled controller, or a function of the state that returns torques.
+                All but the function run in compiled code.
+
+        Returns:
+            The motion, the present state first.
+
+        Raises:
+            InvalidInput: If the duration or the torques are not allowed; the state stays.
+            SimulationDiverged: If a number stops being finite; it holds the motion so far.
+        """
+        ticks = tick_count(duration, self.dt)
+        trace = np.empty((ticks, self.plant.nx))
+        effort, errors = np.empty((ticks, self.n)), np.empty(ticks)
+        start = self._state
+        if isinstance(control, CompiledControl):
+            times = (self._step + np.arange(ticks)) * self.dt
+            stepper = self._stepper_with(control)
+            done = self._roll(stepper, control.reference(times), trace, effort, errors)
+        elif callable(control):
+            done = self._run_function(control, trace, effort, errors)
+        else:
+            table = torque_table(control, ticks, self.n, self.dt)
+            done = self._roll(self._stepper, table, trace, effort, errors)
+            self._saturation.look(table, effort[:done])
+        recording = record(
+            self.dynamics, self.dt, start, trace[:done], effort[:done], errors[:done]
+        )
+        if done < ticks:
+            error = self._diverged()
+            error.recording = recording
+            raise error
+        return recording
+
+    def reset(self, q: Any = None, v: Any = None) -> State:
+        """Start again at time zero.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,); None for the scene's initial ones.
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+
+        Returns:
+            The state.
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed; the state stays.
+        """
+        model = self.model
+        self._x = packed_state(model.q0 if q is None else q, model.v0 if v is None else v, self.n)
+        self._step = 0
+        self._effort[:] = 0.0
+        self._error[:] = 0.0
+        self._stepper.restart()
+        self._controlled = None
+        self._publish()
+        return self._state
+
+    def set_state(self, q: Any = None, v: Any = None) -> State:
+        """Put the robot somewhere else while time goes on; None keeps positions or velocities."""
+        state = self._state
+        self._x = packed_state(state.q if q is None else q, state.v if v is None else v, self.n)
+        self._publish()
+        return self._state
+
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Change a quantity that the scene declares tunable, from the next tick on.
+
+        Args:
+            name: ``gravity``, ``payload`` or ``friction``; see ``Parameter`` for the numbers.
+            value: As many numbers as in the scene.
+
+        Raises:
+            InvalidInput: If it is not tunable or not of that size.
+        """
+        merged = self.plant.parameters.merged({name: value}, self._stepper.p)
+        if merged.ndim != 1:
+            raise InvalidInput(f"{name} has shape {np.shape(value)}; one row is wanted")
+        self._stepper.p[:] = merged
+
+    def rollout(
+        self,
+        q0: Any,
+        v0: Any,
+        tau: Any,
+        steps: int,
+        *,
+        parameters: dict[str, Any] | None = None,
+        last_only: bool = False,
+        threads: int | None = None,
+        lanes: int | None = None,
+    ) -> Array:
+        """Advance many arms at once; the simulator's own state does not change.
+
+        Args:
+            q0: Initial positions in [rad] or [m], shape (b, n).
+            v0: Initial velocities in [rad/s] or [m/s], shape (b, n).
+            tau: Torques in [N m] or [N], shape (n,), (b, n) or (b, steps, n).
+            steps: Ticks to advance.
+            parameters: Tunable quantities by name, shape (size,) or (b, size).
+            last_only: Whether to return only the last states.
+            threads: Cores to use; None for all.
+            lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
+
+        Returns:
+            States (q, v) of shape (b, steps + 1, 2n), or (b, 2n) if ``last_only``. An arm that
+            diverges keeps NaN from there on.
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed.
+        """
+        p = self.plant.parameters.merged(parameters or {}, self._stepper.p)
+        batch = self._rollouts.batch(q0, v0, tau, steps, p, last_only)
+        return self._rollouts.run(batch, threads, lanes)
+
+    def linearize(self, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
+        """Exact derivatives of the state after a tick (or several, torque held).
+
+        Args:
+            state: Where to linearize.
+            tau: Torque in [N m] or [N], shape (n,).
+            ticks: How many ticks.
+
+        Returns:
+            A = ∂x⁺/∂x of shape (2n, 2n) and B = ∂x⁺/∂τ of shape (2n, n), with x = (q, v).
+        """
+        x, command = packed_state(state.q, state.v, self.n), torque(tau, self.n)
+        return self._linearizer(x, command, self._stepper.parameters_at(x, command), ticks)
+
+    @cached_property
+    def _linearizer(self) -> Linearizer:
+        return Linearizer(self.plant, self.choice)
+
+    @cached_property
+    def _rollouts(self) -> Rollouts:
+        return Rollouts(self.plant, self.choice, self.backend)
+
+    def _stepper_with(self, control: CompiledControl) -> Stepper:
+        """The stepper that has ``control`` compiled in; the last one is kept."""
+        if self._controlled is None or self._controlled[0] is not control:
+            stepper = make_stepper(self.plant, self.choice, self.backend, control)
+            self._controlled = control, stepper
+        self._controlled[1].p[:] = self._stepper.p
+        return self._controlled[1]
+
+    def _roll(
+        self, stepper: Stepper, command: Array, trace: Array, effort: Array, errors: Array
+    ) -> int:
+        done = stepper.roll(self._x, command, len(trace), trace, effort, errors)
+        if done:
+            self._step += done
+            self._effort[0] = effort[done - 1]
+            self._error[0] = errors[done - 1]
+            self._publish()
+        return done
+
+    def _run_function(self, control: Control, trace: Array, effort: Array, errors: Array) -> int:
+        for k in range(len(trace)):
+            command = torque(control(self._state), self.n)
+            row = slice(k, k + 1)
+            if self._roll(self._stepper, command, trace[row], effort[row], errors[row]) != 1:
+                return k
+            self._saturation.look(command, effort[row])
+        return len(trace)
+
+    def _publish(self) -> None:
+        x, n = self._x.copy(), self.n
+        x.setflags(write=False)
+        time, error = self._step * self.dt, float(self._error[0])
+        self._state = State(time, self._step, x[:n], x[n : 2 * n], x[2 * n :], error)
+
+    def _diverged(self) -> SimulationDiverged:
+        state = self._state
+        return SimulationDiverged(
+            f"tick {self._step + 1} (t = {state.time:.6g} s) cannot be computed with "
+            f"{self.choice.method.name}{self.choice.remark}; the state before it is kept: "
+            f"largest |v| = {abs(state.v).max():.3g}"
+        )

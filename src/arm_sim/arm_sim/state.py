@@ -1,0 +1,30 @@
+# SPDX-License-Identifier: Apache-2.0
+"""State of a simulation at the end of a tick."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from arm_dynamics.model import Array
+
+
+@dataclass(frozen=True, slots=True)
+class State:
+    """Where the robot is; arrays are read-only.
+
+    Attributes:
+        time: ``step * dt`` in [s], never accumulated.
+        step: Ticks since the last reset.
+        q: Joint positions in [rad] or [m], shape (n,).
+        v: Joint velocities in [rad/s] or [m/s], shape (n,).
+        z: States of the other laws that the scene uses, shape (nz,).
+        error: Estimated error of q since the last reset in [rad] or [m]; 0 for methods without an
+            estimate.
+    """
+
+    time: float
+    step: int
+    q: Array
+    v: Array
+    z: Array
+    error: float = 0.0

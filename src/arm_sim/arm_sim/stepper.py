@@ -1,0 +1,221 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The machinery under the simulator: a compiled tick, of fixed length or with error control
+inside.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from pathlib import Path
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.kernel import Kernel, check_forward
+from arm_dynamics.dynamics import Dynamics
+from arm_dynamics.model import Array
+from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick
+from arm_sim.actuation import CompiledControl, actuation
+from arm_sim.integrators import Method, build_attempt, build_step
+from arm_sim.plant import Plant
+
+NATIVE = Path(__file__).parent / "native"
+
+
+class Stepper(Protocol):
+    """Advances a state by whole ticks.
+
+    Attributes:
+        kernel: The functions it runs.
+        p: Parameters of the plant, shape (np,), to be changed in place.
+        tick_operations: Arithmetic operations in one tick (in one sub-step, with error control).
+    """
+
+    kernel: Kernel
+    p: Array
+    tick_operations: int
+
+    def roll(
+        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
+    ) -> int:
+        """Advance ``ticks`` ticks, or fewer if a number stops being finite.
+
+        Args:
+            x: State of shape (nx,), overwritten by the last good one.
+            command: What is commanded, held, or a row for each tick: torques of shape (n,), or a
+                compiled controller's references.
+            ticks: How many.
+            trace: Receives the state after each tick, shape (ticks, nx).
+            effort: Receives the torque that acted in each tick, shape (ticks, n).
+            errors: Receives the estimated error of q after each tick, shape (ticks,); zeros
+                without estimate.
+
+        Returns:
+            Number of good ticks.
+        """
+
+    def restart(self) -> None:
+        """Forget what was learned from earlier steps."""
+
+    def parameters_at(self, x: Array, u: Array) -> Array:
+        """The vector p of the plant's functions at a state under a torque."""
+
+
+class FixedStepper:
+    """One step of the method per tick: bounded work, fit for real time."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        method: Method,
+        dt: float,
+        backend: str,
+        control: CompiledControl | None = None,
+    ) -> None:
+        step = build_step(method, plant.rhs, plant.model.n)
+        tick = build_tick(step, actuation(plant, control))
+        self._dt = np.array([dt])
+        driver = driver_source("roll.c", plant, {"TICK": "tick"}, tick)
+        self.kernel = Kernel([plant.acceleration, tick], backend, driver)
+        check_kernel(plant, self.kernel)
+        self.p = plant.parameters.nominal
+        self.tick_operations = self.kernel.operations("tick")
+        self._tick = self.kernel.call("tick")
+        self._tick.inputs[3][:] = dt
+
+    def restart(self) -> None:
+        """Nothing is remembered between ticks."""
+
+    def parameters_at(self, x: Array, u: Array) -> Array:
+        """See ``Stepper.parameters_at``."""
+        return self.p
+
+    def roll(
+        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
+    ) -> int:
+        """See ``Stepper.roll``."""
+        errors[:] = 0.0
+        if self.kernel.library is None or ticks == 1:
+            return self._by_call(x, command, ticks, trace, effort)
+        stride = command.shape[-1] if command.ndim == 2 else 0
+        return int(_function(self.kernel, "roll")(
+            pointer(x), pointer(command), ctypes.c_longlong(stride), pointer(self.p), pointer(self._dt),
+            ctypes.c_longlong(ticks), pointer(trace), pointer(effort),
+        ))  # fmt: skip
+
+    def _by_call(self, x: Array, command: Array, ticks: int, trace: Array, effort: Array) -> int:
+        (x_in, r_in, p_in, _), (after, acted) = self._tick.inputs, self._tick.outputs
+        p_in[:] = self.p
+        for k in range(ticks):
+            x_in[:] = x
+            r_in[:] = command[k] if command.ndim == 2 else command
+            self._tick.run()
+            if not after @ after < 1e300:
+                return k
+            x[:] = after
+            trace[k], effort[k] = after, acted
+        return ticks
+
+
+class AdaptiveStepper:
+    """Error-controlled sub-steps inside every tick."""
+
+    def __init__(
+        self,
+        plant: Plant,
+        method: Method,
+        dt: float,
+        tolerance: float,
+        backend: str,
+        control: CompiledControl | None = None,
+    ) -> None:
+        attempt = build_attempt(method, plant.rhs, plant.model.n)
+        actuate = actuation(plant, control)
+        self._dt = dt
+        order = {"ORDER": str(method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
+        driver = driver_source("adaptive.c", plant, order, attempt, actuate)
+        self.kernel = Kernel([plant.acceleration, actuate, attempt], backend, driver)
+        check_kernel(plant, self.kernel)
+        self.p = plant.parameters.nominal
+        self.tick_operations = self.kernel.operations("attempt")
+        self._control = SubstepControl(tolerance, method.order)
+        self._attempt, self._actuate = self.kernel.call("attempt"), self.kernel.call("actuate")
+
+    def restart(self) -> None:
+        """Forget the length of the last sub-step and the error so far."""
+        self._control.restart()
+
+    def parameters_at(self, x: Array, u: Array) -> Array:
+        """See ``Stepper.parameters_at``."""
+        return self.p
+
+    def roll(
+        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
+    ) -> int:
+        """See ``Stepper.roll``."""
+        if self.kernel.library is None:
+            return self._by_call(x, command, ticks, trace, effort, errors)
+        stride = command.shape[-1] if command.ndim == 2 else 0
+        return int(_function(self.kernel, "roll_adaptive")(
+            pointer(x), pointer(command), ctypes.c_longlong(stride), pointer(self.p),
+            ctypes.c_double(self._dt), ctypes.c_longlong(ticks), pointer(trace), pointer(effort),
+            pointer(errors), ctypes.byref(self._control),
+        ))  # fmt: skip
+
+    def _by_call(
+        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
+    ) -> int:
+        for k in range(ticks):
+            effort[k] = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
+            if not controlled_tick(self._attempt, x, effort[k], self.p, self._dt, self._control):
+                return k
+            trace[k], errors[k] = x, self._control.error
+        return ticks
+
+
+def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
+    """One tick: what acts, then the step. (x, r, p, h) -> (x after, torque that acted)."""
+    x, p, h = (ca.MX.sym(name, step.size1_in(i)) for name, i in (("x", 0), ("p", 2), ("h", 3)))
+    r = ca.MX.sym("r", actuate.size1_in(1))
+    u = actuate(x, r)
+    return ca.Function("tick", [x, r, p, h], [step(x, u, p, h), u])
+
+
+def driver_source(
+    file: str, plant: Plant, defines: dict[str, str], *functions: ca.Function
+) -> str:
+    """C driver with the sizes of this scene and of the functions that it calls."""
+    sizes = {
+        "NX": plant.nx,
+        "NU": plant.model.n,
+        "SZ_ARG": max(function.sz_arg() for function in functions) + 8,
+        "SZ_RES": max(function.sz_res() for function in functions) + 8,
+        "SZ_IW": max(function.sz_iw() for function in functions) + 8,
+        "SZ_W": max(function.sz_w() for function in functions) + 8,
+    }
+    lines = [f"#define {name} {value}" for name, value in {**sizes, **defines}.items()]
+    return "\n".join(["", *lines, (NATIVE / file).read_text()])
+
+
+def _function(kernel: Kernel, name: str) -> ctypes._CFuncPtr:  # type: ignore[name-defined]
+    function = getattr(kernel.library, name)
+    function.restype = ctypes.c_longlong
+    return function
+
+
+def pointer(array: NDArray[np.float64]) -> ctypes.c_void_p:
+    """Address of an array for a C function."""
+    return ctypes.c_void_p(array.ctypes.data)
+
+
+def check_kernel(plant: Plant, kernel: Kernel) -> None:
+    """Hold the kernel's accelerations against Pinocchio before anyone uses them."""
+    call, nominal = kernel.call("acceleration"), plant.parameters.nominal
+
+    def acceleration(q: Array, v: Array, tau: Array) -> Array:
+        directions = np.sign(v) if plant.reaction else np.zeros(0)
+        return call(q, v, tau, np.concatenate([nominal, directions]))[0]
+
+    check_forward(Dynamics(plant.model), acceleration)

@@ -1,0 +1,33 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Fixtures that every test may use."""
+
+from __future__ import annotations
+
+from zlib import crc32
+
+import numpy as np
+import pytest
+
+import models
+
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    """Let a failing random test be repeated with its seed."""
+    parser.addoption("--seed", type=int, default=None, help="seed of the random generators")
+
+
+@pytest.fixture
+def rng(request: pytest.FixtureRequest) -> np.random.Generator:
+    """A generator of its own for each test, the same on every run; the seed shows when the test
+    fails.
+    """
+    given = request.config.getoption("--seed")
+    seed = crc32(request.node.nodeid.encode()) if given is None else given
+    print(f"random numbers: repeat with --seed={seed}")
+    return np.random.default_rng(seed)
+
+
+@pytest.fixture(params=models.ROBOTS)
+def robot(request: pytest.FixtureRequest) -> str:
+    """The name of each robot in turn, for ``models.dynamics`` and its neighbours."""
+    return str(request.param)

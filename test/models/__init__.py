@@ -1,0 +1,58 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robots that the tests run on, each loaded and built once."""
+
+from __future__ import annotations
+
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import Dynamics, Scene, load_scene
+from arm_sim import Simulator
+from models.oracle import Oracle
+
+FOLDER = Path(__file__).parent
+SCENES = FOLDER.parents[1] / "src/arm_sim/arm_sim/scenes"
+
+REAL = ("panda", "ur10", "kinova", "z1")
+OWN = ("pendulum", "double_pendulum", "two_link", "puma560")
+MADE = tuple(sorted(path.stem for path in FOLDER.glob("*.urdf")))
+ROBOTS = (*REAL, *OWN, *MADE)
+
+
+@cache
+def scene(name: str) -> Scene:
+    """The scene of one of ``ROBOTS``, or of a scene file beside this one."""
+    places = SCENES / f"{name}.yaml", FOLDER / f"{name}.yaml", FOLDER / f"{name}.urdf"
+    return load_scene(next(path for path in places if path.is_file()))
+
+
+@cache
+def dynamics(name: str) -> Dynamics:
+    """Its dynamics, shared by all tests."""
+    return Dynamics(scene(name))
+
+
+@cache
+def oracle(name: str) -> Oracle:
+    """The same robot through Pinocchio alone."""
+    return Oracle(scene(name))
+
+
+def simulator(name: str, **options: Any) -> Simulator:
+    """A simulator of the robot, built once for each set of options and put back to its start."""
+    sim = _simulator(name, tuple(sorted(options.items())))
+    sim.reset()
+    return sim
+
+
+@cache
+def _simulator(name: str, options: tuple[tuple[str, Any], ...]) -> Simulator:
+    return Simulator(scene(name), **dict(options))
+
+
+def random_state(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Any position, a brisk velocity and an acceleration (or torque), each of shape (n,)."""
+    return rng.uniform(-np.pi, np.pi, n), rng.normal(0.0, 2.0, n), rng.normal(0.0, 10.0, n)

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A ROS of its own for one test."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from itertools import count
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+DOMAINS = 100  # domains above 101 collide with ports that the system gives away
+_domain = count(os.getpid())
+
+
+class Ros:
+    """A context with an executor and a node to talk to the one under test.
+
+    Attributes:
+        domain: Domain id, for processes that shall take part.
+        peer: A node that publishes, subscribes and calls.
+    """
+
+    def __init__(self) -> None:
+        self.domain = 1 + next(_domain) % DOMAINS
+        self.context = Context()
+        rclpy.init(args=[], context=self.context, domain_id=self.domain)
+        self._executor = SingleThreadedExecutor(context=self.context)
+        self._nodes: list[Node] = []
+        self.peer = self.add(Node, "test_peer")
+
+    def add(self, make: Callable[..., Any], *args: Any, **parameters: Any) -> Any:
+        """Build a node in this context; parameters are given by name."""
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        node = make(*args, context=self.context, parameter_overrides=overrides)
+        self._nodes.append(node)
+        self._executor.add_node(node)
+        return node
+
+    def spin_until(self, done: Callable[[], Any], timeout: float = 10.0) -> None:
+        """Run callbacks until ``done`` is true."""
+        end = time.monotonic() + timeout
+        while not done():
+            assert time.monotonic() < end, "nothing came in time"
+            self._executor.spin_once(timeout_sec=0.02)
+
+    def call(self, kind: Any, name: str, request: Any) -> Any:
+        """Call a service and return its response."""
+        client = self.peer.create_client(kind, name)
+        self.spin_until(client.service_is_ready)
+        for _ in range(5):  # the reply to a first call may get lost while the ends find each other
+            future = client.call_async(request)
+            try:
+                self.spin_until(future.done, timeout=5.0)
+            except AssertionError:
+                continue
+            self.peer.destroy_client(client)
+            return future.result()
+        raise AssertionError(f"{name} does not answer")
+
+    def publisher(self, kind: Any, name: str, qos: Any = 10) -> Any:
+        """A publisher that has found its subscriber."""
+        publisher = self.peer.create_publisher(kind, name, qos)
+        self.spin_until(publisher.get_subscription_count)
+        return publisher
+
+    def listen(self, kind: Any, name: str, qos: Any = 10) -> list[Any]:
+        """A list that fills with the messages of a topic whose publisher was found."""
+        heard: list[Any] = []
+        self.peer.create_subscription(kind, name, heard.append, qos)
+        self.spin_until(lambda: self.peer.count_publishers(name))
+        return heard
+
+    def close(self) -> None:
+        """Take everything down."""
+        self._executor.shutdown()
+        for node in self._nodes:
+            node.destroy_node()
+        self.context.try_shutdown()

@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The dynamics node's answers against the core, and what it says to bad requests."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from arm_msgs.srv import DynamicsTerms, ForwardDynamics, InverseDynamics, ModelInfo
+from harness import Ros
+from rclpy.parameter import Parameter
+from std_msgs.msg import String
+
+import models
+from arm_dynamics import ArmError, Term
+from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import LATCHED, MAX_POINTS, MAX_TERMS_POINTS
+from tolerances import PINOCCHIO, assert_close
+
+pytestmark = pytest.mark.ros
+
+PENDULUM = (models.SCENES / "pendulum.urdf").read_text()
+TWO_LINK = (models.SCENES / "two_link.urdf").read_text()
+
+
+@pytest.fixture
+def node(ros: Ros) -> DynamicsNode:
+    """Knows the Panda."""
+    return ros.add(DynamicsNode, models.scene("panda"))
+
+
+def inverse(node: DynamicsNode, **fields: Any) -> Any:
+    return node.on_inverse_dynamics(InverseDynamics.Request(**fields), InverseDynamics.Response())
+
+
+def forward(node: DynamicsNode, **fields: Any) -> Any:
+    return node.on_forward_dynamics(ForwardDynamics.Request(**fields), ForwardDynamics.Response())
+
+
+def terms(node: DynamicsNode, **fields: Any) -> Any:
+    return node.on_dynamics_terms(DynamicsTerms.Request(**fields), DynamicsTerms.Response())
+
+
+def info(node: DynamicsNode) -> Any:
+    return node.on_model_info(ModelInfo.Request(), ModelInfo.Response())
+
+
+def batch(rng: np.random.Generator, count: int, n: int = 7) -> np.ndarray:
+    return rng.normal(size=(3, count, n))
+
+
+@pytest.mark.parametrize("chosen", [Term.ALL, Term.GRAVITY, Term.INERTIA | Term.FRICTION])
+def test_inverse_dynamics_over_the_wire(ros: Ros, rng: np.random.Generator, chosen: Term) -> None:
+    ros.add(DynamicsNode, models.scene("panda"))
+    q, v, a = batch(rng, 3)
+    request = InverseDynamics.Request(
+        position=q.ravel(), velocity=v.ravel(), acceleration=a.ravel(), terms=int(chosen)
+    )
+    answer = ros.call(InverseDynamics, "/dynamics/inverse_dynamics", request)
+    wanted = models.dynamics("panda").inverse(q, v, a, chosen)
+    assert answer.success, answer.message
+    assert_close(answer.effort, wanted.ravel(), PINOCCHIO)
+    assert tuple(answer.joint_names) == models.dynamics("panda").joint_names
+
+
+def test_every_service_is_offered_under_the_nodes_name(ros: Ros) -> None:
+    ros.add(lambda **kw: DynamicsNode(models.scene("two_link"), namespace="/left", **kw))
+    zeros = {"position": [0.0] * 2}
+    for kind, name, fields in (
+        (ForwardDynamics, "forward_dynamics", zeros),
+        (DynamicsTerms, "dynamics_terms", zeros),
+        (ModelInfo, "model_info", {}),
+    ):
+        assert ros.call(kind, f"/left/dynamics/{name}", kind.Request(**fields)).success
+
+
+def test_forward_dynamics(node: DynamicsNode, rng: np.random.Generator) -> None:
+    q, v, tau = batch(rng, 5)
+    answer = forward(node, position=q.ravel(), velocity=v.ravel(), effort=tau.ravel())
+    assert answer.success, answer.message
+    assert_close(answer.acceleration, node.dynamics.forward(q, v, tau).ravel(), PINOCCHIO)
+
+
+def test_terms_add_up(node: DynamicsNode, rng: np.random.Generator) -> None:
+    q, v, a = batch(rng, 4)
+    answer = terms(node, position=q.ravel(), velocity=v.ravel())
+    assert answer.success, answer.message
+    mass = np.reshape(answer.mass_matrix, (4, 7, 7))
+    coriolis = np.reshape(answer.coriolis_matrix, (4, 7, 7))
+    rest = np.reshape(answer.gravity, (4, 7)) + np.reshape(answer.friction, (4, 7))
+    whole = np.einsum("kij,kj->ki", mass, a) + np.einsum("kij,kj->ki", coriolis, v) + rest
+    assert_close(whole, node.dynamics.inverse(q, v, a), PINOCCHIO)
+    kinetic, potential = node.dynamics.energy(q, v)
+    assert_close(answer.kinetic_energy, 0.5 * np.einsum("ki,kij,kj->k", v, mass, v), PINOCCHIO)
+    assert_close(answer.kinetic_energy, kinetic, PINOCCHIO)
+    assert_close(answer.potential_energy, potential, PINOCCHIO)
+
+
+def test_absent_velocity_and_acceleration_are_zero(node: DynamicsNode) -> None:
+    q = np.linspace(-1.0, 1.0, 7)
+    assert_close(inverse(node, position=q).effort, node.dynamics.gravity(q), PINOCCHIO)
+    still = np.zeros(7)
+    wanted = node.dynamics.forward(q, still, still)
+    assert_close(forward(node, position=q).acceleration, wanted, PINOCCHIO)
+
+
+def test_order_of_joint_names_is_the_order_of_everything(
+    node: DynamicsNode, rng: np.random.Generator
+) -> None:
+    order = rng.permutation(7)
+    names = [node.dynamics.joint_names[i] for i in order]
+    q, v, a = batch(rng, 2)
+    mixed = {
+        "joint_names": names,
+        "position": q[:, order].ravel(),
+        "velocity": v[:, order].ravel(),
+    }
+    answer = inverse(node, acceleration=a[:, order].ravel(), **mixed)
+    assert list(answer.joint_names) == names
+    wanted = node.dynamics.inverse(q, v, a)
+    assert_close(answer.effort, wanted[:, order].ravel(), PINOCCHIO)
+    answer = forward(node, effort=wanted[:, order].ravel(), **mixed)
+    assert_close(answer.acceleration, a[:, order].ravel(), 1e-9)
+    answer = terms(node, **mixed)
+    across = np.ix_([0, 1], order, order)
+    for matrices, exact in (
+        (answer.mass_matrix, node.dynamics.mass_matrix(q)),
+        (answer.coriolis_matrix, node.dynamics.coriolis_matrix(q, v)),
+    ):
+        assert_close(np.reshape(matrices, (2, 7, 7)), exact[across], PINOCCHIO)
+    assert_close(answer.gravity, node.dynamics.gravity(q)[:, order].ravel(), PINOCCHIO)
+
+
+def test_model_info(node: DynamicsNode) -> None:
+    answer, model = info(node), node.dynamics.model
+    assert answer.success
+    assert tuple(answer.joint_names) == model.joint_names
+    assert tuple(answer.joint_types) == model.joint_types
+    assert tuple(answer.frame_names) == model.frame_names
+    np.testing.assert_array_equal(answer.position_lower, model.position_lower)
+    np.testing.assert_array_equal(answer.position_upper, model.position_upper)
+    np.testing.assert_array_equal(answer.velocity_limits, model.velocity_limit)
+    np.testing.assert_array_equal(answer.effort_limits, model.effort_limit)
+    np.testing.assert_array_equal(answer.gravity, [0.0, 0.0, -9.81])
+    assert answer.total_mass == model.total_mass
+    assert "7 joints" in answer.summary
+
+
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({}, "position has 0 numbers; allowed is a multiple of 7"),
+        ({"position": [0.0] * 6}, "position has 6 numbers; allowed is a multiple of 7"),
+        ({"position": [0.0] * 8}, "position has 8 numbers"),
+        (
+            {"position": [0.0] * 14, "velocity": [0.0] * 7},
+            "velocity has 7 numbers; allowed is 0 or 14",
+        ),
+        ({"position": [0.0] * 7, "acceleration": [0.0]}, "acceleration has 1 numbers"),
+        (
+            {"position": [0.0] * 9 + [np.nan] + [0.0] * 4},
+            "position of joint 'panda_joint3' at point 1 is nan; allowed are finite numbers",
+        ),
+        ({"position": [0.0] * 7, "velocity": [np.inf] * 7}, "velocity of joint 'panda_joint1'"),
+        ({"position": [0.0] * 7, "terms": 16}, "16"),
+        ({"position": [1e308] * 7, "velocity": [1e308] * 7}, "too large"),
+        ({"position": [0.0] * 7 * (MAX_POINTS + 1)}, f"up to {MAX_POINTS} in one call"),
+        ({"position": [0.0] * 7, "joint_names": ["nobody"] * 7}, "unknown joints nobody"),
+        ({"position": [0.0] * 7, "joint_names": ["panda_joint1"] * 7}, "each of panda_joint1"),
+        ({"position": [0.0], "joint_names": ["panda_joint1"]}, "each of panda_joint1"),
+        ({"position": [0.0] * 7, "joint_names": ["x"] * 100_000}, "100000 joint names; allowed"),
+    ],
+)
+def test_bad_requests_are_refused_and_the_node_goes_on(
+    node: DynamicsNode, fields: dict[str, Any], complaint: str
+) -> None:
+    answer = inverse(node, **fields)
+    assert not answer.success
+    assert complaint in answer.message
+    assert len(answer.message) < 1000
+    assert len(answer.effort) == 0
+    assert inverse(node, position=[0.0] * 7).success
+
+
+def test_batches_with_matrices_are_smaller(node: DynamicsNode) -> None:
+    answer = terms(node, position=[0.0] * 7 * (MAX_TERMS_POINTS + 1))
+    assert f"up to {MAX_TERMS_POINTS} in one call" in answer.message
+
+
+def test_an_unexpected_failure_is_answered(
+    node: DynamicsNode, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail(*_: Any) -> None:
+        raise ZeroDivisionError("by surprise")
+
+    monkeypatch.setattr(node.dynamics, "inverse", fail)
+    answer = inverse(node, position=[0.0] * 7)
+    assert not answer.success
+    assert "by surprise" in answer.message
+
+
+def test_without_a_robot_every_service_says_so(ros: Ros) -> None:
+    node = ros.add(DynamicsNode)
+    for answer in (inverse(node, position=[0.0]), forward(node), terms(node), info(node)):
+        assert not answer.success
+        assert "/robot_description" in answer.message
+
+
+def test_description_comes_by_topic_even_if_it_was_published_before(ros: Ros) -> None:
+    publisher = ros.peer.create_publisher(String, "/robot_description", LATCHED)
+    publisher.publish(String(data=PENDULUM))
+    node = ros.add(DynamicsNode)
+    ros.spin_until(lambda: info(node).success)
+    assert len(info(node).joint_names) == 1
+    publisher.publish(String(data=TWO_LINK))
+    ros.spin_until(lambda: len(info(node).joint_names) == 2)
+
+
+@pytest.mark.parametrize(
+    "broken", ["", "no urdf", "<robot", "<robot name='x'/>", str(models.SCENES / "pendulum.urdf")]
+)
+def test_broken_description_keeps_the_one_before(
+    ros: Ros, broken: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = ros.add(DynamicsNode, robot_description=TWO_LINK)
+    node.on_robot_description(String(data=broken))
+    assert len(info(node).joint_names) == 2
+    assert "robot_description refused, the one before stays" in capfd.readouterr().err
+
+
+def test_description_as_a_parameter_may_change(ros: Ros) -> None:
+    node = ros.add(DynamicsNode, robot_description=TWO_LINK)
+    broken = Parameter("robot_description", value="<robot")
+    assert not node.set_parameters([broken])[0].successful
+    assert len(info(node).joint_names) == 2
+    assert node.set_parameters([Parameter("robot_description", value=PENDULUM)])[0].successful
+    assert len(info(node).joint_names) == 1
+
+
+def test_scene_wins_over_the_description(ros: Ros) -> None:
+    scene = str(models.SCENES / "two_link.yaml")
+    node = ros.add(DynamicsNode, scene=scene, robot_description=PENDULUM)
+    assert len(info(node).joint_names) == 2
+    assert not ros.peer.count_subscribers("/robot_description")
+
+
+def test_a_scene_that_cannot_be_used_is_refused_at_start(ros: Ros) -> None:
+    with pytest.raises(ArmError, match="nowhere.yaml"):
+        ros.add(DynamicsNode, scene="nowhere.yaml")

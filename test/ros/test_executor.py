@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whichever executor is chosen, it dispatches."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+import rclpy.experimental.events_executor as events_executor
+from harness import Ros
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+
+from arm_dynamics.ros.executor import make_executor, spin, surviving
+
+pytestmark = pytest.mark.ros
+
+
+class Deaf:
+    """An executor that dispatches nothing."""
+
+    def __init__(self, context: Any) -> None:
+        self.closed = False
+
+    def add_node(self, node: Node) -> None:
+        pass
+
+    def remove_node(self, node: Node) -> None:
+        pass
+
+    def spin_once(self, timeout_sec: float) -> None:
+        pass
+
+    def shutdown(self) -> None:
+        self.closed = True
+
+
+@pytest.fixture
+def node(ros: Ros) -> Any:
+    """A node that nobody spins yet."""
+    node = Node("spun", context=ros.context)
+    yield node
+    node.destroy_node()
+
+
+def ticks_of(node: Node) -> int:
+    called: list[int] = []
+    node.create_timer(0.005, lambda: called.append(1))
+    spin(node, lambda: len(called) >= 3)
+    return len(called)
+
+
+def test_dispatches(node: Node) -> None:
+    assert ticks_of(node) >= 3
+
+
+def test_falls_back_when_the_events_executor_dispatches_nothing(
+    node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deaf = Deaf(None)
+    monkeypatch.setattr(events_executor, "EventsExecutor", lambda context: deaf)
+    executor = make_executor(node)
+    assert isinstance(executor, SingleThreadedExecutor)
+    assert deaf.closed
+    executor.remove_node(node)
+    executor.shutdown()
+    assert ticks_of(node) >= 3
+
+
+def test_the_probe_leaves_nothing_behind(node: Node) -> None:
+    executor = make_executor(node)
+    assert list(node.timers) == []
+    executor.shutdown()
+
+
+def test_a_callback_that_fails_does_not_end_the_node(
+    node: Node, capfd: pytest.CaptureFixture[str]
+) -> None:
+    surviving(node, lambda message: 1 / message)(0)
+    assert "ZeroDivisionError" in capfd.readouterr().err

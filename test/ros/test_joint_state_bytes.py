@@ -1,0 +1,206 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JointState as bytes, against the generated serializer and deserializer."""
+
+from __future__ import annotations
+
+import struct
+
+import numpy as np
+import pytest
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros.joint_state_bytes import (
+    FIELDS,
+    JointStateReader,
+    JointStateWriter,
+    layout_of,
+)
+
+pytestmark = pytest.mark.ros
+
+NAMES = ["base", "elbow", "wrist_é"]
+
+
+def random_message(rng: np.random.Generator) -> JointState:
+    """Names and frames of any length, arrays that may be absent."""
+    count = int(rng.integers(0, 7))
+    names = ["".join(rng.choice(list("abcé"), rng.integers(0, 9))) + str(i) for i in range(count)]
+    message = JointState(name=names)
+    message.header.frame_id = "x" * int(rng.integers(0, 9))
+    message.header.stamp.sec = int(rng.integers(-(2**31), 2**31))
+    message.header.stamp.nanosec = int(rng.integers(0, 10**9))
+    for field in FIELDS:
+        if rng.random() < 0.7:
+            setattr(message, field, rng.normal(size=rng.choice([count, count, 3])).tolist())
+    return message
+
+
+def state(**fields: list[float]) -> JointState:
+    return JointState(name=NAMES, **fields)
+
+
+def reader(**options: bool) -> JointStateReader:
+    options = {"partial": False, "extra": False, **options}
+    return JointStateReader(NAMES, ("position", "velocity"), **options)
+
+
+def big_endian(message: JointState) -> bytes:
+    """What a machine of the other byte order would send."""
+
+    def text(data: bytes, value: str) -> bytes:
+        encoded = value.encode() + b"\0"
+        data += b"\0" * (-len(data) % 4)
+        return data + struct.pack(">I", len(encoded)) + encoded
+
+    stamp = message.header.stamp
+    data = text(struct.pack(">iI", stamp.sec, stamp.nanosec), message.header.frame_id)
+    data += b"\0" * (-len(data) % 4) + struct.pack(">I", len(message.name))
+    for name in message.name:
+        data = text(data, name)
+    for field in FIELDS:
+        values = getattr(message, field)
+        data += b"\0" * (-len(data) % 4) + struct.pack(">I", len(values))
+        data += b"\0" * (-len(data) % 8 if len(values) else 0)
+        data += struct.pack(f">{len(values)}d", *values)
+    return b"\0\0\0\0" + data
+
+
+def test_layout_is_that_of_the_generated_serializer(rng: np.random.Generator) -> None:
+    for _ in range(300):
+        message = random_message(rng)
+        raw = serialize_message(message)
+        layout = layout_of(message, raw)
+        assert layout.fits(raw)
+        assert layout.size <= len(raw)
+        for i, field in enumerate(FIELDS):
+            np.testing.assert_array_equal(layout.array(raw, i), getattr(message, field))
+
+
+def test_layout_notices_every_byte_that_matters(rng: np.random.Generator) -> None:
+    message = state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0])
+    raw = bytearray(serialize_message(message))
+    layout = layout_of(message, bytes(raw))
+    for at in range(layout.size):
+        changed = bytearray(raw)
+        changed[at] ^= 0xFF
+        if not layout.fits(bytes(changed)):
+            continue
+        try:
+            other = deserialize_message(bytes(changed), JointState)
+        except Exception:
+            pytest.fail(f"byte {at} makes it unreadable, and was not noticed")
+        assert other.name == message.name
+        for i, field in enumerate(FIELDS):
+            np.testing.assert_array_equal(layout.array(bytes(changed), i), getattr(other, field))
+
+
+@pytest.mark.parametrize("frame_id", ["", "a", "base", "world_1"])
+@pytest.mark.parametrize("fields", [FIELDS, ("effort",), ("position", "velocity")])
+def test_written_bytes_are_the_message(fields: tuple[str, ...], frame_id: str) -> None:
+    writer = JointStateWriter(NAMES, fields, frame_id)
+    for stamp in (0, 1, 999_999_999, 12_345_678_901_234):
+        arrays = stamp + np.arange(3.0 * len(fields)).reshape(-1, 3)
+        message = deserialize_message(writer.write(stamp, *arrays), JointState)
+        assert (message.header.frame_id, message.name) == (frame_id, NAMES)
+        assert message.header.stamp.sec * 10**9 + message.header.stamp.nanosec == stamp
+        for field in FIELDS:
+            wanted = arrays[fields.index(field)] if field in fields else []
+            np.testing.assert_array_equal(getattr(message, field), wanted)
+
+
+def test_messages_written_earlier_do_not_change() -> None:
+    writer = JointStateWriter(NAMES, ("effort",))
+    first = writer.write(1, np.ones(3))
+    kept = bytes(first)
+    writer.write(2, np.zeros(3))
+    assert first == kept
+
+
+def test_reads_what_was_serialized_and_learns_it_once(rng: np.random.Generator) -> None:
+    read = reader()
+    for stamp in range(5):
+        message = state(position=rng.normal(size=3).tolist(), velocity=[1.0, 2.0, 3.0])
+        message.header.stamp.nanosec = stamp
+        at, values = read.read(serialize_message(message))
+        assert at == stamp
+        np.testing.assert_array_equal(values, [message.position, message.velocity])
+    assert read.slow_reads == 1
+
+
+def test_reads_the_other_byte_order() -> None:
+    message = state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0])
+    message.header.stamp.sec = 7
+    at, values = reader().read(big_endian(message))
+    assert at == 7 * 10**9
+    np.testing.assert_array_equal(values, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+
+
+def test_reads_by_name() -> None:
+    message = JointState(name=NAMES[::-1], position=[3.0, 2.0, 1.0], velocity=[6.0, 5.0, 4.0])
+    _, values = reader().read(serialize_message(message))
+    np.testing.assert_array_equal(values, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
+
+
+def test_several_publishers_are_all_known() -> None:
+    read = reader()
+    orders = [NAMES, NAMES[::-1], [NAMES[1], NAMES[0], NAMES[2]]]
+    for _ in range(3):
+        for names in orders:
+            position = [float(NAMES.index(name)) for name in names]
+            message = JointState(name=names, position=position, velocity=[0.0] * 3)
+            np.testing.assert_array_equal(read.read(serialize_message(message))[1][0], [0, 1, 2])
+    assert read.slow_reads == len(orders)
+
+
+def test_extra_joints_are_passed_over_when_allowed() -> None:
+    message = JointState(name=["hand", *NAMES], position=[9.0, 1, 2, 3], velocity=[9.0, 4, 5, 6])
+    raw = serialize_message(message)
+    np.testing.assert_array_equal(reader(extra=True).read(raw)[1], [[1, 2, 3], [4, 5, 6]])
+    with pytest.raises(InvalidInput, match="unknown joints hand; allowed are base, elbow"):
+        reader().read(raw)
+
+
+def test_absent_joints_keep_their_numbers_when_allowed() -> None:
+    read = reader(partial=True)
+    whole = state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0])
+    part = JointState(name=NAMES[1:2], position=[7.0], velocity=[8.0])
+    read.read(serialize_message(whole))
+    np.testing.assert_array_equal(read.read(serialize_message(part))[1], [[1, 7, 3], [4, 8, 6]])
+    with pytest.raises(InvalidInput, match="joints base, wrist_é are missing"):
+        reader().read(serialize_message(part))
+
+
+@pytest.mark.parametrize(
+    ("message", "complaint"),
+    [
+        (state(position=[1.0, 2.0, 3.0]), "velocity has 0 numbers for 3 joints"),
+        (state(position=[1.0], velocity=[1.0]), "position has 1 numbers for 3 joints"),
+        (
+            state(position=[1.0, np.nan, 3.0], velocity=[0.0] * 3),
+            "position of joint 'elbow' is nan; allowed are finite numbers",
+        ),
+        (state(position=[1.0] * 3, velocity=[0.0, 0.0, np.inf]), "'wrist_é' is inf"),
+        (JointState(name=["base"] * 3, position=[0.0] * 3, velocity=[0.0] * 3), "all different"),
+        (JointState(), "joints base, elbow, wrist_é are missing"),
+    ],
+)
+def test_useless_messages_are_refused(message: JointState, complaint: str) -> None:
+    with pytest.raises(InvalidInput, match=complaint):
+        reader().read(serialize_message(message))
+
+
+def test_refused_numbers_are_not_kept() -> None:
+    read = reader(partial=True)
+    with pytest.raises(InvalidInput):
+        read.read(serialize_message(state(position=[np.nan] * 3, velocity=[5.0] * 3)))
+    part = JointState(name=NAMES[:1], position=[1.0], velocity=[1.0])
+    np.testing.assert_array_equal(read.read(serialize_message(part))[1], [[1, 0, 0], [1, 0, 0]])
+
+
+def test_rubbish_is_refused(rng: np.random.Generator) -> None:
+    good = serialize_message(state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0]))
+    for length in (0, 1, 3, 4, 11, 30, 60):
+        with pytest.raises(InvalidInput, match="are not a JointState"):
+            reader().read(good[:length])

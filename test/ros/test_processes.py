@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes as processes of their own: they start, close the loop, and end when asked."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+import pytest
+from arm_msgs.srv import ModelInfo
+from harness import Ros
+from sensor_msgs.msg import JointState
+
+import models
+
+pytestmark = pytest.mark.ros
+
+NODES = {
+    "dynamics": "arm_dynamics.ros.dynamics_node",
+    "sim": "arm_sim.ros.sim_node",
+    "controller": "arm_dynamics.ros.controller_node",
+}
+SCENE = str(models.SCENES / "two_link.yaml")
+
+
+class Processes:
+    """Nodes started as their console scripts do."""
+
+    def __init__(self, domain: int) -> None:
+        self._environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+        self._started: list[subprocess.Popen[str]] = []
+
+    def start(self, node: str, **parameters: Any) -> subprocess.Popen[str]:
+        entry = f"from {NODES[node]} import main; main()"
+        pairs = [word for item in parameters.items() for word in ("-p", "{}:={}".format(*item))]
+        process = subprocess.Popen(
+            [sys.executable, "-c", entry, "--ros-args", *pairs],
+            env=self._environment,
+            stdout=subprocess.PIPE,
+            stderr=subprocess.STDOUT,
+            text=True,
+        )
+        self._started.append(process)
+        return process
+
+    def kill(self) -> None:
+        for process in self._started:
+            if process.poll() is None:
+                process.kill()
+            process.communicate()
+
+
+def stamps(messages: list[JointState]) -> set[tuple[int, int]]:
+    return {(m.header.stamp.sec, m.header.stamp.nanosec) for m in messages}
+
+
+@pytest.fixture
+def processes(ros: Ros) -> Iterator[Processes]:
+    """Starts nodes in the domain of the test, and leaves none behind."""
+    started = Processes(ros.domain)
+    yield started
+    started.kill()
+
+
+@pytest.mark.parametrize("end", [signal.SIGINT, signal.SIGTERM])
+def test_three_processes_close_the_loop_and_end(
+    ros: Ros, processes: Processes, end: signal.Signals
+) -> None:
+    running = {name: processes.start(name, scene=SCENE) for name in NODES}
+    ros.call(ModelInfo, "/dynamics/model_info", ModelInfo.Request())
+    commands = ros.listen(JointState, "/joint_commands")
+    states = ros.listen(JointState, "/joint_states")
+    ros.spin_until(lambda: len(commands) > 100 and len(states) > 100)
+    assert np.any(states[-1].effort)
+    assert stamps(commands) & stamps(states)
+    for process in running.values():
+        process.send_signal(end)
+    for name, process in running.items():
+        said, _ = process.communicate(timeout=10.0)
+        assert process.returncode == 0, said
+        assert "Traceback" not in said, said
+        assert "FATAL" not in said, said
+        if name == "sim":
+            assert "per second" in said
+
+
+@pytest.mark.parametrize("node", NODES)
+def test_a_scene_that_cannot_be_used_ends_it_with_one_error(
+    processes: Processes, node: str
+) -> None:
+    process = processes.start(node, scene="nowhere.yaml")
+    said, _ = process.communicate(timeout=20.0)
+    assert process.returncode == 2
+    assert said.count("error: ") == 1
+    assert "nowhere.yaml" in said
+    assert "Traceback" not in said

@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The loop by the clock: bounds wide enough for a busy machine."""
+
+from __future__ import annotations
+
+import threading
+import time
+
+import numpy as np
+import pytest
+
+from arm_sim.ros.histogram import Histogram
+from arm_sim.ros.realtime_loop import RealtimeLoop
+
+pytestmark = pytest.mark.ros
+
+
+def run(loop: RealtimeLoop, seconds: float) -> None:
+    loop.start()
+    time.sleep(seconds)
+    loop.stop()
+
+
+def test_ticks_at_its_rate() -> None:
+    ticks: list[float] = []
+    loop = RealtimeLoop(lambda: ticks.append(time.monotonic()), 1e-3)
+    run(loop, 0.5)
+    report = loop.report()
+    assert report.ticks == len(ticks)
+    assert 450 <= report.ticks <= 600
+    assert report.rate == pytest.approx(report.ticks / report.elapsed)
+    assert 0.0 <= report.lateness.p50 <= report.lateness.p99 <= report.lateness.max
+
+
+def test_makes_up_for_a_long_tick_without_hurry() -> None:
+    began: list[float] = []
+
+    def tick() -> None:
+        began.append(time.monotonic())
+        if len(began) == 10:
+            time.sleep(0.05)
+
+    loop = RealtimeLoop(tick, 2e-3, closest=0.5)
+    run(loop, 0.4)
+    assert 180 <= len(began) <= 230
+    assert loop.report().missed >= 20
+    assert loop.report().dropped == 0
+    assert np.diff(began).min() >= 0.9e-3
+
+
+def test_gives_up_deadlines_when_too_far_behind() -> None:
+    count = [0]
+
+    def tick() -> None:
+        count[0] += 1
+        if count[0] == 5:
+            time.sleep(0.1)
+
+    loop = RealtimeLoop(tick, 2e-3, give_up=0.05)
+    run(loop, 0.3)
+    assert loop.report().dropped >= 45
+    assert count[0] + loop.report().dropped >= 130
+
+
+def test_stop_waits_for_the_last_tick() -> None:
+    loop = RealtimeLoop(lambda: time.sleep(0.02), 1e-3)
+    run(loop, 0.05)
+    ticks = loop.report().ticks
+    time.sleep(0.05)
+    assert loop.report().ticks == ticks
+    assert all(thread.name != "realtime_loop" for thread in threading.enumerate())
+
+
+def test_stop_without_start_and_from_within() -> None:
+    RealtimeLoop(lambda: None, 1e-3).stop()
+    loop = RealtimeLoop(lambda: loop.stop(), 1e-3)
+    run(loop, 0.05)
+    assert loop.report().ticks == 1
+
+
+def test_histogram_is_exact_to_the_microsecond(rng: np.random.Generator) -> None:
+    values = rng.integers(0, 15_000_000, 4000)
+    histogram = Histogram()
+    for value in values:
+        histogram.add(int(value))
+    summary = histogram.percentiles()
+    assert summary.count == 4000
+    assert summary.p50 == pytest.approx(1e-9 * np.percentile(values, 50), abs=1e-5)
+    assert summary.p99 == pytest.approx(1e-9 * np.percentile(values, 99), abs=1e-5)
+    assert summary.max == 1e-9 * values.max()
+
+
+def test_histogram_takes_anything() -> None:
+    histogram = Histogram()
+    assert histogram.percentiles().count == 0
+    for value in (-5, 10**12):
+        histogram.add(value)
+    assert histogram.percentiles().max == pytest.approx(1000.0)
+    assert "max 1000000000" in str(histogram.percentiles())

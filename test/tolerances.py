@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every tolerance of the tests, named once, and the one way to apply them."""
+
+from __future__ import annotations
+
+from typing import Final
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+PINOCCHIO: Final = 1e-12
+"""Numeric answers against Pinocchio called directly; sums of terms against the whole."""
+
+ALGEBRA: Final = 1e-10
+"""Generated functions against Pinocchio."""
+
+INVERSE_PAIR: Final = 1e-9
+"""Inverse dynamics of forward dynamics against the torque that went in."""
+
+FINITE_DIFF: Final = 1e-5
+"""Anything against a finite difference."""
+
+BACKENDS: Final = 1e-12
+"""The virtual machine against compiled code, over a few steps."""
+
+CLOSED_FORM: Final = 1e-12
+"""Equations of motion written out by hand."""
+
+ORDER: Final = 0.3
+"""Measured order of an integrator against the one it states."""
+
+PUMA: Final = 1e-9
+"""Published joint torques of the Puma 560."""
+
+TRAJECTORY: Final = 1e-6
+"""RK4 at 1 ms against the reference problems: [rad] or [m] over 10 s."""
+
+ENERGY_DRIFT: Final = 1e-6
+"""RK4 at 1 ms without losses, relative to the energy that moves, over a second."""
+
+
+def assert_close(actual: ArrayLike, desired: ArrayLike, tolerance: float) -> None:
+    """Assert agreement to ``tolerance`` relative to the largest desired element, or to one if that
+    is larger.
+
+    Args:
+        actual: What was computed.
+        desired: What it should be, of the same shape.
+        tolerance: One of the names above.
+    """
+    wanted = np.asarray(desired)
+    assert np.shape(actual) == wanted.shape, f"shape {np.shape(actual)}, wanted {wanted.shape}"
+    scale = max(1.0, float(np.abs(wanted).max(initial=0.0)))
+    np.testing.assert_allclose(actual, wanted, rtol=0.0, atol=tolerance * scale)

@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: Apache-2.0
+"""CasADi's virtual machine and compiled code tell the same story."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from tolerances import BACKENDS, assert_close
+
+OPTIONS: list[dict[str, Any]] = [
+    {"integrator": "euler"},
+    {"integrator": "semi_implicit_euler"},
+    {"integrator": "rk4"},
+    {"tolerance": 1e-8},
+]
+TICKS = 20
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=str)
+@pytest.mark.parametrize("name", ["panda", "gripper", "scara", "z1"])
+def test_the_same_motion(name: str, options: dict[str, Any], rng: np.random.Generator) -> None:
+    native = models.simulator(name, backend="native", **options)
+    virtual = models.simulator(name, backend="vm", **options)
+    torque = rng.normal(0.0, 2.0, (TICKS, native.n))
+    runs = [sim.run(TICKS * sim.dt, torque) for sim in (native, virtual)]
+    assert_close(runs[1].q, runs[0].q, BACKENDS)
+    assert_close(runs[1].v, runs[0].v, BACKENDS)
+    np.testing.assert_array_equal(runs[1].tau, runs[0].tau)
+
+
+def test_the_same_error_estimate(rng: np.random.Generator) -> None:
+    native, virtual = (
+        models.simulator("panda", tolerance=1e-8, backend=b) for b in ("native", "vm")
+    )
+    torque = rng.normal(0.0, 2.0, (TICKS, 7))
+    errors = [sim.run(TICKS * sim.dt, torque).error for sim in (native, virtual)]
+    assert errors[0][-1] > 0.0
+    np.testing.assert_allclose(errors[1], errors[0], rtol=1e-6, atol=1e-18)
+
+
+def test_the_plan_names_the_backend() -> None:
+    assert "virtual machine" in str(models.simulator("gantry", backend="vm").plan)
+    assert "virtual machine" not in str(models.simulator("gantry", backend="native").plan)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""When numbers stop being finite, the simulation says so and keeps the last good state."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmError
+from arm_sim import SimulationDiverged, Simulator
+
+# Friction so stiff that explicit steps of 10 ms grow without bound.
+STIFF = {
+    "robot": {"urdf": str(models.FOLDER / "planar_3r.urdf")},
+    "joints": {"*": {"friction": {"viscous": 1e6, "coulomb": 0.0}}},
+    "initial": {"velocity": {"joint1": 1.0}},
+}
+BACKENDS = ("native", "vm")
+
+
+def diverging(backend: str = "auto") -> Simulator:
+    return Simulator(STIFF, integrator="euler", dt=1e-2, backend=backend)
+
+
+def finite(sim: Simulator) -> bool:
+    return bool(np.isfinite(sim.state.q).all() and np.isfinite(sim.state.v).all())
+
+
+def test_is_of_the_family() -> None:
+    assert issubclass(SimulationDiverged, ArmError)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_step_keeps_the_last_good_state(backend: str) -> None:
+    sim = diverging(backend)
+    last = sim.state
+    with pytest.raises(SimulationDiverged):
+        for _ in range(1000):
+            last = sim.step(np.zeros(3))
+    assert sim.state is last and sim.step_count == last.step > 0
+    assert finite(sim)
+
+
+@pytest.mark.parametrize("backend", BACKENDS)
+def test_run_keeps_the_motion_so_far(backend: str) -> None:
+    sim = diverging(backend)
+    with pytest.raises(SimulationDiverged) as caught:
+        sim.run(10.0)
+    run = caught.value.recording
+    assert len(run) == sim.step_count + 1 > 1
+    np.testing.assert_array_equal(run.q[-1], sim.state.q)
+    assert finite(sim) and np.isfinite(run.v).all()
+
+
+def test_run_and_step_agree_on_where_it_ends() -> None:
+    stepped, rolled = diverging(), diverging()
+    with pytest.raises(SimulationDiverged):
+        while True:
+            stepped.step(np.zeros(3))
+    with pytest.raises(SimulationDiverged):
+        rolled.run(10.0)
+    assert stepped.step_count == rolled.step_count
+    np.testing.assert_array_equal(stepped.state.v, rolled.state.v)
+
+
+def test_simulator_can_be_used_again() -> None:
+    sim = diverging()
+    with pytest.raises(SimulationDiverged):
+        sim.run(10.0)
+    sim.reset(v=[0.0, 0.0, 0.0])
+    assert np.isfinite(sim.step(np.zeros(3)).q).all()
+
+
+def test_says_where_and_what_may_help() -> None:
+    sim = diverging()
+    with pytest.raises(SimulationDiverged) as caught:
+        sim.run(10.0)
+    assert all(word in str(caught.value) for word in ("tick", "euler", "0.01"))
+
+
+def test_adaptive_steps_that_cannot_meet_the_tolerance() -> None:
+    """A torque without bound on a light joint: error control gives up with the state kept."""
+    sim = Simulator(models.scene("double_pendulum"), tolerance=1e-12)
+    before = sim.state
+    with pytest.raises(SimulationDiverged, match="1e-12"):
+        sim.step([1e300, -1e300])
+    assert sim.state is before and finite(sim)
+    assert np.isfinite(sim.step([0.0, 0.0]).q).all()

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numeric answers against Pinocchio called directly, on every robot."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import models
+from arm_dynamics import Dynamics, Term
+from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, assert_close
+
+STATES = 30
+
+
+def states(rng: np.random.Generator, n: int) -> list[tuple[np.ndarray, ...]]:
+    return [models.random_state(rng, n) for _ in range(STATES)]
+
+
+def test_joint_order(robot: str) -> None:
+    assert list(models.dynamics(robot).joint_names) == models.oracle(robot).joint_names
+
+
+def test_inverse(robot: str, rng: np.random.Generator) -> None:
+    dyn, oracle = models.dynamics(robot), models.oracle(robot)
+    for q, v, a in states(rng, dyn.n):
+        assert_close(dyn.inverse(q, v, a), oracle.inverse(q, v, a), PINOCCHIO)
+
+
+def test_mass_matrix(robot: str, rng: np.random.Generator) -> None:
+    dyn, oracle = models.dynamics(robot), models.oracle(robot)
+    for q, _, _ in states(rng, dyn.n):
+        assert_close(dyn.mass_matrix(q), oracle.mass_matrix(q), PINOCCHIO)
+
+
+def test_coriolis_matrix(robot: str, rng: np.random.Generator) -> None:
+    dyn, oracle = models.dynamics(robot), models.oracle(robot)
+    for q, v, _ in states(rng, dyn.n):
+        assert_close(dyn.coriolis_matrix(q, v), oracle.coriolis_matrix(q, v), PINOCCHIO)
+
+
+def test_gravity(robot: str, rng: np.random.Generator) -> None:
+    dyn, oracle = models.dynamics(robot), models.oracle(robot)
+    for q, _, _ in states(rng, dyn.n):
+        assert_close(dyn.gravity(q), oracle.gravity(q), PINOCCHIO)
+
+
+def test_friction(robot: str, rng: np.random.Generator) -> None:
+    dyn, oracle = models.dynamics(robot), models.oracle(robot)
+    for _, v, _ in states(rng, dyn.n):
+        assert_close(dyn.friction(v), oracle.friction(v), PINOCCHIO)
+
+
+def test_kinetic_energy(robot: str, rng: np.random.Generator) -> None:
+    dyn, oracle = models.dynamics(robot), models.oracle(robot)
+    for q, v, _ in states(rng, dyn.n):
+        assert_close(dyn.energy(q, v)[0], oracle.energy(q, v)[0], PINOCCHIO)
+
+
+def test_potential_energy_difference(robot: str, rng: np.random.Generator) -> None:
+    """Where potential energy is zero is a choice; how much it changes is not."""
+    dyn, oracle = models.dynamics(robot), models.oracle(robot)
+    at_zero = dyn.energy(np.zeros(dyn.n), np.zeros(dyn.n))[1]
+    oracle_at_zero = oracle.energy(np.zeros(dyn.n), np.zeros(dyn.n))[1]
+    scale = models.scene(robot).gravity[2] * dyn.model.total_mass
+    for q, v, _ in states(rng, dyn.n):
+        change = (dyn.energy(q, v)[1] - at_zero) / scale
+        assert_close(change, (oracle.energy(q, v)[1] - oracle_at_zero) / scale, PINOCCHIO)
+
+
+def test_forward(robot: str, rng: np.random.Generator) -> None:
+    dyn, oracle = models.dynamics(robot), models.oracle(robot)
+    for q, v, tau in states(rng, dyn.n):
+        assert_close(dyn.forward(q, v, tau), oracle.forward(q, v, tau), ALGEBRA)
+
+
+def test_inverse_of_forward(robot: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics(robot)
+    for q, v, tau in states(rng, dyn.n):
+        assert_close(dyn.inverse(q, v, dyn.forward(q, v, tau)), tau, INVERSE_PAIR)
+
+
+def test_terms_sum_to_the_whole(robot: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics(robot)
+    terms = (Term.INERTIA, Term.CORIOLIS, Term.GRAVITY, Term.FRICTION)
+    for q, v, a in states(rng, dyn.n):
+        parts = [dyn.inverse(q, v, a, terms=term) for term in terms]
+        assert_close(sum(parts), dyn.inverse(q, v, a), PINOCCHIO)
+
+
+def test_each_term_is_what_its_name_says(robot: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics(robot)
+    for q, v, a in states(rng, dyn.n):
+        assert_close(dyn.inverse(q, v, a, Term.INERTIA), dyn.mass_matrix(q) @ a, PINOCCHIO)
+        assert_close(dyn.inverse(q, v, a, Term.CORIOLIS), dyn.coriolis_matrix(q, v) @ v, PINOCCHIO)
+        assert_close(dyn.inverse(q, v, a, Term.GRAVITY), dyn.gravity(q), PINOCCHIO)
+        assert_close(dyn.inverse(q, v, a, Term.FRICTION), dyn.friction(v), PINOCCHIO)
+
+
+@pytest.mark.parametrize("mask", range(16))
+def test_every_mask_is_the_sum_of_its_bits(mask: int, rng: np.random.Generator) -> None:
+    dyn = models.dynamics("planar_3r")
+    q, v, a = models.random_state(rng, dyn.n)
+    parts = [dyn.inverse(q, v, a, terms=bit) for bit in (1, 2, 4, 8) if mask & bit]
+    assert_close(dyn.inverse(q, v, a, terms=mask), sum(parts, np.zeros(dyn.n)), PINOCCHIO)
+
+
+def test_panda_by_pinocchio_in_plain_sight(rng: np.random.Generator) -> None:
+    """No helper in between: the reduced Panda and its damping, as Pinocchio's own manual would do
+    it.
+    """
+    whole = pin.buildModelFromXML(models.scene("panda").robot.urdf)
+    fingers = [whole.getJointId(f"panda_finger_joint{i}") for i in (1, 2)]
+    panda = pin.buildReducedModel(whole, fingers, pin.neutral(whole))
+    data, dyn = panda.createData(), models.dynamics("panda")
+    assert list(dyn.joint_names) == list(panda.names)[1:]
+    for q, v, a in states(rng, 7):
+        assert_close(dyn.inverse(q, v, a), pin.rnea(panda, data, q, v, a) + 0.003 * v, PINOCCHIO)
+        assert_close(dyn.forward(q, v, a), pin.aba(panda, data, q, v, a - 0.003 * v), ALGEBRA)
+        kinetic, potential = dyn.energy(q, v)
+        assert_close(kinetic, pin.computeKineticEnergy(panda, data, q, v), PINOCCHIO)
+        assert_close(potential, pin.computePotentialEnergy(panda, data, q), PINOCCHIO)
+
+
+def test_answers_are_the_callers_own(rng: np.random.Generator) -> None:
+    """A second call must not write into what the first one handed out."""
+    dyn = models.dynamics("scara")
+    q, v, a = models.random_state(rng, dyn.n)
+    calls = (
+        lambda q: dyn.inverse(q, v, a),
+        lambda q: dyn.forward(q, v, a),
+        dyn.gravity,
+        dyn.mass_matrix,
+        lambda q: dyn.coriolis_matrix(q, v),
+        lambda q: dyn.inverse(q, v, a, Term.GRAVITY),
+    )
+    for call in calls:
+        first = call(q)
+        kept = first.copy()
+        call(q + 1.0)
+        np.testing.assert_array_equal(first, kept)
+
+
+def test_accepts_a_path_as_well_as_a_scene() -> None:
+    path = models.FOLDER / "gantry.urdf"
+    assert Dynamics(path).joint_names == models.dynamics("gantry").joint_names

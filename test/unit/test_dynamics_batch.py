@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A batch in, a batch out: row by row what single calls give."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics
+
+ROBOTS = ("panda", "kinova", "gripper", "gantry")
+Call = Callable[[Dynamics, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+
+CALLS: dict[str, Call] = {
+    "inverse": lambda d, q, v, x: d.inverse(q, v, x),
+    "inverse without friction": lambda d, q, v, x: d.inverse(q, v, x, terms=7),
+    "forward": lambda d, q, v, x: d.forward(q, v, x),
+    "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
+    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v),
+    "gravity": lambda d, q, v, x: d.gravity(q),
+    "friction": lambda d, q, v, x: d.friction(v),
+    "kinetic energy": lambda d, q, v, x: d.energy(q, v)[0],
+    "potential energy": lambda d, q, v, x: d.energy(q, v)[1],
+}
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+@pytest.mark.parametrize("call", CALLS.values(), ids=CALLS)
+@pytest.mark.parametrize("rows", [1, 5])
+def test_rows_equal_single_calls(
+    name: str, call: Call, rows: int, rng: np.random.Generator
+) -> None:
+    dyn = models.dynamics(name)
+    batch = [
+        np.array(x)
+        for x in zip(*(models.random_state(rng, dyn.n) for _ in range(rows)), strict=True)
+    ]
+    together = call(dyn, *batch)
+    alone = np.array([call(dyn, *row) for row in zip(*batch, strict=True)])
+    np.testing.assert_array_equal(together, alone)
+
+
+def test_a_single_vector_serves_every_row(rng: np.random.Generator) -> None:
+    dyn = models.dynamics("two_link")
+    q = rng.uniform(-1, 1, (4, 2))
+    at_rest = dyn.inverse(q, np.zeros(2), np.zeros(2))
+    np.testing.assert_array_equal(at_rest, dyn.gravity(q))
+
+
+def test_rows_do_not_depend_on_their_order(rng: np.random.Generator) -> None:
+    dyn = models.dynamics("ur10")
+    q, v, a = (rng.normal(size=(6, dyn.n)) for _ in range(3))
+    order = rng.permutation(6)
+    np.testing.assert_array_equal(
+        dyn.inverse(q, v, a)[order], dyn.inverse(q[order], v[order], a[order])
+    )

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Bad arguments are refused at once, with the argument's name, and the instance stays usable."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmError, InvalidInput
+
+GOOD = np.zeros(3)
+BAD = {
+    "too short": np.zeros(2),
+    "too long": np.zeros(4),
+    "scalar": 0.0,
+    "empty": [],
+    "column": np.zeros((3, 1)),
+    "cube": np.zeros((2, 2, 3)),
+    "no rows": np.zeros((0, 3)),
+    "NaN": [0.0, np.nan, 0.0],
+    "infinite": [0.0, np.inf, 0.0],
+    "words": ["a", "b", "c"],
+    "nothing": None,
+    "ragged": [[0.0, 0.0, 0.0], [0.0]],
+    "mapping": {"joint1": 0.0},
+    "complex": np.array([1j, 0, 0]),
+}
+
+
+@pytest.mark.parametrize("value", BAD.values(), ids=BAD)
+@pytest.mark.parametrize("place", [0, 1, 2], ids=["q", "v", "a"])
+def test_inverse_names_the_bad_argument(value: object, place: int) -> None:
+    dyn = models.dynamics("planar_3r")
+    args: list[object] = [GOOD, GOOD, GOOD]
+    args[place] = value
+    with pytest.raises(InvalidInput) as caught:
+        dyn.inverse(*args)
+    assert str(caught.value).startswith("qva"[place])
+    np.testing.assert_array_equal(dyn.friction(GOOD), GOOD)
+
+
+@pytest.mark.parametrize("value", BAD.values(), ids=BAD)
+def test_every_method_refuses(value: object) -> None:
+    dyn = models.dynamics("planar_3r")
+    for call in (
+        lambda: dyn.forward(GOOD, GOOD, value),
+        lambda: dyn.mass_matrix(value),
+        lambda: dyn.gravity(value),
+        lambda: dyn.coriolis_matrix(GOOD, value),
+        lambda: dyn.friction(value),
+        lambda: dyn.energy(value, GOOD),
+    ):
+        with pytest.raises(InvalidInput):
+            call()
+
+
+@pytest.mark.parametrize("terms", [-1, 16, 255, 1.5, "gravity", None])
+def test_unknown_terms(terms: object) -> None:
+    with pytest.raises(InvalidInput, match="terms"):
+        models.dynamics("planar_3r").inverse(GOOD, GOOD, GOOD, terms=terms)
+
+
+def test_batches_of_different_length() -> None:
+    with pytest.raises(InvalidInput, match=r"2.*3|3.*2"):
+        models.dynamics("planar_3r").forward(np.zeros((2, 3)), np.zeros((3, 3)), GOOD)
+
+
+def test_shape_error_says_what_came_and_what_is_wanted() -> None:
+    with pytest.raises(InvalidInput) as caught:
+        models.dynamics("planar_3r").gravity(np.zeros(5))
+    assert "(5,)" in str(caught.value) and "(3,)" in str(caught.value)
+
+
+def test_nan_error_says_where() -> None:
+    with pytest.raises(InvalidInput, match=r"1.*nan"):
+        models.dynamics("planar_3r").gravity([0.0, np.nan, 0.0])
+
+
+def test_refusals_are_value_errors_and_of_the_family() -> None:
+    assert issubclass(InvalidInput, ValueError) and issubclass(InvalidInput, ArmError)

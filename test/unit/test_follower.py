@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a controller is told to follow while trajectories come and go."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.follower import Follower
+from arm_dynamics.trajectory import Limits, Reference, Waypoint
+from tolerances import ALGEBRA, assert_close
+
+SECOND = 1_000_000_000
+
+
+def triple(reference: Reference) -> np.ndarray:
+    return np.array([reference.q, reference.v, reference.a])
+
+
+@pytest.fixture
+def follower() -> Follower:
+    """Stands at zero with two joints."""
+    return Follower([0.0, 0.0])
+
+
+def test_stands_still_until_told(follower: Follower) -> None:
+    assert not triple(follower.reference(5 * SECOND)).any()
+    assert follower.remaining(5 * SECOND) == 0.0
+
+
+def test_goes_where_it_is_told_and_stays(follower: Follower) -> None:
+    now = 7 * SECOND
+    follower.follow([Waypoint(2.0, [1.0, -1.0])], now)
+    assert follower.remaining(now) == 2.0
+    assert not triple(follower.reference(now)).any()
+    assert_close(follower.reference(now + SECOND).q, [0.5, -0.5], ALGEBRA)
+    for late in (2 * SECOND, 100 * SECOND):
+        wanted = [[1.0, -1.0], [0, 0], [0, 0]]
+        assert_close(triple(follower.reference(now + late)), wanted, ALGEBRA)
+
+
+def test_replacement_in_motion_does_not_jump(follower: Follower) -> None:
+    follower.follow([Waypoint(2.0, [1.0, -1.0])], 0)
+    now = 700_000_000
+    before = triple(follower.reference(now))
+    assert abs(before[1]).min() > 0.1
+    follower.follow([Waypoint(1.5, [-1.0, 1.0])], now)
+    assert_close(triple(follower.reference(now)), before, ALGEBRA)
+    assert_close(follower.reference(now + 2 * SECOND).q, [-1.0, 1.0], ALGEBRA)
+
+
+def test_refused_trajectory_leaves_the_old_one(follower: Follower) -> None:
+    follower.follow([Waypoint(2.0, [1.0, -1.0])], 0)
+    wanted = triple(follower.reference(SECOND))
+    for bad in ([], [Waypoint(1.0, [np.nan, 0.0])], [Waypoint(1.0, [0.0])]):
+        with pytest.raises(InvalidInput):
+            follower.follow(bad, SECOND)
+    np.testing.assert_array_equal(triple(follower.reference(SECOND)), wanted)
+    assert_close(follower.reference(2 * SECOND).q, [1.0, -1.0], ALGEBRA)
+
+
+def test_later_start_lets_the_old_one_go_on_until_then(follower: Follower) -> None:
+    follower.follow([Waypoint(2.0, [1.0, -1.0])], 0)
+    old = Follower([0.0, 0.0])
+    old.follow([Waypoint(2.0, [1.0, -1.0])], 0)
+    start = 1_200_000_000
+    follower.follow([Waypoint(1.0, [0.0, 0.0])], SECOND // 2, start)
+    assert_close(follower.remaining(SECOND // 2), 1.7, ALGEBRA)
+    for now in (SECOND // 2, SECOND, start - 1, start):
+        assert_close(triple(follower.reference(now)), triple(old.reference(now)), ALGEBRA)
+    assert_close(triple(follower.reference(start + SECOND)), np.zeros((3, 2)), ALGEBRA)
+
+
+def test_points_that_are_over_are_left_out(follower: Follower) -> None:
+    points = [Waypoint(1.0, [5.0, 5.0]), Waypoint(3.0, [1.0, 1.0])]
+    trajectory = follower.follow(points, now=2 * SECOND, start=0)
+    assert_close(trajectory.duration, 1.0, ALGEBRA)
+    assert_close(follower.reference(3 * SECOND).q, [1.0, 1.0], ALGEBRA)
+
+
+def test_trajectory_of_the_past_is_refused(follower: Follower) -> None:
+    with pytest.raises(InvalidInput, match="none of 1 waypoints lies in the future"):
+        follower.follow([Waypoint(1.0, [5.0, 5.0])], now=2 * SECOND, start=0)
+    with pytest.raises(InvalidInput, match="none of 1 waypoints"):
+        follower.follow([Waypoint(0.0, [5.0, 5.0])], now=0)
+
+
+def test_limits_hold_for_every_trajectory() -> None:
+    no = np.full(2, np.inf)
+    follower = Follower([0.0, 0.0], Limits(np.ones(2), no, -no, no))
+    trajectory = follower.follow([Waypoint(0.1, [1.0, 0.0])], 0)
+    assert_close(trajectory.duration, 15 / 8, 1e-9)
+
+
+def test_hold_forgets_trajectories(follower: Follower) -> None:
+    follower.follow([Waypoint(2.0, [1.0, -1.0])], 0)
+    follower.follow([Waypoint(2.0, [2.0, -1.0])], 0, SECOND)
+    follower.hold([3.0, 3.0])
+    for now in (0, SECOND, 9 * SECOND):
+        assert_close(triple(follower.reference(now)), [[3.0, 3.0], [0, 0], [0, 0]], ALGEBRA)

@@ -1,0 +1,284 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quintic trajectories: continuity, least jerk, limits, refusals."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.quintic import extremes
+from arm_dynamics.trajectory import (
+    Limits,
+    Trajectory,
+    Waypoint,
+    hold,
+    quintic,
+    quintic_through,
+)
+from tolerances import ALGEBRA, FINITE_DIFF, assert_close
+
+N = 3
+
+
+def limits(
+    velocity: float = np.inf, acceleration: float = np.inf, position: float = np.inf
+) -> Limits:
+    return Limits(
+        np.full(N, velocity),
+        np.full(N, acceleration),
+        np.full(N, -position),
+        np.full(N, position),
+        ("base", "elbow", "wrist"),
+    )
+
+
+def random_waypoints(rng: np.random.Generator, count: int = 6) -> list[Waypoint]:
+    times = np.concatenate(([0.0], np.cumsum(rng.uniform(0.2, 2.0, count - 1))))
+    return [Waypoint(t, q) for t, q in zip(times, rng.normal(size=(count, N)), strict=True)]
+
+
+def motion(trajectory: Trajectory, times: np.ndarray) -> np.ndarray:
+    """Position, velocity and acceleration, shape (k, 3, n)."""
+    return np.array([[s.q, s.v, s.a] for s in map(trajectory.sample, times)])
+
+
+def jerk_cost(trajectory: Trajectory) -> float:
+    """∫ jerk² dt, exactly: jerk is quadratic in each segment, so three Gauss points are enough."""
+    nodes, weights = np.polynomial.legendre.leggauss(3)
+    s, h = (nodes + 1) / 2, np.diff(trajectory.times)[:, None, None]
+    c = trajectory.coefficients[..., None]
+    jerk = (6 * c[:, :, 3] + 24 * c[:, :, 4] * s + 60 * c[:, :, 5] * s**2) / h**3
+    return float(np.sum(jerk**2 * weights / 2 * h))
+
+
+def test_one_segment_from_rest_to_rest_is_the_quintic_of_the_books() -> None:
+    trajectory = quintic([Waypoint(0.0, [1.0]), Waypoint(2.0, [4.0])])
+    for s in np.linspace(0.0, 1.0, 11):
+        wanted = 1.0 + 3.0 * (10 * s**3 - 15 * s**4 + 6 * s**5)
+        assert_close(trajectory.sample(2.0 * s).q, [wanted], ALGEBRA)
+
+
+def test_passes_waypoints_at_their_times(rng: np.random.Generator) -> None:
+    waypoints = random_waypoints(rng)
+    trajectory = quintic(waypoints)
+    for waypoint in waypoints:
+        assert_close(trajectory.sample(waypoint.time).q, waypoint.q, ALGEBRA)
+
+
+def test_velocity_and_acceleration_are_derivatives(rng: np.random.Generator) -> None:
+    trajectory, h = quintic(random_waypoints(rng)), 1e-6
+    for t in rng.uniform(0.01, trajectory.duration - 0.01, 50):
+        before, here, after = (trajectory.sample(t + d) for d in (-h, 0.0, h))
+        assert_close((after.q - before.q) / (2 * h), here.v, FINITE_DIFF)
+        assert_close((after.v - before.v) / (2 * h), here.a, FINITE_DIFF)
+
+
+def test_position_velocity_and_acceleration_are_continuous(rng: np.random.Generator) -> None:
+    trajectory = quintic(random_waypoints(rng))
+    for t in trajectory.times:
+        before, after = motion(trajectory, [t - 1e-12, t + 1e-12])
+        assert_close(after, before, 1e-8)
+
+
+def test_open_derivatives_make_jerk_and_snap_continuous(rng: np.random.Generator) -> None:
+    trajectory = quintic(random_waypoints(rng))
+    c, h = trajectory.coefficients, np.diff(trajectory.times)[:, None]
+    jerk = np.array([6 * c[..., 3], 6 * c[..., 3] + 24 * c[..., 4] + 60 * c[..., 5]]) / h**3
+    snap = np.array([24 * c[..., 4], 24 * c[..., 4] + 120 * c[..., 5]]) / h**4
+    for start, end in (jerk, snap):
+        assert_close(start[1:], end[:-1], 1e-9)
+
+
+def test_open_derivatives_are_those_of_least_jerk(rng: np.random.Generator) -> None:
+    waypoints = random_waypoints(rng)
+    best = quintic(waypoints)
+    for _ in range(20):
+        i = int(rng.integers(1, len(waypoints) - 1))
+        chosen = best.sample(waypoints[i].time)
+        other = list(waypoints)
+        v, a = rng.normal(scale=0.1, size=(2, N))
+        other[i] = Waypoint(waypoints[i].time, waypoints[i].q, chosen.v + v, chosen.a + a)
+        assert jerk_cost(quintic(other)) > jerk_cost(best)
+
+
+def test_reproduces_a_quintic(rng: np.random.Generator) -> None:
+    start = Waypoint(0.0, *rng.normal(size=(3, N)))
+    whole = quintic([start, Waypoint(2.0, rng.normal(size=N))])
+    through = [Waypoint(t, whole.sample(t).q) for t in (0.3, 0.7, 1.6, 2.0)]
+    times = np.linspace(0.0, 2.0, 41)
+    assert_close(motion(quintic([start, *through]), times), motion(whole, times), 1e-9)
+
+
+def test_given_derivatives_are_met(rng: np.random.Generator) -> None:
+    waypoints = random_waypoints(rng)
+    v, a = rng.normal(size=(2, N))
+    waypoints[0] = Waypoint(0.0, waypoints[0].q, v, a)
+    waypoints[2] = Waypoint(waypoints[2].time, waypoints[2].q, v)
+    waypoints[3] = Waypoint(waypoints[3].time, waypoints[3].q, None, a)
+    trajectory = quintic(waypoints)
+    assert_close(trajectory.sample(0.0).v, v, ALGEBRA)
+    assert_close(trajectory.sample(0.0).a, a, ALGEBRA)
+    assert_close(trajectory.sample(waypoints[2].time).v, v, ALGEBRA)
+    assert_close(trajectory.sample(waypoints[3].time).a, a, ALGEBRA)
+
+
+def test_many_waypoints_stay_exact(rng: np.random.Generator) -> None:
+    waypoints = random_waypoints(rng, 2000)
+    trajectory = quintic(waypoints)
+    for waypoint in waypoints[::97]:
+        before, after = motion(trajectory, [waypoint.time - 1e-11, waypoint.time + 1e-11])
+        assert_close(before[0], waypoint.q, 1e-9)
+        assert_close(after, before, 1e-8)
+
+
+def test_stands_still_beyond_the_ends(rng: np.random.Generator) -> None:
+    waypoints = random_waypoints(rng)
+    trajectory = quintic(waypoints)
+    for t, waypoint in ((-1.0, waypoints[0]), (trajectory.duration + 1.0, waypoints[-1])):
+        reference = trajectory.sample(t)
+        np.testing.assert_array_equal(reference.q, waypoint.q)
+        assert not reference.v.any()
+        assert not reference.a.any()
+
+
+def test_hold_stands_still() -> None:
+    for t in (-1.0, 0.0, 1e9):
+        reference = hold([1.0, 2.0]).sample(t)
+        np.testing.assert_array_equal(reference.q, [1.0, 2.0])
+        assert not reference.v.any()
+
+
+def test_references_are_read_only(rng: np.random.Generator) -> None:
+    trajectory = quintic(random_waypoints(rng))
+    for t in (-1.0, 0.1, 1e3):
+        reference = trajectory.sample(t)
+        for array in (reference.q, reference.v, reference.a):
+            with pytest.raises(ValueError, match="read-only"):
+                array[0] = 1.0
+
+
+def test_extremes_bound_every_sample_and_are_reached(rng: np.random.Generator) -> None:
+    c = rng.normal(size=(40, N, 6))
+    least, greatest = extremes(c)
+    powers = np.linspace(0.0, 1.0, 2001)[:, None] ** np.arange(6)
+    for order in range(3):
+        values = c @ powers.T
+        assert np.all(least[order][..., None] <= values + 1e-9)
+        assert np.all(values - 1e-9 <= greatest[order][..., None])
+        assert_close(values.max(axis=-1), greatest[order], 1e-4)
+        assert_close(values.min(axis=-1), least[order], 1e-4)
+        derivative = c[..., 1:] * np.arange(1, 6)
+        c = np.concatenate((derivative, np.zeros((40, N, 1))), axis=-1)
+        powers = np.linspace(0.0, 1.0, 2001)[:, None] ** np.arange(6)
+
+
+@pytest.mark.parametrize(("velocity", "acceleration"), [(0.5, np.inf), (np.inf, 0.7), (0.5, 0.7)])
+def test_stretches_to_keep_limits(
+    rng: np.random.Generator, velocity: float, acceleration: float
+) -> None:
+    waypoints = random_waypoints(rng)
+    free, kept = quintic(waypoints), quintic(waypoints, limits(velocity, acceleration))
+    assert kept.stretch > 1.0
+    times = np.linspace(0.0, free.duration, 3001)
+    fast, slow = motion(free, times), motion(kept, kept.stretch * times)
+    use = max(np.abs(slow[:, 1]).max() / velocity, np.abs(slow[:, 2]).max() / acceleration)
+    assert 1.0 - 1e-4 < use < 1.0 + 1e-9
+    assert_close(slow[:, 0], fast[:, 0], 1e-9)
+
+
+def test_does_not_stretch_without_need(rng: np.random.Generator) -> None:
+    assert quintic(random_waypoints(rng), limits(1e3, 1e3)).stretch == 1.0
+
+
+def test_start_in_motion_is_kept_while_stretching() -> None:
+    start = Waypoint(0.0, np.zeros(N), np.full(N, 0.8), np.full(N, -0.5))
+    trajectory = quintic([start, Waypoint(0.5, np.full(N, 2.0))], limits(1.0, 3.0))
+    moving = motion(trajectory, np.linspace(0.0, trajectory.duration, 2001))
+    assert trajectory.stretch > 1.0
+    assert_close(moving[0, 1], start.v, ALGEBRA)
+    assert_close(moving[0, 2], start.a, ALGEBRA)
+    assert np.abs(moving[:, 1]).max() <= 1.0 + 1e-9
+    assert np.abs(moving[:, 2]).max() <= 3.0 + 1e-9
+
+
+def test_start_that_cannot_be_kept_within_limits_is_refused() -> None:
+    start = Waypoint(0.0, np.zeros(N), np.full(N, 2.0))
+    with pytest.raises(InvalidInput, match="at any pace"):
+        quintic([start, Waypoint(1.0, np.ones(N))], limits(velocity=1.0))
+
+
+def test_waypoint_beyond_position_limits_is_refused() -> None:
+    with pytest.raises(InvalidInput, match=r"elbow to 1\.2; allowed is -1 to 1"):
+        quintic([Waypoint(0.0, np.zeros(N)), Waypoint(1.0, [0.5, 1.2, 0.5])], limits(position=1.0))
+
+
+def test_path_beyond_position_limits_is_refused() -> None:
+    start = Waypoint(0.0, np.zeros(N), [0.0, 0.0, 3.0])
+    with pytest.raises(InvalidInput, match="wrist to 1"):
+        quintic([start, Waypoint(3.0, np.zeros(N))], limits(position=1.0))
+
+
+def test_start_beyond_position_limits_may_return() -> None:
+    trajectory = quintic(
+        [Waypoint(0.0, [1.5, 0.0, 0.0]), Waypoint(1.0, np.zeros(N))], limits(position=1.0)
+    )
+    assert_close(trajectory.sample(1.0).q, np.zeros(N), ALGEBRA)
+
+
+@pytest.mark.parametrize(
+    ("velocity", "acceleration", "duration"),
+    [(0.5, np.inf, 15 / 8 * 2 / 0.5), (np.inf, 0.5, np.sqrt(10 / np.sqrt(3) * 2 / 0.5))],
+)
+def test_chosen_duration_of_one_segment(
+    velocity: float, acceleration: float, duration: float
+) -> None:
+    trajectory = quintic_through([np.zeros(N), [1.0, -2.0, 0.0]], limits(velocity, acceleration))
+    assert_close(trajectory.duration, duration, 1e-9)
+
+
+def test_chosen_durations_use_limits_up(rng: np.random.Generator) -> None:
+    positions = rng.normal(size=(5, N))
+    trajectory = quintic_through(positions, limits(1.0, 4.0))
+    moving = motion(trajectory, np.linspace(0.0, trajectory.duration, 4001))
+    use = max(np.abs(moving[:, 1]).max(), np.abs(moving[:, 2]).max() / 4.0)
+    assert 1.0 - 1e-4 < use < 1.0 + 1e-9
+    assert_close([trajectory.sample(t).q for t in trajectory.times], positions, 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("waypoints", "complaint"),
+    [
+        ([], "0 waypoints; allowed are 2"),
+        ([Waypoint(0.0, [0.0])], "1 waypoints; allowed are 2"),
+        ([Waypoint(0.0, [0.0]), Waypoint(0.0, [1.0])], "rising from 0"),
+        ([Waypoint(0.1, [0.0]), Waypoint(0.2, [1.0])], "rising from 0"),
+        ([Waypoint(0.0, [0.0]), Waypoint(np.nan, [1.0])], "rising from 0"),
+        ([Waypoint(0.0, [0.0]), Waypoint(np.inf, [1.0])], "rising from 0"),
+        ([Waypoint(0.0, [0.0]), Waypoint(1.0, [1.0, 2.0])], "waypoint 1 has shape"),
+        ([Waypoint(0.0, [0.0]), Waypoint(1.0, [np.nan])], "position of waypoint 1 is"),
+        ([Waypoint(0.0, [0.0], [np.inf]), Waypoint(1.0, [0.0])], "velocity of waypoint 0 is"),
+        ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], [1.0])], "last waypoint"),
+        ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], None, [1.0])], "last waypoint"),
+        ([Waypoint(0.0, [0.0]), Waypoint(1.0, ["fast"])], "numbers are wanted"),
+    ],
+)
+def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: str) -> None:
+    with pytest.raises(InvalidInput, match=complaint):
+        quintic(waypoints)
+
+
+@pytest.mark.parametrize(
+    ("positions", "velocity", "complaint"),
+    [
+        ([[0.0] * N], 1.0, "w >= 2"),
+        ([0.0, 1.0], 1.0, "w >= 2"),
+        ([[0.0] * N, [0.0] * N], 1.0, "0 and 1 coincide"),
+        ([[0.0] * N, [1.0] * N], np.inf, "nothing limits"),
+    ],
+)
+def test_points_without_a_duration_are_refused(
+    positions: list[list[float]], velocity: float, complaint: str
+) -> None:
+    with pytest.raises(InvalidInput, match=complaint):
+        quintic_through(positions, limits(velocity))

