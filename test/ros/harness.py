@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import time
 from collections.abc import Callable
 from itertools import count
@@ -16,7 +17,22 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 DOMAINS = 100  # domains above 101 collide with ports that the system gives away
-_domain = count(os.getpid())
+RESERVATIONS = 22_119  # first of the ports that stand for domains in use
+_turn = count(os.getpid())
+
+
+def reserve_domain() -> tuple[int, socket.socket]:
+    """Find a domain that no other test here uses; it is ours until the socket closes."""
+    for _ in range(DOMAINS):
+        domain = 1 + next(_turn) % DOMAINS
+        reservation = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        try:
+            reservation.bind(("127.0.0.1", RESERVATIONS + domain))
+        except OSError:
+            reservation.close()
+        else:
+            return domain, reservation
+    raise RuntimeError("all domains are in use")
 
 
 class Ros:
@@ -28,7 +44,7 @@ class Ros:
     """
 
     def __init__(self) -> None:
-        self.domain = 1 + next(_domain) % DOMAINS
+        self.domain, self._reservation = reserve_domain()
         self.context = Context()
         rclpy.init(args=[], context=self.context, domain_id=self.domain)
         self._executor = SingleThreadedExecutor(context=self.context)
@@ -83,3 +99,4 @@ class Ros:
         for node in self._nodes:
             node.destroy_node()
         self.context.try_shutdown()
+        self._reservation.close()

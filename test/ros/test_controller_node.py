@@ -241,6 +241,14 @@ def test_useless_states_get_no_answer(
     assert node.on_joint_states(state(0)) is not None
 
 
+def test_a_torque_that_is_not_finite_is_not_sent(
+    node: ControllerNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    assert node.on_joint_states(state(0, v=(1e200, 1e200))) is None
+    assert "would not be finite" in capfd.readouterr().err
+    assert node.on_joint_states(state(MS)) is not None
+
+
 def test_gains_may_change_while_it_runs(node: ControllerNode) -> None:
     effort(node, 0, (0.0, 0.0))
     off = (0.1, 0.1)
@@ -248,8 +256,8 @@ def test_gains_may_change_while_it_runs(node: ControllerNode) -> None:
     assert node.set_parameters([gains])[0].successful
     exact = wanted(off, (0, 0), still(0.0, 0.0), [30.0, 5.0])
     assert_close(effort(node, MS, off), exact, ALGEBRA)
-    for bad in ([-1.0], [1.0, 2.0, 3.0], [float("nan")], []):
-        result = node.set_parameters([Parameter("bandwidth", Parameter.Type.DOUBLE_ARRAY, bad)])[0]
+    for bad in (-1.0, [-1.0], [1.0, 2.0, 3.0], [float("nan")], "fast", ["fast", "faster"]):
+        result = node.set_parameters([Parameter("bandwidth", value=bad)])[0]
         assert not result.successful
         assert "bandwidth" in result.reason
     assert_close(effort(node, 2 * MS, off), exact, ALGEBRA)

@@ -79,6 +79,21 @@ def test_changes_take_effect(ros: Ros) -> None:
     assert holder.params == Some(number=0.25, color="green", gains=[3.0])
 
 
+@pytest.mark.parametrize("value", [2, 2.0, [2], [2.0]])
+def test_one_number_will_do_for_a_list(ros: Ros, value: Any) -> None:
+    assert ros.add(Holder, gains=value).params.gains == [2]
+    other = ros.add(Holder)
+    assert other.change(gains=value).successful
+    assert other.params.gains == [2]
+
+
+@pytest.mark.parametrize("name", ["gains", "number"])
+def test_parameters_cannot_be_taken_away(ros: Ros, name: str) -> None:
+    holder = ros.add(Holder)
+    assert not holder.set_parameters([Parameter(name)])[0].successful
+    assert holder.params == Some()
+
+
 @pytest.mark.parametrize(
     ("bad", "complaint"),
     [

@@ -99,3 +99,11 @@ def test_a_scene_that_cannot_be_used_ends_it_with_one_error(
     assert said.count("error: ") == 1
     assert "nowhere.yaml" in said
     assert "Traceback" not in said
+
+
+def test_a_command_line_that_ros_cannot_read_ends_it_with_one_error(processes: Processes) -> None:
+    process = processes.start("dynamics", **{"not a name": 1})
+    said, _ = process.communicate(timeout=20.0)
+    assert process.returncode == 2
+    assert said.count("error: ROS cannot start") == 1
+    assert "Traceback" not in said

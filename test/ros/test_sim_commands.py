@@ -11,6 +11,7 @@ from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
 
 import models
 from arm_sim.ros.sim_node import SimNode
@@ -44,14 +45,36 @@ def acting(node: SimNode) -> np.ndarray:
     return node.commands.held(node.simulator.state.q)
 
 
+def ticks_until(ros: Ros, node: SimNode, tau: list[float]) -> None:
+    def acts() -> bool:
+        node.tick()
+        return np.array_equal(node.simulator.effort, tau)
+
+    ros.spin_until(acts)
+
+
 def test_takes_commands_from_topics(ros: Ros, node: SimNode) -> None:
     publisher = ros.publisher(JointState, "/joint_commands")
     publisher.publish(JointState(name=list(NAMES), effort=TAU))
-    ros.spin_until(lambda: acting(node).any())
-    np.testing.assert_array_equal(acting(node), TAU)
+    ticks_until(ros, node, TAU)
     other = ros.publisher(Float64MultiArray, "/sim/commands")
     other.publish(Float64MultiArray(data=[3.0, 4.0]))
-    ros.spin_until(lambda: acting(node)[0] == 3.0)
+    ticks_until(ros, node, [3.0, 4.0])
+
+
+def test_only_the_newest_command_counts(ros: Ros, node: SimNode) -> None:
+    publisher = ros.publisher(JointState, "/joint_commands")
+    for value in range(1, 51):
+        publisher.publish(JointState(name=list(NAMES), effort=[float(value), 0.0]))
+    acted: list[float] = []
+
+    def last_acts() -> bool:
+        node.tick()
+        acted.append(node.simulator.effort[0])
+        return acted[-1] == 50.0
+
+    ros.spin_until(last_acts)
+    assert acted == sorted(acted)
 
 
 def test_commands_go_by_name(node: SimNode) -> None:
@@ -133,3 +156,15 @@ def test_old_commands_give_way_to_the_policy(
     node.on_commands(Float64MultiArray(data=TAU))
     node.tick()
     assert "commands are back" in capfd.readouterr().err
+
+
+def test_reset_is_not_taken_for_a_command(
+    ros: Ros, node: SimNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node.on_commands(Float64MultiArray(data=TAU))
+    for _ in range(150):
+        node.tick()
+    assert node.commands.stale
+    node.on_reset(Trigger.Request(), Trigger.Response())
+    node.tick()
+    assert "commands are back" not in capfd.readouterr().err

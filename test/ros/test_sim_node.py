@@ -105,6 +105,15 @@ def test_pause_stops_and_releases(node: SimNode) -> None:
     assert node.simulator.step_count == 6
 
 
+def test_a_paused_arm_is_seen_now_and_then(ros: Ros) -> None:
+    node = by_hand(ros, paused=True)
+    heard = ros.listen(JointState, "/joint_states", 50)
+    ticks(node, 350)
+    ros.spin_until(lambda: len(heard) >= 3)
+    assert 3 <= len(heard) <= 4
+    assert all(message.header.stamp.nanosec == 0 for message in heard)
+
+
 def test_step_advances_a_paused_simulation_with_the_last_command(ros: Ros) -> None:
     node, sim = by_hand(ros, paused=True, command_timeout=0.002), models.simulator("two_link")
     node.on_commands(Float64MultiArray(data=TAU))

@@ -72,24 +72,21 @@ def test_other_code_is_another_entry(cache: Path) -> None:
 
 @pytest.mark.parametrize("damage", ["cut", "flipped", "emptied", "replaced"])
 def test_damaged_entry_is_built_again(cache: Path, damage: str) -> None:
-    """In a process of its own, since a library that is loaded already would not be read again."""
     triple()
     (entry,) = entries(cache)
-    content = bytearray(entry.read_bytes())
-    good = bytes(content)
-    if damage == "flipped":
-        content[len(content) // 2] ^= 0xFF
+    good = entry.read_bytes()
+    flipped = bytearray(good)
+    flipped[len(flipped) // 2] ^= 0xFF
     changed = {
-        "cut": content[:-100],
-        "flipped": content,
+        "cut": good[:-100],
+        "flipped": bytes(flipped),
         "emptied": b"",
         "replaced": b"\x7fELF rubbish",
     }
     entry.unlink()
-    entry.write_bytes(bytes(changed[damage]))
-    done = subprocess.run([sys.executable, "-c", IMPORT + "print(t.value(t.triple()))"],
-                          capture_output=True, text=True, check=False, timeout=60)  # fmt: skip
-    assert done.stdout == "6.0\n", done.stderr
+    entry.write_bytes(changed[damage])
+    assert value(triple()) == 6.0
+    assert entry.read_bytes() != changed[damage]
     assert len(entry.read_bytes()) == len(good)
 
 
@@ -148,7 +145,7 @@ def test_many_processes_at_once(cache: Path) -> None:
     """All build the same entry in an empty cache; each gets a sound one."""
     command = [sys.executable, "-c", IMPORT + "print(t.value(t.triple()))"]
     running = [
-        subprocess.Popen(command, stdout=subprocess.PIPE, env=os.environ.copy()) for _ in range(4)
+        subprocess.Popen(command, stdout=subprocess.PIPE, env=os.environ.copy()) for _ in range(3)
     ]
-    assert [process.communicate(timeout=120)[0] for process in running] == [b"6.0\n"] * 4
+    assert [process.communicate(timeout=120)[0] for process in running] == [b"6.0\n"] * 3
     assert len(entries(cache)) == 1

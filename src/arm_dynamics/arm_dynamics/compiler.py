@@ -107,7 +107,7 @@ def build(source: str, command: tuple[str, ...], flags: tuple[str, ...] = FLAGS)
 def cache_folder() -> Path:
     """Folder of compiled kernels, owned by the user, mode 0700.
 
-    Where that cannot be had it is a temporary folder, which lasts as long as the process.
+    Where that cannot be had, a new temporary folder serves this process.
     """
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     folder = Path(base) / "arm_dynamics"

@@ -9,8 +9,9 @@ from typing import Any
 
 import numpy as np
 import pinocchio as pin
+from numpy.typing import ArrayLike
 
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.laws import friction
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.scene import Scene
@@ -43,6 +44,8 @@ class Dynamics:
         self._pin = self.model.pin
         self._weightless = self._pin.copy()
         self._weightless.gravity.linear = np.zeros(3)
+        self._driveless = self._pin.copy()
+        self._driveless.armature = np.zeros(self._pin.nv)
         self._data = self._pin.createData()
 
     @property
@@ -55,7 +58,9 @@ class Dynamics:
         """Order of every vector."""
         return self.model.joint_names
 
-    def inverse(self, q: Any, v: Any, a: Any, terms: Term | int = Term.ALL) -> Array:
+    def inverse(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
+    ) -> Array:
         """Torques that produce a motion: the chosen terms of M a + C v + G + F.
 
         Args:
@@ -83,7 +88,7 @@ class Dynamics:
         )
         return tau + self._friction(v) if chosen & Term.FRICTION else tau
 
-    def forward(self, q: Any, v: Any, tau: Any) -> Array:
+    def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Accelerations that torques produce: M⁻¹ (τ - C v - G - F).
 
         Args:
@@ -102,12 +107,12 @@ class Dynamics:
         free = tau - self._friction(v)
         return self._each(solve, self.model.configuration(q), self.model.spread(v), free)
 
-    def mass_matrix(self, q: Any) -> Array:
+    def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
         (q,) = self._checked(q=q)
         return self._each(self._mass_matrix, self.model.configuration(q))
 
-    def coriolis_matrix(self, q: Any, v: Any) -> Array:
+    def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
         q, v = self._checked(q=q, v=v)
         return self._each(
@@ -118,7 +123,7 @@ class Dynamics:
             self.model.spread(v),
         )
 
-    def gravity(self, q: Any) -> Array:
+    def gravity(self, q: ArrayLike) -> Array:
         """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
         (q,) = self._checked(q=q)
         return self._each(
@@ -126,7 +131,7 @@ class Dynamics:
             self.model.configuration(q),
         )
 
-    def friction(self, v: Any) -> Array:
+    def friction(self, v: ArrayLike) -> Array:
         """Friction torques F(v), of the sign of ``v``, in [N m] or [N], shape of ``v``.
 
         At rest dry friction may take any value up to its level; the value given here is zero.
@@ -134,7 +139,7 @@ class Dynamics:
         (v,) = self._checked(v=v)
         return self._friction(v)
 
-    def energy(self, q: Any, v: Any) -> tuple[Any, Any]:
+    def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
         """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).
 
         The kinetic energy includes that of the armature.
@@ -146,34 +151,47 @@ class Dynamics:
 
     def _forward_tree(self, q: Array, v: Array, tau: Array) -> Array:
         a: Array = pin.aba(self._pin, self._data, q, v, tau, pin.Convention.WORLD)
+        if not np.isfinite(a).all():
+            raise self._massless(q)
         return a.copy()
 
     def _forward_projected(self, q: Array, v: Array, tau: Array) -> Array:
         bias = self.model.gather(pin.nonLinearEffects(self._pin, self._data, q, v))
-        return np.linalg.solve(self._mass_matrix(q), tau - bias)
+        try:
+            return np.linalg.solve(self._mass_matrix(q), tau - bias)
+        except np.linalg.LinAlgError:
+            raise self._massless(q) from None
+
+    def _massless(self, q: Array) -> ModelError:
+        joint = self.joint_names[int(np.argmin(np.diag(self._mass_matrix(q))))]
+        return ModelError(
+            f"joint '{joint}' moves no mass, so no torque determines its acceleration; "
+            "give its links inertia, the joint an armature, or lock it"
+        )
 
     def _mass_matrix(self, q: Array) -> Array:
         return self.model.gather_matrix(pin.crba(self._pin, self._data, q).copy())
 
     def _energies(self, q: Array, v: Array) -> Array:
-        kinetic = pin.computeKineticEnergy(self._pin, self._data, q, v)
+        # Pinocchio 4.1 forgets the armature of joints whose axis is not a coordinate axis.
+        drives = 0.5 * np.sum(self._pin.armature * v**2)
+        kinetic = pin.computeKineticEnergy(self._driveless, self._data, q, v) + drives
         return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q)])
 
     def _friction(self, v: Array) -> Array:
         model = self.model
-        smooth = friction.viscous(v, model.viscous)
+        smooth: Array = friction.viscous(v, model.viscous)
         if not model.has_dry_friction:
             return smooth
-        return smooth + friction.dry(
-            v, np.sign(v), model.coulomb, model.static, model.stribeck_velocity
-        )
+        dry: Array = friction.dry(v, np.sign(v), *model.sliding)
+        return smooth + dry
 
     def _each(self, law: Callable[..., Array], *vectors: Array) -> Array:
         if vectors[0].ndim == 1:
             return np.array(law(*vectors))
         return np.array([law(*row) for row in zip(*vectors, strict=True)])
 
-    def _checked(self, **vectors: Any) -> list[Array]:
+    def _checked(self, **vectors: ArrayLike) -> list[Array]:
         arrays = [vector(name, value, self.n) for name, value in vectors.items()]
         counts = {a.shape[0] for a in arrays if a.ndim == 2}
         if len(counts) > 1:
@@ -183,14 +201,14 @@ class Dynamics:
         return [np.broadcast_to(a, (*counts, self.n)) for a in arrays]
 
     def _terms(self, terms: Term | int) -> Term:
-        if not 0 <= int(terms) <= Term.ALL:
+        if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:
             raise InvalidInput(
                 f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8"
             )
-        return Term(int(terms))
+        return Term(terms)
 
 
-def vector(name: str, value: Any, n: int) -> Array:
+def vector(name: str, value: ArrayLike, n: int) -> Array:
     """Check an argument: finite numbers of shape (n,) or (k, n).
 
     Args:
@@ -204,12 +222,7 @@ def vector(name: str, value: Any, n: int) -> Array:
     Raises:
         InvalidInput: If it is anything else.
     """
-    try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(
-            f"{name} = {value!r}: numbers of shape ({n},) or (k, {n}) are wanted"
-        ) from None
+    array = real_array(name, value)
     if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
         raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is wanted")
     if not np.isfinite(array).all():
@@ -218,3 +231,22 @@ def vector(name: str, value: Any, n: int) -> Array:
             f"{name}{bad.tolist()} = {array[tuple(bad)]}; only finite numbers are allowed"
         )
     return array
+
+
+def real_array(name: str, value: ArrayLike) -> Array:
+    """The value as an array of float.
+
+    Args:
+        name: How the caller calls it.
+        value: What was given.
+
+    Raises:
+        InvalidInput: If it does not consist of real numbers.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.asarray(None)
+    if array.dtype.kind not in "fiu":
+        raise InvalidInput(f"{name} = {value!r}: real numbers are wanted")
+    return np.asarray(array, dtype=float)

@@ -133,7 +133,7 @@ class Kernel:
 
 
 def generate(functions: Sequence[ca.Function]) -> str:
-    """C source of CasADi functions as CasADi writes it; only the functions themselves are visible."""
+    """C source of CasADi functions, as CasADi writes it; only the functions are visible."""
     generator = ca.CodeGenerator("kernel.c", {"with_header": False, "verbose": False})
     for function in functions:
         generator.add(function)
@@ -182,6 +182,8 @@ def check_forward(
     for _ in range(CHECK_STATES):
         q, v, tau = rng.uniform(-np.pi, np.pi, (3, dynamics.n))
         a = np.array(acceleration(q, v, tau))
+        if not np.isfinite(a).all():
+            dynamics.forward(q, v, tau)  # says which joint cannot be moved
         needed = dynamics.inverse(q, v, np.nan_to_num(a))
         bias = dynamics.inverse(q, v, np.zeros(dynamics.n))
         size = abs(dynamics.mass_matrix(q)) @ abs(a) + abs(bias) + abs(tau)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot as numbers: a Pinocchio model, the order of its joints, and the map to its joints.
+"""The robot as numbers: a Pinocchio model, the order of its joints, and the map from q to them.
 
 A vector of the suite has one entry per *independent* joint. Pinocchio's configuration may be
 longer: a continuous joint is stored as cosine and sine, and a mimic joint is a joint of its own
@@ -20,9 +20,6 @@ from arm_dynamics.urdf import Mimic, Urdf, read_urdf
 
 Array = NDArray[np.float64]
 
-# Stribeck speed of a friction that falls to its sliding level at once, far below any real speed.
-AT_ONCE = 1e-9
-
 
 class ArmModel:
     """Inertias, joints, limits and friction coefficients of one scene; nothing in it changes.
@@ -38,8 +35,9 @@ class ArmModel:
         viscous: Viscous friction in [N m s/rad] or [N s/m], shape (n,).
         coulomb: Dry friction in sliding in [N m] or [N], shape (n,).
         static: Dry friction at rest in [N m] or [N], at least ``coulomb``, shape (n,).
-        stribeck_velocity: Speed of the fall from static to coulomb in [rad/s] or [m/s], tiny if it
-            falls at once.
+        stribeck_excess: Dry friction at creeping speed beyond ``coulomb`` in [N m] or [N]; zero where
+            it falls from ``static`` at once.
+        stribeck_velocity: Speed of that fall in [rad/s] or [m/s]; 1 where there is none.
         armature: Drive inertia in [kg m²] or [kg], shape (n,).
         effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).
         velocity_limit: Speed limits in [rad/s] or [m/s], inf where there is none, shape (n,).
@@ -81,6 +79,11 @@ class ArmModel:
     def n(self) -> int:
         """Degrees of freedom."""
         return len(self.joint_names)
+
+    @property
+    def sliding(self) -> tuple[Array, Array, Array]:
+        """Arguments of ``laws.friction.dry`` after the direction."""
+        return self.coulomb, self.stribeck_excess, self.stribeck_velocity
 
     @property
     def has_dry_friction(self) -> bool:
@@ -167,10 +170,12 @@ class ArmModel:
                     f"scene: 'joints.{name}.friction.static': a mimic joint has none of its own"
                 )
             static.append(_or(own.static, level))
-            speed.append(own.stribeck_velocity or AT_ONCE)
+            speed.append(own.stribeck_velocity or 0.0)
         free = [list(self._index).index(name) for name in self.joint_names]
         self.static = _frozen(np.array(static) @ abs(self.followers))
-        self.stribeck_velocity = _frozen(np.array(speed)[free])
+        falls = np.array(speed)[free]
+        self.stribeck_excess = _frozen(np.where(falls > 0.0, self.static - self.coulomb, 0.0))
+        self.stribeck_velocity = _frozen(np.where(falls > 0.0, falls, 1.0))
 
     def _set_limits(self, settings: list[Joint], index: dict[str, int], whole: pin.Model) -> None:
         lower, upper = _position_limits(whole)
@@ -253,9 +258,9 @@ def _follower_map(
 
 
 def _continuous(model: pin.Model) -> list[tuple[int, int, bool]]:
-    """Velocity index, configuration index and whether it wraps, of each joint; none if none wraps.
+    """Velocity index, configuration index and whether it wraps, for each joint.
 
-    A joint that wraps is stored as cosine and sine.
+    A joint that wraps is stored as cosine and sine; the list is empty if none does.
     """
     joints = [(joint.idx_v, joint.idx_q, joint.nq == 2) for joint in list(model.joints)[1:]]
     return joints if any(wraps for *_, wraps in joints) else []

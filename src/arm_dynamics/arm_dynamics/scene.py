@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene: one validated description of the physics, shared by every node.
 
-The schema below is the scene file (see ``docs/scene-reference.md``). What is absent from it is not
-computed.
+The schema below is the scene file (see ``docs/scene-reference.md``). Physics
+that is absent from it is not computed.
 """
 
 from __future__ import annotations
@@ -17,7 +17,6 @@ from pydantic import (
     BeforeValidator,
     ConfigDict,
     Field,
-    PositiveFloat,
     ValidationError,
     field_validator,
 )
@@ -161,7 +160,7 @@ class Sim(_Part):
 
     integrator: str | None = None
     dt: Positive = 1.0e-3
-    tolerance: PositiveFloat | None = None
+    tolerance: Positive | None = None
 
 
 class Scene(_Part):

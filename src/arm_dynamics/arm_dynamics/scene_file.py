@@ -37,6 +37,10 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Sc
         return source
     if isinstance(source, Mapping):
         return _complete(dict(source), Path.cwd())
+    if not isinstance(source, str | os.PathLike):
+        raise SceneError(
+            f"scene: {source!r} is a {type(source).__name__}; a path, URDF text or a dictionary is wanted"
+        )
     text = os.fspath(source)
     if _is_urdf(text):
         return scene_from_urdf(text)

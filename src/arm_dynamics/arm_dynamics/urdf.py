@@ -84,8 +84,7 @@ def read_urdf(text: str) -> Urdf:
         Its joints, links and mimic rules.
 
     Raises:
-        ModelError: If it is malformed, holds a joint type that is not supported or an unphysical
-            number.
+        ModelError: If it is malformed, or holds an unsupported joint type or unphysical number.
     """
     robot = _root(text)
     links = _unique(robot, "link")
@@ -185,8 +184,15 @@ def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None
         and np.linalg.norm(_floats(axis.get("xyz", "1 0 0"))) < 1e-9
     ):
         raise ModelError(f"joint '{name}': axis {axis.get('xyz')!r} has no direction")
-    if kind in ("revolute", "prismatic") and joint.find("limit") is None:
+    limit = joint.find("limit")
+    if kind in ("revolute", "prismatic") and limit is None:
         raise ModelError(f"joint '{name}': a {kind} joint needs <limit>; 'continuous' has none")
+    if kind in ("revolute", "prismatic") and limit is not None:
+        lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
+        if lower > upper:
+            raise ModelError(
+                f"joint '{name}': <limit lower={lower} upper={upper}>: lower is above"
+            )
 
 
 def _check_inertia(name: str, link: ElementTree.Element) -> None:
@@ -218,11 +224,27 @@ def _check_tree(
                 "URDF knows trees only"
             )
         parent_of[str(child)] = str(_link_name(joint, "parent"))
+    ringed = [name for name in links if _in_ring(name, parent_of)]
+    if ringed:
+        raise ModelError(
+            f"robot description: links {known_names(ringed)} hang on each other in a ring; "
+            "URDF knows trees only"
+        )
     roots = [name for name in links if name not in parent_of]
     if len(roots) != 1:
         raise ModelError(
             f"robot description: one root link wanted, found {len(roots)}: {known_names(roots)}"
         )
+
+
+def _in_ring(link: str, parent_of: dict[str, str]) -> bool:
+    above, seen = parent_of.get(link), set[str]()
+    while above is not None and above not in seen:
+        if above == link:
+            return True
+        seen.add(above)
+        above = parent_of.get(above)
+    return False
 
 
 def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> dict[str, Mimic]:

@@ -8,4 +8,12 @@ from arm_sim.recording import Recording
 from arm_sim.simulator import Simulator
 from arm_sim.state import State
 
-__all__ = ["CompiledControl", "Plan", "Recording", "SimulationDiverged", "Simulator", "State", "computed_torque"]
+__all__ = [
+    "CompiledControl",
+    "Plan",
+    "Recording",
+    "SimulationDiverged",
+    "Simulator",
+    "State",
+    "computed_torque",
+]

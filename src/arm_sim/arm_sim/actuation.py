@@ -59,8 +59,7 @@ def computed_torque(
     tau = rigid_body.inverse(tree, q, v, a, constant(model.scene.gravity))
     tau += friction.viscous(v, constant(model.viscous))
     if model.has_dry_friction:
-        levels = (model.coulomb, model.static, model.stribeck_velocity)
-        tau += friction.dry(v, ca.sign(v), *map(constant, levels))
+        tau += friction.dry(v, ca.sign(v), *map(constant, model.sliding))
     law = ca.Function("law", [x, r], [ca.densify(tau)], {"cse": True})
     return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
 

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error control inside a tick, for machines without a compiler; ``native/adaptive.c`` is its
-twin.
+"""Error control inside a tick, for machines without a compiler.
+
+Its twin for compiled code is ``native/adaptive.c``.
 """
 
 from __future__ import annotations
@@ -42,9 +43,14 @@ class SubstepControl(ctypes.Structure):
 
 
 def controlled_tick(
-    attempt: Call, x: Array, u: Array, p: Array, h: float, control: SubstepControl,
+    attempt: Call,
+    x: Array,
+    u: Array,
+    p: Array,
+    h: float,
+    control: SubstepControl,
     taken: list[float] | None = None,
-) -> bool:  # fmt: skip
+) -> bool:
     """Advance one tick of length ``h`` in place.
 
     Args:

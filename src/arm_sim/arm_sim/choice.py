@@ -79,9 +79,9 @@ def choose(
     return Choice(method, dt, tolerance, "asked for")
 
 
-def _within(name: str, value: object, allowed: tuple[float, float], unit: str) -> float:
+def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
     try:
-        number = float(value)  # type: ignore[arg-type]
+        number = float(value)
     except (TypeError, ValueError):
         number = np.nan
     if not allowed[0] <= number <= allowed[1]:

@@ -21,12 +21,14 @@ from arm_sim.adaptive import SubstepControl, controlled_tick
 from arm_sim.choice import Choice
 from arm_sim.integrators import build_attempt, build_step
 from arm_sim.plant import Plant
-from arm_sim.stepper import check_kernel
+from arm_sim.stepper import check_kernel, within_reach
 
 # A tick with more stops and starts than this for each joint is not a motion any more.
 EVENTS_PER_JOINT = 50
 LEAST_INDEX_FROM = 3
 BISECTIONS = 200
+# A joint that is let go at the very edge of sticking may leave by rounding in the wrong direction.
+ROUNDING = 1e-13
 
 
 class DryStepper:
@@ -121,7 +123,7 @@ class DryStepper:
             if after is None:
                 return None
             if self._wrong(after, u, direction) <= 0.0:
-                return after
+                return self._rest(after, direction)
             used, x = self._first_event(x, u, left, direction)
             left -= used
             if left <= 0.0:
@@ -138,15 +140,21 @@ class DryStepper:
         _, late = first_positive(wrong, h)
         after = self._flow(x, u, late, direction)
         assert after is not None
-        v = after[self._n :]
+        return late, self._rest(after, direction)
+
+    def _rest(self, x: Array, direction: Array) -> Array:
+        """Put joints that have just reached zero speed, or passed it by rounding, at rest."""
+        v = x[self._n :]
         v[self._sticky & (v * direction <= 0.0)] = 0.0
-        return late, after
+        return x
 
     def _wrong(self, x: Array, u: Array, direction: Array) -> float:
         """Positive if a joint slides against its direction or sticks under too much load."""
         q, v = x[: self._n], x[self._n :]
         moving, stuck = self._sticky & (direction != 0.0), self._sticky & (direction == 0.0)
-        turned = np.max(-v * direction, where=moving, initial=-np.inf)
+        turned = np.max(-v * direction, where=moving, initial=-np.inf) - ROUNDING * (
+            1.0 + abs(v).max()
+        )
         if not stuck.any():
             return float(turned)
         load = abs(self._reaction(q, v, u, self._with(direction))[0])
@@ -159,7 +167,7 @@ class DryStepper:
             ok = controlled_tick(self._smooth, after, u, self._with(direction), h, self._control)
             return after if ok else None
         after = self._smooth(x, u, self._with(direction), h)[0].copy()
-        return after if after @ after < 1e300 else None
+        return after if within_reach(after) else None
 
     def _with(self, direction: Array) -> Array:
         return np.concatenate([self.p, direction])

@@ -11,8 +11,9 @@ from arm_dynamics.model import Array
 
 
 def input_work(q: Array, tau: Array) -> Array:
-    """Work that held torques have done by each time; exact, since a torque is constant within its
-    tick.
+    """Work that held torques have done by each time.
+
+    It is exact, since a torque is constant within its tick.
 
     Args:
         q: Joint positions in [rad] or [m], shape (k+1, n).

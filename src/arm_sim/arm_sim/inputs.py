@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import ArmModel, InvalidInput
-from arm_dynamics.dynamics import vector
+from arm_dynamics.dynamics import real_array, vector
 from arm_dynamics.model import Array
 
 _log = logging.getLogger(__name__)
@@ -28,13 +28,10 @@ def torque(tau: Any, n: int) -> Array:
     Raises:
         InvalidInput: If the shape is another one or a number is not finite.
     """
-    try:
-        command = np.ascontiguousarray(tau, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"tau = {tau!r}: numbers of shape ({n},) are wanted") from None
+    command = np.ascontiguousarray(real_array("tau", tau))
     if command.shape != (n,):
         raise InvalidInput(f"tau has shape {command.shape}; ({n},) is wanted")
-    return command if command @ command < np.inf else vector("tau", command, n)
+    return command if np.isfinite(command).all() else vector("tau", command, n)
 
 
 def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:

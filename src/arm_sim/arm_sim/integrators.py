@@ -1,7 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One-step methods: tableaux and step builders that turn x' = f(x, u, p) into a step of length
-h.
-"""
+"""One-step methods, and builders that turn x' = f(x, u, p) into a step of length h."""
 
 from __future__ import annotations
 
@@ -131,7 +129,7 @@ def _combine(weights: Sequence[float], slopes: list[ca.MX]) -> ca.MX:
 
 
 def _semi_implicit(f: Rhs, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
-    """v first, then q with the new v."""
+    """Step v first, then q with the new v."""
     after = x + h * f(x)
     return ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
 
@@ -143,8 +141,7 @@ def _norms(nx: int, estimates: int, n: int) -> ca.Function:
     norms = [_largest(ca.fabs(error) / scale) for error in errors]
     size = norms[0]
     if estimates == 2:
-        # Hairer's blend: close to the order-5 estimate, damped where the order-3 one is far
-        # larger.
+        # Hairer's blend: near the order-5 estimate, damped where the order-3 one is far larger.
         size = size * size / ca.sqrt(size * size + 0.01 * norms[1] * norms[1] + 1e-300)
     return ca.Function(
         "measure", [before, after, *errors], [size, _largest(ca.fabs(errors[0][:n]))]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives of ticks, by CasADi's automatic differentiation of the very step that is
-integrated.
+"""Exact derivatives of ticks.
+
+CasADi differentiates the very step that is integrated.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ from arm_sim.stepper import build_tick
 
 
 class Linearizer:
-    """Derivatives of a scene's ticks; runs on CasADi's virtual machine, since it is seldom in a
-    loop.
+    """Derivatives of a scene's ticks.
+
+    They are computed on CasADi's virtual machine, since they are seldom wanted in a loop.
     """
 
     def __init__(self, plant: Plant, choice: Choice) -> None:
@@ -36,8 +38,9 @@ class Linearizer:
         self._derivatives = ca.Function("derivatives", [x, r, p, h], results, {"cse": True})
 
     def __call__(self, x: Array, r: Array, p: Array, ticks: int) -> tuple[Array, Array]:
-        """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``; see
-        ``Simulator.linearize``.
+        """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``.
+
+        See ``Simulator.linearize``.
         """
         A, B = np.eye(len(x)), np.zeros((len(x), len(r)))
         for _ in range(ticks):

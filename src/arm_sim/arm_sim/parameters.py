@@ -4,10 +4,10 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
 import casadi as ca
 import numpy as np
+from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.dynamics import vector
@@ -20,8 +20,8 @@ class Parameter:
 
     Attributes:
         name: ``gravity``, ``payload`` or ``friction``.
-        nominal: Its value in the scene: gravity (3); mass, com (3), inertia (6) of each payload;
-            viscous (n).
+        nominal: Its value in the scene: gravity, shape (3,); mass, com (3) and inertia (6) of
+            each payload; or viscous coefficients, shape (n,).
     """
 
     name: str
@@ -61,7 +61,7 @@ class Parameters:
         """A symbol for each quantity, in the order of p."""
         return {item.name: ca.SX.sym(item.name, item.nominal.size) for item in self.items}
 
-    def merged(self, values: dict[str, Any], p: Array) -> Array:
+    def merged(self, values: dict[str, ArrayLike], p: Array) -> Array:
         """The vector p with some quantities replaced.
 
         Args:
@@ -77,7 +77,8 @@ class Parameters:
         for name in values:
             if name not in self.names:
                 raise InvalidInput(
-                    f"'{name}' is not tunable; the scene's 'tunable' names {self.names or 'nothing'}"
+                    f"'{name}' is not tunable; "
+                    f"the scene's 'tunable' names {self.names or 'nothing'}"
                 )
         ends = np.cumsum([item.nominal.size for item in self.items])
         columns = [

@@ -10,6 +10,7 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics.kernel import operations
+from arm_dynamics.model import Array
 from arm_sim.choice import Choice
 from arm_sim.plant import Plant
 from arm_sim.stepper import Stepper
@@ -58,8 +59,9 @@ class Plan:
 
     @cached_property
     def nanoseconds(self) -> float:
-        """Time of one tick in [ns], measured now: the best of some runs from the initial state
-        without torque.
+        """Time of one tick in [ns], measured now.
+
+        It is the best of some runs from the initial state without torque.
         """
         model, nx = self._plant.model, self._plant.nx
         trace, effort = np.empty((TIMED_TICKS, nx)), np.empty((TIMED_TICKS, model.n))
@@ -78,11 +80,13 @@ class Plan:
         choice = self._choice
         control = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
         per = "sub-step" if choice.tolerance is not None else "tick"
+        method = f"{self.integrator} (order {choice.method.order}), dt {choice.dt:g} s{control}"
+        cost = f"{self.operations} operations per {per}, {self.evaluation} per evaluation"
         lines = [
-            f"integrator  {self.integrator} (order {choice.method.order}), dt {choice.dt:g} s{control}: {self.reason}",
+            f"integrator  {method}: {self.reason}",
             f"algorithm   {self.algorithm}",
             f"runs on     {self.backend}",
-            f"cost        {self.operations} operations per {per}, {self.evaluation} per evaluation",
+            f"cost        {cost}",
         ]
         lines += [f"computed    {part.name}: {part.why}" for part in self.parts if part.on]
         lines += [f"skipped     {part.name}: {part.why}" for part in self.parts if not part.on]
@@ -90,23 +94,24 @@ class Plan:
 
 
 def _parts(plant: Plant) -> tuple[Part, ...]:
-    model, scene = plant.model, plant.model.scene
-    tunable = plant.parameters.names
+    model, scene, p = plant.model, plant.model.scene, plant.parameters.names
+    gravity, viscous, dry, armature = scene.gravity, model.viscous, model.static, model.armature
     locked, loads = len(scene.robot.lock), len(scene.payloads)
+    folded = f"{loads} bodies, folded into their links"
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
     return (
         Part("rigid body", True, f"{model.n} joints"),
-        _part("gravity", any(scene.gravity), f"{list(scene.gravity)} m/s²", "zero", "gravity" in tunable),
-        _part("viscous friction", model.viscous.any(), _at(model.viscous), "no coefficient", "friction" in tunable),
-        _part("dry friction", model.static.any(), f"{_at(model.static)}, solved by events", "no level"),
-        _part("drive inertia", model.armature.any(), _at(model.armature), "no armature"),
-        _part("payloads", loads, f"{loads} bodies, folded into their links", "none", "payload" in tunable),
+        _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),
+        _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
+        _part("dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level"),
+        _part("drive inertia", armature.any(), _at(armature), "no armature"),
+        _part("payloads", loads, folded, "none", "payload" in p),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
         _part("locked joints", False, "", f"{locked} folded away" if locked else "none"),
         _part("energies", False, "", "computed when asked for"),
-    )  # fmt: skip
+    )
 
 
 def _part(name: str, on: object, why: str, why_not: str, tunable: bool = False) -> Part:
@@ -115,5 +120,5 @@ def _part(name: str, on: object, why: str, why_not: str, tunable: bool = False) 
     return Part(name, bool(on), why if on else why_not)
 
 
-def _at(values: np.ndarray) -> str:
+def _at(values: Array) -> str:
     return f"{int(np.count_nonzero(values))} joints"

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The scene's equation of motion as one function x' = f(x, u, p), with only the laws that the
-scene asks for.
+"""The scene's equation of motion as one function x' = f(x, u, p).
+
+It contains only the laws that the scene asks for.
 """
 
 from __future__ import annotations
@@ -94,13 +95,7 @@ def _stick_slip(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Functi
     sliding = ca.vertcat(
         *[direction[i] ** 2 if level else 1 for i, level in enumerate(model.static)]
     )
-    dry = friction.dry(
-        s.v,
-        direction,
-        constant(model.coulomb),
-        constant(model.static),
-        constant(model.stribeck_velocity),
-    )
+    dry = friction.dry(s.v, direction, *map(constant, model.sliding))
     bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
     M = rigid_body.mass_matrix(s.tree, s.q)
     a, reaction = sticking.forward(M, s.tau - bias - s.viscous - ca.sparsify(dry), sliding)

@@ -63,7 +63,8 @@ class Recording:
         """Energy from nowhere in [J], shape (k+1,): E - E(0) - input + dissipated."""
         given = input_work(self.q, self.tau[:-1])
         lost = dissipated_work(self.time, self.q, self.v, self.dynamics.friction)
-        return self.energy - self.energy[0] - given + lost
+        gained: Array = self.energy - self.energy[0]
+        return gained - given + lost
 
 
 def record(
@@ -86,7 +87,7 @@ def record(
     x = np.vstack([np.concatenate([start.q, start.v]), trace[:, : 2 * n]])
     tau = np.vstack([effort, effort[-1:] if len(effort) else np.zeros(n)])
     error = np.concatenate([[start.error], errors])
-    time = (start.step + np.arange(len(x))) * dt
+    time = np.asarray((start.step + np.arange(len(x))) * dt, dtype=np.float64)
     for array in (x, tau, error, time):
         array.setflags(write=False)
     return Recording(time, x[:, :n], x[:, n:], tau, error, dynamics)

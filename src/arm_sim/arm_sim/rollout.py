@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import InvalidInput, compiler
-from arm_dynamics.dynamics import vector
+from arm_dynamics.dynamics import real_array, vector
 from arm_dynamics.kernel import generate
 from arm_dynamics.model import Array
 from arm_sim.actuation import actuation
@@ -83,7 +83,7 @@ class Rollouts:
 
     def _torques(self, tau: Any, arms: int, steps: int) -> Array:
         n = self._plant.model.n
-        array = np.ascontiguousarray(tau, dtype=float)
+        array = np.ascontiguousarray(real_array("tau", tau))
         if array.shape not in ((n,), (arms, n), (arms, steps, n)):
             allowed = f"({n},), ({arms}, {n}) or ({arms}, {steps}, {n})"
             raise InvalidInput(f"tau has shape {array.shape}; {allowed} is wanted")

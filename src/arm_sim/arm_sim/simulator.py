@@ -93,7 +93,8 @@ class Simulator:
     @property
     def effort(self) -> Array:
         """Torque that acted in the last tick, limits applied, in [N m] or [N], shape (n,)."""
-        return self._effort[0].copy()
+        row: Array = self._effort[0]
+        return row.copy()
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -145,7 +146,7 @@ class Simulator:
         effort, errors = np.empty((ticks, self.n)), np.empty(ticks)
         start = self._state
         if isinstance(control, CompiledControl):
-            times = (self._step + np.arange(ticks)) * self.dt
+            times = np.asarray((self._step + np.arange(ticks)) * self.dt, dtype=np.float64)
             stepper = self._stepper_with(control)
             done = self._roll(stepper, control.reference(times), trace, effort, errors)
         elif callable(control):
@@ -153,7 +154,7 @@ class Simulator:
         else:
             table = torque_table(control, ticks, self.n, self.dt)
             done = self._roll(self._stepper, table, trace, effort, errors)
-            self._saturation.look(table, effort[:done])
+            self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
         recording = record(
             self.dynamics, self.dt, start, trace[:done], effort[:done], errors[:done]
         )
@@ -194,11 +195,7 @@ class Simulator:
         return self._state
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Change a quantity that the scene declares tunable, from the next tick on.
-
-        Args:
-            name: ``gravity``, ``payload`` or ``friction``; see ``Parameter`` for the numbers.
-            value: As many numbers as in the scene.
+        """Change a tunable quantity of the scene (see ``Parameter``) from the next tick on.
 
         Raises:
             InvalidInput: If it is not tunable or not of that size.
@@ -233,8 +230,8 @@ class Simulator:
             lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
 
         Returns:
-            States (q, v) of shape (b, steps + 1, 2n), or (b, 2n) if ``last_only``. An arm that
-            diverges keeps NaN from there on.
+            States (q, v), shape (b, steps + 1, 2n), or (b, 2n) if ``last_only``; NaN from where an
+            arm diverges.
 
         Raises:
             InvalidInput: If a shape or value is not allowed.
@@ -254,6 +251,8 @@ class Simulator:
         Returns:
             A = ∂x⁺/∂x of shape (2n, 2n) and B = ∂x⁺/∂τ of shape (2n, n), with x = (q, v).
         """
+        if not isinstance(ticks, int | np.integer) or ticks < 1:
+            raise InvalidInput(f"ticks = {ticks!r}: a whole number of at least one is wanted")
         x, command = packed_state(state.q, state.v, self.n), torque(tau, self.n)
         return self._linearizer(x, command, self._stepper.parameters_at(x, command), ticks)
 

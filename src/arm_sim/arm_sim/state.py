@@ -18,8 +18,7 @@ class State:
         q: Joint positions in [rad] or [m], shape (n,).
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
         z: States of the other laws that the scene uses, shape (nz,).
-        error: Estimated error of q since the last reset in [rad] or [m]; 0 for methods without an
-            estimate.
+        error: Estimated error of q since the last reset in [rad] or [m]; 0 if the method has none.
     """
 
     time: float

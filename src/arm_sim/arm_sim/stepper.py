@@ -1,23 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The machinery under the simulator: a compiled tick, of fixed length or with error control
-inside.
+"""The machinery under the simulator: a compiled tick.
+
+It is one step of fixed length, or sub-steps under error control.
 """
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
 from pathlib import Path
 from typing import Protocol
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
-from arm_dynamics.kernel import Kernel, check_forward
 from arm_dynamics.dynamics import Dynamics
+from arm_dynamics.kernel import Kernel, check_forward
 from arm_dynamics.model import Array
-from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick
 from arm_sim.actuation import CompiledControl, actuation
+from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick
 from arm_sim.integrators import Method, build_attempt, build_step
 from arm_sim.plant import Plant
 
@@ -100,10 +101,16 @@ class FixedStepper:
         if self.kernel.library is None or ticks == 1:
             return self._by_call(x, command, ticks, trace, effort)
         stride = command.shape[-1] if command.ndim == 2 else 0
-        return int(_function(self.kernel, "roll")(
-            pointer(x), pointer(command), ctypes.c_longlong(stride), pointer(self.p), pointer(self._dt),
-            ctypes.c_longlong(ticks), pointer(trace), pointer(effort),
-        ))  # fmt: skip
+        return _function(self.kernel, "roll")(
+            pointer(x),
+            pointer(command),
+            ctypes.c_longlong(stride),
+            pointer(self.p),
+            pointer(self._dt),
+            ctypes.c_longlong(ticks),
+            pointer(trace),
+            pointer(effort),
+        )
 
     def _by_call(self, x: Array, command: Array, ticks: int, trace: Array, effort: Array) -> int:
         (x_in, r_in, p_in, _), (after, acted) = self._tick.inputs, self._tick.outputs
@@ -112,7 +119,7 @@ class FixedStepper:
             x_in[:] = x
             r_in[:] = command[k] if command.ndim == 2 else command
             self._tick.run()
-            if not after @ after < 1e300:
+            if not within_reach(after):
                 return k
             x[:] = after
             trace[k], effort[k] = after, acted
@@ -158,11 +165,18 @@ class AdaptiveStepper:
         if self.kernel.library is None:
             return self._by_call(x, command, ticks, trace, effort, errors)
         stride = command.shape[-1] if command.ndim == 2 else 0
-        return int(_function(self.kernel, "roll_adaptive")(
-            pointer(x), pointer(command), ctypes.c_longlong(stride), pointer(self.p),
-            ctypes.c_double(self._dt), ctypes.c_longlong(ticks), pointer(trace), pointer(effort),
-            pointer(errors), ctypes.byref(self._control),
-        ))  # fmt: skip
+        return _function(self.kernel, "roll_adaptive")(
+            pointer(x),
+            pointer(command),
+            ctypes.c_longlong(stride),
+            pointer(self.p),
+            ctypes.c_double(self._dt),
+            ctypes.c_longlong(ticks),
+            pointer(trace),
+            pointer(effort),
+            pointer(errors),
+            ctypes.byref(self._control),
+        )
 
     def _by_call(
         self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
@@ -199,13 +213,19 @@ def driver_source(
     return "\n".join(["", *lines, (NATIVE / file).read_text()])
 
 
-def _function(kernel: Kernel, name: str) -> ctypes._CFuncPtr:  # type: ignore[name-defined]
-    function = getattr(kernel.library, name)
-    function.restype = ctypes.c_longlong
+def _function(kernel: Kernel, name: str) -> Callable[..., int]:
+    entry = getattr(kernel.library, name)
+    entry.restype = ctypes.c_longlong
+    function: Callable[..., int] = entry
     return function
 
 
-def pointer(array: NDArray[np.float64]) -> ctypes.c_void_p:
+def within_reach(x: Array) -> bool:
+    """Whether a state is finite and far from overflow; the drivers in C ask the same."""
+    return bool(abs(x).max() < 1e150)
+
+
+def pointer(array: Array) -> ctypes.c_void_p:
     """Address of an array for a C function."""
     return ctypes.c_void_p(array.ctypes.data)
 

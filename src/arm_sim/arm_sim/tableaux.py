@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Butcher tableaux of the explicit Runge-Kutta methods.
 
-Notation and most tableaux: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 2nd
-    edition 1993 ("HNW").
+Notation and most tableaux: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
+2nd edition 1993 ("HNW").
 """
 
 from __future__ import annotations
@@ -12,8 +12,9 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Tableau:
-    """Coefficients of an explicit Runge-Kutta method; f does not depend on time, so c is not
-    needed.
+    """Coefficients of an explicit Runge-Kutta method.
+
+    There is no c, since f does not depend on time.
 
     Attributes:
         order: Order of convergence.

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-Quantity = NDArray[np.float64] | ca.SX
+type Quantity = NDArray[np.float64] | ca.SX
 
 
 def viscous(v: Quantity, coefficient: Quantity) -> Quantity:
@@ -26,31 +26,25 @@ def viscous(v: Quantity, coefficient: Quantity) -> Quantity:
     return coefficient * v
 
 
-def dry(
-    v: Quantity,
-    direction: Quantity,
-    coulomb: Quantity,
-    static: Quantity,
-    stribeck_velocity: Quantity,
-) -> Quantity:
-    """Dry friction of joints that slide in direction s: F = s (Fc + (Fs - Fc) exp(-(v/vs)²)).
+def dry(v: Any, direction: Any, coulomb: Any, excess: Any, stribeck_velocity: Any) -> Any:
+    """Dry friction of joints that slide: F = s (Fc + ΔF exp(-(v/vs)²)), s the way they slide.
 
-    Coulomb's constant torque with Stribeck's fall from the static level; the exponent 2 is that of
+    Coulomb's constant torque with Stribeck's fall from the level at rest; the exponent 2 is that of
     Armstrong-Hélouvry, Dupont and Canudas de Wit, "A survey of models, analysis tools and
     compensation methods for the control of machines with friction", Automatica 30(7), 1994,
-    equation (4). With Fs = Fc it is Coulomb's law.
+    equation (4). With ΔF = 0 it is Coulomb's law.
 
     Args:
         v: Joint velocities in [rad/s] or [m/s], shape (…, n).
         direction: Sign of the motion, or of the motion about to begin; 0 gives no torque.
         coulomb: Fc in [N m] or [N], shape (n,).
-        static: Fs in [N m] or [N], at least Fc.
+        excess: ΔF = Fs - Fc in [N m] or [N], not negative.
         stribeck_velocity: vs in [rad/s] or [m/s], positive.
 
     Returns:
         Torques in [N m] or [N], of the sign of ``direction``.
     """
-    return direction * (coulomb + (static - coulomb) * _exp(-((v / stribeck_velocity) ** 2)))
+    return direction * (coulomb + excess * _exp(-((v / stribeck_velocity) ** 2)))
 
 
 def _exp(x: Quantity) -> Quantity:

@@ -75,9 +75,9 @@ def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
 
 
 def mass_matrix(tree: Tree, q: ca.SX) -> ca.SX:
-    """Joint-space inertia M(q) with armature by composite rigid bodies, shape (n, n).
+    """Joint-space inertia M(q) in [kg m²] or [kg], shape (n, n), armature included.
 
-    Its entries are in [kg m²], or in [kg] where both joints are prismatic.
+    Source: composite rigid bodies, see the top of this module.
     """
     pose = placements(tree, q)
     count = len(tree.links)

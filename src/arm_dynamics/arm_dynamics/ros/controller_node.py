@@ -6,6 +6,7 @@ from __future__ import annotations
 import sys
 from typing import Any
 
+import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
@@ -93,13 +94,14 @@ class ControllerNode(Node):
         try:
             stamp, (q, v) = self._reader.read(raw)
         except InvalidInput as error:
-            self.get_logger().warning(
-                f"joint state passed over: {error}", throttle_duration_sec=_THROTTLE
-            )
+            self._say(f"joint state passed over: {error}")
             return None
         state = Measured(q, v)
         reference = self._reference(stamp, state)
         tau = self._control.torque(state, reference)
+        if not tau @ tau < np.inf:
+            self._say(f"no command, the torque would not be finite: {tau}")
+            return None
         command = self._writer.write(stamp, tau)
         self._commands.publish(command)
         if stamp >= self._next_report:
@@ -108,15 +110,17 @@ class ControllerNode(Node):
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
         if self._follower is None or stamp < self._stamp:
+            why = "time went backwards: " if self._follower is not None else ""
             self.get_logger().info(
-                "holding where the arm is"
-                if self._follower is None
-                else "time went backwards: holding where the arm is"
+                f"{why}holding where the arm is", throttle_duration_sec=_THROTTLE
             )
             self._follower = Follower(state.q, self._limits)
             self._next_report = 0
         self._stamp = stamp
         return self._follower.reference(stamp)
+
+    def _say(self, warning: str) -> None:
+        self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
 
     def on_joint_trajectory(self, message: JointTrajectory) -> None:
         """Follow a trajectory from the present reference on, or say why not."""

@@ -14,7 +14,7 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from arm_dynamics.exceptions import ArmError
+from arm_dynamics.exceptions import ArmError, InvalidInput
 
 _PROBE_TIMEOUT = 0.5  # [s]
 _GLANCE = 0.1  # [s] between looks at whether to end, when nothing happens
@@ -103,9 +103,9 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda received, _: asked.append(received))
     context = Context()
-    rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
     node: Any = None
     try:
+        _initialize(context, args)
         node = make_node(context=context)
         spin(node, lambda: bool(asked))
     except ArmError as error:
@@ -116,3 +116,10 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
             node.destroy_node()
         context.try_shutdown()
     return 0
+
+
+def _initialize(context: Context, args: list[str] | None) -> None:
+    try:
+        rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise InvalidInput(f"ROS cannot start: {error}") from error

@@ -49,6 +49,7 @@ def parameter(
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     metadata = {"descriptor": descriptor, "choices": choices}
     if isinstance(default, list):
+        descriptor.dynamic_typing = True  # [30] and 30 mean what [30.0] means
         return field(default_factory=lambda: list(default), metadata=metadata)
     return field(default=default, metadata=metadata)
 
@@ -66,7 +67,7 @@ def declare[P](node: Node, kind: type[P]) -> P:
             declared = node.declare_parameter(item.name, default, item.metadata["descriptor"])
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
             raise InvalidInput(f"parameter '{item.name}': {error}") from error
-        values[item.name] = _plain(declared.value)
+        values[item.name] = _plain(item.name, declared.value, default)
     return _checked(kind(**values))
 
 
@@ -81,11 +82,12 @@ def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -
     """
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
-        known = {item.name for item in fields(current())}  # type: ignore[arg-type]
-        values = {p.name: _plain(p.value) for p in parameters if p.name in known}
+        present = current()
+        changed = [p for p in parameters if hasattr(present, p.name)]
         try:
+            values = {p.name: _plain(p.name, p.value, getattr(present, p.name)) for p in changed}
             if values:
-                apply(_checked(replace(current(), **values)))  # type: ignore[type-var]
+                apply(_checked(replace(present, **values)))  # type: ignore[type-var]
         except ArmError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -93,8 +95,13 @@ def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -
     node.add_on_set_parameters_callback(on_set)
 
 
-def _plain(value: Any) -> Any:
-    return value if isinstance(value, (bool, int, float, str)) else list(value)
+def _plain(name: str, value: Any, like: Any) -> Any:
+    """Give a parameter's value the type of ``like``; one number will do for a list of them."""
+    if value is None:
+        raise InvalidInput(f"parameter '{name}' has no value; it cannot be taken away")
+    if not isinstance(like, list):
+        return value
+    return [value] if isinstance(value, (bool, int, float, str)) else list(value)
 
 
 def _checked[P](params: P) -> P:

@@ -9,15 +9,16 @@ from typing import Any
 
 import click
 import numpy as np
-from arm_dynamics.ros import interfaces as dynamics
 
+from arm_dynamics.ros import interfaces as dynamics
 from arm_sim.cli.client import Caller
-from arm_sim.cli.output import console, limit, number, table
+from arm_sim.cli.output import console, limit, number, show, table
 from arm_sim.cli.vectors import Vector
 from arm_sim.ros import interfaces as sim
 
 _DYNAMICS, _SIM = "./arm dynamics SCENE", "./arm sim SCENE"
 _SHOWN = 20  # points of a batch on a terminal
+_DUST = 1e-14  # of the largest number beside it
 
 
 class _Question:
@@ -83,9 +84,9 @@ def _motion(
         return
     columns = {name: question.vectors.get(name) for name in vectors}
     given = {f"{name} [{_unit_of(name, question)}]": v for name, v in columns.items() if v}
-    cells = zip(question.names, *given.values(), rows[0], strict=True)
+    cells = zip(question.names, *given.values(), _readable(rows[0]), strict=True)
     shown = [(name, *map(number, values)) for name, *values in cells]
-    console().print(table("", ("joint", *_escaped(given), _escape(f"{title} [{unit}]")), shown))
+    show(console(), table(("joint", *given, f"{title} [{unit}]"), shown))
 
 
 def dynamics_terms(
@@ -125,21 +126,26 @@ def _print_terms(
         if question.batch:
             out.rule(f"point {point}")
         for name, values in matrices.items():
-            title = f"{name.replace('_', ' ')} [{units[name]}]"
-            rows = [(a, *(number(x, 5) for x in row)) for a, row in zip(names, values[point], strict=True)]
-            out.print(table(_escape(title), ("", *names), rows))
-        heads = [_escape(f"{name} [{question.unit('N m', 'N')}]") for name in torques]
-        cells = zip(names, *(values[point] for values in torques.values()), strict=True)
-        out.print(table("", ("joint", *heads), [(a, *map(number, x)) for a, *x in cells]))
+            heading = f"{name.replace('_', ' ')} [{units[name]}]"
+            rows = [(a, *(number(x, 5) for x in row)) for a, row in zip(names, _readable(values[point]), strict=True)]
+            show(out, table((heading, *names), rows))
+        heads = [f"{name} [{question.unit('N m', 'N')}]" for name in torques]
+        cells = zip(names, *(_readable(values[point]) for values in torques.values()), strict=True)
+        show(out, table(("joint", *heads), [(a, *map(number, x)) for a, *x in cells]))
         for name, values in energies.items():
             out.print(f"  {name.replace('_', ' ')}: {number(values[point])} J")
     _say_more(points)
 
 
 def _print_points(question: _Question, title: str, rows: np.ndarray) -> None:
-    shown = [(str(k), *map(number, row)) for k, row in enumerate(rows[:_SHOWN])]
-    console().print(table(_escape(title), ("point", *question.names), shown))
+    shown = [(str(k), *map(number, row)) for k, row in enumerate(_readable(rows[:_SHOWN]))]
+    show(console(), table((f"point: {title}", *question.names), shown))
     _say_more(len(rows))
+
+
+def _readable(values: np.ndarray) -> np.ndarray:
+    """The same without the dust that rounding leaves where zero is meant."""
+    return np.where(np.abs(values) < _DUST * np.abs(values).max(), 0.0, values)
 
 
 def _say_more(points: int) -> None:
@@ -164,9 +170,10 @@ def model_info(node: str, timeout: float, as_json: bool) -> None:
     rows = zip(info.joint_names, info.joint_types, *(getattr(info, x) for x in limits), strict=True)
     heads = ("joint", "type", "lower", "upper", "speed limit", "effort limit")
     out = console()
-    out.print(f"\n{_escape(info.summary)}, gravity {_escape(str([float(g) for g in info.gravity]))} m/s²")
-    out.print(table("", heads, [(name, kind, *map(limit, x)) for name, kind, *x in rows]))
-    out.print(f"frames: {', '.join(info.frame_names)}", style="dim")
+    gravity = ", ".join(f"{g:g}" for g in info.gravity)
+    out.print(f"\n{info.summary}, gravity ({gravity}) m/s²", markup=False)
+    show(out, table(heads, [(name, kind, *map(limit, x)) for name, kind, *x in rows], (0, 1)))
+    out.print(f"frames: {', '.join(info.frame_names)}", style="dim", markup=False)
 
 
 def reset(node: str, timeout: float, as_json: bool) -> None:
@@ -218,7 +225,7 @@ def _command(
     if as_json:
         _print_json(**answer)
     else:
-        console().print(f"{caller.node}: {done.format(**answer)}")
+        console().print(f"{caller.node}: {done.format(**answer)}", markup=False)
 
 
 def _refuse_failure(response: Any, as_json: bool = False) -> None:
@@ -239,12 +246,3 @@ def _unit_of(name: str, question: _Question) -> str:
              "acceleration": ("rad/s²", "m/s²"), "effort": ("N m", "N")}  # fmt: skip
     return question.unit(*units[name])
 
-
-def _escape(text: str) -> str:
-    from rich.markup import escape
-
-    return escape(text)
-
-
-def _escaped(texts: Any) -> list[str]:
-    return [_escape(text) for text in texts]

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from arm_sim.cli.vectors import HOW, Vector, VectorType
+from arm_sim.cli.vectors import HOW, VectorType
 
 TERMS = {"inertia": 1, "coriolis": 2, "gravity": 4, "friction": 8}
 DYNAMICS, SIM = ("/dynamics", "./arm dynamics SCENE"), ("/sim", "./arm sim SCENE")

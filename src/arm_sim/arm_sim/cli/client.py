@@ -11,13 +11,14 @@ from typing import Any
 
 import click
 import rclpy
-from arm_dynamics.ros.executor import make_executor
-from arm_dynamics.ros.interfaces import Service
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-_RETRY = 2.0  # [s]; the first reply is lost when the server has not seen the client yet
+from arm_dynamics.ros.executor import make_executor
+from arm_dynamics.ros.interfaces import Service
+
+_RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
 _SETTLE = 0.3  # [s] for the server to see the client, where a request must not be repeated
 _GLANCE = 0.05  # [s]
 
@@ -77,13 +78,13 @@ class Caller:
             raise click.ClickException(self._nobody(name))
         if not repeatable:
             self._until(lambda: False, _SETTLE)
-        end, futures = time.monotonic() + self._timeout, []
+        end, futures, patience = time.monotonic() + self._timeout, [], _RETRY
         while (left := end - time.monotonic()) > 0.0:
             futures.append(client.call_async(request))
-            if self._until(
-                lambda: any(f.done() for f in futures), min(_RETRY, left) if repeatable else left
-            ):
+            wait = min(patience, left) if repeatable else left
+            if self._until(lambda: any(f.done() for f in futures), wait):
                 return next(f.result() for f in futures if f.done())
+            patience *= 2.0
         raise click.ClickException(self._silence(name, repeatable))
 
     def _until(self, condition: Callable[[], bool], timeout: float) -> bool:

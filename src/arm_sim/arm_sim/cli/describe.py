@@ -8,9 +8,9 @@ from typing import TYPE_CHECKING
 import click
 
 if TYPE_CHECKING:
-    from arm_dynamics import ArmModel
     from rich.console import Console
 
+    from arm_dynamics import ArmModel
     from arm_sim import Simulator
 
 
@@ -56,23 +56,36 @@ def _show_robot(out: Console, model: ArmModel) -> None:
 
 
 def _show_joints(out: Console, model: ArmModel) -> None:
-    from arm_sim.cli.output import limit, number, table
+    from arm_sim.cli.output import limit, number, show, table
 
-    columns = (
-        "joint", "type", "start", "lower", "upper", "speed limit", "effort limit",
-        "viscous friction", "Coulomb friction", "armature",
-    )  # fmt: skip
+    columns = {
+        "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
+        "speed\nlimit": model.velocity_limit, "effort\nlimit": model.effort_limit,
+        "viscous\nfriction": model.viscous, "Coulomb\nfriction": model.coulomb,
+        "armature": model.armature,
+    }  # fmt: skip
+    absent = [name for name, values in list(columns.items())[-3:] if not values.any()]
+    columns = {name: values for name, values in columns.items() if name not in absent}
+    write = {name: limit if name.endswith(("limit", "lower", "upper")) else number for name in columns}
     rows = [
-        (
-            name, model.joint_types[i], number(model.q0[i], 5),
-            limit(model.position_lower[i], 5), limit(model.position_upper[i], 5),
-            limit(model.velocity_limit[i], 5), limit(model.effort_limit[i], 5),
-            number(model.viscous[i], 5), number(model.coulomb[i], 5), number(model.armature[i], 5),
-        )
+        (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
         for i, name in enumerate(model.joint_names)
-    ]  # fmt: skip
-    out.print(table("", columns, rows))
+    ]
+    show(out, table(("joint", "type", *columns), rows, text=(0, 1)))
+    if absent:
+        out.print(f"all zero: {', '.join(name.replace(chr(10), ' ') for name in absent)}", style="dim")
     out.print(_units(set(model.joint_types)), style="dim")
+    _show_outside(out, model)
+
+
+def _show_outside(out: Console, model: ArmModel) -> None:
+    inside = (model.position_lower <= model.q0) & (model.q0 <= model.position_upper)
+    outside = [name for name, good in zip(model.joint_names, inside, strict=True) if not good]
+    if outside:
+        out.print(
+            f"[yellow]starts outside its limits:[/] {', '.join(outside)}; a scene's "
+            "initial.position changes that"
+        )
 
 
 def _units(types: set[str]) -> str:
@@ -84,34 +97,26 @@ def _units(types: set[str]) -> str:
 
 
 def _show_physics(out: Console, simulator: Simulator) -> None:
-    from rich import box
-    from rich.markup import escape
-    from rich.table import Table
+    from arm_sim.cli.output import show, table
 
-    grid = Table(title="What a tick computes", title_justify="left", title_style="bold",
-                 box=box.SIMPLE_HEAD, show_header=False)  # fmt: skip
-    parts = simulator.plan.parts
-    for part in sorted(parts, key=lambda part: not part.on):
-        word = "[green]computed[/]" if part.on else "[dim]skipped[/]"
-        grid.add_row(word, part.name, escape(part.why))
-    out.print()
-    out.print(grid)
+    parts = sorted(simulator.plan.parts, key=lambda part: not part.on)
+    rows = [("computed" if p.on else "skipped", p.name, p.why) for p in parts]
+    show(out, table(("in a tick", "", ""), rows, text=(0, 1, 2)))
 
 
 def _show_cost(out: Console, simulator: Simulator) -> None:
-    from rich.markup import escape
+    from arm_sim.cli.output import facts
 
     plan, choice = simulator.plan, simulator.choice
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     step = "sub-step" if choice.tolerance else "tick"
     faster = simulator.dt * 1e6 / microseconds
-    for name, value in (
+    out.print(facts([
         ("integrator", f"{method.name}, order {method.order}, {simulator.dt:g} s{control} ({plan.reason})"),
         ("algorithm", plan.algorithm),
         ("runs on", plan.backend),
         ("operations", f"{plan.operations} in a {step}, {plan.evaluation} in one evaluation"),
-        ("time", f"{microseconds:.2f} µs for a tick, measured now: {faster:,.0f} times faster than real time"),
-    ):
-        out.print(f"  [bold]{name:<11}[/]{escape(value)}")
+        ("time", f"{microseconds:.2f} µs for a tick, measured now; {faster:,.0f} times faster than real time"),
+    ]))  # fmt: skip
     out.print()

@@ -88,8 +88,9 @@ def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> N
 
 def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Any:
     """Be the process of one node; return it after an orderly end, else exit with its status."""
-    from arm_dynamics.ros.executor import run
     from rclpy.parameter import Parameter
+
+    from arm_dynamics.ros.executor import run
 
     scene, rest = _split(scene, rest)
     if with_parent:

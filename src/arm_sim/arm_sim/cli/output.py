@@ -14,33 +14,56 @@ if TYPE_CHECKING:
 _WIDE = 200  # columns where nobody's window sets them, so that a pipe gets whole lines
 
 
-def console(stderr: bool = False) -> Console:
+def console() -> Console:
     """A console as wide as the window, or as wide as the text where there is no window."""
     from rich.console import Console
 
-    stream = sys.stderr if stderr else sys.stdout
-    return Console(
-        stderr=stderr, width=None if stream.isatty() else _WIDE, highlight=False, emoji=False
-    )
+    width = None if sys.stdout.isatty() else _WIDE
+    return Console(width=width, highlight=False, emoji=False)
 
 
-def table(title: str, columns: Sequence[str], rows: Iterable[Sequence[str]]) -> Table:
-    """A table whose first column is text and whose others are numbers.
+def table(columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[int] = (0,)) -> Table:
+    """A table of numbers with some columns of text.
 
     Args:
-        title: Written above it.
         columns: Headings.
         rows: Cells, already as text.
+        text: Which columns are text, and thus begin at the left.
     """
     from rich import box
+    from rich.markup import escape
     from rich.table import Table
 
-    made = Table(title=title, title_justify="left", title_style="bold", box=box.SIMPLE_HEAD)
+    made = Table(box=box.SIMPLE_HEAD, padding=(0, 1, 0, 0), pad_edge=False)
     for i, column in enumerate(columns):
-        made.add_column(column, justify="right" if i else "left", no_wrap=i == 0)
+        made.add_column(escape(column), justify="left" if i in text else "right", no_wrap=True)
     for row in rows:
-        made.add_row(*row)
+        made.add_row(*map(escape, row))
     return made
+
+
+def facts(rows: Iterable[tuple[str, str]]) -> Table:
+    """Names and what is to be said of them, long lines indented."""
+    from rich.markup import escape
+    from rich.table import Table
+
+    grid = Table.grid(padding=(0, 2))
+    grid.add_column(style="bold", no_wrap=True)
+    grid.add_column()
+    for name, value in rows:
+        grid.add_row(f" {escape(name)}", escape(value))
+    return grid
+
+
+def show(out: Console, made: Table) -> None:
+    """Print a table; in a narrow window its lines run over, but no number is ever cut."""
+    from rich.console import Console
+    from rich.measure import Measurement
+
+    needed = Measurement.get(out, out.options.update(max_width=10_000), made).maximum
+    if needed > out.width:
+        out = Console(width=needed, highlight=False, emoji=False)
+    out.print(made)
 
 
 def number(value: Any, digits: int = 6) -> str:

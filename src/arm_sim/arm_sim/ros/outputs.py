@@ -41,6 +41,7 @@ class Outputs:
         self._clock = _publisher(node, interfaces.CLOCK) if params.publish_clock else None
         self._clock_bytes = bytearray(serialize_message(interfaces.CLOCK.type()))
         self._meter: EnergyMeter | None = None
+        self._idle = 0
         self.round_trip = RoundTrip()
 
     def restart(self) -> None:
@@ -58,8 +59,15 @@ class Outputs:
         if state.step % self._energy_every == 0:
             self._publish_energy()
 
+    def repeat(self, period: float) -> None:
+        """Publish the same state again about every ``period`` [s] of ticks that do not advance."""
+        self._idle += 1
+        if self._idle * self._simulator.dt >= period:
+            self.publish()
+
     def publish(self) -> None:
         """Publish the present state, and the clock."""
+        self._idle = 0
         state = self._simulator.state
         stamp = self._stamp()
         self.round_trip.sent(stamp)

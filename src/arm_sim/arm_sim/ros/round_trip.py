@@ -20,15 +20,20 @@ class RoundTrip:
 
     def sent(self, stamp: int) -> None:
         """Note that the state of ``stamp`` in [ns] was published now."""
-        self._sent[stamp] = time.monotonic_ns()
+        self._sent[stamp] = time.time_ns()
         if len(self._sent) > _REMEMBERED:
             del self._sent[next(iter(self._sent))]
 
-    def answered(self, stamp: int) -> None:
-        """Note that a command for the state of ``stamp`` has come; only the first one counts."""
+    def answered(self, stamp: int, arrival: int) -> None:
+        """Note that a command for the state of ``stamp`` came; only the first one counts.
+
+        Args:
+            stamp: Time of the state in [ns].
+            arrival: System time at which the command came in [ns].
+        """
         sent = self._sent.pop(stamp, None)
         if sent is not None:
-            self._histogram.add(time.monotonic_ns() - sent)
+            self._histogram.add(arrival - sent)
 
     def percentiles(self) -> Percentiles:
         """Summarise the answers so far."""

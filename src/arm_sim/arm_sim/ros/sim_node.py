@@ -17,6 +17,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.ros import convert
 from arm_dynamics.ros.executor import run, surviving
 from arm_dynamics.ros.joint_state_bytes import JointStateReader
+from arm_dynamics.ros.newest import Newest
 from arm_dynamics.ros.params import declare, watch
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.ros import interfaces
@@ -29,6 +30,7 @@ from arm_sim.simulator import Simulator
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
 _ANSWER_TIMEOUT = 30.0  # [s] that a service waits for the simulation
+_PAUSED_PERIOD = 0.1  # [s] between joint states while paused
 
 
 class SimNode(Node):
@@ -57,7 +59,7 @@ class SimNode(Node):
         self.simulator = _simulator(scene, self._params)
         self.commands = Commands(self.simulator.dynamics)
         self._apply(self._params)
-        self._limit = self.simulator.dynamics.model.effort_limit
+        self._limit = self.simulator.model.effort_limit
         self._paused = self._params.paused
         self._was_stale = False
         self._requests: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
@@ -72,13 +74,11 @@ class SimNode(Node):
             self._loop.start()
 
     def _connect(self) -> None:
-        for topic, callback, raw in (
-            (interfaces.JOINT_COMMANDS, self.on_joint_commands, True),
-            (interfaces.COMMANDS, self.on_commands, False),
-        ):
-            self.create_subscription(
-                topic.type, topic.name, surviving(self, callback), topic.subscribe, raw=raw
-            )
+        self._joint_commands = Newest(self, interfaces.JOINT_COMMANDS)
+        topic = interfaces.COMMANDS
+        self.create_subscription(
+            topic.type, topic.name, surviving(self, self.on_commands), topic.subscribe
+        )
         for service, answer in (
             (interfaces.RESET, self.on_reset),
             (interfaces.PAUSE, self.on_pause),
@@ -99,10 +99,13 @@ class SimNode(Node):
     def tick(self) -> None:
         """Do what was asked for since the last tick, then advance by one unless paused."""
         self._serve()
-        if not self._paused:
-            self._advance(self.commands.take(self.simulator.state.q))
-            if self.commands.stale is not self._was_stale:
-                self._say_stale()
+        if self._paused:
+            self._outputs.repeat(_PAUSED_PERIOD)
+            return
+        self._look_for_command()
+        self._advance(self.commands.take(self.simulator.state.q))
+        if self.commands.stale is not self._was_stale:
+            self._say_stale()
 
     def _tick_unattended(self) -> None:
         """Tick in the loop's thread, where nobody sees an exception."""
@@ -141,6 +144,8 @@ class SimNode(Node):
                 action, future = self._requests.get_nowait()
             except Empty:
                 return
+            if not future.set_running_or_notify_cancel():
+                continue
             try:
                 future.set_result(action())
             except Exception as error:
@@ -152,7 +157,11 @@ class SimNode(Node):
             return action()
         future: Future[Any] = Future()
         self._requests.put((action, future))
-        return future.result(_ANSWER_TIMEOUT)
+        try:
+            return future.result(_ANSWER_TIMEOUT)
+        except TimeoutError:
+            future.cancel()
+            raise InvalidInput(f"the simulation gave no answer in {_ANSWER_TIMEOUT} s") from None
 
     def report(self) -> tuple[LoopReport, Percentiles]:
         """How well the clock has been kept, and how long commands took from state to effort."""
@@ -161,6 +170,7 @@ class SimNode(Node):
     def destroy_node(self) -> None:
         """Stop ticking, say how it went, and take the node down."""
         self._loop.stop()
+        self._joint_commands.close()
         if self._params.realtime:
             loop, round_trip = self.report()
             self.get_logger().info(
@@ -172,14 +182,19 @@ class SimNode(Node):
 
     # --- commands ------------------------------------------------------------------------------
 
-    def on_joint_commands(self, raw: bytes) -> None:
-        """Take efforts by joint name from a serialized JointState."""
+    def _look_for_command(self) -> None:
+        taken = self._joint_commands.take()
+        if taken is not None:
+            self.on_joint_commands(*taken)
+
+    def on_joint_commands(self, raw: bytes, arrival: int = 0) -> None:
+        """Take efforts by joint name from the JointState that came at ``arrival`` in [ns]."""
         try:
             stamp, (tau,) = self._reader.read(raw)
         except InvalidInput as error:
             self._refuse(error)
             return
-        self._outputs.round_trip.answered(stamp)
+        self._outputs.round_trip.answered(stamp, arrival)
         self._accept(tau)
 
     def on_commands(self, message: Float64MultiArray) -> None:
@@ -242,11 +257,13 @@ class SimNode(Node):
     def _reset(self) -> None:
         self.simulator.reset()
         self.commands.clear()
+        self._was_stale = False
         self._outputs.restart()
 
     def _step(self, steps: int) -> None:
         if self._params.realtime and not self._paused:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
+        self._look_for_command()
         for done in range(steps):
             if not self._advance(self.commands.held(self.simulator.state.q)):
                 raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")

@@ -75,7 +75,6 @@ def _demo(robot: str, duration: float, output: Path) -> None:
 
 def _planned(robot: str, duration: float) -> Motion:
     from arm_dynamics import load_scene
-
     from arm_sim.cli.demo.motion import choose_motion
 
     return choose_motion(load_scene(robot), duration)
@@ -170,8 +169,8 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
 
 def _numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
     import numpy as np
-    from arm_dynamics import ArmModel
 
+    from arm_dynamics import ArmModel
     from arm_sim.cli.demo.report import numbers
 
     goal = np.asarray(motion.waypoints[-1].q)
@@ -180,7 +179,6 @@ def _numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
 
 def _write(output: Path, motion: Motion, seen: Seen, n: Numbers) -> None:
     from arm_dynamics import ArmModel
-
     from arm_sim.cli.demo.figure import draw
 
     model = ArmModel(motion.scene)
@@ -195,9 +193,12 @@ def _write(output: Path, motion: Motion, seen: Seen, n: Numbers) -> None:
 
 def _tell(out: Any, output: Path, n: Numbers) -> None:
     from arm_sim.cli.demo.processes import DemoFailed
-    from arm_sim.cli.demo.report import complaints, result_table
+    from arm_sim.cli.demo.report import complaints, remarks, result_table
+    from arm_sim.cli.output import show
 
-    out.print(result_table(n))
+    show(out, result_table(n))
     out.print(f"figure:  {output / 'demo.png'}\nnumbers: {output / 'demo.json'}", soft_wrap=True)
     if reasons := complaints(n):
         raise DemoFailed("the loop did not close:\n  " + "\n  ".join(reasons))
+    for remark in remarks(n):
+        out.print(f"note: {remark}", markup=False)

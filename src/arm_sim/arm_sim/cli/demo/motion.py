@@ -7,11 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
+
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene
 from arm_dynamics.motion import Limits, Trajectory, Waypoint
 from arm_dynamics.scene import Initial
 from arm_dynamics.trajectory import quintic
-from numpy.typing import NDArray
 
 Array = NDArray[np.float64]
 
@@ -47,9 +48,9 @@ class Motion:
 def choose_motion(scene: Scene, duration: float) -> Motion:
     """Choose a motion of some seconds for the arm of a scene.
 
-    The scene's own start is kept if it lies within the joint limits and the drives can hold the
-    arm there; else a start is looked for. Excursions shrink until inverse dynamics and speeds fit
-    the limits.
+    The scene's own start is kept if it lies within the joint limits, the drives can hold the arm
+    there and there is room to move; else a start is looked for. Excursions shrink until inverse
+    dynamics and speeds fit the limits.
 
     Args:
         scene: The scene.
@@ -59,11 +60,27 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
         The motion.
 
     Raises:
-        InvalidInput: If the drives are too weak for any motion.
+        InvalidInput: If no joint has room to move, or the drives are too weak for any motion.
     """
-    model = ArmModel(scene)
-    dynamics, limits = Dynamics(model), Limits.of(model)
-    start = _start(dynamics)
+    dynamics = Dynamics(ArmModel(scene))
+    model = dynamics.model
+    if not np.any(model.position_upper > model.position_lower):
+        raise InvalidInput("no joint of this arm may move: all lower limits equal the upper ones")
+    own = _own_start(dynamics)
+    if own is not None and (motion := _around(own, dynamics, duration)):
+        return motion
+    start = _better_start(dynamics)
+    if motion := _around(start, dynamics, duration):
+        return motion
+    raise InvalidInput(
+        f"no motion is small enough for the speed and effort limits of this arm in {duration:g} s; "
+        "allowed is a longer --duration, or a scene with other limits or another start"
+    )
+
+
+def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
+    """The largest motion around ``start`` that keeps to all limits, None if there is none."""
+    model, limits = dynamics.model, Limits.of(dynamics.model)
     count = max(2, round(duration / SECONDS_A_POINT))
     times = duration / count * np.arange(1, count + 1)
     pattern, excursion = _pattern(count, model.n), _excursion(model)
@@ -76,8 +93,9 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
             continue  # it swings beyond a joint limit between its points
         speed, effort = _shares(dynamics, trajectory)
         if speed <= SPEED_SHARE and effort <= EFFORT_SHARE:
-            return Motion(_starting(scene, model, start), waypoints, trajectory, effort, speed)
-    raise InvalidInput("no motion is slow and small enough for the limits of this arm")
+            scene = _starting(model.scene, model, start)
+            return Motion(scene, waypoints, trajectory, effort, speed)
+    return None
 
 
 def _pattern(count: int, n: int) -> Array:
@@ -101,17 +119,21 @@ def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
     return np.minimum(lower, start), np.maximum(upper, start)
 
 
-def _start(dynamics: Dynamics) -> Array:
-    """The scene's own start if the arm can stand there, else the first posture in which it can."""
+def _own_start(dynamics: Dynamics) -> Array | None:
+    """The scene's own start, if it is within the limits and the arm can stand there."""
+    model, q0 = dynamics.model, np.array(dynamics.model.q0)
+    inside = np.all((model.position_lower <= q0) & (q0 <= model.position_upper))
+    return q0 if inside and _weight_share(dynamics, q0)[0] <= EFFORT_SHARE else None
+
+
+def _better_start(dynamics: Dynamics) -> Array:
+    """A posture with room to all sides in which the drives can carry the arm well."""
     model = dynamics.model
-    q0 = np.array(model.q0)
-    if np.all((model.position_lower <= q0) & (q0 <= model.position_upper)):
-        if _weight_share(dynamics, q0)[0] <= EFFORT_SHARE:
-            return q0
     lower, upper = model.position_lower, model.position_upper
     low, high = np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
-    low, high = low + MARGIN * (high - low), high - MARGIN * (high - low)
-    tries = [np.clip(q0, low, high), 0.5 * (low + high)]
+    middle, half = 0.5 * (low + high), 0.5 * (high - low)
+    low, high = middle - 0.6 * half, middle + 0.6 * half
+    tries = [np.clip(model.q0, low, high), middle]
     tries += list(np.random.default_rng(0).uniform(low, high, (200, model.n)))
     shares = [_weight_share(dynamics, q)[0] for q in tries]
     best = next((i for i, share in enumerate(shares) if share <= WEIGHT_SHARE), int(np.argmin(shares)))

@@ -11,6 +11,14 @@ from typing import Any
 
 import numpy as np
 import rclpy
+from builtin_interfaces.msg import Duration
+from numpy.typing import NDArray
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
 from arm_dynamics.motion import Waypoint
 from arm_dynamics.ros.convert import to_nanoseconds
 from arm_dynamics.ros.executor import make_executor
@@ -21,14 +29,6 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
     MODEL_INFO,
 )
-from builtin_interfaces.msg import Duration
-from numpy.typing import NDArray
-from rclpy.context import Context
-from rclpy.node import Node
-from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
-
 from arm_sim.cli.demo.processes import DemoFailed
 from arm_sim.ros.interfaces import ENERGY
 

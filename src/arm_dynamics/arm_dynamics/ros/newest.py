@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A subscription that is looked into instead of calling back.
+
+Who ticks at 1 kHz and wants only the newest message need not be woken for each: a look costs under
+a microsecond when there is none and a few when there is one, far less than a callback.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.type_support import check_for_type_support
+
+from arm_dynamics.ros.interfaces import Topic
+
+
+class Newest:
+    """Holds the newest message of a topic as serialized bytes; no executor is needed."""
+
+    def __init__(self, node: Node, topic: Topic) -> None:
+        """Subscribe; ``close`` before the node is destroyed."""
+        self._type = topic.type
+        check_for_type_support(topic.type)
+        profile = topic.subscribe.get_c_qos_profile()
+        with node.handle:
+            self._handle: Any = rclpy_implementation.Subscription(
+                node.handle, topic.type, topic.name, profile
+            )
+
+    def take(self) -> tuple[bytes, int] | None:
+        """Return the message and the system time it came at in [ns], or None if none is new."""
+        taken = self._handle.take_message(self._type, True)
+        return None if taken is None else (taken[0], taken[1]["received_timestamp"])
+
+    def close(self) -> None:
+        """End the subscription."""
+        if self._handle is not None:
+            self._handle.destroy_when_not_in_use()
+            self._handle = None

@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many arms in one call: each moves as it would alone, whatever else is in the call."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import InvalidInput
+from arm_sim import Simulator
+from tolerances import BACKENDS, assert_close
+
+STEPS = 20
+OPTIONS: list[dict[str, Any]] = [{"integrator": "rk4"}, {"integrator": "euler"}]
+
+
+def batch(sim: Simulator, rng: np.random.Generator, b: int) -> tuple[np.ndarray, ...]:
+    q, v = 0.5 * rng.normal(size=(2, b, sim.n))
+    return q, v, rng.normal(size=(b, STEPS, sim.n))
+
+
+def alone(sim: Simulator, q: np.ndarray, v: np.ndarray, torques: np.ndarray) -> np.ndarray:
+    sim.reset(q, v)
+    run = sim.run(STEPS * sim.dt, torques)
+    return np.hstack([run.q, run.v])
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=str)
+@pytest.mark.parametrize("name", ["panda", "gripper", "planar_3r"])
+def test_each_arm_moves_as_if_alone(
+    name: str, options: dict[str, Any], rng: np.random.Generator
+) -> None:
+    sim = models.simulator(name, **options)
+    q, v, tau = batch(sim, rng, 11)
+    together = sim.rollout(q, v, tau, STEPS)
+    assert together.shape == (11, STEPS + 1, 2 * sim.n)
+    for i in range(11):
+        assert_close(together[i], alone(sim, q[i], v[i], tau[i]), BACKENDS)
+
+
+@pytest.mark.parametrize("threads", [1, 2, 3])
+def test_does_not_depend_on_company_order_or_threads(
+    threads: int, rng: np.random.Generator
+) -> None:
+    sim = models.simulator("ur10", integrator="rk4")
+    q, v, tau = batch(sim, rng, 37)
+    whole = sim.rollout(q, v, tau, STEPS, threads=2)
+    order = rng.permutation(37)
+    shuffled = sim.rollout(q[order], v[order], tau[order], STEPS, threads=threads)
+    np.testing.assert_array_equal(shuffled, whole[order])
+    for b in (1, 3, 8):
+        few = sim.rollout(q[:b], v[:b], tau[:b], STEPS, threads=threads)
+        np.testing.assert_array_equal(few, whole[:b])
+
+
+def test_shapes_of_torque(rng: np.random.Generator) -> None:
+    sim = models.simulator("two_link", integrator="rk4")
+    q, v, _ = batch(sim, rng, 5)
+    held = np.array([1.0, -0.5])
+    table = np.broadcast_to(held, (5, STEPS, 2))
+    whole = sim.rollout(q, v, table, STEPS)
+    np.testing.assert_array_equal(sim.rollout(q, v, held, STEPS), whole)
+    np.testing.assert_array_equal(sim.rollout(q, v, table[:, 0], STEPS), whole)
+    np.testing.assert_array_equal(sim.rollout(q, v, held, STEPS, last_only=True), whole[:, -1])
+
+
+def test_own_state_is_not_touched(rng: np.random.Generator) -> None:
+    sim = models.simulator("two_link", integrator="rk4")
+    before = sim.step([1.0, 0.0])
+    sim.rollout(*batch(sim, rng, 3), STEPS)
+    assert sim.state is before
+
+
+def test_torques_are_cut_at_the_limit(rng: np.random.Generator) -> None:
+    sim = models.simulator("two_link", integrator="rk4")
+    q, v, _ = batch(sim, rng, 4)
+    beyond = sim.rollout(q, v, [1e4, -1e4], STEPS)
+    np.testing.assert_array_equal(
+        beyond, sim.rollout(q, v, sim.model.effort_limit * [1, -1], STEPS)
+    )
+
+
+def test_an_arm_that_diverges_does_not_spoil_the_others(rng: np.random.Generator) -> None:
+    sim = models.simulator("double_pendulum", integrator="euler", dt=1e-2)
+    q, v, _ = batch(sim, rng, 9)
+    calm = sim.rollout(q, v, [0.0, 0.0], 200)
+    v[4] = 1e140
+    wild = sim.rollout(q, v, [0.0, 0.0], 200)
+    others = np.arange(9) != 4
+    np.testing.assert_array_equal(wild[others], calm[others])
+    assert np.isnan(wild[4, -1]).all() and np.isfinite(wild[4, 0]).all()
+
+
+def test_virtual_machine(rng: np.random.Generator) -> None:
+    native, virtual = (models.simulator("gripper", backend=b) for b in ("native", "vm"))
+    arms = batch(native, rng, 3)
+    assert_close(virtual.rollout(*arms, STEPS), native.rollout(*arms, STEPS), BACKENDS)
+
+
+def test_tunable_parameters_differ_between_arms(rng: np.random.Generator) -> None:
+    """Each arm as the simulator of a scene that has those numbers from the start."""
+    urdf = str(models.SCENES / "two_link.urdf")
+    load = {"frame": "tip", "mass": 1.0, "com": [0.1, 0.0, 0.0]}
+    base = {
+        "robot": {"urdf": urdf},
+        "payloads": [load],
+        "tunable": ["gravity", "payload", "friction"],
+    }
+    sim = Simulator(base, integrator="rk4")
+    q, v, tau = batch(sim, rng, 3)
+    masses, gravities, frictions = (0.5, 1.0, 2.0), (-9.81, -1.62, 0.0), (0.0, 0.3, 0.7)
+    together = sim.rollout(q, v, tau, STEPS, parameters={
+        "payload": [[m, 0.1, 0, 0, 0, 0, 0, 0, 0, 0] for m in masses],
+        "gravity": [[0.0, 0.0, g] for g in gravities],
+        "friction": [[f, f] for f in frictions],
+    })  # fmt: skip
+    for i in range(3):
+        fixed = Simulator({
+            "robot": {"urdf": urdf},
+            "payloads": [{**load, "mass": masses[i]}],
+            "gravity": [0.0, 0.0, gravities[i]],
+            "joints": {"*": {"friction": {"viscous": frictions[i]}}},
+        }, integrator="rk4")  # fmt: skip
+        assert_close(together[i], alone(fixed, q[i], v[i], tau[i]), BACKENDS)
+
+
+BAD: dict[str, dict[str, Any]] = {
+    "q0 of one arm": {"q0": np.zeros(2)},
+    "q0 too wide": {"q0": np.zeros((3, 3))},
+    "v0 of another length": {"v0": np.zeros((4, 2))},
+    "q0 with NaN": {"q0": np.full((3, 2), np.nan)},
+    "no arms": {"q0": np.zeros((0, 2)), "v0": np.zeros((0, 2))},
+    "tau too long": {"tau": np.zeros((3, 11, 2))},
+    "tau of another number of arms": {"tau": np.zeros((2, 2))},
+    "tau with infinity": {"tau": [np.inf, 0.0]},
+    "negative steps": {"steps": -1},
+    "steps not whole": {"steps": 2.5},
+    "no threads": {"threads": 0},
+    "not tunable": {"parameters": {"gravity": [0.0, 0.0, 0.0]}},
+    "unknown parameter": {"parameters": {"colour": 1.0}},
+}
+
+
+@pytest.mark.parametrize("changes", BAD.values(), ids=BAD)
+def test_refusals(changes: dict[str, Any]) -> None:
+    sim = models.simulator("two_link", integrator="rk4")
+    good = {"q0": np.zeros((3, 2)), "v0": np.zeros((3, 2)), "tau": [0.0, 0.0], "steps": 10}
+    with pytest.raises(InvalidInput):
+        sim.rollout(**{**good, **changes})
