@@ -58,7 +58,7 @@ def test_gives_up_deadlines_when_too_far_behind() -> None:
 
     loop = RealtimeLoop(tick, 2e-3, give_up=0.05)
     run(loop, 0.3)
-    assert loop.report().dropped >= 45
+    assert 25 <= loop.report().dropped <= 100
     assert count[0] + loop.report().dropped >= 130
 
 

@@ -94,5 +94,5 @@ def controlled_tick(
 
 
 def _growth(size: float, order: int) -> float:
-    factor = 0.9 * size ** (-1.0 / order) if size > 1e-10 else 6.0
+    factor = 6.0 if size < 1e-10 else 0.9 * size ** (-1.0 / order)  # NaN must shrink it
     return min(6.0, factor) if factor > 0.2 else 0.2

@@ -7,11 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from arm_dynamics import InvalidInput, Scene
+from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_sim.integrators import METHODS, Method
 
 DT_RANGE = (1e-9, 10.0)
 TOLERANCE_RANGE = (1e-14, 1e-1)
+# Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
+# Differential Equations II, figure IV.2.1); the rate grows as the arm folds, hence the margin.
+STIFF = 1.4
 
 
 @dataclass(frozen=True)
@@ -39,12 +42,12 @@ class Choice:
 
 
 def choose(
-    scene: Scene, integrator: str | None, dt: float | None, tolerance: float | None
+    model: ArmModel, integrator: str | None, dt: float | None, tolerance: float | None
 ) -> Choice:
     """Settle method, tick and tolerance: the caller's word, else the scene's, else the default.
 
     Args:
-        scene: The scene.
+        model: The robot and its scene.
         integrator: Name of a method, ``auto`` or None.
         dt: Length of a tick in [s] or None.
         tolerance: Scaled error per sub-step or None.
@@ -55,19 +58,15 @@ def choose(
     Raises:
         InvalidInput: If one of them is not allowed or they do not go together.
     """
+    scene = model.scene
     name = integrator or scene.sim.integrator or "auto"
     if tolerance is None and integrator is None:
         tolerance = scene.sim.tolerance
     dt = _within("dt", scene.sim.dt if dt is None else dt, DT_RANGE, " s")
     tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
     if name == "auto":
-        if tolerance is None:
-            return Choice(
-                METHODS["rk4"], dt, None, "smooth scene, fixed step: least error for the time"
-            )
-        return Choice(
-            METHODS["dop853"], dt, tolerance, "smooth scene, error control: highest order"
-        )
+        method, reason = _automatic(model, dt, tolerance is not None)
+        return Choice(method, dt, tolerance, reason)
     if name not in METHODS:
         raise InvalidInput(f"integrator = {name!r}; allowed: auto, {', '.join(METHODS)}")
     method = METHODS[name]
@@ -77,6 +76,33 @@ def choose(
             f"integrator = {name!r} has no error estimate; with a tolerance: auto, {able}"
         )
     return Choice(method, dt, tolerance, "asked for")
+
+
+def _automatic(model: ArmModel, dt: float, error_control: bool) -> tuple[Method, str]:
+    rate = damping_rate(model)
+    if rate * dt > STIFF:
+        return METHODS["implicit"], f"stiff: friction stops a joint in {1 / rate:.2g} s"
+    if error_control:
+        return METHODS["dop853"], "not stiff, error control: the highest order"
+    return METHODS["rk4"], "not stiff, fixed step: the least error for the time"
+
+
+def damping_rate(model: ArmModel) -> float:
+    """Fastest decay that viscous friction causes at the initial position, in [1/s].
+
+    Args:
+        model: The robot.
+
+    Returns:
+        Largest eigenvalue of M⁻¹ diag(viscous); 0 without viscous friction.
+    """
+    if not model.viscous.any():
+        return 0.0
+    M = Dynamics(model).mass_matrix(model.q0)
+    try:
+        return float(np.max(np.linalg.eigvals(np.linalg.solve(M, np.diag(model.viscous))).real))
+    except np.linalg.LinAlgError:
+        return 0.0  # a joint without mass is refused with its name when the plant is built
 
 
 def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:

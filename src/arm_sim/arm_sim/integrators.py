@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from arm_sim import implicit
 from arm_sim.tableaux import DOP853, DORMAND_PRINCE, EULER, HEUN, MIDPOINT, RK4, Tableau
 
 Rhs = Callable[[ca.MX], ca.MX]
@@ -20,25 +21,20 @@ class Method:
     Attributes:
         name: As the user writes it.
         order: Order of convergence.
-        stages: Evaluations of the right-hand side per step.
         source: Where it comes from.
         tableau: Coefficients, or None where the step is built in another way.
+        adaptive: Whether it estimates its own error.
     """
 
     name: str
     order: int
-    stages: int
     source: str
     tableau: Tableau | None = None
-
-    @property
-    def adaptive(self) -> bool:
-        """Whether it estimates its own error."""
-        return self.tableau is not None and bool(self.tableau.errors)
+    adaptive: bool = False
 
 
 def _from_tableau(name: str, tableau: Tableau) -> Method:
-    return Method(name, tableau.order, len(tableau.b), tableau.source, tableau)
+    return Method(name, tableau.order, tableau.source, tableau, bool(tableau.errors))
 
 
 METHODS = {
@@ -48,7 +44,6 @@ METHODS = {
         Method(
             "semi_implicit_euler",
             1,
-            1,
             "Hairer, Lubich, Wanner, Geometric Numerical Integration, 2006, I.1.2",
         ),
         _from_tableau("midpoint", MIDPOINT),
@@ -56,6 +51,7 @@ METHODS = {
         _from_tableau("rk4", RK4),
         _from_tableau("dopri5", DORMAND_PRINCE),
         _from_tableau("dop853", DOP853),
+        Method("implicit", implicit.ORDER, implicit.SOURCE, adaptive=True),
     )
 }
 
@@ -72,12 +68,7 @@ def build_step(method: Method, rhs: ca.Function, n: int) -> ca.Function:
         Function ``step`` (x, u, p, h) -> x at the end of the step.
     """
     x, u, p, h = _symbols(rhs)
-    if method.tableau is None:
-        after = _semi_implicit(lambda y: rhs(y, u, p), x, h, n)
-    else:
-        after = x + h * _combine(
-            method.tableau.b, _slopes(method.tableau, lambda y: rhs(y, u, p), x, h)
-        )
+    after, _ = _advance(method, rhs, n, x, u, p, h)
     return ca.Function("step", [x, u, p, h], [after], {"cse": True})
 
 
@@ -96,16 +87,27 @@ def build_attempt(method: Method, rhs: ca.Function, n: int) -> ca.Function:
     Returns:
         Function ``attempt`` (x, u, p, h) -> (x at the end, scaled error, largest error of q).
     """
-    tableau = method.tableau
-    if tableau is None or not tableau.errors:
+    if not method.adaptive:
         raise ValueError(f"{method.name} has no error estimate")
     x, u, p, h = _symbols(rhs)
-    slopes = _slopes(tableau, lambda y: rhs(y, u, p), x, h)
-    after = x + h * _combine(tableau.b, slopes)
-    estimates = [h * _combine(weights, slopes) for weights in tableau.errors]
+    after, estimates = _advance(method, rhs, n, x, u, p, h)
     measure = _norms(x.shape[0], len(estimates), n)
     error, error_q = measure(x, after, *estimates)
     return ca.Function("attempt", [x, u, p, h], [after, error, error_q], {"cse": True})
+
+
+def _advance(
+    method: Method, rhs: ca.Function, n: int, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX
+) -> tuple[ca.MX, list[ca.MX]]:
+    """State at the end of a step, and estimates of its error if the method has any."""
+    if method.name == "implicit":
+        after, estimate = implicit.extrapolated_step(rhs, n, x, u, p, h)
+        return after, [estimate]
+    if method.tableau is None:
+        return _semi_implicit(lambda y: rhs(y, u, p), x, h, n), []
+    slopes = _slopes(method.tableau, lambda y: rhs(y, u, p), x, h)
+    after = x + h * _combine(method.tableau.b, slopes)
+    return after, [h * _combine(weights, slopes) for weights in method.tableau.errors]
 
 
 def _symbols(rhs: ca.Function) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:

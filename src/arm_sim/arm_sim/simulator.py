@@ -53,7 +53,7 @@ class Simulator:
         backend: str = "auto",
     ) -> None:
         self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
-        self.choice: Choice = choose(self.model.scene, integrator, dt, tolerance)
+        self.choice: Choice = choose(self.model, integrator, dt, tolerance)
         self.plant = Plant(self.model)
         self.backend = backend
         self._stepper = make_stepper(self.plant, self.choice, backend)

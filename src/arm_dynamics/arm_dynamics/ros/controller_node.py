@@ -6,7 +6,6 @@ from __future__ import annotations
 import sys
 from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
@@ -23,7 +22,12 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state_bytes import Array, JointStateReader, JointStateWriter
+from arm_dynamics.ros.joint_state_bytes import (
+    Array,
+    JointStateReader,
+    JointStateWriter,
+    all_finite,
+)
 from arm_dynamics.ros.params import ControllerParams, declare, watch
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
@@ -99,7 +103,7 @@ class ControllerNode(Node):
         state = Measured(q, v)
         reference = self._reference(stamp, state)
         tau = self._control.torque(state, reference)
-        if not tau @ tau < np.inf:
+        if not all_finite(tau):
             self._say(f"no command, the torque would not be finite: {tau}")
             return None
         command = self._writer.write(stamp, tau)

@@ -116,7 +116,10 @@ def dynamics_terms(
 
 
 def _print_terms(
-    question: _Question, matrices: dict[str, Any], torques: dict[str, Any], energies: dict[str, Any]
+    question: _Question,
+    matrices: dict[str, Any],
+    torques: dict[str, Any],
+    energies: dict[str, Any],
 ) -> None:
     out, names = console(), question.names
     units = {"mass_matrix": question.unit("kg m²", "kg"),
@@ -127,7 +130,10 @@ def _print_terms(
             out.rule(f"point {point}")
         for name, values in matrices.items():
             heading = f"{name.replace('_', ' ')} [{units[name]}]"
-            rows = [(a, *(number(x, 5) for x in row)) for a, row in zip(names, _readable(values[point]), strict=True)]
+            rows = [
+                (a, *(number(x, 5) for x in row))
+                for a, row in zip(names, _readable(values[point]), strict=True)
+            ]
             show(out, table((heading, *names), rows))
         heads = [f"{name} [{question.unit('N m', 'N')}]" for name in torques]
         cells = zip(names, *(_readable(values[point]) for values in torques.values()), strict=True)
@@ -167,7 +173,9 @@ def model_info(node: str, timeout: float, as_json: bool) -> None:
             gravity=list(map(float, info.gravity)), summary=info.summary,
         )  # fmt: skip
         return
-    rows = zip(info.joint_names, info.joint_types, *(getattr(info, x) for x in limits), strict=True)
+    rows = zip(
+        info.joint_names, info.joint_types, *(getattr(info, x) for x in limits), strict=True
+    )
     heads = ("joint", "type", "lower", "upper", "speed limit", "effort limit")
     out = console()
     gravity = ", ".join(f"{g:g}" for g in info.gravity)
@@ -245,4 +253,3 @@ def _unit_of(name: str, question: _Question) -> str:
     units = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"),
              "acceleration": ("rad/s²", "m/s²"), "effort": ("N m", "N")}  # fmt: skip
     return question.unit(*units[name])
-

@@ -8,6 +8,7 @@ from typing import Any
 
 import click
 
+from arm_sim.cli.output import examples
 from arm_sim.cli.vectors import HOW, VectorType
 
 TERMS = {"inertia": 1, "coriolis": 2, "gravity": 4, "friction": 8}
@@ -17,18 +18,18 @@ VECTOR = VectorType()
 Command = Callable[..., Any]
 
 
-@click.group()
+@click.group(
+    epilog=examples(
+        './arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
+        './arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity',
+        "./arm call model-info --json",
+    )
+)
 def call() -> None:
     """Call a service of a running node.
 
-    Vectors are in the model's order, or by joint name; joints that are not named are zero:
-
-    \b
-      ./arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"
-      ./arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity
-      ./arm call model-info --json
-
-    Start nodes by ./arm dynamics SCENE and ./arm sim SCENE.
+    Vectors are in the model's order, or by joint name; joints that are not named are zero. Start
+    nodes by ./arm dynamics SCENE and ./arm sim SCENE.
     """
 
 
@@ -58,7 +59,13 @@ _joints = click.option(
 )
 
 
-@call.command("inverse-dynamics", short_help="Torques that produce a motion.")
+@call.command(
+    "inverse-dynamics",
+    short_help="Torques that produce a motion.",
+    epilog=examples(
+        './arm call inverse-dynamics --position "panda_joint2=-0.8 panda_joint4=-2.4"',
+    ),
+)
 @_vector("position", "Joint positions in rad or m", required=True)
 @_vector("velocity", "Joint velocities")
 @_vector("acceleration", "Joint accelerations")
@@ -67,135 +74,132 @@ _joints = click.option(
 @_joints
 @_options(DYNAMICS)
 def inverse_dynamics(terms: str, **given: Any) -> None:
-    """Torques that produce a motion: M(q) a + C(q, v) v + G(q) + F(v).
-
-    \b
-    Example, the torques that carry the arm's weight, joints by name:
-      ./arm call inverse-dynamics --position "panda_joint2=-0.8 panda_joint4=-2.4"
-    """
+    """Torques that produce a motion: M(q) a + C(q, v) v + G(q) + F(v)."""
     from arm_sim.cli import answers
 
     answers.inverse_dynamics(terms=_terms(terms), **given)
 
 
-@call.command("forward-dynamics", short_help="Accelerations that torques produce.")
+@call.command(
+    "forward-dynamics",
+    short_help="Accelerations that torques produce.",
+    epilog=examples(
+        './arm call forward-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
+    ),
+)
 @_vector("position", "Joint positions in rad or m", required=True)
 @_vector("velocity", "Joint velocities")
 @_vector("effort", "Joint torques in N m or N")
 @_joints
 @_options(DYNAMICS)
 def forward_dynamics(**given: Any) -> None:
-    """Accelerations that torques produce.
-
-    \b
-    Example, how the arm begins to fall:
-      ./arm call forward-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"
-    """
+    """Accelerations that torques produce."""
     from arm_sim.cli import answers
 
     answers.forward_dynamics(**given)
 
 
-@call.command("dynamics-terms", short_help="Mass matrix, Coriolis matrix, gravity, friction, energies.")
+@call.command(
+    "dynamics-terms",
+    short_help="Mass matrix, Coriolis matrix, gravity, friction, energies.",
+    epilog=examples(
+        './arm call dynamics-terms --position "0 -0.8 0 -2.4 0 1.6 0.8" --json',
+    ),
+)
 @_vector("position", "Joint positions in rad or m", required=True)
 @_vector("velocity", "Joint velocities")
 @_joints
 @_options(DYNAMICS)
 def dynamics_terms(**given: Any) -> None:
-    """Mass matrix, Coriolis matrix, gravity, friction and energies.
-
-    \b
-    Example:
-      ./arm call dynamics-terms --position "0 -0.8 0 -2.4 0 1.6 0.8" --json
-    """
+    """Mass matrix, Coriolis matrix, gravity, friction and energies."""
     from arm_sim.cli import answers
 
     answers.dynamics_terms(**given)
 
 
-@call.command("model-info", short_help="Joints, limits, frames and mass of the node's arm.")
+@call.command(
+    "model-info",
+    short_help="Joints, limits, frames and mass of the node's arm.",
+    epilog=examples(
+        "./arm call model-info",
+    ),
+)
 @_options(DYNAMICS)
 def model_info(**given: Any) -> None:
-    """What the node knows about its arm: joints, limits, frames, mass.
-
-    \b
-    Example:
-      ./arm call model-info
-    """
+    """What the node knows about its arm: joints, limits, frames, mass."""
     from arm_sim.cli import answers
 
     answers.model_info(**given)
 
 
-@call.command(short_help="Put the simulation back to its start.")
+@call.command(
+    short_help="Put the simulation back to its start.",
+    epilog=examples(
+        "./arm call reset",
+    ),
+)
 @_options(SIM)
 def reset(**given: Any) -> None:
-    """Put the simulation back to its initial state and time zero.
-
-    \b
-    Example:
-      ./arm call reset
-    """
+    """Put the simulation back to its initial state and time zero."""
     from arm_sim.cli import answers
 
     answers.reset(**given)
 
 
-@call.command()
+@call.command(
+    epilog=examples(
+        "./arm call pause",
+    )
+)
 @_options(SIM)
 def pause(**given: Any) -> None:
-    """Stop the simulation's time.
-
-    \b
-    Example:
-      ./arm call pause
-    """
+    """Stop the simulation's time."""
     from arm_sim.cli import answers
 
     answers.pause(True, **given)
 
 
-@call.command()
+@call.command(
+    epilog=examples(
+        "./arm call resume",
+    )
+)
 @_options(SIM)
 def resume(**given: Any) -> None:
-    """Let the simulation's time go on.
-
-    \b
-    Example:
-      ./arm call resume
-    """
+    """Let the simulation's time go on."""
     from arm_sim.cli import answers
 
     answers.pause(False, **given)
 
 
-@call.command(short_help="Advance a paused simulation.")
+@call.command(
+    short_help="Advance a paused simulation.",
+    epilog=examples(
+        "./arm call step 100",
+    ),
+)
 @click.argument("steps", default=1, type=click.IntRange(1))
 @_options(SIM)
 def step(steps: int, **given: Any) -> None:
-    """Advance a paused simulation by STEPS ticks (1 when not given).
-
-    \b
-    Example:
-      ./arm call step 100
-    """
+    """Advance a paused simulation by STEPS ticks (1 when not given)."""
     from arm_sim.cli import answers
 
     answers.step(steps, **given)
 
 
-@call.command("set-joint-state", short_help="Put joints of the simulation somewhere at once.")
+@call.command(
+    "set-joint-state",
+    short_help="Put joints of the simulation somewhere at once.",
+    epilog=examples(
+        './arm call set-joint-state --position "panda_joint4=-1.5"',
+    ),
+)
 @click.option("--position", type=VECTOR, help=f"Joint positions in rad or m; {HOW}.")
 @click.option("--velocity", type=VECTOR, help="Joint velocities; zero when not given.")
 @_joints
 @_options(SIM)
 def set_joint_state(**given: Any) -> None:
-    """Put joints of the simulation somewhere at once; those not named stay.
-
-    \b
-    Example:
-      ./arm call set-joint-state --position "panda_joint4=-1.5"
-    """
+    """Put joints of the simulation somewhere at once; those not named stay."""
     from arm_sim.cli import answers
 
     if given["position"] is None and given["velocity"] is None:

@@ -40,9 +40,7 @@ class Caller:
     def __enter__(self) -> Caller:
         """Join the ROS graph."""
         self._context = Context()
-        rclpy.init(
-            args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO
-        )
+        rclpy.init(args=[], context=self._context, signal_handler_options=SignalHandlerOptions.NO)
         self._self = Node(
             f"arm_call_{os.getpid()}", context=self._context, enable_rosout=False,
             start_parameter_services=False,
@@ -51,7 +49,10 @@ class Caller:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        _: TracebackType | None,
     ) -> None:
         """Leave the graph."""
         self._executor.shutdown()
@@ -112,7 +113,9 @@ class Caller:
     def _others(self, name: str) -> list[str]:
         wanted = name.rsplit("/", 1)[1]
         offered = self._self.get_service_names_and_types()
-        return [other for other, _ in offered if other.rsplit("/", 1)[1] == wanted and other != name]
+        return [
+            other for other, _ in offered if other.rsplit("/", 1)[1] == wanted and other != name
+        ]
 
     def _silence(self, name: str, repeatable: bool) -> str:
         return (

@@ -7,6 +7,8 @@ from typing import TYPE_CHECKING
 
 import click
 
+from arm_sim.cli.output import examples
+
 if TYPE_CHECKING:
     from rich.console import Console
 
@@ -14,7 +16,13 @@ if TYPE_CHECKING:
     from arm_sim import Simulator
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "./arm describe package://example-robot-data/robots/panda_description/urdf/panda.urdf",
+        "./arm describe my_scene.yaml --integrator euler --dt 0.0005",
+        "./arm describe my_scene.yaml --tolerance 1e-8",
+    )
+)
 @click.argument("scene")
 @click.option("--integrator", help="Integration method instead of the scene's, e.g. rk4, dop853.")
 @click.option("--dt", type=float, help="Length of a tick in s instead of the scene's.")
@@ -26,12 +34,6 @@ def describe(
 
     SCENE is a scene file (YAML) or a URDF: a path or a package:// URI. The time is measured now,
     on this machine.
-
-    \b
-    Examples:
-      ./arm describe package://example-robot-data/robots/panda_description/urdf/panda.urdf
-      ./arm describe my_scene.yaml --integrator euler --dt 0.0005
-      ./arm describe my_scene.yaml --tolerance 1e-8
     """
     from arm_sim import Simulator
     from arm_sim.cli.output import console
@@ -66,14 +68,18 @@ def _show_joints(out: Console, model: ArmModel) -> None:
     }  # fmt: skip
     absent = [name for name, values in list(columns.items())[-3:] if not values.any()]
     columns = {name: values for name, values in columns.items() if name not in absent}
-    write = {name: limit if name.endswith(("limit", "lower", "upper")) else number for name in columns}
+    write = {
+        name: limit if name.endswith(("limit", "lower", "upper")) else number for name in columns
+    }
     rows = [
         (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
         for i, name in enumerate(model.joint_names)
     ]
     show(out, table(("joint", "type", *columns), rows, text=(0, 1)))
     if absent:
-        out.print(f"all zero: {', '.join(name.replace(chr(10), ' ') for name in absent)}", style="dim")
+        out.print(
+            f"all zero: {', '.join(name.replace(chr(10), ' ') for name in absent)}", style="dim"
+        )
     out.print(_units(set(model.joint_types)), style="dim")
     _show_outside(out, model)
 

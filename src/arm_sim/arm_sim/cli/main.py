@@ -11,6 +11,7 @@ from arm_sim.cli.call import call
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.nodes import controller, dynamics, sim
+from arm_sim.cli.output import examples
 
 
 class Suite(click.Group):
@@ -44,15 +45,16 @@ def _explained(error: ModuleNotFoundError) -> Exception:
 _SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
 
 
-@click.group(cls=Suite, context_settings=_SETTINGS)
+@click.group(
+    cls=Suite,
+    context_settings=_SETTINGS,
+    epilog=examples(
+        "./arm demo",
+        "./arm describe package://example-robot-data/robots/panda_description/urdf/panda.urdf",
+    ),
+)
 def main() -> None:
-    """Dynamics, simulation and control of robot arms on ROS 2 Jazzy.
-
-    \b
-    A first look:
-      ./arm demo
-      ./arm describe package://example-robot-data/robots/panda_description/urdf/panda.urdf
-    """
+    """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
 for command in (demo, describe, call, dynamics, sim, controller):

@@ -15,21 +15,33 @@ from typing import Any
 
 import click
 
+from arm_sim.cli.output import examples
+
 _PR_SET_PDEATHSIG = 1
 Command = Callable[..., Any]
 
 
-def _node(command: Command) -> click.Command:
+def _node(*lines: str) -> Callable[[Command], click.Command]:
     """A command that takes a scene and hands everything from --ros-args on to ROS."""
-    command = click.option(
-        "--with-parent", is_flag=True, hidden=True, help="End when the parent process ends."
-    )(command)
-    command = click.argument("rest", metavar="[--ros-args …]", nargs=-1, type=click.UNPROCESSED)(command)
-    command = click.argument("scene", required=False)(command)
-    return click.command(context_settings={"ignore_unknown_options": True})(command)
+
+    def make(command: Command) -> click.Command:
+        for part in (
+            click.option("--with-parent", is_flag=True, hidden=True, help="End with the parent."),
+            click.argument("rest", metavar="[--ros-args …]", nargs=-1, type=click.UNPROCESSED),
+            click.argument("scene", required=False),
+        ):
+            command = part(command)
+        settings = {"ignore_unknown_options": True}
+        return click.command(context_settings=settings, epilog=examples(*lines))(command)
+
+    return make
 
 
-@_node
+@_node(
+    "./arm sim my_scene.yaml",
+    "./arm sim my_arm.urdf --ros-args -p stale_policy:=gravity -p dt:=0.0005",
+    "./arm sim my_arm.urdf --ros-args -r __ns:=/left",
+)
 @click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
               help="At the end, write how well the clock was kept to this file (JSON).")  # fmt: skip
 def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Path | None) -> None:
@@ -38,12 +50,6 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
     It takes torques on joint_commands, or on sim/commands in the model's order, and publishes
     joint_states. Without a command the parameter stale_policy says what acts: zero (the default),
     hold or gravity.
-
-    \b
-    Examples:
-      ./arm sim my_scene.yaml
-      ./arm sim my_arm.urdf --ros-args -p stale_policy:=gravity -p dt:=0.0005
-      ./arm sim my_arm.urdf --ros-args -r __ns:=/left
     """
     from arm_sim.ros.sim_node import SimNode
 
@@ -53,33 +59,29 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
         report.write_text(json.dumps({"loop": asdict(loop), "round_trip": asdict(round_trip)}))
 
 
-@_node
+@_node(
+    "./arm dynamics my_scene.yaml",
+    "./arm dynamics --ros-args -r __ns:=/left",
+)
 def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
     """Answer inverse and forward dynamics of the arm of SCENE as services until Ctrl-C.
 
     Without SCENE it waits for a URDF on the topic robot_description.
-
-    \b
-    Examples:
-      ./arm dynamics my_scene.yaml
-      ./arm dynamics --ros-args -r __ns:=/left
     """
     from arm_dynamics.ros.dynamics_node import DynamicsNode
 
     _run(DynamicsNode, scene, rest, with_parent)
 
 
-@_node
+@_node(
+    "./arm controller my_scene.yaml",
+    "./arm controller my_scene.yaml --ros-args -p bandwidth:=[40.0] -p damping_ratio:=[0.9]",
+)
 def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
     """Lead the arm of SCENE along joint trajectories by computed torque until Ctrl-C.
 
     It listens to joint_states and controller/joint_trajectory and publishes joint_commands. It
     may be given another scene than the simulator: that is a model error.
-
-    \b
-    Examples:
-      ./arm controller my_scene.yaml
-      ./arm controller my_scene.yaml --ros-args -p bandwidth:=[40.0] -p damping_ratio:=[0.9]
     """
     from arm_dynamics.ros.controller_node import ControllerNode
 

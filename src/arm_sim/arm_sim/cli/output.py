@@ -14,6 +14,13 @@ if TYPE_CHECKING:
 _WIDE = 200  # columns where nobody's window sets them, so that a pipe gets whole lines
 
 
+def examples(*lines: str) -> str:
+    """The end of a command's help: lines as they are to be typed, never re-wrapped."""
+    return "\b\n" + "\n".join(
+        ["Example:" if len(lines) == 1 else "Examples:", *(f"  {x}" for x in lines)]
+    )
+
+
 def console() -> Console:
     """A console as wide as the window, or as wide as the text where there is no window."""
     from rich.console import Console
@@ -22,7 +29,9 @@ def console() -> Console:
     return Console(width=width, highlight=False, emoji=False)
 
 
-def table(columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[int] = (0,)) -> Table:
+def table(
+    columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[int] = (0,)
+) -> Table:
     """A table of numbers with some columns of text.
 
     Args:

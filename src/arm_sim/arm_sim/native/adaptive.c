@@ -33,7 +33,7 @@ static int controlled_tick(real* x, const real* u, const real* p, double h, cont
     ++c->attempts;
     const double size = error / c->tolerance;
     const int accepted = size <= 1.0;
-    double factor = size > 1e-10 ? 0.9 * pow(size, -1.0 / ORDER) : 6.0;
+    double factor = size < 1e-10 ? 6.0 : 0.9 * pow(size, -1.0 / ORDER); /* NaN must shrink it */
     factor = !(factor > 0.2) ? 0.2 : factor > 6.0 ? 6.0 : factor;
     if (accepted) {
       for (int i = 0; i < NX; ++i) x[i] = next[i];

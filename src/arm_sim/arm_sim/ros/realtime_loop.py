@@ -42,8 +42,8 @@ class RealtimeLoop:
     """Calls ``tick`` every ``period``, by deadlines that do not drift.
 
     A tick that is late is made up for: the following ones come faster, though never closer than
-    ``closest`` of a period, so that partners still get to answer each of them. When the loop is
-    more than ``give_up`` behind, the deadlines in between are dropped, and counted.
+    ``closest`` of a period, so that partners still get to answer each of them. The loop is never
+    more than ``give_up`` behind: deadlines that are older are dropped, and counted.
     """
 
     def __init__(
@@ -112,12 +112,10 @@ class RealtimeLoop:
             deadline = self._next(deadline, now)
 
     def _next(self, deadline: int, now: int) -> int:
-        behind = now - deadline
-        if behind <= self._give_up:
-            return deadline + self._period
-        skipped = behind // self._period
-        self._dropped += skipped
-        return deadline + (skipped + 1) * self._period
+        too_late = now - deadline - self._give_up
+        dropped = -(-too_late // self._period) if too_late > 0 else 0
+        self._dropped += dropped
+        return deadline + (dropped + 1) * self._period
 
 
 def _ask_for_exact_timers() -> None:

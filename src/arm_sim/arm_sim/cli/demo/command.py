@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from arm_sim.cli.output import examples
+
 if TYPE_CHECKING:
     from collections.abc import Iterator
 
@@ -29,7 +31,12 @@ _SETTLED = 0.3  # [s] that are watched after the motion
 Say = Callable[[str], None]
 
 
-@click.command()
+@click.command(
+    epilog=examples(
+        "./arm demo",
+        "./arm demo --robot my_arm.urdf --duration 5 --output /tmp/my_arm",
+    )
+)
 @click.option("--robot", default=None, metavar="URDF|SCENE",
               help="Arm to move: a URDF or scene file; the Panda when not given.")  # fmt: skip
 @click.option("--duration", default=10.0, show_default=True, type=click.FloatRange(1.0, 3600.0),
@@ -44,11 +51,6 @@ def demo(robot: str | None, duration: float, output: Path) -> None:
     along a joint trajectory, and the dynamics node, which is asked for torques meanwhile. They have
     a ROS domain of their own on this machine and are ended whatever happens. The exit status is 1
     when the loop did not close, with the reason.
-
-    \b
-    Examples:
-      ./arm demo
-      ./arm demo --robot my_arm.urdf --duration 5 --output /tmp/my_arm
     """
     from arm_sim.cli.demo.processes import interruptible
 
@@ -91,13 +93,18 @@ def _run(
     _write_scene(scene, motion)
     domain = free_domain()
     environment = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
-    with Processes(output, environment) as processes, Observer(_joints(motion), domain) as observer:
+    with (
+        Processes(output, environment) as processes,
+        Observer(_joints(motion), domain) as observer,
+    ):
         say(f"starting the nodes (ROS domain {domain}, this machine only)")
         processes.start("dynamics", "dynamics", str(scene), "--with-parent")
         processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
         observer.wait_for_partners(_START_TIMEOUT, processes.check)
         # Last and alone, so that nobody's start-up disturbs its clock.
-        processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM)
+        processes.start(
+            "sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM
+        )
         observer.wait_for_motion(_START_TIMEOUT, processes.check)
         _follow(motion, observer, processes, say, bar)
         say("stopping the nodes")
@@ -111,7 +118,11 @@ _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
 
 def _follow(
-    motion: Motion, observer: Observer, processes: Processes, say: Say, bar: Callable[[float], None]
+    motion: Motion,
+    observer: Observer,
+    processes: Processes,
+    say: Say,
+    bar: Callable[[float], None],
 ) -> None:
     from arm_sim.cli.demo.processes import DemoFailed
 
@@ -119,7 +130,8 @@ def _follow(
     duration = motion.trajectory.duration
     if not observer.send(motion.waypoints, _MOTION_TIMEOUT, processes.check):
         raise DemoFailed(
-            "the controller did not follow the trajectory; its log says:\n" + processes.tail("controller")
+            "the controller did not follow the trajectory; its log says:\n"
+            + processes.tail("controller")
         )
 
     def glance() -> None:

@@ -81,7 +81,9 @@ def _torques(axis: Any, seen: Seen, types: Sequence[str], colors: Any) -> None:
             seen.asked_time[::every], torque[::every], linestyle="", marker="o", markersize=3.0,
             markerfacecolor="white", markeredgewidth=0.9, markeredgecolor=colors[joint % len(colors)],
         )  # fmt: skip
-    axis.set_title("Torque commanded; circles: what the dynamics service answered for the reference")
+    axis.set_title(
+        "Torque commanded; circles: what the dynamics service answered for the reference"
+    )
     axis.set_ylabel(f"torque [{_unit(types, 'N m', 'N')}]")
 
 

@@ -130,13 +130,18 @@ def _better_start(dynamics: Dynamics) -> Array:
     """A posture with room to all sides in which the drives can carry the arm well."""
     model = dynamics.model
     lower, upper = model.position_lower, model.position_upper
-    low, high = np.where(np.isfinite(lower), lower, -np.pi), np.where(np.isfinite(upper), upper, np.pi)
+    low, high = (
+        np.where(np.isfinite(lower), lower, -np.pi),
+        np.where(np.isfinite(upper), upper, np.pi),
+    )
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     low, high = middle - 0.6 * half, middle + 0.6 * half
     tries = [np.clip(model.q0, low, high), middle]
     tries += list(np.random.default_rng(0).uniform(low, high, (200, model.n)))
     shares = [_weight_share(dynamics, q)[0] for q in tries]
-    best = next((i for i, share in enumerate(shares) if share <= WEIGHT_SHARE), int(np.argmin(shares)))
+    best = next(
+        (i for i, share in enumerate(shares) if share <= WEIGHT_SHARE), int(np.argmin(shares))
+    )
     if shares[best] > EFFORT_SHARE:
         _, joint = _weight_share(dynamics, tries[best])
         needed = abs(dynamics.gravity(tries[best])[joint])

@@ -103,7 +103,10 @@ class Observer:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        _: TracebackType | None,
     ) -> None:
         """Take the node down."""
         self._executor.shutdown()
@@ -112,7 +115,9 @@ class Observer:
 
     # --- waiting -------------------------------------------------------------------------------
 
-    def until(self, condition: Callable[[], bool], timeout: float, glance: Callable[[], None]) -> bool:
+    def until(
+        self, condition: Callable[[], bool], timeout: float, glance: Callable[[], None]
+    ) -> bool:
         """Spin until ``condition``; ``glance`` is called every now and then.
 
         Returns:
@@ -161,7 +166,9 @@ class Observer:
 
     # --- the trajectory ------------------------------------------------------------------------
 
-    def send(self, waypoints: Sequence[Waypoint], timeout: float, glance: Callable[[], None]) -> bool:
+    def send(
+        self, waypoints: Sequence[Waypoint], timeout: float, glance: Callable[[], None]
+    ) -> bool:
         """Send the trajectory.
 
         Returns:
@@ -182,7 +189,9 @@ class Observer:
 
         if not self.until(begun, timeout, glance):
             return False
-        moving = next(s for s in self._states[first:] if list(s.reference_position) != here.tolist())
+        moving = next(
+            s for s in self._states[first:] if list(s.reference_position) != here.tolist()
+        )
         self.start = _stamp(self._states[self._states.index(moving) - 1])
         return True
 

@@ -39,7 +39,10 @@ class Processes:
         return self
 
     def __exit__(
-        self, kind: type[BaseException] | None, error: BaseException | None, _: TracebackType | None
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        _: TracebackType | None,
     ) -> None:
         """End all children, the youngest first, however often the user presses Ctrl-C meanwhile."""
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)

@@ -1,0 +1,34 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which torques does a motion need, and what are they spent on?"""
+
+import numpy as np
+
+from arm_dynamics import Dynamics, Term, load_scene
+
+scene = load_scene({
+    "robot": {
+        "urdf": "package://example-robot-data/robots/panda_description/urdf/panda.urdf",
+        "lock": ["panda_finger_joint1", "panda_finger_joint2"],
+    }
+})  # fmt: skip
+dynamics = Dynamics(scene)
+
+q = np.array([0.0, -0.8, 0.0, -2.4, 0.0, 1.6, 0.8])  # [rad]
+v = np.full(dynamics.n, 1.0)  # [rad/s]
+a = np.full(dynamics.n, 2.0)  # [rad/s²]
+
+terms = {term.name: dynamics.inverse(q, v, a, terms=term) for term in Term}
+total = dynamics.inverse(q, v, a)
+
+print("torques in N m" + " " * 6 + "".join(f"{name:>12}" for name in [*terms, "ALL"]))
+for i, joint in enumerate(dynamics.joint_names):
+    print(f"{joint:<20}" + "".join(f"{tau[i]:12.4f}" for tau in [*terms.values(), total]))
+
+# Forward dynamics is the way back: these torques produce that acceleration.
+np.testing.assert_allclose(dynamics.forward(q, v, total), a, atol=1e-9)
+
+# A batch in, a batch out: what holds the arm at a thousand postures at once.
+lower, upper = dynamics.model.position_lower, dynamics.model.position_upper
+postures = np.random.default_rng(0).uniform(lower, upper, (1000, dynamics.n))
+worst = np.abs(dynamics.gravity(postures)).max(axis=0)
+print("\nheaviest of 1000 postures [N m]:", np.round(worst, 2))
