@@ -18,9 +18,8 @@ def floating(state: State) -> np.ndarray:
 
 
 released = sim.run(0.5)
-print(
-    f"without torque the arm falls: {np.abs(released.q[-1] - released.q[0]).max():.2f} rad in 0.5 s"
-)
+fallen = np.abs(released.q[-1] - released.q[0]).max()
+print(f"without torque the arm falls: {fallen:.2f} rad in 0.5 s")
 
 sim.reset()
 still = sim.run(1.0, control=lambda state: sim.dynamics.gravity(state.q))

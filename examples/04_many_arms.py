@@ -20,9 +20,8 @@ sim.rollout(q0, v0, tau, TICKS)  # the first call compiles
 start = time.perf_counter()
 paths = sim.rollout(q0, v0, tau, TICKS)  # (arms, ticks + 1, 2n)
 took = time.perf_counter() - start
-print(
-    f"{ARMS} arms, {TICKS} ticks of RK4: {1e3 * took:.1f} ms, {1e6 * took / ARMS / TICKS:.2f} µs a tick"
-)
+per_tick = 1e6 * took / ARMS / TICKS
+print(f"{ARMS} arms, {TICKS} ticks of RK4: {1e3 * took:.1f} ms, {per_tick:.2f} µs a tick")
 
 # Every arm does what it would do alone.
 sim.reset(q0[7], v0[7])

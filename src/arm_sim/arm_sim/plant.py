@@ -18,7 +18,7 @@ from arm_dynamics.laws.links import Tree, tree_of
 from arm_sim.parameters import Parameters
 
 # Above this many joints the mass matrix, of order n³ to factor, is never the shorter way.
-DENSE_AT_MOST = 20
+DENSE_AT_MOST = 16
 
 Law = Callable[[Tree, ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 

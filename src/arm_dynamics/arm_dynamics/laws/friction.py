@@ -26,7 +26,13 @@ def viscous(v: Quantity, coefficient: Quantity) -> Quantity:
     return coefficient * v
 
 
-def dry(v: Any, direction: Any, coulomb: Any, excess: Any, stribeck_velocity: Any) -> Any:
+def dry(
+    v: Quantity,
+    direction: Quantity,
+    coulomb: Quantity,
+    excess: Quantity,
+    stribeck_velocity: Quantity,
+) -> Quantity:
     """Dry friction of joints that slide: F = s (Fc + ΔF exp(-(v/vs)²)), s the way they slide.
 
     Coulomb's constant torque with Stribeck's fall from the level at rest; the exponent 2 is that of

@@ -168,7 +168,7 @@ def model_info(node: str, timeout: float, as_json: bool) -> None:
     if as_json:
         _print_json(
             joint_names=list(info.joint_names), joint_types=list(info.joint_types),
-            **{name: [x if np.isfinite(x) else None for x in getattr(info, name)] for name in limits},
+            **{name: [_or_none(x) for x in getattr(info, name)] for name in limits},
             frame_names=list(info.frame_names), total_mass=info.total_mass,
             gravity=list(map(float, info.gravity)), summary=info.summary,
         )  # fmt: skip
@@ -182,6 +182,11 @@ def model_info(node: str, timeout: float, as_json: bool) -> None:
     out.print(f"\n{info.summary}, gravity ({gravity}) m/s²", markup=False)
     show(out, table(heads, [(name, kind, *map(limit, x)) for name, kind, *x in rows], (0, 1)))
     out.print(f"frames: {', '.join(info.frame_names)}", style="dim", markup=False)
+
+
+def _or_none(value: float) -> float | None:
+    """JSON knows no infinity."""
+    return float(value) if np.isfinite(value) else None
 
 
 def reset(node: str, timeout: float, as_json: bool) -> None:

@@ -70,7 +70,7 @@ _joints = click.option(
 @_vector("velocity", "Joint velocities")
 @_vector("acceleration", "Joint accelerations")
 @click.option("--terms", default="all", show_default=True,
-              help="Which to add up: all, or some of inertia,coriolis,gravity,friction.")  # fmt: skip
+              help="all, or some of inertia,coriolis,gravity,friction.")  # fmt: skip
 @_joints
 @_options(DYNAMICS)
 def inverse_dynamics(terms: str, **given: Any) -> None:

@@ -117,12 +117,13 @@ def _show_cost(out: Console, simulator: Simulator) -> None:
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"
     step = "sub-step" if choice.tolerance else "tick"
-    faster = simulator.dt * 1e6 / microseconds
+    how = f"{method.name}, order {method.order}, {simulator.dt:g} s{control}"
+    faster = f"{simulator.dt * 1e6 / microseconds:,.0f} times faster than real time"
     out.print(facts([
-        ("integrator", f"{method.name}, order {method.order}, {simulator.dt:g} s{control} ({plan.reason})"),
+        ("integrator", f"{how} ({plan.reason})"),
         ("algorithm", plan.algorithm),
         ("runs on", plan.backend),
         ("operations", f"{plan.operations} in a {step}, {plan.evaluation} in one evaluation"),
-        ("time", f"{microseconds:.2f} µs for a tick, measured now; {faster:,.0f} times faster than real time"),
+        ("time", f"{microseconds:.2f} µs for a tick, measured now; {faster}"),
     ]))  # fmt: skip
     out.print()

@@ -43,7 +43,7 @@ def _node(*lines: str) -> Callable[[Command], click.Command]:
     "./arm sim my_arm.urdf --ros-args -r __ns:=/left",
 )
 @click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
-              help="At the end, write how well the clock was kept to this file (JSON).")  # fmt: skip
+              help="At the end, write how well the clock was kept to this file.")  # fmt: skip
 def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Path | None) -> None:
     """Simulate the arm of SCENE at 1 kHz from torque commands until Ctrl-C.
 
@@ -118,8 +118,8 @@ def _split(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[
     if len(before) > 1 or (before and before[0].startswith("-")):
         stray = next(word for i, word in enumerate(before) if i or word.startswith("-"))
         raise click.UsageError(
-            f"'{stray}' is neither the scene nor behind --ros-args; allowed: SCENE, then for example "
-            "--ros-args -p NAME:=VALUE"
+            f"'{stray}' is neither the scene nor behind --ros-args; allowed: SCENE, "
+            "then for example --ros-args -p NAME:=VALUE"
         )
     return (before[0] if before else None), words[at:]
 

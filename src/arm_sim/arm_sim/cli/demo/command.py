@@ -48,9 +48,9 @@ def demo(robot: str | None, duration: float, output: Path) -> None:
     """Close the loop on an arm at 1 kHz in real time, and show how well it went.
 
     Three processes talk over ROS 2: the simulated arm, a computed-torque controller that leads it
-    along a joint trajectory, and the dynamics node, which is asked for torques meanwhile. They have
-    a ROS domain of their own on this machine and are ended whatever happens. The exit status is 1
-    when the loop did not close, with the reason.
+    along a joint trajectory, and the dynamics node, which is asked for torques meanwhile. They
+    have a ROS domain of their own on this machine and are ended whatever happens. The exit status
+    is 1 when the loop did not close, with the reason.
     """
     from arm_sim.cli.demo.processes import interruptible
 
@@ -85,7 +85,7 @@ def _planned(robot: str, duration: float) -> Motion:
 def _run(
     motion: Motion, output: Path, scratch: Path, say: Say, bar: Callable[[float], None]
 ) -> tuple[Seen, dict[str, Any]]:
-    """Have the three processes follow the motion; return what was seen and the simulator's report."""
+    """Have the processes follow the motion; return what was seen and the sim node's report."""
     from arm_sim.cli.demo.observer import Observer
     from arm_sim.cli.demo.processes import Processes, free_domain
 

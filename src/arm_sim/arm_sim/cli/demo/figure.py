@@ -17,8 +17,9 @@ matplotlib.use("Agg")
 from matplotlib import pyplot as plt  # noqa: E402 - the backend is chosen first
 
 _STYLE = {
-    "font.size": 9.5, "axes.titlesize": 10, "axes.titlelocation": "left", "axes.titleweight": "bold",
-    "axes.spines.top": False, "axes.spines.right": False, "axes.grid": True, "axes.axisbelow": True,
+    "font.size": 9.5, "axes.titlesize": 10, "axes.titlelocation": "left",
+    "axes.titleweight": "bold", "axes.spines.top": False, "axes.spines.right": False,
+    "axes.grid": True, "axes.axisbelow": True,
     "grid.color": "#e4e6ea", "grid.linewidth": 0.8, "axes.edgecolor": "#8a8f98",
     "xtick.color": "#555a63", "ytick.color": "#555a63", "legend.frameon": False,
 }  # fmt: skip
@@ -79,7 +80,8 @@ def _torques(axis: Any, seen: Seen, types: Sequence[str], colors: Any) -> None:
     for joint, torque in enumerate(seen.asked_effort.T):
         axis.plot(
             seen.asked_time[::every], torque[::every], linestyle="", marker="o", markersize=3.0,
-            markerfacecolor="white", markeredgewidth=0.9, markeredgecolor=colors[joint % len(colors)],
+            markerfacecolor="white", markeredgewidth=0.9,
+            markeredgecolor=colors[joint % len(colors)],
         )  # fmt: skip
     axis.set_title(
         "Torque commanded; circles: what the dynamics service answered for the reference"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A motion that suits any arm: inside its joint limits, and slow and light enough for its drives."""
+"""A motion that suits any arm: inside its joint limits, slow and light enough for its drives."""
 
 from __future__ import annotations
 
@@ -73,7 +73,7 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
     if motion := _around(start, dynamics, duration):
         return motion
     raise InvalidInput(
-        f"no motion is small enough for the speed and effort limits of this arm in {duration:g} s; "
+        f"no motion of {duration:g} s is small enough for the speed and effort limits; "
         "allowed is a longer --duration, or a scene with other limits or another start"
     )
 
@@ -99,7 +99,7 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
 
 
 def _pattern(count: int, n: int) -> Array:
-    """Swings of the joints at each point, between -1 and 1, each joint at its own pace; back at last."""
+    """Swings of the joints at each point from -1 to 1, each at its own pace; back at the end."""
     k, joint = np.arange(1, count + 1)[:, None], np.arange(n)
     swings = np.sin(2.0 * np.pi * (k * (0.29 + 0.045 * (joint % 4)) + 0.13 * joint))
     swings[-1] = 0.0

@@ -44,7 +44,7 @@ class Processes:
         error: BaseException | None,
         _: TracebackType | None,
     ) -> None:
-        """End all children, the youngest first, however often the user presses Ctrl-C meanwhile."""
+        """End all children, the youngest first, whatever is pressed meanwhile."""
         before = signal.signal(signal.SIGINT, signal.SIG_IGN)
         try:
             self.stop(*reversed(self._running))

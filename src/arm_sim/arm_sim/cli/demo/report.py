@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_sim.cli.demo.observer import Seen
-from arm_sim.cli.output import number, table
+from arm_sim.cli.output import table
 
 if TYPE_CHECKING:
     from rich.table import Table
@@ -57,7 +57,7 @@ class Numbers:
     error_max: float
     goal_distance: float
     effort_share: float
-    energy_input: float
+    energy_moved: float
     energy_dissipated: float
     energy_balance: float
 
@@ -85,27 +85,32 @@ def numbers(
     during = seen.time <= duration
     return Numbers(
         robot=model.pin.name, joints=model.n, unit=_unit(model), duration=duration,
-        ticks=loop["ticks"], rate=loop["ticks"] / loop["elapsed"], wanted_rate=1.0 / model.scene.sim.dt,
+        ticks=loop["ticks"], rate=loop["ticks"] / loop["elapsed"],
+        wanted_rate=1.0 / model.scene.sim.dt,
         missed=loop["missed"], dropped=loop["dropped"],
         lateness_p50=loop["lateness"]["p50"], lateness_p99=loop["lateness"]["p99"],
         lateness_max=loop["lateness"]["max"],
         commands=trip["count"], round_trip_p50=trip["p50"], round_trip_p99=trip["p99"],
         round_trip_max=trip["max"],
         questions=asked, service_p50=p50, service_p99=p99, service_max=longest,
-        torque_difference=float(np.abs(seen.asked_effort - seen.asked_for).max()) if asked else np.nan,
+        torque_difference=_largest(seen.asked_effort - seen.asked_for),
         error_rms=float(np.sqrt(np.mean(seen.error[during] ** 2))),
         error_max=float(np.abs(seen.error[during]).max()),
         goal_distance=float(np.abs(seen.position[-1] - goal).max()),
         effort_share=motion.effort_share,
-        energy_input=float(np.ptp(seen.energy[:, 3])) if len(seen.energy) else np.nan,
-        energy_dissipated=float(seen.energy[-1, 4]) if len(seen.energy) else np.nan,
-        energy_balance=float(np.abs(seen.energy[:, 5]).max()) if len(seen.energy) else np.nan,
+        energy_moved=float(np.abs(np.diff(seen.energy[:, 3])).sum()),
+        energy_dissipated=float(seen.energy[-1, 4]),
+        energy_balance=_largest(seen.energy[:, 5]),
     )  # fmt: skip
 
 
 def _unit(model: ArmModel) -> str:
     kinds = {kind == "prismatic" for kind in model.joint_types}
     return " or ".join(["rad"] * (False in kinds) + ["m"] * (True in kinds))
+
+
+def _largest(values: Array) -> float:
+    return float(np.abs(values).max()) if values.size else float("nan")
 
 
 def _percentiles(values: Array) -> tuple[float, float, float]:
@@ -153,10 +158,10 @@ def result_table(n: Numbers) -> Table:
         ("command round trip", *_times(n.round_trip_p50, n.round_trip_p99, n.round_trip_max)),
         ("commands", f"{n.commands}", f"of {n.ticks} states answered"),
         ("service latency", *_times(n.service_p50, n.service_p99, n.service_max)),
-        ("torque queries", f"{n.questions}", f"within {number(n.torque_difference, 2)} N m of the command"),
+        ("torque queries", f"{n.questions}", f"within {n.torque_difference:.2g} N m of the command"),
         ("tracking error RMS", *_error(n.error_rms, n.unit)),
         ("tracking error max", *_error(n.error_max, n.unit)),
-        ("energy balance", f"{n.energy_balance:.1e} J", f"off at most; the drives moved {n.energy_input:.3g} J"),
+        ("energy balance", f"{n.energy_balance:.1e} J", f"off at most; the drives moved {n.energy_moved:.3g} J"),
     ], text=(0, 2))  # fmt: skip
 
 
