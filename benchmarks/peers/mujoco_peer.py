@@ -24,6 +24,9 @@ METHODS = {
 STATE = mujoco.mjtState.mjSTATE_FULLPHYSICS
 TORQUE = mujoco.mjtState.mjSTATE_QFRC_APPLIED
 
+# A step too long for Euler's method is part of the measurement; MuJoCo would write a log file.
+mujoco.set_mju_user_warning(lambda message: None)
+
 
 def contestants() -> list[Contestant]:
     """The three integrators that MuJoCo's users choose from."""

@@ -34,6 +34,7 @@ FLAGS = (
     "-fno-math-errno",
     "-fno-trapping-math",
     "-fvisibility=hidden",
+    "-Wl,-Bsymbolic",
     "-fPIC",
     "-shared",
     "-w",

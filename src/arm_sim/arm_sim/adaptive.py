@@ -37,6 +37,14 @@ class SubstepControl(ctypes.Structure):
         super().__init__(tolerance, 0.0, 0.0, 0)
         self.order = order
 
+    def kept(self) -> tuple[float, float, int]:
+        """What a trial may change."""
+        return self.step, self.error, self.attempts
+
+    def put_back(self, kept: tuple[float, float, int]) -> None:
+        """Undo what a trial changed."""
+        self.step, self.error, self.attempts = kept
+
     def restart(self) -> None:
         """Start afresh, as after a reset."""
         self.step, self.error, self.attempts = 0.0, 0.0, 0

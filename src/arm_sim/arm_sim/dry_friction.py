@@ -9,6 +9,7 @@ Event-driven treatment of set-valued friction: Glocker, Set-Valued Force Laws, 2
 
 from __future__ import annotations
 
+import ctypes
 from collections.abc import Callable
 
 import casadi as ca
@@ -17,11 +18,18 @@ import numpy as np
 from arm_dynamics.kernel import Kernel
 from arm_dynamics.model import Array
 from arm_sim.actuation import CompiledControl, actuation
-from arm_sim.adaptive import SubstepControl, controlled_tick
+from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick
 from arm_sim.choice import Choice
 from arm_sim.integrators import build_attempt, build_step
 from arm_sim.plant import Plant
-from arm_sim.stepper import check_kernel, within_reach
+from arm_sim.stepper import (
+    check_kernel,
+    driver_source,
+    library_function,
+    pointer,
+    row_stride,
+    within_reach,
+)
 
 # A tick with more stops and starts than this for each joint is not a motion any more.
 EVENTS_PER_JOINT = 50
@@ -32,27 +40,28 @@ ROUNDING = 1e-13
 
 
 class DryStepper:
-    """Event-driven steps; see ``Stepper`` for the interface."""
+    """Event-driven steps; see ``Stepper`` for the interface.
+
+    What follows in Python runs on machines without a compiler; ``native/dry.c`` is its twin.
+    """
 
     def __init__(
         self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
     ) -> None:
+        assert plant.reaction is not None
         self._n, self._dt, self._model = plant.model.n, choice.dt, plant.model
         smooth, name = _flow_function(plant, choice)
         functions = [plant.acceleration, plant.reaction, smooth, actuation(plant, control)]
-        self.kernel = Kernel(functions, backend)
+        self.kernel = Kernel(functions, backend, _driver(plant, choice, functions))
         check_kernel(plant, self.kernel)
         self.p = plant.parameters.nominal
         self.tick_operations = self.kernel.operations(name)
-        self._control = None
+        self._control: SubstepControl | None = None
         if choice.tolerance is not None:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
-        self._smooth = self.kernel.call(name)
-        self._acceleration, self._reaction = (
-            self.kernel.call("acceleration"),
-            self.kernel.call("reaction"),
-        )
-        self._actuate = self.kernel.call("actuate")
+        self._smooth, self._actuate = self.kernel.call(name), self.kernel.call("actuate")
+        self._acceleration = self.kernel.call("acceleration")
+        self._reaction = self.kernel.call("reaction")
         self._sticky = plant.model.static > 0.0
 
     def restart(self) -> None:
@@ -64,6 +73,8 @@ class DryStepper:
         self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
     ) -> int:
         """See ``Stepper.roll``."""
+        if self.kernel.library is not None:
+            return self._by_library(x, command, ticks, trace, effort, errors)
         for k in range(ticks):
             effort[k] = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
             after = self._tick(x, effort[k])
@@ -72,6 +83,16 @@ class DryStepper:
             x[:] = trace[k] = after
             errors[k] = self._control.error if self._control is not None else 0.0
         return ticks
+
+    def _by_library(
+        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
+    ) -> int:
+        control = None if self._control is None else ctypes.byref(self._control)
+        return library_function(self.kernel, "roll_dry")(
+            pointer(x), pointer(command), row_stride(command), pointer(self.p),
+            ctypes.c_double(self._dt), ctypes.c_longlong(ticks), pointer(trace), pointer(effort),
+            pointer(errors), control,
+        )  # fmt: skip
 
     def directions(self, x: Array, u: Array) -> Array:
         """What each joint does or is about to do: -1 and 1 slide, 0 sticks.
@@ -119,28 +140,28 @@ class DryStepper:
         left = self._dt
         for _ in range(EVENTS_PER_JOINT * self._n):
             direction = self.directions(x, u)
-            after = self._flow(x, u, left, direction)
+
+            def wrong(t: float, x: Array = x, direction: Array = direction) -> float:
+                return self._wrong_after(x, u, t, direction)
+
+            calm = wrong(left) <= 0.0
+            length = left if calm else first_positive(wrong, left)
+            after = self._flow(x, u, length, direction)
             if after is None:
                 return None
-            if self._wrong(after, u, direction) <= 0.0:
-                return self._rest(after, direction)
-            used, x = self._first_event(x, u, left, direction)
-            left -= used
-            if left <= 0.0:
+            x = self._rest(after, direction)
+            left -= length
+            if calm or left <= 0.0:
                 return x
         return None
 
-    def _first_event(self, x: Array, u: Array, h: float, direction: Array) -> tuple[float, Array]:
-        """When the first joint stops or breaks away, and the state then, with v = 0 there."""
-
-        def wrong(t: float) -> float:
-            after = self._flow(x, u, t, direction)
-            return np.inf if after is None else self._wrong(after, u, direction)
-
-        _, late = first_positive(wrong, h)
-        after = self._flow(x, u, late, direction)
-        assert after is not None
-        return late, self._rest(after, direction)
+    def _wrong_after(self, x: Array, u: Array, t: float, direction: Array) -> float:
+        """How wrong it is after ``t``; tried only, so error control does not learn from it."""
+        kept = None if self._control is None else self._control.kept()
+        after = self._flow(x, u, t, direction)
+        if self._control is not None and kept is not None:
+            self._control.put_back(kept)
+        return np.inf if after is None else self._wrong(after, u, direction)
 
     def _rest(self, x: Array, direction: Array) -> Array:
         """Put joints that have just reached zero speed, or passed it by rounding, at rest."""
@@ -173,20 +194,20 @@ class DryStepper:
         return np.concatenate([self.p, direction])
 
 
-def first_positive(f: Callable[[float], float], h: float) -> tuple[float, float]:
-    """Bracket a sign change of ``f`` on (0, h] to rounding.
+def first_positive(f: Callable[[float], float], h: float) -> float:
+    """Locate a change of ``f`` from not positive to positive on (0, h], to rounding.
 
-    Regula falsi with the weights of Illinois (Dowell, Jarratt, BIT 11, 1971), halved whenever it
-    stalls.
+    Regula falsi with the weights of Illinois (Dowell, Jarratt, BIT 11, 1971) and a bisection in
+    every fourth trial.
 
     Args:
         f: Continuous; not positive at 0, positive at h.
         h: Right end.
 
     Returns:
-        Times before and after the change; f is positive at the second.
+        A time at which f is positive and just before which it is not.
     """
-    low, high, f_low, f_high = 0.0, h, f(0.0), f(h)
+    low, high, f_low, f_high, side = 0.0, h, f(0.0), f(h), 0
     for k in range(BISECTIONS):
         if high - low <= 4e-16 * h:
             break
@@ -194,13 +215,33 @@ def first_positive(f: Callable[[float], float], h: float) -> tuple[float, float]
         trial = secant if low < secant < high and k % 4 != 3 else 0.5 * (low + high)
         value = f(trial)
         if value > 0.0:
-            high, f_high, f_low = trial, value, 0.5 * f_low
+            high, f_high, f_low = trial, value, 0.5 * f_low if side > 0 else f_low
+            side = 1
         else:
-            low, f_low, f_high = trial, value, 0.5 * f_high
-    return low, high
+            low, f_low, f_high = trial, value, 0.5 * f_high if side < 0 else f_high
+            side = -1
+    return high
 
 
 def _flow_function(plant: Plant, choice: Choice) -> tuple[ca.Function, str]:
     if choice.tolerance is None:
         return build_step(choice.method, plant.rhs, plant.model.n), "step"
     return build_attempt(choice.method, plant.rhs, plant.model.n), "attempt"
+
+
+def _driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -> str:
+    n = plant.model.n
+    defines = {
+        "NP": str(len(plant.parameters.nominal)),
+        "STATIC": "{" + ", ".join(map(repr, plant.model.static.tolist())) + "}",
+        "EVENTS": str(EVENTS_PER_JOINT * n),
+        "WORST_FIRST": str(LEAST_INDEX_FROM * n),
+        "PIVOTS": str(LEAST_INDEX_FROM * n + 2 ** min(n, 12)),
+        "BISECTIONS": str(BISECTIONS),
+        "ROUNDING": repr(ROUNDING),
+    }
+    if choice.tolerance is None:
+        return driver_source("dry.c", plant, defines, *functions)
+    control = {"ORDER": str(choice.method.order), "SUBSTEPS": str(MAX_SUBSTEPS), "ADAPTIVE": "1"}
+    adaptive = driver_source("adaptive.c", plant, control, *functions)
+    return adaptive + driver_source("dry.c", plant, defines, *functions)

@@ -100,11 +100,10 @@ class FixedStepper:
         errors[:] = 0.0
         if self.kernel.library is None or ticks == 1:
             return self._by_call(x, command, ticks, trace, effort)
-        stride = command.shape[-1] if command.ndim == 2 else 0
-        return _function(self.kernel, "roll")(
+        return library_function(self.kernel, "roll")(
             pointer(x),
             pointer(command),
-            ctypes.c_longlong(stride),
+            row_stride(command),
             pointer(self.p),
             pointer(self._dt),
             ctypes.c_longlong(ticks),
@@ -164,11 +163,10 @@ class AdaptiveStepper:
         """See ``Stepper.roll``."""
         if self.kernel.library is None:
             return self._by_call(x, command, ticks, trace, effort, errors)
-        stride = command.shape[-1] if command.ndim == 2 else 0
-        return _function(self.kernel, "roll_adaptive")(
+        return library_function(self.kernel, "roll_adaptive")(
             pointer(x),
             pointer(command),
-            ctypes.c_longlong(stride),
+            row_stride(command),
             pointer(self.p),
             ctypes.c_double(self._dt),
             ctypes.c_longlong(ticks),
@@ -213,7 +211,13 @@ def driver_source(
     return "\n".join(["", *lines, (NATIVE / file).read_text()])
 
 
-def _function(kernel: Kernel, name: str) -> Callable[..., int]:
+def row_stride(command: Array) -> ctypes.c_longlong:
+    """Numbers from one tick's command to the next one's; 0 for one that is held."""
+    return ctypes.c_longlong(command.shape[-1] if command.ndim == 2 else 0)
+
+
+def library_function(kernel: Kernel, name: str) -> Callable[..., int]:
+    """A function of the compiled driver; it answers with the number of good ticks."""
     entry = getattr(kernel.library, name)
     entry.restype = ctypes.c_longlong
     function: Callable[..., int] = entry

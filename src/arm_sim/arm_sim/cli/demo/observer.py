@@ -232,8 +232,8 @@ class Observer:
             asked_effort=np.array([r.effort for *_, r in good]),
             asked_for=np.array([s.effort for s, *_ in good]),
             latencies=np.array([waited for _, waited, _ in good]),
-            energy=np.array([[e.kinetic, e.potential, e.total, e.input, e.dissipated, e.balance]
-                             for e in self._energies]),
+            energy=np.reshape([[e.kinetic, e.potential, e.total, e.input, e.dissipated, e.balance]
+                               for e in self._energies], (-1, 6)),
         )  # fmt: skip
 
     def _times(self, states: Sequence[Any]) -> Array:

@@ -99,7 +99,7 @@ def numbers(
         goal_distance=float(np.abs(seen.position[-1] - goal).max()),
         effort_share=motion.effort_share,
         energy_moved=float(np.abs(np.diff(seen.energy[:, 3])).sum()),
-        energy_dissipated=float(seen.energy[-1, 4]),
+        energy_dissipated=float(seen.energy[:, 4].max(initial=0.0)),
         energy_balance=_largest(seen.energy[:, 5]),
     )  # fmt: skip
 
@@ -151,6 +151,8 @@ def _slow(n: Numbers) -> str:
 
 def result_table(n: Numbers) -> Table:
     """The numbers for people."""
+    asked = f"within {n.torque_difference:.2g} N m of the command"
+    balance = f"off at most; the drives moved {n.energy_moved:.3g} J"
     return table(("", f"{n.robot}, {n.joints} joints", ""), [
         ("ticks", f"{n.ticks}", f"{n.missed} late by more than a tick, {n.dropped} dropped"),
         ("rate", f"{n.rate:.2f} Hz", f"{n.wanted_rate:g} Hz wanted"),
@@ -158,10 +160,10 @@ def result_table(n: Numbers) -> Table:
         ("command round trip", *_times(n.round_trip_p50, n.round_trip_p99, n.round_trip_max)),
         ("commands", f"{n.commands}", f"of {n.ticks} states answered"),
         ("service latency", *_times(n.service_p50, n.service_p99, n.service_max)),
-        ("torque queries", f"{n.questions}", f"within {n.torque_difference:.2g} N m of the command"),
+        ("torque queries", f"{n.questions}", asked),
         ("tracking error RMS", *_error(n.error_rms, n.unit)),
         ("tracking error max", *_error(n.error_max, n.unit)),
-        ("energy balance", f"{n.energy_balance:.1e} J", f"off at most; the drives moved {n.energy_moved:.3g} J"),
+        ("energy balance", f"{n.energy_balance:.1e} J", balance),
     ], text=(0, 2))  # fmt: skip
 
 

@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Formulas of lecture notes as docs/equations.md gives them, misprints corrected.
+
+The arm is the one of most lectures: two massless links with a point mass at the end of each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_dynamics import Dynamics, Term
+from tolerances import CLOSED_FORM, assert_close
+
+G, M1, M2, L1, L2 = 9.81, 1.3, 0.7, 0.6, 0.4
+
+POINT_MASSES = f"""
+<robot name="point_masses">
+  <link name="base"/>
+  <link name="upper"><inertial><origin xyz="{L1} 0 0"/><mass value="{M1}"/>
+    <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+  <link name="lower"><inertial><origin xyz="{L2} 0 0"/><mass value="{M2}"/>
+    <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+  <joint name="shoulder" type="continuous">
+    <parent link="base"/><child link="upper"/><axis xyz="0 -1 0"/></joint>
+  <joint name="elbow" type="continuous">
+    <origin xyz="{L1} 0 0"/><parent link="upper"/><child link="lower"/><axis xyz="0 -1 0"/></joint>
+</robot>
+"""
+
+
+@pytest.fixture(scope="module")
+def arm() -> Dynamics:
+    return Dynamics(POINT_MASSES)
+
+
+def states(rng: np.random.Generator) -> np.ndarray:
+    """Positions with the elbow bent, where the Jacobian has an inverse, and velocities."""
+    q = np.column_stack([rng.uniform(-3, 3, 50), rng.uniform(0.3, 2.8, 50)])
+    return np.hstack([q, rng.normal(size=(50, 2))])
+
+
+def jacobian(q: np.ndarray) -> np.ndarray:
+    """Velocity of the tip in the axes of the last link, per joint speed."""
+    s2, c2 = np.sin(q[1]), np.cos(q[1])
+    return np.array([[L1 * s2, 0.0], [L1 * c2 + L2, L2]])
+
+
+def test_equation_of_motion(arm: Dynamics, rng: np.random.Generator) -> None:
+    for x in states(rng):
+        (q, v), a = np.split(x, 2), rng.normal(size=2)
+        s2, c2, c1, c12 = np.sin(q[1]), np.cos(q[1]), np.cos(q[0]), np.cos(q[0] + q[1])
+        m12 = M2 * (L1 * L2 * c2 + L2**2)
+        M = [[M1 * L1**2 + M2 * (L1**2 + 2 * L1 * L2 * c2 + L2**2), m12], [m12, M2 * L2**2]]
+        c = M2 * L1 * L2 * s2 * np.array([-(2 * v[0] * v[1] + v[1] ** 2), v[0] ** 2])
+        g = [(M1 + M2) * L1 * G * c1 + M2 * G * L2 * c12, M2 * G * L2 * c12]
+        assert_close(arm.mass_matrix(q), M, CLOSED_FORM)
+        assert_close(arm.inverse(q, v, a, Term.CORIOLIS), c, CLOSED_FORM)
+        assert_close(arm.gravity(q), g, CLOSED_FORM)
+
+
+def test_mass_felt_at_the_tip(arm: Dynamics, rng: np.random.Generator) -> None:
+    """Λ = J⁻ᵀ M J⁻¹ has m₂ + m₁ / s₂² in its corner, not m₁ / s₂; and Vᵀ Λ V = q̇ᵀ M q̇."""
+    for x in states(rng):
+        q, v = np.split(x, 2)
+        J, M, s2 = jacobian(q), arm.mass_matrix(q), np.sin(q[1])
+        felt = np.linalg.inv(J).T @ M @ np.linalg.inv(J)
+        assert_close(felt, np.diag([M2 + M1 / s2**2, M2]), 100 * CLOSED_FORM)
+        tip = J @ v
+        assert_close(tip @ felt @ tip, v @ M @ v, 100 * CLOSED_FORM)
+
+
+def test_weight_felt_at_the_tip(arm: Dynamics, rng: np.random.Generator) -> None:
+    for x in states(rng):
+        q = x[:2]
+        felt = np.linalg.solve(jacobian(q).T, arm.gravity(q))
+        s2, c1, s12, c12 = np.sin(q[1]), np.cos(q[0]), np.sin(q.sum()), np.cos(q.sum())
+        expected = [M1 * G * c1 / s2 + M2 * G * s12, M2 * G * c12]
+        assert_close(felt, expected, 100 * CLOSED_FORM)
+
+
+def test_multiplier_keeps_the_constraint(arm: Dynamics, rng: np.random.Generator) -> None:
+    """λ = (A M⁻¹ Aᵀ)⁻¹ (A M⁻¹ (τ - h) + Ȧ q̇) for M q̈ + h + Aᵀ λ = τ, A q̇ = 0.
+
+    The tip moves at constant height: A = ∂z/∂q with z = l₁ sin q₁ + l₂ sin(q₁ + q₂).
+    """
+    for x in states(rng):
+        (q, v), tau = np.split(x, 2), rng.normal(size=2)
+        c1, c12, s1, s12 = np.cos(q[0]), np.cos(q.sum()), np.sin(q[0]), np.sin(q.sum())
+        A = np.array([[L1 * c1 + L2 * c12, L2 * c12]])
+        v = v - A[0] * (A @ v) / (A @ A.T)[0, 0]
+        A_dot = -np.array([[L1 * s1 * v[0] + L2 * s12 * v.sum(), L2 * s12 * v.sum()]])
+        M, h = arm.mass_matrix(q), arm.inverse(q, v, np.zeros(2))
+        W = A @ np.linalg.inv(M)
+        multiplier = np.linalg.solve(W @ A.T, W @ (tau - h) + A_dot @ v)
+        a = np.linalg.solve(M, tau - h - A.T @ multiplier)
+        scale = 1.0 + abs(a).max()
+        np.testing.assert_allclose((A @ a + A_dot @ v) / scale, 0.0, atol=1e-11)
+
+
+def test_gear_reflects_damping_by_its_square(rng: np.random.Generator) -> None:
+    """B = r² B_m + B_l with θ_m = r θ_l, not r B_m + B_l: the power lost must be the same."""
+    ratio, motor, link = 50.0, 2e-4, 0.3
+    scene = {
+        "robot": {"urdf": POINT_MASSES},
+        "joints": {"shoulder": {"friction": {"viscous": ratio**2 * motor + link}}},
+    }
+    dyn = Dynamics(scene)
+    for speed in rng.normal(size=10):
+        v = np.array([speed, 0.0])
+        lost = motor * (ratio * speed) ** 2 + link * speed**2
+        assert_close(dyn.friction(v) @ v, lost, CLOSED_FORM)
+        assert not np.isclose((ratio * motor + link) * speed**2, lost, rtol=0.1)
