@@ -14,6 +14,7 @@ from pathlib import Path
 
 from mpmath import log, mp, mpf, nstr, odefun, pi, sqrt
 
+mp.dps = 30
 J, FC, B, W0 = map(mpf, ("0.1", "0.5", "0.2", "5"))
 M, K, F, X0 = map(mpf, ("1", "100", "1.5", "0.1"))
 
@@ -34,8 +35,7 @@ def turning_points() -> list[mpf]:
 
 
 def main() -> None:
-    """Compute with 30 digits, check the stop by a Taylor series, keep 20."""
-    mp.dps = 30
+    """Check the stop by a Taylor series and keep 20 digits of 30."""
     t, q = coast_down()
     series = odefun(lambda _, y: [y[1], -(FC + B * y[1]) / J], 0, [mpf(0), W0])(t)
     assert abs(series[0] - q) + abs(series[1]) < mpf(10) ** -20

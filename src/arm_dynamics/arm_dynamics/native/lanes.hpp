@@ -20,6 +20,7 @@ struct real {
   real& operator+=(real y) { v += y.v; return *this; }
   real& operator-=(real y) { v -= y.v; return *this; }
   real& operator*=(real y) { v *= y.v; return *this; }
+  real& operator/=(real y) { v /= y.v; return *this; }
 };
 
 static inline real operator+(real x, real y) { return x.v + y.v; }

@@ -63,23 +63,23 @@ def _show_joints(out: Console, model: ArmModel) -> None:
     columns = {
         "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
         "speed\nlimit": model.velocity_limit, "effort\nlimit": model.effort_limit,
+    }  # fmt: skip
+    drives = {
         "viscous\nfriction": model.viscous, "Coulomb\nfriction": model.coulomb,
         "armature": model.armature,
     }  # fmt: skip
-    absent = [name for name, values in list(columns.items())[-3:] if not values.any()]
-    columns = {name: values for name, values in columns.items() if name not in absent}
-    write = {
-        name: limit if name.endswith(("limit", "lower", "upper")) else number for name in columns
-    }
+    if (model.static != model.coulomb).any():
+        drives["static\nfriction"] = model.static
+    absent = [name.replace("\n", " ") for name, values in drives.items() if not values.any()]
+    columns |= {name: values for name, values in drives.items() if values.any()}
+    write = {name: limit if name.endswith(("limit", "er")) else number for name in columns}
     rows = [
         (name, model.joint_types[i], *(write[c](values[i], 4) for c, values in columns.items()))
         for i, name in enumerate(model.joint_names)
     ]
     show(out, table(("joint", "type", *columns), rows, text=(0, 1)))
     if absent:
-        out.print(
-            f"all zero: {', '.join(name.replace(chr(10), ' ') for name in absent)}", style="dim"
-        )
+        out.print(f"all zero: {', '.join(absent)}", style="dim")
     out.print(_units(set(model.joint_types)), style="dim")
     _show_outside(out, model)
 

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dry friction against closed forms: where a wheel comes to rest, where a mass on a spring turns
+and stays.
+"""
+
+from __future__ import annotations
+
+import json
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_sim import Recording, Simulator, State
+from tolerances import TRAJECTORY, assert_close
+
+HERE = Path(__file__).parent
+DATA = json.loads((HERE / "coulomb.json").read_text())
+STOP = {name: float(x) for name, x in DATA["coast_down"].items()}
+HALF = float(DATA["oscillator"]["half_period"])
+TURNS = np.array([float(x) for x in DATA["oscillator"]["turning_points"]])
+OPTIONS: list[dict[str, Any]] = [{"integrator": "rk4"}, {"tolerance": 1e-9}]
+
+
+@pytest.mark.parametrize("options", OPTIONS, ids=str)
+def test_wheel_coasts_to_rest(options: dict[str, Any]) -> None:
+    run = Simulator(HERE / "wheel.yaml", dt=1e-3, **options).run(1.0)
+    assert_close(run.q[-1], [STOP["angle"]], TRAJECTORY)
+    still = run.time >= STOP["time"]
+    assert (run.v[~still] > 0.0).all() and not run.v[still].any()
+
+
+@cache
+def oscillation(ticks: int) -> Recording:
+    """Five half periods of ``ticks`` ticks. A torque is held for a tick, so the spring is given the
+    mass's place in the middle of the tick; that leaves an error of second order in the tick.
+    """
+    h = HALF / ticks
+    sim = Simulator(HERE / "slider.yaml", integrator="rk4", dt=h)
+
+    def spring(state: State) -> np.ndarray:
+        return -100.0 * (state.q + 0.5 * h * state.v)
+
+    return sim.run(5 * HALF, spring)
+
+
+def test_mass_on_a_spring_turns_where_it_should() -> None:
+    run = oscillation(300)
+    assert_close(run.q[[300, 600, 900], 0], TURNS, TRAJECTORY)
+    moving = np.sign(run.v[run.v != 0.0])
+    assert np.count_nonzero(np.diff(moving)) == len(TURNS) - 1
+
+
+def test_mass_stays_where_the_spring_is_weaker_than_friction() -> None:
+    run = oscillation(300)
+    np.testing.assert_array_equal(run.v[900:], np.zeros((601, 1)))
+    assert len(np.unique(run.q[900:])) == 1
+
+
+def test_speed_at_the_turning_points_vanishes_with_the_square_of_the_tick() -> None:
+    coarse, fine = (abs(oscillation(ticks).v[ticks, 0]) for ticks in (100, 200))
+    assert coarse / fine == pytest.approx(4.0, rel=0.1)
