@@ -98,9 +98,14 @@ def _starts(results: Record) -> list[Claim]:
     rows = results.get("startup", {}).get("rows", [])
     panda = next((r for r in rows if r["robot"] == PANDA), None)
     total = "total without imports"
+    code = {r["joints"]: r["compiled_bytes"] for r in rows if "Chain" in r["robot"]}
+    work = {r["joints"]: r["cold_s"]["processor"] - r["cached_s"]["processor"]
+            for r in rows if "Chain" in r["robot"]}  # fmt: skip
     return [
         Claim("cached start of Panda", panda and panda["cached_s"][total], 0.3, "s"),
         Claim("cold start of Panda", panda and panda["cold_s"][total], 5.0, "s"),
+        Claim("compile time, 50 joints ÷ 10", _ratio(work.get(50), work.get(10)), 5.0, "×"),
+        Claim("code size, 50 joints ÷ 10", _ratio(code.get(50), code.get(10)), 5.0, "×"),
     ]
 
 

@@ -195,13 +195,17 @@ def _startup(results: Record) -> str:
         total = "total without imports"
         body.append(
             (r["robot"], r["joints"], duration(cold[total]), duration(warm[total]),
+             duration(cold["processor"] - warm["processor"]),
              duration(warm["load_scene"]), duration(warm["Simulator"]),
              duration(warm["first step"]), duration(warm["imports"]),
              f"{r['compiled_bytes'] / 1024:.0f} KiB")
         )  # fmt: skip
-    head = ("robot", "joints", "cold", "cached", "load_scene", "Simulator", "first step",
-            "imports", "compiled code")  # fmt: skip
-    text = "Wall time from scene to first step, a fresh process each; parts of the cached start."
+    head = ("robot", "joints", "cold", "cached", "compiling", "load_scene", "Simulator",
+            "first step", "imports", "compiled code")  # fmt: skip
+    text = (
+        "Wall time from scene to first step, a fresh process each; what compiling adds in "
+        "processor time; parts of the cached start."
+    )
     return f"## Start-up\n\n{text}\n\n" + table(head, body)
 
 

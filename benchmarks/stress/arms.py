@@ -13,11 +13,13 @@ from arm_dynamics import ArmModel, Dynamics, load_scene
 MOST_JOINTS = 30
 MASSES = (1e-3, 1e3)  # [kg]
 LENGTHS = (1e-3, 10.0)  # [m]
-FASTEST = 100.0  # [rad/s]; sliding joints a tenth of it in [m/s]
+SLOW, FAST = (1e-2, 1.0), (1.0, 100.0)  # [rad/s]; sliding joints a tenth of it in [m/s]
 PUSH = (1.0, 1e5)  # [rad/s²] that the torque demands at first
+ABSURD = (1e12, 1e30)  # [rad/s²]; few joints, since error control takes long to give up
 NEEDLE = 1e-4  # thickness of a needle as a part of its length
+CALM = (0.1, 1.0)  # [rad/s²]
 RATE = (0.1, 1e4)  # [1/s] at which viscous friction takes a joint's speed
-HARD = 0.35  # chance of each of the hardships that do not exclude each other
+FEW = 3
 Vector = np.ndarray
 
 
@@ -66,18 +68,19 @@ def draw(seed: int, most_joints: int = MOST_JOINTS) -> Arm:
     """
     rng = np.random.default_rng(seed)
     n = int((most_joints + 1) ** rng.uniform())
-    hard = {name: rng.uniform() < HARD for name in HARDSHIPS}
+    hard = {name: rng.uniform() < chance for name, chance in HARDSHIPS.items()}
+    n = min(n, FEW) if hard["absurd torque"] else n
     kinds = rng.choice(("revolute", "continuous", "prismatic"), n, p=(0.45, 0.35, 0.2))
     scene = {"robot": {"urdf": _urdf(rng, kinds, hard)}}
     if hard["weightless"]:
         scene["gravity"] = [0.0, 0.0, 0.0]
     q = rng.uniform(-np.pi, np.pi, n) * np.where(kinds == "prismatic", 0.1, 1.0)
-    speed = 10 ** rng.uniform(0, 2) / FASTEST if hard["fast"] else 10 ** rng.uniform(-4, -2)
-    v = rng.uniform(-1, 1, n) * speed * np.where(kinds == "prismatic", 0.1, 1.0) * FASTEST
+    speed = _between(rng, FAST if hard["fast"] else SLOW)
+    v = rng.uniform(-1, 1, n) * np.where(kinds == "prismatic", 0.1, 1.0) * speed
     bare = Dynamics(scene)
     friction = str(rng.choice(("no friction", "viscous friction", "dry friction"), p=FRICTIONS))
-    push = _between(rng, PUSH if hard["extreme torque"] else (0.1, PUSH[0]))
-    tau = bare.inverse(q, v, rng.uniform(-1, 1, n) * push)
+    push = ABSURD if hard["absurd torque"] else PUSH if hard["extreme torque"] else CALM
+    tau = bare.inverse(q, v, rng.uniform(-1, 1, n) * _between(rng, push))
     rates = np.zeros(n)
     if friction != "no friction":
         scene["joints"], rates = _friction(rng, bare, q, tau, friction == "dry friction")
@@ -85,9 +88,10 @@ def draw(seed: int, most_joints: int = MOST_JOINTS) -> Arm:
     return Arm(seed, scene, q, v, tau, float(rates.max()), traits)
 
 
-HARDSHIPS = (
-    "uneven masses", "uneven lengths", "needles", "fast", "extreme torque", "weightless",
-)  # fmt: skip
+HARDSHIPS = {
+    "uneven masses": 0.35, "uneven lengths": 0.35, "needles": 0.35, "fast": 0.4,
+    "extreme torque": 0.25, "absurd torque": 0.05, "weightless": 0.2,
+}  # fmt: skip
 FRICTIONS = (0.5, 0.3, 0.2)
 
 
@@ -97,8 +101,9 @@ def _between(rng: np.random.Generator, ends: tuple[float, float]) -> float:
 
 
 def _spread(rng: np.random.Generator, ends: tuple[float, float], n: int) -> Vector:
-    """Sizes from one end to the other: at random, growing or shrinking towards the tips."""
-    sizes = np.exp(rng.uniform(*np.log(ends), n))
+    """Sizes in some part of a range: at random, growing or shrinking towards the tips."""
+    low, high = np.sort(rng.uniform(*np.log(ends), 2))
+    sizes = np.exp(low + (high - low) * rng.permutation(np.linspace(0.0, 1.0, n)))
     order = rng.integers(3)
     return sizes if order == 0 else np.sort(sizes)[:: -1 if order == 1 else 1]
 
@@ -136,7 +141,9 @@ def _joint(
 ) -> str:
     """At the end of the parent's rod; one in eight turns or slides along its own rod."""
     axis, turn = _skew(rng) if skew else _square(rng)
-    limit = "" if kind == "continuous" else '<limit lower="-1e9" upper="1e9" effort="0" velocity="0"/>'
+    limit = (
+        "" if kind == "continuous" else '<limit lower="-1e9" upper="1e9" effort="0" velocity="0"/>'
+    )
     return (
         f'<joint name="joint{i}" type="{kind}"><parent link="link{parent}"/>'
         f'<child link="link{i}"/><origin xyz="{float(shift)!r} 0 0" rpy="{_triple(turn)}"/>'

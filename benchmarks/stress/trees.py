@@ -25,7 +25,7 @@ class Tree:
         urdf: its description.
         q: positions [rad] or [m], shape (n,).
         v: velocities [rad/s] or [m/s], shape (n,).
-        push: torque as a multiple of the gravity torque (or of 1 N m where that is less).
+        push: torque as a multiple of the gravity torque.
         traits: what is unpleasant about it, for the table.
     """
 
@@ -50,7 +50,7 @@ def draw(seed: int, most_joints: int = MOST_JOINTS) -> Tree:
         most_joints: it has between one and so many joints.
     """
     rng = np.random.default_rng(seed)
-    n = int(rng.integers(1, most_joints + 1))
+    n = round(_spread(rng, (1, most_joints), 1)[0])
     chain_like = rng.uniform()
     needle = rng.uniform() < 0.3
     wide = rng.uniform() < 0.5

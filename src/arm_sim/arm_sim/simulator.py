@@ -138,7 +138,7 @@ class Simulator:
             The motion, the present state first.
 
         Raises:
-            InvalidInput: If the duration or the torques are not allowed; the state stays.
+            InvalidInput: If an argument is not allowed; the state stays.
             SimulationDiverged: If a number stops being finite; it holds the motion so far.
         """
         ticks = tick_count(duration, self.dt)
@@ -171,9 +171,6 @@ class Simulator:
             q: Joint positions in [rad] or [m], shape (n,); None for the scene's initial ones.
             v: Joint velocities in [rad/s] or [m/s], likewise.
 
-        Returns:
-            The state.
-
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
@@ -195,11 +192,7 @@ class Simulator:
         return self._state
 
     def set_parameter(self, name: str, value: Any) -> None:
-        """Change a tunable quantity of the scene (see ``Parameter``) from the next tick on.
-
-        Raises:
-            InvalidInput: If it is not tunable or not of that size.
-        """
+        """Change a tunable quantity of the scene (see ``Parameter``), or raise InvalidInput."""
         merged = self.plant.parameters.merged({name: value}, self._stepper.p)
         if merged.ndim != 1:
             raise InvalidInput(f"{name} has shape {np.shape(value)}; one row is wanted")
@@ -243,13 +236,11 @@ class Simulator:
     def linearize(self, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
         """Exact derivatives of the state after a tick (or several, torque held).
 
-        Args:
-            state: Where to linearize.
-            tau: Torque in [N m] or [N], shape (n,).
-            ticks: How many ticks.
-
         Returns:
             A = ∂x⁺/∂x of shape (2n, 2n) and B = ∂x⁺/∂τ of shape (2n, n), with x = (q, v).
+
+        Raises:
+            InvalidInput: If an argument is not allowed.
         """
         if not isinstance(ticks, int | np.integer) or ticks < 1:
             raise InvalidInput(f"ticks = {ticks!r}: a whole number of at least one is wanted")

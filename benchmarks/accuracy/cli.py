@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of the accuracy report."""
+
+from __future__ import annotations
+
+import platform
+import sys
+from importlib.util import module_from_spec, spec_from_file_location
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from arm_sim.integrators import METHODS
+from benchmarks.accuracy import sweep
+from benchmarks.accuracy.checks import checks
+from benchmarks.accuracy.page import write
+from benchmarks.accuracy.problems import ROOT, Problem, all_problems
+from benchmarks.markdown import number
+from benchmarks.progress import Bar
+
+EXAMPLES = """\b
+Examples:
+  ./arm python -m benchmarks.accuracy                   every problem; about a minute
+  ./arm python -m benchmarks.accuracy --only Panda      one problem and the checks
+  ./arm python -m benchmarks.accuracy --docs            also renew docs/accuracy.md
+"""
+
+
+@click.command(epilog=EXAMPLES)
+@click.option("--only", multiple=True, help="A problem by name; may be given more than once.")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=ROOT / "benchmarks/results",
+    show_default="benchmarks/results",
+    help="Folder for accuracy.md, accuracy.json and figures/accuracy.png.",
+)
+@click.option("--docs", is_flag=True, help="Also renew docs/accuracy.md and its figure.")
+def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
+    """Measure the error of every method, step and tolerance on motions that are known.
+
+    Ends with an error if a figure misses the gate that the tests hold it to.
+    """
+    gates = tolerances()
+    problems = chosen(all_problems(gates.TRAJECTORY), only)
+    results = run(problems, gates, Console(stderr=True))
+    path = write(results, out, ROOT / "docs" if docs else None)
+    Console().print(summary(results))
+    click.echo(f"report: {path}")
+    sys.exit(0 if all(gate["kept"] for gate in results["gates"]) else 1)
+
+
+def run(problems: list[Problem], gates: Any, console: Console) -> dict[str, Any]:
+    """Run everything.
+
+    Args:
+        problems: To run.
+        gates: The tests' module of tolerances.
+        console: For the progress bar.
+
+    Returns:
+        The results, ready for JSON.
+    """
+    found: dict[str, list[Any]] = {"fixed": [], "controlled": [], "orders": [], "gates": []}
+    with Bar(console) as bar:
+        for problem in problems:
+            controlled = 3 if problem.gated == "implicit" else 2
+            runs = len(METHODS) * len(problem.steps)
+            runs += controlled * len(sweep.TICKS) * len(sweep.TOLERANCES)
+            bar.stage(problem.name, runs)
+            for kind, rows in (
+                ("fixed", sweep.fixed(problem)),
+                ("controlled", sweep.controlled(problem)),
+            ):
+                for row in rows:
+                    found[kind].append(row)
+                    bar.advance()
+            found["orders"] += sweep.orders(problem, found["fixed"])
+            found["gates"].append(sweep.gate(problem, found["fixed"]))
+        groups = checks(gates)
+        bar.stage("checks", len(groups))
+        for group in groups.values():
+            found["gates"] += group()
+            bar.advance()
+    return {"about": about(problems, bar.elapsed), **found}
+
+
+def about(problems: list[Problem], elapsed: float) -> dict[str, Any]:
+    """What was run, and on what."""
+    return {
+        "machine": platform.machine(),
+        "elapsed_s": elapsed,
+        "methods": {m.name: {"order": m.order, "source": m.source} for m in METHODS.values()},
+        "problems": [
+            {
+                "name": p.name,
+                "truth": p.truth,
+                "duration_s": p.duration,
+                "gate": p.gate,
+                "gated": p.gated,
+                "smooth": p.smooth,
+                "steps_s": p.steps,
+            }
+            for p in problems
+        ],
+    }
+
+
+def chosen(problems: list[Problem], only: tuple[str, ...]) -> list[Problem]:
+    """The problems named, or all."""
+    names = [problem.name for problem in problems]
+    for name in only:
+        if name not in names:
+            raise click.BadParameter(f"{name!r}; allowed: {', '.join(names)}", param_hint="--only")
+    return [problem for problem in problems if not only or problem.name in only]
+
+
+def tolerances() -> Any:
+    """The tests' tolerances, so that a gate is written down once."""
+    spec = spec_from_file_location("tolerances", ROOT / "test/tolerances.py")
+    assert spec is not None and spec.loader is not None
+    module = module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def summary(results: dict[str, Any]) -> Table:
+    """Gates and what was measured, for the terminal."""
+    table = Table("gate", "measured", "allowed", "")
+    for gate in results["gates"]:
+        verdict = "[green]kept" if gate["kept"] else "[red]missed"
+        measured = number(gate["measured"], 2)
+        table.add_row(gate["what"], measured, number(gate["allowed"], 2), verdict)
+    return table

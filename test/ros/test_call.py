@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm call`` against nodes that were started by ``./arm dynamics`` and ``./arm sim``."""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+from harness import reserve_domain
+
+import models
+from arm_sim.cli.main import main
+
+pytestmark = pytest.mark.ros
+
+SCENE = str(models.SCENES / "two_link.yaml")
+NAMES = ["shoulder", "elbow"]
+
+
+@pytest.fixture(scope="module")
+def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """A domain in which a dynamics and a sim node run."""
+    number, reservation = reserve_domain()
+    logs = str(tmp_path_factory.mktemp("log"))
+    environment = {
+        **os.environ,
+        "ROS_DOMAIN_ID": str(number),
+        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": logs,
+    }
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-P", "-m", "arm_sim.cli", node, SCENE, "--with-parent"],
+            env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        for node in ("dynamics", "sim")
+    ]  # fmt: skip
+    yield number
+    for process in started:
+        process.kill()
+        process.wait()
+    reservation.close()
+
+
+@pytest.fixture
+def arm(domain: int, monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Types a command in the domain of the nodes."""
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+
+    def type_command(*words: str) -> Result:
+        return CliRunner().invoke(main, ["call", *words, "--timeout", "20"])
+
+    return type_command
+
+
+def answer(result: Result) -> Any:
+    assert result.exit_code == 0, result.output
+    return json.loads(result.stdout)
+
+
+def test_inverse_dynamics(arm: Any) -> None:
+    dynamics = models.dynamics("two_link")
+    q, v, a = [0.3, -0.7], [1.0, 0.5], [0.0, 2.0]
+    words = ("--position", "0.3 -0.7", "--velocity", "[1, 0.5]", "--acceleration", "elbow=2")
+    said = answer(arm("inverse-dynamics", *words, "--json"))
+    assert said["joint_names"] == NAMES
+    np.testing.assert_allclose(said["effort"], dynamics.inverse(q, v, a), atol=1e-12)
+    table = arm("inverse-dynamics", *words).output
+    assert re.search(r"elbow +-0\.7 +0\.5 +2 ", table)
+    assert "torque [N m]" in table
+
+
+def test_points_order_and_terms(arm: Any) -> None:
+    dynamics = models.dynamics("two_link")
+    said = answer(arm("inverse-dynamics", "--position", "[[0.3, -0.7], [0, 1]]",
+                      "--joints", "elbow,shoulder", "--terms", "gravity", "--json"))  # fmt: skip
+    expected = dynamics.gravity([[-0.7, 0.3], [1.0, 0.0]])[:, ::-1]
+    np.testing.assert_allclose(said["effort"], expected, atol=1e-12)
+
+
+def test_forward_dynamics_terms_and_model(arm: Any) -> None:
+    dynamics = models.dynamics("two_link")
+    said = answer(arm("forward-dynamics", "--position", "0.3 -0.7", "--effort", "1 2", "--json"))
+    expected = dynamics.forward([0.3, -0.7], [0.0, 0.0], [1.0, 2.0])
+    np.testing.assert_allclose(said["acceleration"], expected, atol=1e-12)
+    terms = answer(arm("dynamics-terms", "--position", "0.3 -0.7", "--json"))
+    np.testing.assert_allclose(terms["mass_matrix"], dynamics.mass_matrix([0.3, -0.7]), atol=1e-12)
+    assert "kinetic energy: 0 J" in arm("dynamics-terms", "--position", "0.3 -0.7").output
+    info = answer(arm("model-info", "--json"))
+    assert info["effort_limits"] == [60.0, 25.0]
+    assert re.search(r"shoulder +revolute +-3\.1 +3\.1 +6 +60", arm("model-info").output)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (("inverse-dynamics", "--position", "1 2 3"), "refused: position has 3 numbers"),
+        (("inverse-dynamics", "--position", "1 nan"), "'elbow' at point 0 is nan"),
+        (
+            ("inverse-dynamics", "--position", "wrist=1"),
+            "unknown joint 'wrist'; allowed: shoulder",
+        ),
+        (("step",), "refused: the simulation is running"),
+        (("set-joint-state", "--position", "elbow=nan"), "refused: "),
+        (("set-joint-state", "--position", "[[1, 2], [3, 4]]"), "one state is wanted"),
+    ],
+)
+def test_refusals(arm: Any, words: tuple[str, ...], said: str) -> None:
+    result = arm(*words)
+    assert result.exit_code == 1
+    assert said in result.output
+    assert "Traceback" not in result.output
+
+
+def test_simulation_is_paused_stepped_set_and_reset(arm: Any) -> None:
+    assert arm("pause").output == "/sim: paused\n"
+    before = answer(arm("step", "--json"))["time"]
+    assert answer(arm("step", "10", "--json"))["time"] == pytest.approx(before + 0.01)
+    assert arm("set-joint-state", "--position", "elbow=1.0").output == "/sim: elbow set\n"
+    assert arm("reset").exit_code == 0
+    assert answer(arm("step", "--json"))["time"] == pytest.approx(0.001)
+    assert arm("resume").output == "/sim: running\n"
+
+
+def test_nobody_there(arm: Any, domain: int) -> None:
+    result = CliRunner().invoke(main, ["call", "reset", "--node", "left/sim", "--timeout", "3"])
+    assert result.exit_code == 1
+    for words in (
+        "no node offers /left/sim/reset (waited 3 s)",
+        "offered as /sim/reset: choose that node by --node",
+        "nodes seen: /dynamics, /sim",
+        "./arm sim SCENE",
+        f"ROS_DOMAIN_ID; here it is {domain}",
+    ):
+        assert words in result.output
+
+
+def test_points_from_a_file(arm: Any, tmp_path: Path) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text("\n".join(f"{0.01 * k}, 0" for k in range(300)))
+    said = arm("inverse-dynamics", "--position", f"@{file}")
+    assert "… and 280 more points" in said.output
+    assert (
+        len(answer(arm("inverse-dynamics", "--position", f"@{file}", "--json"))["effort"]) == 300
+    )

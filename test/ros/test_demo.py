@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The demo as a user starts it: it closes the loop, says how well, and leaves no process behind."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+
+import models
+
+pytestmark = pytest.mark.ros
+
+PNG = b"\x89PNG"
+
+
+class Demo:
+    """A running demo and the processes that it has started."""
+
+    def __init__(self, folder: Path, *words: str) -> None:
+        self.folder = folder
+        self.process = subprocess.Popen(
+            [sys.executable, "-P", "-m", "arm_sim.cli", "demo", "--output", str(folder), *words],
+            stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+        )  # fmt: skip
+        self.said = ""
+
+    def until(self, words: str) -> None:
+        """Read what it says until it says ``words``."""
+        assert self.process.stdout
+        while words not in self.said:
+            line = self.process.stdout.readline()
+            assert line, f"it ended before it said '{words}':\n{self.said}"
+            self.said += line
+
+    def children(self) -> dict[str, int]:
+        """Process ids of the nodes by name."""
+        found = {}
+        for folder in Path("/proc").glob("[0-9]*"):
+            try:
+                parent = int((folder / "stat").read_text().rpartition(")")[2].split()[1])
+                words = (folder / "cmdline").read_text().split("\0")
+            except OSError:
+                continue  # it has just ended
+            if parent == self.process.pid:
+                found[words[words.index("arm_sim.cli") + 1]] = int(folder.name)
+        return found
+
+    def end(self, timeout: float = 60.0) -> int:
+        """Wait for it."""
+        said, _ = self.process.communicate(timeout=timeout)
+        self.said += said
+        return self.process.returncode
+
+
+def gone(ids: dict[str, int], timeout: float = 10.0) -> bool:
+    """Whether processes end in time."""
+    end = time.monotonic() + timeout
+    while any(Path(f"/proc/{number}").exists() for number in ids.values()):
+        if time.monotonic() > end:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_the_loop_closes_on_a_panda(tmp_path: Path) -> None:
+    demo = Demo(tmp_path, "--duration", "2")
+    demo.until("following the trajectory")
+    ids = demo.children()
+    assert sorted(ids) == ["controller", "dynamics", "sim"]
+    assert demo.end() == 0, demo.said
+    assert gone(ids, timeout=0.0)
+    result = json.loads((tmp_path / "demo.json").read_text())
+    assert result["joints"] == 7
+    assert result["error_rms"] < 2e-3
+    assert result["energy_balance"] < 1e-6
+    assert result["questions"] > 10
+    assert (tmp_path / "demo.png").read_bytes().startswith(PNG)
+    for words in ("panda, 7 joints", "tracking error RMS", "service latency", "demo.png"):
+        assert words in demo.said
+
+
+def test_another_arm(tmp_path: Path) -> None:
+    demo = Demo(tmp_path, "--duration", "1.5", "--robot", str(models.FOLDER / "gantry.urdf"))
+    assert demo.end() == 0, demo.said
+    assert json.loads((tmp_path / "demo.json").read_text())["unit"] == "m"
+
+
+def interrupt(demo: Demo, ids: dict[str, int]) -> None:
+    demo.process.send_signal(signal.SIGINT)
+
+
+def terminate(demo: Demo, ids: dict[str, int]) -> None:
+    demo.process.send_signal(signal.SIGTERM)
+
+
+def kill_sim(demo: Demo, ids: dict[str, int]) -> None:
+    os.kill(ids["sim"], signal.SIGKILL)
+
+
+@pytest.mark.parametrize(
+    ("disturb", "status", "words"),
+    [
+        (interrupt, 130, "interrupted; all processes of the demo have been ended"),
+        (terminate, 130, "interrupted"),
+        (kill_sim, 1, "Error: the sim process ended by itself (killed by SIGKILL)"),
+    ],
+)
+def test_it_ends_its_processes_whatever_happens(
+    tmp_path: Path, disturb: Callable[[Demo, dict[str, int]], None], status: int, words: str
+) -> None:
+    demo = Demo(tmp_path, "--duration", "30")
+    demo.until("following the trajectory")
+    ids = demo.children()
+    assert len(ids) == 3
+    disturb(demo, ids)
+    assert demo.end(timeout=20.0) == status, demo.said
+    assert words in demo.said
+    assert "Traceback" not in demo.said
+    assert gone(ids, timeout=0.0)
+
+
+def test_its_processes_end_even_if_it_is_killed(tmp_path: Path) -> None:
+    demo = Demo(tmp_path, "--duration", "30")
+    demo.until("following the trajectory")
+    ids = demo.children()
+    demo.process.kill()
+    demo.end()
+    assert gone(ids)
+
+
+def test_a_loop_that_does_not_close_is_said(tmp_path: Path) -> None:
+    """The drives of this arm hold it, but the controller's torque is cut below what motion needs."""
+    from arm_sim.cli.demo.report import Numbers, complaints, remarks
+
+    good = Numbers(
+        robot="arm", joints=1, unit="rad", duration=10.0, ticks=10_000, rate=1000.0,
+        wanted_rate=1000.0, missed=0, dropped=0, lateness_p50=0.0, lateness_p99=0.0,
+        lateness_max=0.0, commands=9_900, round_trip_p50=0.0, round_trip_p99=0.0,
+        round_trip_max=0.0, questions=900, service_p50=0.0, service_p99=0.0, service_max=0.0,
+        torque_difference=0.0, error_rms=1e-5, error_max=1e-4, goal_distance=1e-5,
+        effort_share=0.5, energy_moved=10.0, energy_dissipated=0.1, energy_balance=1e-10,
+    )  # fmt: skip
+    assert complaints(good) == remarks(good) == []
+    from dataclasses import replace
+
+    for change, words in (
+        ({"rate": 500.0}, "500.0 ticks a second, 1000 are wanted"),
+        ({"commands": 10}, "only 10 of 10000 states"),
+        ({"questions": 0}, "answered no torque query"),
+        ({"error_rms": float("nan")}, "tracking error nan rad RMS"),
+        ({"goal_distance": 0.5}, "stopped 0.5 rad from its goal"),
+    ):
+        said = complaints(replace(good, **change))
+        assert len(said) == 1
+        assert words in said[0]
+    assert remarks(replace(good, rate=950.0))

@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line without ROS: help, vectors, describe, and what the demo decides by itself."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import click
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+import models
+from arm_sim.cli.main import main
+from arm_sim.cli.nodes import _split
+from arm_sim.cli.vectors import Vector, parse
+
+PANDA = str(models.SCENES / "panda.yaml")
+
+
+def run(*words: str) -> Result:
+    return CliRunner().invoke(main, words)
+
+
+def commands(group: click.Group, path: tuple[str, ...] = ()) -> list[tuple[str, ...]]:
+    """Every command that can be typed."""
+    found = []
+    for name, command in group.commands.items():
+        inside = isinstance(command, click.Group)
+        found += [(*path, name), *(commands(command, (*path, name)) if inside else [])]
+    return found
+
+
+# --- help --------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("words", commands(main), ids=" ".join)
+def test_every_command_has_help_with_an_example(words: tuple[str, ...]) -> None:
+    said = run(*words, "--help")
+    assert said.exit_code == 0
+    assert re.search(rf"Examples?:\n +\./arm {words[0]}", said.output)
+
+
+def test_help_loads_no_ros_and_no_plotting() -> None:
+    code = (
+        "import sys; from arm_sim.cli.main import main\n"
+        "main(['demo', '--help'], standalone_mode=False)\n"
+        "print([m for m in ('rclpy', 'matplotlib', 'rich', 'arm_msgs') if m in sys.modules])"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert done.stdout.rstrip().endswith("[]"), done.stdout + done.stderr
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["nonsense"], "No such command"),
+        (["describe"], "Missing argument 'SCENE'"),
+        (["describe", "nowhere.yaml"], "no file 'nowhere.yaml'"),
+        (["describe", PANDA, "--integrator", "rk5"], "allowed: auto, euler"),
+        (["describe", PANDA, "--dt", "-1"], "dt = -1.0; allowed"),
+        (["describe", PANDA, "--tolerance", "nan"], "tolerance = nan; allowed"),
+        (["demo", "--robot", "nowhere.urdf"], "no file 'nowhere.urdf'"),
+        (["demo", "--duration", "0"], "0.0 is not in the range"),
+        (["call", "inverse-dynamics"], "Missing option '--position'"),
+        (["call", "inverse-dynamics", "--position", "a"], "'a' is not a number"),
+        (["call", "inverse-dynamics", "--position", "0", "--terms", "mass"], "allowed: all, or"),
+        (["call", "set-joint-state"], "nothing to set"),
+        (["call", "step", "0"], "0 is not in the range"),
+        (["sim", PANDA, "-p", "paused:=true"], "'-p' is neither the scene nor behind --ros-args"),
+    ],
+)
+def test_mistakes_get_one_clear_answer(words: list[str], said: str) -> None:
+    result = run(*words)
+    assert result.exit_code in (1, 2)
+    assert result.output.count("Error: ") == 1
+    assert said in result.output
+    assert "Traceback" not in result.output
+
+
+# --- vectors -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "text", ["1 -2 3e-1", "1,-2,0.3", " 1 , -2 ,.3 ", "[1, -2, 3e-1]", "[1, -2, 0.3]"]
+)
+def test_vector_in_order(text: str) -> None:
+    assert parse(text) == Vector(((1.0, -2.0, 0.3),), {})
+
+
+@pytest.mark.parametrize("text", ["b=2 a=-1e-3", "b=2,a=-0.001", '{"b": 2, "a": -1e-3}'])
+def test_vector_by_name(text: str) -> None:
+    assert parse(text).flat(["a", "b", "c"]) == [-0.001, 2.0, 0.0]
+
+
+def test_points(tmp_path: Path) -> None:
+    file = tmp_path / "points.csv"
+    file.write_text("1, 2\n3, 4\n\n5, 6\n")
+    assert parse("[[1, 2], [3, 4]]") == Vector(((1.0, 2.0), (3.0, 4.0)), {}, True)
+    assert parse(f"@{file}").flat(["a", "b"]) == [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    assert parse("[[1, 2]]").batch
+
+
+@pytest.mark.parametrize(
+    "text", ["", " ", "a", "1 b", "a=", "=1", "a=b", "[1, [2]]", "[[1], [2, 3]]", "[true]", "{a"]
+)
+def test_what_is_no_vector_is_refused(text: str) -> None:
+    with pytest.raises(ValueError, match=r"number|joint|JSON|list"):
+        parse(text)
+
+
+def test_unknown_joint_is_named() -> None:
+    with pytest.raises(click.ClickException, match="'elbow'; allowed: a, b"):
+        parse("elbow=1").flat(["a", "b"])
+
+
+@pytest.mark.parametrize(
+    ("scene", "rest", "expected"),
+    [
+        ("a.yaml", (), ("a.yaml", ())),
+        (None, (), (None, ())),
+        ("a.yaml", ("--ros-args", "-p", "x:=1"), ("a.yaml", ("--ros-args", "-p", "x:=1"))),
+        ("--ros-args", ("-r", "a:=b"), (None, ("--ros-args", "-r", "a:=b"))),
+    ],
+)
+def test_scene_is_told_from_ros_arguments(
+    scene: str | None, rest: tuple[str, ...], expected: tuple[str | None, tuple[str, ...]]
+) -> None:
+    assert _split(scene, rest) == expected
+
+
+# --- describe ----------------------------------------------------------------------------------
+
+
+def operations(*words: str) -> int:
+    found = re.search(r"operations +(\d+) in a", run("describe", *words).output)
+    assert found
+    return int(found[1])
+
+
+def test_describe_shows_joints_physics_and_cost() -> None:
+    said = run("describe", PANDA).output
+    assert all(name in said for name in models.dynamics("panda").joint_names)
+    for words in (
+        r"2\.175 +87 +0\.003",
+        "computed +gravity",
+        "skipped +payloads",
+        "µs for a tick",
+    ):
+        assert re.search(words, said), words
+
+
+def test_describe_shows_fewer_operations_for_less_physics(tmp_path: Path) -> None:
+    urdf = "package://example-robot-data/robots/panda_description/urdf/panda.urdf"
+    fingers = ["panda_finger_joint1", "panda_finger_joint2"]
+    less = {
+        "gravity": f"robot: {{urdf: {urdf}, lock: {fingers}}}\ngravity: [0, 0, 0]",
+        "friction": f"robot: {{urdf: {urdf}, lock: {fingers}}}\n"
+        "joints: {'*': {friction: {viscous: 0}}}",
+        "joints": f"robot: {{urdf: {urdf}, lock: {[*fingers, 'panda_joint7']}}}",
+    }
+    full = operations(PANDA)
+    for name, text in less.items():
+        file = tmp_path / f"{name}.yaml"
+        file.write_text(text)
+        assert operations(str(file)) < full, name
+
+
+def test_describe_takes_urdf_paths_and_packages() -> None:
+    assert "2 joints" in run("describe", str(models.FOLDER / "gantry.urdf")).output
+    robots = "package://example-robot-data/robots"
+    assert "6 joints" in run("describe", f"{robots}/ur_description/urdf/ur10_robot.urdf").output
+
+
+def test_describe_warns_of_a_start_outside_the_limits() -> None:
+    robots = "package://example-robot-data/robots"
+    said = run("describe", f"{robots}/panda_description/urdf/panda.urdf").output
+    assert re.search("starts outside its limits: panda_joint4;", said)
+
+
+# --- the motion of the demo --------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("duration", [2.0, 10.0])
+def test_demo_motion_suits_every_robot(robot: str, duration: float) -> None:
+    from arm_sim.cli.demo.motion import choose_motion
+
+    motion = choose_motion(models.scene(robot), duration)
+    dynamics = models.dynamics(robot)
+    model, path = dynamics.model, motion.trajectory
+    assert path.duration == pytest.approx(duration)
+    points = [path.sample(t) for t in np.linspace(0.0, duration, 400)]
+    q, v, a = (np.array([getattr(point, name) for point in points]) for name in "qva")
+    assert np.all((q >= model.position_lower - 1e-9) & (q <= model.position_upper + 1e-9))
+    assert np.all(np.abs(v) <= model.velocity_limit)
+    assert np.all(np.abs(dynamics.inverse(q, v, a)) <= model.effort_limit)
+    assert np.ptp(q, axis=0).max() > 0.01
+    np.testing.assert_allclose(q[-1], q[0], atol=1e-9)
+
+
+def test_demo_motion_refuses_an_arm_that_cannot_carry_itself() -> None:
+    from arm_dynamics import InvalidInput, load_scene
+    from arm_sim.cli.demo.motion import choose_motion
+
+    weak = {"robot": {"urdf": str(models.FOLDER / "gantry.urdf")},
+            "joints": {"*": {"limits": {"effort": 1.0}}}}  # fmt: skip
+    with pytest.raises(InvalidInput, match="cannot carry its own weight: joint '"):
+        choose_motion(load_scene(weak), 5.0)

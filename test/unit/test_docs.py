@@ -1,0 +1,66 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the documentation shows can be run, and what it points to exists."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+import yaml
+from pydantic import BaseModel
+
+from arm_dynamics import scene as schema
+from arm_sim import Simulator
+
+ROOT = Path(__file__).parents[2]
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+REFERENCE = (ROOT / "docs/scene-reference.md").read_text()
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_links_lead_somewhere(page: Path) -> None:
+    links = re.findall(r"\]\(([^)#\s]*)[^)]*\)", page.read_text())
+    inside = [link for link in links if link and "://" not in link]
+    assert [link for link in inside if not (page.parent / link).exists()] == []
+
+
+def test_python_of_the_readme_runs() -> None:
+    blocks = re.findall(r"```python\n(.*?)```", (ROOT / "README.md").read_text(), re.DOTALL)
+    assert len(blocks) == 2
+    for block in blocks:
+        done = subprocess.run(
+            [sys.executable, "-c", block], cwd=ROOT, capture_output=True, text=True, timeout=120
+        )
+        assert done.returncode == 0, done.stderr
+        assert done.stdout
+
+
+def test_scene_of_the_reference_loads() -> None:
+    text = re.search(r"```yaml\n(.*?)```", REFERENCE, re.DOTALL)
+    assert text
+    assert Simulator(yaml.safe_load(text[1])).n == 7
+
+
+def test_reference_names_every_key() -> None:
+    parts = [
+        part
+        for part in vars(schema).values()
+        if isinstance(part, type)
+        and issubclass(part, BaseModel)
+        and part.__module__ == schema.__name__
+    ]
+    keys = {key for part in parts for key in part.model_fields}
+    table = REFERENCE.split("## Keys")[1].split("## What it costs")[0]
+    missing = [key for key in sorted(keys) if not re.search(rf"\b{key}\b", table)]
+    assert missing == []
+
+
+@pytest.mark.parametrize(
+    "file", re.findall(r"\b[DS] `([\w/]+\.py)", (ROOT / "docs/equations.md").read_text())
+)
+def test_files_that_equations_stand_in_exist(file: str) -> None:
+    packages = [ROOT / "src" / name / name for name in ("arm_dynamics", "arm_sim")]
+    assert any((package / file).is_file() for package in packages)
