@@ -22,16 +22,24 @@ def markdown(results: Record, pictures: dict[str, str]) -> str:
         results: of all studies that ran.
         pictures: file names of the figures, by study.
     """
-    parts = ["# Run time against error", _about(results["about"]), METHOD, _claims(results)]
-    for name, section in SECTIONS.items():
+    parts = ["# Run time against error", about(results), METHOD, "## Promises", claims(results)]
+    for name, (title, section) in SECTIONS.items():
         if name in results:
-            parts.append(section(results))
-            parts += [f"![{name}]({file})" for key, file in pictures.items()
-                      if key.split(":")[0] == name]  # fmt: skip
-    return "\n\n".join(parts) + "\n"
+            parts += [f"## {title}", section(results), figures(pictures, name)]
+    if "work_precision" in results:
+        parts += ["## Every point of run time against error", points(results)]
+    return "\n\n".join(part for part in parts if part) + "\n"
 
 
-def _about(about: Record) -> str:
+def figures(pictures: dict[str, str], study: str, folder: str = "") -> str:
+    """Links to the figures of a study."""
+    mine = [file for key, file in pictures.items() if key.split(":")[0] == study]
+    return "\n\n".join(f"![{file[:-4].replace('_', ' ')}]({folder}{file})" for file in mine)
+
+
+def about(results: Record) -> str:
+    """Machine, versions, how long, how noisy."""
+    about = results["about"]
     noise = about["noise"]
     lines = [
         f"- {about['date']}, {about['processor']}, {about['compiler']}",
@@ -47,14 +55,15 @@ def _about(about: Record) -> str:
     return "\n".join(lines)
 
 
-def _claims(results: Record) -> str:
+def claims(results: Record) -> str:
+    """What is promised and what was measured."""
     verdict = {True: "kept", False: "**broken**", None: "not measured"}
     rows = [
         (c["text"], quantity(c["value"], c["unit"]), quantity(c["limit"], c["unit"]),
          verdict[c["kept"]])
         for c in results["claims"]
     ]  # fmt: skip
-    return "## Promises\n\n" + table(("promise", "measured", "at most", ""), rows)
+    return table(("promise", "measured", "at most", ""), rows)
 
 
 def _sameness(results: Record) -> str:
@@ -67,16 +76,15 @@ def _sameness(results: Record) -> str:
         f"Largest relative difference in acceleration to Pinocchio, "
         f"{results['sameness']['states']} random states."
     )
-    return f"## The same arm everywhere\n\n{text}\n\n" + table(("", *robots), body)
+    return f"{text}\n\n" + table(("", *robots), body)
 
 
 def _work_precision(results: Record) -> str:
-    text = ["## Run time against error", _truth(results), _targets(results)]
-    return "\n\n".join([*text, "<details><summary>Every point</summary>", _points(results),
-                        "</details>"])  # fmt: skip
+    return "\n\n".join([truths(results), targets(results)])
 
 
-def _truth(results: Record) -> str:
+def truths(results: Record) -> str:
+    """How good the truths are."""
     rows = [
         (t["robot"], t["scenario"], f"{t['duration_s']:g} s", number(t["halving_rad"], 2),
          number(t["other_method_rad"], 2))
@@ -92,7 +100,8 @@ def _truth(results: Record) -> str:
     return text + "\n\n" + table(head, rows)
 
 
-def _targets(results: Record) -> str:
+def targets(results: Record) -> str:
+    """What an error costs with each simulator."""
     families = list(dict.fromkeys(t["family"] for t in results["targets"]))
     cell: dict[tuple, str] = {}
     for t in results["targets"]:
@@ -105,7 +114,8 @@ def _targets(results: Record) -> str:
     return text + "\n\n" + table(("robot", "motion", "error [rad]", *families), rows)
 
 
-def _points(results: Record) -> str:
+def points(results: Record) -> str:
+    """Every measured point."""
     rows = [
         (p["robot"], p["scenario"], f"{p['family']} {p['method']}",
          duration(p["setting"]) if p["knob"] == "step" else f"{p['setting']:g}",
@@ -125,7 +135,6 @@ def _cost(results: Record) -> str:
     body = [(who, *(value[who, n] for n in joints))
             for who in dict.fromkeys(g["who"] for g in growth)]  # fmt: skip
     return "\n\n".join([
-        "## Cost of one step and of one evaluation",
         table(("robot", "", "who", "ns"), rows),
         "Nanoseconds against number of joints of the chain:",
         table(("joints", *map(str, joints)), body),
@@ -142,7 +151,7 @@ def _features(results: Record) -> str:
     ]  # fmt: skip
     head = ("scene", "operations a step", "ns a step", "Δ operations", "Δ ns")
     text = "One RK4 step of the Panda; every line but the last changes the first in one thing."
-    return f"## What a scene does not need costs nothing\n\n{text}\n\n" + table(head, body)
+    return f"{text}\n\n" + table(head, body)
 
 
 def _rollouts(results: Record) -> str:
@@ -157,7 +166,6 @@ def _rollouts(results: Record) -> str:
         return table(head, body)
 
     return "\n\n".join([
-        "## Many arms at once",
         "Steps of 1 ms, 50 in a call, every state kept, torques of its own for each arm. Thousand "
         "arm-steps per second of processor time, all threads added up: what one core does.",
         rates("arm_steps_per_s_per_core"),
@@ -184,7 +192,7 @@ def _energy(results: Record) -> str:
         f"time; the motion turns over about {results['energy']['scale_J']:.0f} J."
     )
     head = ("who", "step [s] or tolerance", *(f"{h:g} s" for h in horizons))
-    return f"## Energy drift\n\n{text}\n\n" + table(head, body)
+    return f"{text}\n\n" + table(head, body)
 
 
 def _startup(results: Record) -> str:
@@ -206,15 +214,15 @@ def _startup(results: Record) -> str:
         "Wall time from scene to first step, a fresh process each; what compiling adds in "
         "processor time; parts of the cached start."
     )
-    return f"## Start-up\n\n{text}\n\n" + table(head, body)
+    return f"{text}\n\n" + table(head, body)
 
 
-SECTIONS: dict[str, Callable[[Record], str]] = {
-    "sameness": _sameness,
-    "work_precision": _work_precision,
-    "cost": _cost,
-    "features": _features,
-    "rollouts": _rollouts,
-    "energy": _energy,
-    "startup": _startup,
+SECTIONS: dict[str, tuple[str, Callable[[Record], str]]] = {
+    "sameness": ("The same arm everywhere", _sameness),
+    "work_precision": ("Run time against error", _work_precision),
+    "cost": ("Cost of one step and of one evaluation", _cost),
+    "features": ("What a scene does not need costs nothing", _features),
+    "rollouts": ("Many arms at once", _rollouts),
+    "energy": ("Energy drift", _energy),
+    "startup": ("Start-up", _startup),
 }

@@ -69,14 +69,15 @@ def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:
         for name in STUDIES:
             if name in only:
                 results[name] = RUNNERS[name](bench)
-                yield {"about": _about(bench, missing, bar.elapsed)} | _judged(results)
+                yield {"about": _about(bench, missing, bar.elapsed)} | judged(results)
 
 
-def _judged(results: Record) -> Record:
-    judged = dict(results)
+def judged(results: Record) -> Record:
+    """The results with what follows from them: the cost of an error, and the promises."""
+    more: Record = {"claims": claims.check(results)}
     if "work_precision" in results:
-        judged["targets"] = targets.table(results["work_precision"]["points"], OURS)
-    return judged | {"claims": claims.check(results)}
+        more["targets"] = targets.table(results["work_precision"]["points"], OURS)
+    return results | more
 
 
 def _about(bench: Bench, missing: dict[str, str], elapsed: float) -> Record:

@@ -14,6 +14,10 @@ from benchmarks.accuracy.problems import REFERENCE, ROOT, SCENES, numbers, refer
 
 PANDA = ROOT / "test/models/panda_free.yaml"
 ARMS, STEPS = 37, 200  # 37: groups of 8, 4 and 2 arms all leave a rest
+OPTIONS: dict[str, dict[str, Any]] = {
+    "rk4": {"integrator": "rk4"},
+    "tolerance 1e-9": {"tolerance": 1e-9},
+}
 Check = dict[str, Any]
 
 
@@ -86,13 +90,13 @@ def _same_input() -> Iterator[Check]:
         ("tolerance 1e-9", {"tolerance": 1e-9}),
     ):
         sim, other = (Simulator(PANDA, **options) for _ in range(2))
-        first = sim.run(0.2, tau)
+        first = sim.run(STEPS * 1e-3, tau)
         sim.reset()
         stepped = np.array([sim.step(row).q for row in tau])
         sim.reset()
         for name, q in (
-            ("again", sim.run(0.2, tau).q[1:]),
-            ("another instance", other.run(0.2, tau).q[1:]),
+            ("again", sim.run(STEPS * 1e-3, tau).q[1:]),
+            ("another instance", other.run(STEPS * 1e-3, tau).q[1:]),
             ("step by step", stepped),
         ):
             differ = float(np.count_nonzero(q != first.q[1:]))

@@ -11,6 +11,7 @@ from typing import Any
 
 import click
 from rich.console import Console
+from rich.markup import escape
 from rich.table import Table
 
 from arm_sim.integrators import METHODS
@@ -27,6 +28,8 @@ Examples:
   ./arm python -m benchmarks.accuracy --only Panda      one problem and the checks
   ./arm python -m benchmarks.accuracy --docs            also renew docs/accuracy.md
 """
+
+KINDS = ("fixed", "controlled", "scipy", "orders", "gates")
 
 
 @click.command(epilog=EXAMPLES)
@@ -64,13 +67,10 @@ def run(problems: list[Problem], gates: Any, console: Console) -> dict[str, Any]
     Returns:
         The results, ready for JSON.
     """
-    found: dict[str, list[Any]] = {"fixed": [], "controlled": [], "orders": [], "gates": []}
+    found: dict[str, list[Any]] = {name: [] for name in KINDS}
     with Bar(console) as bar:
         for problem in problems:
-            controlled = 3 if problem.gated == "implicit" else 2
-            runs = len(METHODS) * len(problem.steps)
-            runs += controlled * len(sweep.TICKS) * len(sweep.TOLERANCES)
-            bar.stage(problem.name, runs)
+            bar.stage(problem.name, sweep.count(problem))
             for kind, rows in (
                 ("fixed", sweep.fixed(problem)),
                 ("controlled", sweep.controlled(problem)),
@@ -78,6 +78,7 @@ def run(problems: list[Problem], gates: Any, console: Console) -> dict[str, Any]
                 for row in rows:
                     found[kind].append(row)
                     bar.advance()
+            found["scipy"] += sweep.scipy_runs(problem)
             found["orders"] += sweep.orders(problem, found["fixed"])
             found["gates"].append(sweep.gate(problem, found["fixed"]))
         groups = checks(gates)
@@ -101,7 +102,6 @@ def about(problems: list[Problem], elapsed: float) -> dict[str, Any]:
                 "duration_s": p.duration,
                 "gate": p.gate,
                 "gated": p.gated,
-                "smooth": p.smooth,
                 "steps_s": p.steps,
             }
             for p in problems
@@ -133,5 +133,5 @@ def summary(results: dict[str, Any]) -> Table:
     for gate in results["gates"]:
         verdict = "[green]kept" if gate["kept"] else "[red]missed"
         measured = number(gate["measured"], 2)
-        table.add_row(gate["what"], measured, number(gate["allowed"], 2), verdict)
+        table.add_row(escape(gate["what"]), measured, number(gate["allowed"], 2), verdict)
     return table

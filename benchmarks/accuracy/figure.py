@@ -12,6 +12,8 @@ mpl.use("Agg")
 import matplotlib.pyplot as plt
 import numpy as np
 
+from benchmarks.accuracy.problems import TICKS
+from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
 from benchmarks.figures import MARKS, STYLE
 
 PANELS = (
@@ -67,15 +69,17 @@ def _steps(axis: Any, results: dict[str, Any], name: str) -> None:
 
 def _asked(axis: Any, results: dict[str, Any]) -> None:
     """All problems, error control with ticks long enough that it decides."""
-    rows = [r for r in results["controlled"] if r["tick_s"] == 0.1 and r["error"]]
-    for method in ("dopri5", "dop853"):
-        here = [r for r in rows if r["method"] == method]
-        axis.plot(
-            [r["tolerance"] for r in here], [r["error"] for r in here], "o", markersize=3,
-            color=COLOURS[method], alpha=0.7, label=f"_{method}",
-        )  # fmt: skip
-    ends = np.array([1e-12, 1e-3])
+    rows = [r for r in results["controlled"] if r["tick_s"] == TICKS[1] and r["error"]]
+    for name in dict.fromkeys(r["problem"] for r in rows):
+        for method in CONTROLLED[:2]:
+            line = [r for r in rows if (r["problem"], r["method"]) == (name, method)]
+            axis.plot(
+                [r["tolerance"] for r in line], [r["error"] for r in line], marker=".",
+                markersize=4, linewidth=0.8, color=COLOURS[method], alpha=0.7,
+                linestyle=":" if name == "long pendulum" else "-", label=f"_{name}",
+            )  # fmt: skip
+    ends = np.array([TOLERANCES[-1], TOLERANCES[0]])
     axis.plot(ends, ends, color="black", linewidth=0.8, label="_asked")
-    axis.set(xscale="log", yscale="log", xlabel="tolerance asked for, ticks of 0.1 s",
+    axis.set(xscale="log", yscale="log", xlabel=f"tolerance, ticks of {TICKS[1]:g} s",
              ylabel="largest error [rad] or [m]",
              title="error control, all problems")  # fmt: skip

@@ -29,6 +29,7 @@ def scenes() -> dict[str, Scene]:
         "− three wrist joints (locked)": {"robot": robot | {"lock": names[4:]}},
         "− six joints (locked)": {"robot": robot | {"lock": names[1:]}},
         "+ viscous friction": bare | _all(friction={"viscous": 0.5}),
+        "+ dry friction, by events": bare | _all(friction={"coulomb": 1.0}),
         "+ motor inertia": bare | _all(armature=0.1),
         "+ effort limits": bare | _all(limits={"effort": 87.0}),
         "+ payload": bare | {"payloads": [load]},

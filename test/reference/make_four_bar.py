@@ -3,10 +3,11 @@
 
 Of 2N + 1 slender rods of 1 kg and 1 m, N + 1 turn with the angle th from the horizontal and N move
 as point masses at the tip: ((N+1)/3 + N) th'' = -g ((N+1)/2 + N) cos th, a pendulum with g c in
-place of g. Started upright at -1 rad/s it goes round for ever: with the angle phi = th + pi/2 from
-the lowest position, phi'² = w² (1 - m sin²(phi/2)), so phi/2 = am(K(m) - w t/2 | m), w² = 1 + 4 g c,
-m = 4 g c / w² (Jacobi's amplitude; Whittaker, Analytical Dynamics, §44). The script checks it
-against a Taylor series solution. Run: python make_four_bar.py
+place of g. Started upright at -1 rad/s it goes round for ever: with phi = th + pi/2, counted from
+the lowest position, phi'² = w² (1 - m sin²(phi/2)), so phi/2 = am(K(m) - w t/2 | m) with
+w² = 1 + 4 g c and m = 4 g c / w² (Jacobi's amplitude; Whittaker, A Treatise on the Analytical
+Dynamics of Particles and Rigid Bodies, §44). The script checks it against a Taylor series. Run:
+python make_four_bar.py
 """
 
 from __future__ import annotations

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Write panda.json: the Panda let go without friction, by Taylor series with 22 and 26 digits.
 
-Masses and places of the links are those that Pinocchio reads from the URDF; the equations of motion
-are Newton's and Euler's, recursively in link frames (Luh, Walker, Paul, J. Dyn. Syst. Meas. Control
-102, 1980), solved for the accelerations. Run: python make_panda.py (some minutes)
+Masses and places of the links are those that Pinocchio reads from the URDF; the equations of
+motion are Newton's and Euler's, recursively in link frames (Luh, Walker, Paul, J. Dyn. Syst. Meas.
+Control 102, 1980), solved for the accelerations. Run: ./arm python test/reference/make_panda.py
+(a quarter of an hour)
 """
 
 from __future__ import annotations

@@ -34,8 +34,8 @@ def test_wheel_coasts_to_rest(options: dict[str, Any]) -> None:
 
 @cache
 def oscillation(ticks: int) -> Recording:
-    """Five half periods of ``ticks`` ticks. A torque is held for a tick, so the spring is given the
-    mass's place in the middle of the tick; that leaves an error of second order in the tick.
+    """Five half periods of ``ticks`` ticks. A torque is held for a tick, so the spring is given
+    the mass's place in the middle of the tick; that leaves an error of second order in the tick.
     """
     h = HALF / ticks
     sim = Simulator(HERE / "slider.yaml", integrator="rk4", dt=h)

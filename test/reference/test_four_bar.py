@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""N four-bars in a row, reduced to their one coordinate, against Jacobi's amplitude: cranks that go
-round for ever, built from a rod and payloads.
+"""N four-bars in a row, reduced to their one coordinate, against Jacobi's amplitude: cranks that
+go round for ever, built from a rod and payloads.
 """
 
 from __future__ import annotations

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demo as a user starts it: it closes the loop, says how well, and leaves no process behind."""
+"""The demo as a user starts it: it closes the loop, says how well, and leaves nothing behind."""
 
 from __future__ import annotations
 
@@ -10,11 +10,13 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 
 import pytest
 
 import models
+from arm_sim.cli.demo.report import Numbers, complaints, remarks
 
 pytestmark = pytest.mark.ros
 
@@ -136,10 +138,7 @@ def test_its_processes_end_even_if_it_is_killed(tmp_path: Path) -> None:
     assert gone(ids)
 
 
-def test_a_loop_that_does_not_close_is_said(tmp_path: Path) -> None:
-    """The drives of this arm hold it, but the controller's torque is cut below what motion needs."""
-    from arm_sim.cli.demo.report import Numbers, complaints, remarks
-
+def test_a_loop_that_does_not_close_is_said() -> None:
     good = Numbers(
         robot="arm", joints=1, unit="rad", duration=10.0, ticks=10_000, rate=1000.0,
         wanted_rate=1000.0, missed=0, dropped=0, lateness_p50=0.0, lateness_p99=0.0,
@@ -149,8 +148,6 @@ def test_a_loop_that_does_not_close_is_said(tmp_path: Path) -> None:
         effort_share=0.5, energy_moved=10.0, energy_dissipated=0.1, energy_balance=1e-10,
     )  # fmt: skip
     assert complaints(good) == remarks(good) == []
-    from dataclasses import replace
-
     for change, words in (
         ({"rate": 500.0}, "500.0 ticks a second, 1000 are wanted"),
         ({"commands": 10}, "only 10 of 10000 states"),

@@ -9,7 +9,6 @@ description without loading Pinocchio.
 from __future__ import annotations
 
 import math
-import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from xml.etree import ElementTree
@@ -90,7 +89,8 @@ def read_urdf(text: str) -> Urdf:
     links = _unique(robot, "link")
     joints = _unique(robot, "joint")
     if not links:
-        raise ModelError("robot description: no <link> found; at least one is needed")
+        xacro = "; this is xacro source, expand it to URDF first" if "<xacro:" in text else ""
+        raise ModelError(f"robot description: no <link> found; at least one is needed{xacro}")
     for name, element in {**links, **joints}.items():
         _check_numbers(element, f"{element.tag} '{name}'")
     for name, joint in joints.items():
@@ -109,8 +109,13 @@ def _root(text: str) -> ElementTree.Element:
         raise ModelError(f"robot description: not well-formed XML: {error}") from None
     if root.tag != "robot":
         raise ModelError(f"robot description: the root element is <{root.tag}>, <robot> is wanted")
-    if re.search(r"<xacro:", text):
-        raise ModelError("robot description: this is xacro source; expand it to URDF first")
+    for element in root:
+        # Expanded files may keep definitions; a call that is left means that a part is missing.
+        name = element.tag.rpartition("}")[2]
+        if "xacro" in element.tag and name not in ("property", "macro", "include", "arg"):
+            raise ModelError(
+                f"robot description: <xacro:{name}> is not expanded; run xacro on the file first"
+            )
     return root
 
 
@@ -206,7 +211,7 @@ def _check_inertia(name: str, link: ElementTree.Element) -> None:
         raise ModelError(f"link '{name}': <inertial> without <inertia>")
     # Robots in use carry tensors that are slightly impossible: only plainly negative ones must go.
     for key in ("ixx", "iyy", "izz"):
-        if float(tensor.get(key, "0")) < 0:
+        if float(tensor.get(key, "0")) < -1e-12:  # below that it is rounding
             raise ModelError(
                 f"link '{name}': <inertia {key}={tensor.get(key)!r}>: must not be negative"
             )

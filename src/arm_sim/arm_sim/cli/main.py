@@ -25,6 +25,8 @@ class Suite(click.Group):
             raise
         except ModuleNotFoundError as error:
             raise _explained(error) from error
+        except OSError as error:
+            raise click.ClickException(str(error)) from error
         except Exception as error:
             from arm_dynamics import ArmError
 

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import json
+import os
 import sys
 import tempfile
 import time
@@ -27,6 +28,8 @@ if TYPE_CHECKING:
 PANDA = Path(__file__).parents[2] / "scenes/panda.yaml"
 _START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]
 _SETTLED = 0.3  # [s] that are watched after the motion
+_ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity")
+_ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
 Say = Callable[[str], None]
 
@@ -63,6 +66,7 @@ def demo(robot: str | None, duration: float, output: Path) -> None:
 
 
 def _demo(robot: str, duration: float, output: Path) -> None:
+    from arm_sim.cli.demo.report import numbers
     from arm_sim.cli.output import console
 
     motion = _planned(robot, duration)
@@ -70,9 +74,9 @@ def _demo(robot: str, duration: float, output: Path) -> None:
     out = console()
     with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
         seen, clock = _run(motion, output, Path(scratch), say, bar)
-    numbers = _numbers(motion, seen, clock)
-    _write(output, motion, seen, numbers)
-    _tell(out, output, numbers)
+    result = numbers(motion, seen, clock)
+    _write(output, motion, seen, result)
+    _tell(out, output, result)
 
 
 def _planned(robot: str, duration: float) -> Motion:
@@ -92,10 +96,11 @@ def _run(
     scene, report = scratch / "scene.yaml", scratch / "clock.json"
     _write_scene(scene, motion)
     domain = free_domain()
-    environment = {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    # For the children, which inherit it, and for our own node.
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     with (
-        Processes(output, environment) as processes,
-        Observer(_joints(motion), domain) as observer,
+        Processes(output) as processes,
+        Observer(motion.model.joint_names, domain) as observer,
     ):
         say(f"starting the nodes (ROS domain {domain}, this machine only)")
         processes.start("dynamics", "dynamics", str(scene), "--with-parent")
@@ -110,11 +115,16 @@ def _run(
         say("stopping the nodes")
         processes.stop("sim")
         processes.stop("controller", "dynamics")
-    return observer.seen(), json.loads(report.read_text())
+        return observer.seen(), _report(report, processes)
 
 
-_ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity")
-_ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
+def _report(file: Path, processes: Processes) -> dict[str, Any]:
+    from arm_sim.cli.demo.processes import DemoFailed
+
+    if not file.exists():
+        raise DemoFailed("the sim node did not end in order; it said:\n" + processes.tail("sim"))
+    clock: dict[str, Any] = json.loads(file.read_text())
+    return clock
 
 
 def _follow(
@@ -146,17 +156,11 @@ def _follow(
         )
 
 
-def _joints(motion: Motion) -> tuple[str, ...]:
-    from arm_dynamics import ArmModel
-
-    return ArmModel(motion.scene).joint_names
-
-
 def _write_scene(file: Path, motion: Motion) -> None:
     """The scene as one file that needs no other, for all three nodes."""
     import yaml
 
-    data = motion.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     file.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
 
 
@@ -179,21 +183,10 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
         yield say, lambda share: progress.update(task, completed=share, refresh=True)
 
 
-def _numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
-    import numpy as np
-
-    from arm_dynamics import ArmModel
-    from arm_sim.cli.demo.report import numbers
-
-    goal = np.asarray(motion.waypoints[-1].q)
-    return numbers(ArmModel(motion.scene), motion, goal, seen, clock)
-
-
 def _write(output: Path, motion: Motion, seen: Seen, n: Numbers) -> None:
-    from arm_dynamics import ArmModel
     from arm_sim.cli.demo.figure import draw
 
-    model = ArmModel(motion.scene)
+    model = motion.model
     title = (
         f"{n.robot}: computed torque at {n.wanted_rate:g} Hz, tracking error {n.error_rms:.1e} "
         f"{n.unit} RMS"

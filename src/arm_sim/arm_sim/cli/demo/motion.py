@@ -31,14 +31,14 @@ class Motion:
     """Where the arm starts and which points it passes.
 
     Attributes:
-        scene: The scene with that start.
+        model: The arm with that start.
         waypoints: Points after the start; the last one is the start again, at rest.
         trajectory: What leads through them.
         effort_share: Largest torque as a part of its limit; 0 where nothing limits it.
         speed_share: Largest speed as a part of its limit, likewise.
     """
 
-    scene: Scene
+    model: ArmModel
     waypoints: tuple[Waypoint, ...]
     trajectory: Trajectory
     effort_share: float
@@ -93,8 +93,7 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
             continue  # it swings beyond a joint limit between its points
         speed, effort = _shares(dynamics, trajectory)
         if speed <= SPEED_SHARE and effort <= EFFORT_SHARE:
-            scene = _starting(model.scene, model, start)
-            return Motion(scene, waypoints, trajectory, effort, speed)
+            return Motion(_starting(model, start), waypoints, trajectory, effort, speed)
     return None
 
 
@@ -168,8 +167,8 @@ def _shares(dynamics: Dynamics, trajectory: Trajectory) -> tuple[float, float]:
     return float(speed.max()), float(effort.max())
 
 
-def _starting(scene: Scene, model: ArmModel, start: Array) -> Scene:
-    """The scene with another start; joints that are locked stay where they are."""
-    position: dict[str, Any] = dict(scene.initial.position)
+def _starting(model: ArmModel, start: Array) -> ArmModel:
+    """The arm with another start; joints that are locked stay where they are."""
+    position: dict[str, Any] = dict(model.scene.initial.position)
     position |= dict(zip(model.joint_names, start.tolist(), strict=True))
-    return scene.model_copy(update={"initial": Initial(position=position)})
+    return ArmModel(model.scene.model_copy(update={"initial": Initial(position=position)}))

@@ -8,7 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -28,10 +28,9 @@ class DemoFailed(click.ClickException):
 class Processes:
     """Children by name; leaving the ``with`` statement ends those that still run."""
 
-    def __init__(self, folder: Path, environment: Mapping[str, str]) -> None:
-        """Keep logs in ``folder`` and add ``environment`` to that of the children."""
+    def __init__(self, folder: Path) -> None:
+        """Keep logs in ``folder``."""
         self._folder = folder
-        self._environment = {**os.environ, **environment}
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Processes:
@@ -61,7 +60,7 @@ class Processes:
         with self.log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
                 [sys.executable, "-P", "-m", "arm_sim.cli", *arguments],
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log, env=self._environment,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                 start_new_session=True,  # Ctrl-C reaches them in order, through us
             )  # fmt: skip
 

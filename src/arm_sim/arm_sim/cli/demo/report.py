@@ -66,19 +66,16 @@ class Numbers:
         return asdict(self)
 
 
-def numbers(
-    model: ArmModel, motion: Motion, goal: Array, seen: Seen, clock: dict[str, Any]
-) -> Numbers:
+def numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
     """Put together what was measured.
 
     Args:
-        model: The arm.
-        motion: What was asked of it.
-        goal: Where the motion ends, shape (n,).
+        motion: What was asked of the arm.
         seen: What the observer saw.
         clock: The sim node's own report.
     """
-    duration = motion.trajectory.duration
+    model, duration = motion.model, motion.trajectory.duration
+    goal = np.asarray(motion.waypoints[-1].q)
     loop, trip = clock["loop"], clock["round_trip"]
     asked = len(seen.latencies)
     p50, p99, longest = _percentiles(seen.latencies)

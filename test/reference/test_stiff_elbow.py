@@ -1,0 +1,42 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A double pendulum whose elbow hardly gives: explicit methods need steps far below what the motion
+asks for, the implicit one does not.
+"""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from arm_sim import SimulationDiverged, Simulator
+from tolerances import TRAJECTORY, assert_close
+
+HERE = Path(__file__).parent
+DATA = json.loads((HERE / "stiff_elbow.json").read_text())["motion"]
+SCENE = HERE / "stiff_elbow.yaml"
+
+
+@pytest.mark.parametrize("dt", [1e-3, 1e-2])
+@pytest.mark.parametrize("t", DATA)
+def test_what_is_chosen_by_itself(t: str, dt: float) -> None:
+    sim = Simulator(SCENE, dt=dt)
+    assert sim.plan.integrator == "implicit"
+    th1, th2, w1, w2 = (float(x) for x in DATA[t])
+    run = sim.run(float(t))
+    assert_close(run.q[-1], [th1, th2 - th1], TRAJECTORY)
+    assert_close(run.v[-1], [w1, w2 - w1], TRAJECTORY)
+
+
+def test_rk4_at_1_ms_is_beyond_its_stability() -> None:
+    """And says so: no numbers that look like a motion."""
+    with pytest.raises(SimulationDiverged):
+        Simulator(SCENE, integrator="rk4", dt=1e-3).run(1.0)
+
+
+def test_error_control_finds_the_steps_that_an_explicit_method_needs() -> None:
+    sim = Simulator(SCENE, integrator="dop853", tolerance=1e-9, dt=1e-2)
+    th1, th2 = (float(x) for x in DATA["1"][:2])
+    np.testing.assert_allclose(sim.run(1.0).q[-1], [th1, th2 - th1], rtol=0.0, atol=1e-8)
