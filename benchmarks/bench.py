@@ -50,7 +50,7 @@ class Bench:
         """The robots whose motion is compared."""
         return [panda()] if self.quick else [panda(), ur10(), chain(6)]
 
-    def time(self, label: str, jobs: Mapping[Hashable, Job]) -> dict[Hashable, Cost]:
+    def time[Name: Hashable](self, label: str, jobs: Mapping[Name, Job]) -> dict[Name, Cost]:
         """Median cost of each job, interleaved, with progress."""
         self.progress.stage(label, len(jobs) * self.repeats)
         return interleaved(jobs, self.repeats, self.noise, self.progress.advance)

@@ -16,6 +16,7 @@ from benchmarks.urdf import AXES
 
 REAL = np.longdouble
 Vector = np.ndarray
+Each = list[Vector]  # one for each link
 
 
 def torque_free(model: pin.Model) -> Callable[[Vector], Vector]:
@@ -46,8 +47,10 @@ class ExtendedArm:
     def forward(self, q: Vector, v: Vector, tau: Vector) -> Vector:
         """Joint accelerations [rad/s²]; every argument has shape (n,)."""
         n = len(self.parents)
-        x, vel, bias, inertia, force = self._outward(q, v)
-        u, d, rest = [None] * n, [None] * n, [None] * n
+        x, bias, inertia, force = self._outward(q, v)
+        u: dict[int, Vector] = {}
+        d: dict[int, REAL] = {}
+        rest: dict[int, REAL] = {}
         for i in reversed(range(n)):
             k = self.axes[i]
             u[i] = inertia[i][:, k].copy()
@@ -61,8 +64,11 @@ class ExtendedArm:
                 force[parent] = force[parent] + x[i].T @ load
         return self._accelerations(x, bias, u, d, rest)
 
-    def _outward(self, q: Vector, v: Vector) -> tuple[list, list, list, list, list]:
-        x, vel, bias, force = [], [], [], []
+    def _outward(self, q: Vector, v: Vector) -> tuple[Each, Each, Each, Each]:
+        x: Each = []
+        vel: Each = []
+        bias: Each = []
+        force: Each = []
         for i, parent in enumerate(self.parents):
             k = self.axes[i]
             x.append(_transform(self.rotations[i], self.shifts[i], k, q[i]))
@@ -72,10 +78,13 @@ class ExtendedArm:
             vel.append(here)
             bias.append(_cross_axis(here, k) * v[i])
             force.append(_cross_force(here, self.inertias[i] @ here))
-        return x, vel, bias, list(self.inertias), force
+        return x, bias, list(self.inertias), force
 
-    def _accelerations(self, x: list, bias: list, u: list, d: list, rest: list) -> Vector:
-        acc, out = [], np.zeros(len(x), REAL)
+    def _accelerations(
+        self, x: Each, bias: Each, u: dict[int, Vector], d: dict[int, REAL], rest: dict[int, REAL]
+    ) -> Vector:
+        acc: Each = []
+        out = np.zeros(len(x), REAL)
         for i, parent in enumerate(self.parents):
             a = x[i] @ (acc[parent] if parent >= 0 else self.base) + bias[i]
             out[i] = (rest[i] - u[i] @ a) / d[i]

@@ -94,20 +94,19 @@ def _curves(axis: Any, points: list[Record]) -> None:
 
 
 def _cost(found: Record) -> dict[str, Any]:
-    figure, axis = plt.subplots(figsize=(6.5, 4.2))
     growth = found["growth"]
-    for k, who in enumerate(dict.fromkeys(g["who"] for g in growth)):
+    _, axis = plt.subplots(figsize=(6.0, 4.2))
+    whos = list(dict.fromkeys(g["who"] for g in growth))
+    for k, who in enumerate(whos):
         line = [g for g in growth if g["who"] == who]
-        axis.plot(
-            [g["joints"] for g in line], [g["ns"] for g in line], marker=MARKS[k % len(MARKS)],
-            color=_colour(who), markersize=4, label=who,
-            linestyle="-" if who.startswith(OURS) else "--",
-        )  # fmt: skip
-    axis.set(xscale="log", yscale="log", xlabel="joints of the chain",
-             ylabel="processor time of one step or evaluation [ns]",
-             title="Cost against number of joints")  # fmt: skip
-    axis.legend()
-    return {"joints": figure}
+        axis.plot([g["joints"] for g in line], [g["ns"] for g in line], **_look(k, who, whos))
+    joints = sorted({g["joints"] for g in growth})
+    axis.set(
+        xscale="log", yscale="log", xlabel="joints of the chain", title="Cost of more joints",
+        ylabel="processor time of one step or evaluation [ns]", xticks=joints, xticklabels=joints,
+    )  # fmt: skip
+    axis.minorticks_off()
+    return {"joints": _legend_beside(axis)}
 
 
 def _features(found: Record) -> dict[str, Any]:
@@ -123,56 +122,64 @@ def _features(found: Record) -> dict[str, Any]:
 
 
 def _rollouts(found: Record) -> dict[str, Any]:
-    figure, axis = plt.subplots(figsize=(6.5, 4.0))
-    rows = [r for r in found["rows"] if r["robot"] == found["rows"][0]["robot"]]
-    for k, (who, threads) in enumerate(dict.fromkeys((r["who"], r["threads"]) for r in rows)):
-        line = [r for r in rows if (r["who"], r["threads"]) == (who, threads)]
-        axis.plot(
-            [r["arms"] for r in line], [r["arm_steps_per_s"] / 1e6 for r in line],
-            marker=MARKS[k % len(MARKS)], color=_colour(who), markersize=4,
-            linestyle="-" if threads > 1 else ":", label=f"{who}, {threads} threads",
-        )  # fmt: skip
+    _, axis = plt.subplots(figsize=(6.0, 4.0))
+    rows = [
+        r for r in found["rows"] if (r["robot"], r["threads"]) == (found["rows"][0]["robot"], 1)
+    ]
+    whos = list(dict.fromkeys(r["who"] for r in rows))
+    for k, who in enumerate(whos):
+        line = [r for r in rows if r["who"] == who]
+        rates = [r["arm_steps_per_s_per_core"] / 1e6 for r in line]
+        axis.plot([r["arms"] for r in line], rates, **_look(k, who, whos))
     axis.set(
         xscale="log", yscale="log", xlabel="arms in one call",
-        ylabel="million arm-steps per second (wall time)", title=f"Rollouts, {rows[0]['robot']}",
+        ylabel="million arm-steps per second and core", title=f"Rollouts, {rows[0]['robot']}",
     )  # fmt: skip
-    axis.legend()
-    return {"rollouts": figure}
+    return {"rollouts": _legend_beside(axis)}
 
 
 def _energy(found: Record) -> dict[str, Any]:
-    figure, axis = plt.subplots(figsize=(6.5, 4.2))
-    rows = [r for r in found["rows"] if r["drift_J"]]
-    for k, (who, setting) in enumerate(dict.fromkeys((r["who"], r["setting"]) for r in rows)):
-        line = [r for r in rows if (r["who"], r["setting"]) == (who, setting)]
-        axis.plot(
-            [r["horizon_s"] for r in line], [r["drift_J"] for r in line],
-            marker=MARKS[k % len(MARKS)], color=_colour(who), markersize=4,
-            linestyle="-" if who.startswith(OURS) else "--",
-            label=f"{who}, {line[0]['knob']} {setting:g}",
-        )  # fmt: skip
+    _, axis = plt.subplots(figsize=(6.0, 4.6))
+    rows = [r | {"label": f"{r['who']}, {r['knob']} {r['setting']:g}"} for r in found["rows"]]
+    labels = list(dict.fromkeys(r["label"] for r in rows))
+    for k, label in enumerate(labels):
+        line = [r for r in rows if r["label"] == label and r["drift_J"]]
+        axis.plot([r["horizon_s"] for r in line], [r["drift_J"] for r in line],
+                  **_look(k, label, labels))  # fmt: skip
     axis.set(
-        xscale="log", yscale="log", xlabel="time simulated [s]",
-        ylabel="largest energy error so far [J]", title="Free, frictionless Panda",
+        xscale="log", yscale="log", xlabel="time simulated [s]", title="Free, frictionless Panda",
+        ylabel="largest energy error so far [J]",
     )  # fmt: skip
-    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return {"energy": figure}
+    axis.set_ylim(top=min(axis.get_ylim()[1], 1e4))
+    return {"energy": _legend_beside(axis)}
 
 
 def _startup(found: Record) -> dict[str, Any]:
     rows = sorted((r for r in found["rows"] if "Chain" in r["robot"]), key=lambda r: r["joints"])
     figure, axis = plt.subplots(figsize=(6.5, 3.6))
-    for key, label in (("cold_s", "empty cache"), ("cached_s", "cached")):
+    for key, label, look in (("cold_s", "empty cache", "o--"), ("cached_s", "cached", "o-")):
         axis.plot([r["joints"] for r in rows], [r[key]["total without imports"] for r in rows],
-                  marker="o", markersize=4, label=label)  # fmt: skip
+                  look, color=COLOURS[OURS], markersize=4, label=label)  # fmt: skip
     axis.set(yscale="log", xlabel="joints of the chain", ylabel="scene to first step [s]",
              title="Start-up")  # fmt: skip
     axis.legend()
     return {"startup": figure}
 
 
-def _colour(who: str) -> str:
-    return next((c for family, c in COLOURS.items() if who.startswith(family)), "black")
+def _look(k: int, who: str, whos: list[str]) -> dict[str, Any]:
+    """Ours in shades of blue, solid; peers in their colour, dashed."""
+    mark = {"marker": MARKS[k % len(MARKS)], "markersize": 4, "label": who}
+    ours = [w for w in whos if w.startswith(OURS)]
+    if who in ours:
+        shade = SHADES(np.linspace(0.45, 1.0, len(ours))[ours.index(who)])
+        return mark | {"color": shade, "linestyle": "-"}
+    colour = next((c for family, c in COLOURS.items() if who.startswith(family)), "black")
+    return mark | {"color": colour, "linestyle": "--", "markerfacecolor": "white"}
+
+
+def _legend_beside(axis: Any) -> Any:
+    axis.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
+    return axis.figure
 
 
 PAINTERS: dict[str, Callable[[Record], dict[str, Any]]] = {

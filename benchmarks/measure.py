@@ -83,9 +83,9 @@ def steady(prepare: Callable[[], object], call: Callable[[], object]) -> Job:
     return lambda: sum(once() for _ in range(count)) / count
 
 
-def interleaved(
-    jobs: Mapping[Hashable, Job], repeats: int, noise: Noise, advance: Callable[[], object]
-) -> dict[Hashable, Cost]:
+def interleaved[Name: Hashable](
+    jobs: Mapping[Name, Job], repeats: int, noise: Noise, advance: Callable[[], object]
+) -> dict[Name, Cost]:
     """Run every job once, then every job again, …, so that a slow minute hits all alike.
 
     Args:
@@ -94,7 +94,7 @@ def interleaved(
         noise: probed once a round.
         advance: called after each job, outside every clock.
     """
-    samples: dict[Hashable, list[float]] = {name: [] for name in jobs}
+    samples: dict[Name, list[float]] = {name: [] for name in jobs}
     for _ in range(repeats):
         noise.probe()
         for name, job in jobs.items():

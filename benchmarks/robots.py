@@ -5,12 +5,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 from functools import cached_property, lru_cache
-from importlib.metadata import distribution
-from pathlib import Path
 
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics import load_scene
 from benchmarks.urdf import chain_urdf, plain_urdf, single_coordinate
 
 
@@ -65,8 +64,7 @@ def chain(links: int) -> Robot:
 
 
 def _installed(urdf: str, locked: list[str]) -> pin.Model:
-    wheel = distribution("example-robot-data")
-    path = wheel.locate_file(Path("cmeel.prefix/share/example-robot-data/robots") / urdf)
-    full = pin.buildModelFromUrdf(str(path))
+    text = load_scene(f"package://example-robot-data/robots/{urdf}").robot.urdf
+    full = pin.buildModelFromXML(text)
     ids = [full.getJointId(name) for name in locked]
     return pin.buildReducedModel(full, ids, pin.neutral(full))

@@ -103,7 +103,7 @@ def truths(results: Record) -> str:
 def targets(results: Record) -> str:
     """What an error costs with each simulator."""
     families = list(dict.fromkeys(t["family"] for t in results["targets"]))
-    cell: dict[tuple, str] = {}
+    cell: dict[tuple[object, ...], str] = {}
     for t in results["targets"]:
         best = f"{duration(t['cpu_s'])} ({t['method']})" if t["cpu_s"] else "not reached"
         ratio = f", **{t['ratio']:.3g}×**" if t["ratio"] and t["family"] != OURS else ""

@@ -80,7 +80,7 @@ def run(problems: list[Problem], gates: Any, console: Console) -> dict[str, Any]
                     bar.advance()
             found["scipy"] += sweep.scipy_runs(problem)
             found["orders"] += sweep.orders(problem, found["fixed"])
-            found["gates"].append(sweep.gate(problem, found["fixed"]))
+            found["gates"] += sweep.gates(problem, found)
         groups = checks(gates)
         bar.stage("checks", len(groups))
         for group in groups.values():
@@ -133,5 +133,5 @@ def summary(results: dict[str, Any]) -> Table:
     for gate in results["gates"]:
         verdict = "[green]kept" if gate["kept"] else "[red]missed"
         measured = number(gate["measured"], 2)
-        table.add_row(escape(gate["what"]), measured, number(gate["allowed"], 2), verdict)
+        table.add_row(escape(gate["what"]), measured, number(gate["allowed"], 1), verdict)
     return table

@@ -6,7 +6,6 @@ from __future__ import annotations
 import json
 import re
 from collections.abc import Iterable
-from itertools import product
 from pathlib import Path
 from typing import Any
 
@@ -72,7 +71,7 @@ def _names(results: Results) -> list[str]:
 
 def _problems(results: Results) -> str:
     rows = [
-        (p["name"], f"{p['duration_s']:g}", p["truth"], p["gated"], number(p["gate"]))
+        (p["name"], f"{p['duration_s']:g}", p["truth"], p["gated"], number(p["gate"], 1))
         for p in results["about"]["problems"]
     ]
     return table(["problem", "duration [s]", "truth", "method", "gate at 1 ms"], rows)
@@ -103,7 +102,12 @@ def _orders(results: Results) -> str:
 
 def _gates(results: Results) -> str:
     rows = [
-        (g["what"], _error(g["measured"]), number(g["allowed"]), "yes" if g["kept"] else "**no**")
+        (
+            g["what"],
+            _error(g["measured"]),
+            number(g["allowed"], 1),
+            "yes" if g["kept"] else "**no**",
+        )
         for g in results["gates"]
     ]
     return table(["what", "measured", "allowed", "kept"], rows)
@@ -176,18 +180,24 @@ def _steps(results: Results) -> str:
 
 
 def _asked(results: Results) -> str:
-    """Delivered error by problem and tolerance, DOP853."""
+    """Delivered error of DOP853 by problem and tolerance."""
     rows = []
-    for name, tick in product(_names(results), TICKS):
-        line = {
-            r["tolerance"]: r["error"]
-            for r in results["controlled"]
-            if (r["problem"], r["method"], r["tick_s"]) == (name, "dop853", tick)
+    for name in _names(results):
+        errors = {
+            (r["tick_s"], r["tolerance"]): r["error"]
+            for r in _of(results["controlled"], name)
+            if r["method"] == "dop853"
         }
-        if line:
-            cells = (_error(line[tolerance]) for tolerance in TOLERANCES)
-            rows.append([f"{name}, {tick * 1e3:g} ms", *cells])
-    return table(["problem, tick", *(number(t, 1) for t in TOLERANCES)], rows)
+        short = [error for (tick, _), error in errors.items() if tick == TICKS[0]]
+        rows.append(
+            [
+                name,
+                _error(None if None in short else max(short)) if short else "—",
+                *(_error(errors[TICKS[1], tolerance]) for tolerance in TOLERANCES),
+            ]
+        )
+    heads = ["problem", "any, ticks of 1 ms", *(number(t, 1) for t in TOLERANCES)]
+    return table(heads, rows)
 
 
 def _span(values: Iterable[float]) -> str:

@@ -39,6 +39,7 @@ def evaluation(robot: Robot) -> Job:
     f = Plant(ArmModel(load_scene(robot.urdf))).acceleration
     sizes = {"w": f.sz_w() + 8, "iw": f.sz_iw() + 8, "arg": f.sz_arg() + 8, "res": f.sz_res() + 8}
     library = Kernel([f], "native", LOOP % sizes).library
+    assert library is not None, "the backend is native"
     q, v, tau = np.random.default_rng(0).uniform(-1, 1, (3, robot.n))
     out = np.zeros(robot.n)
     addresses = [ctypes.c_void_p(x.ctypes.data) for x in (q, v, tau, out)]

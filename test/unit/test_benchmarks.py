@@ -5,12 +5,14 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pinocchio as pin
 import pytest
 
-from benchmarks import claims, targets, truth
+from benchmarks import page, targets, truth
 from benchmarks.bench import OURS, Bench
 from benchmarks.closed_loop import Loop
 from benchmarks.extended import REAL, ExtendedArm
@@ -20,6 +22,7 @@ from benchmarks.peers.base import Contestant, halvings
 from benchmarks.report import summary, write
 from benchmarks.robots import Robot, chain, panda
 from benchmarks.studies import energy, sameness, work_precision
+from benchmarks.suite import judged
 
 
 class LeapTrial:
@@ -128,25 +131,62 @@ def test_energy_error_of_euler_grows(bench: Bench) -> None:
     assert 0 < rows[0] < rows[1]
 
 
-def test_report_of_a_tiny_run(bench: Bench, tmp_path) -> None:  # type: ignore[no-untyped-def]
+def test_page_has_a_value_for_every_place(bench: Bench) -> None:
+    found = page.page(judged(full_results(bench)), {"cost:joints": "joints.png"})
+    assert "{{" not in found
+    assert "![joints](figures/joints.png)" in found
+    assert "| RK4 step of Panda ÷ MuJoCo's Euler step | 0.50 | 0.75 | kept |" in found
+    assert "| forward dynamics ÷ Pinocchio's aba from C++ | 1/20 | 0.40 | kept |" in found
+    assert "| cold start of Panda | 6 s | 5 s | **broken** |" in found
+
+
+def full_results(bench: Bench) -> dict[str, Any]:
+    """What a full run returns, with a row or two in each study."""
+    steps = [
+        (f"{OURS} rk4", "step", 1000.0),
+        ("MuJoCo Euler", "step", 2000.0),
+        (OURS, "evaluation", 100.0),
+        ("Pinocchio aba from C++", "evaluation", 2000.0),
+    ]
+    start = {"total without imports": 6.0, "imports": 1.0, "load_scene": 1.0, "Simulator": 1.0,
+             "first step": 1.0, "processor": 1.0}  # fmt: skip
+    return {
+        "about": about(bench),
+        "sameness": sameness.run(bench),
+        "work_precision": work_precision.run(bench),
+        "cost": {
+            "rows": [{"robot": "Panda", "who": who, "what": what, "ns": ns}
+                     for who, what, ns in steps],
+            "growth": [{"joints": 2, "who": "MuJoCo Euler", "ns": 1.0}],
+        },
+        "features": {"rows": [{"scene": "bare", "operations": 10, "ns": 2.0}]},
+        "rollouts": {"rows": [{"robot": "Panda", "who": "MuJoCo RK4", "threads": 1, "arms": 8,
+                               "arm_steps_per_s": 1e5, "arm_steps_per_s_per_core": 1e5}]},
+        "energy": energy.run(bench),
+        "startup": {"rows": [{"robot": "Panda", "joints": 7, "cold_s": start, "cached_s": start,
+                              "compiled_bytes": 1024}]},
+    }  # fmt: skip
+
+
+def about(bench: Bench) -> dict[str, Any]:
+    """What a run says of itself."""
+    return {
+        "date": "today", "processor": "one", "compiler": "none", "versions": {"numpy": "2"},
+        "repeats": 1, "elapsed_s": 1.0, "quick": True, "left_out": {"Drake": "no module"},
+        "notes": {}, "noise": bench.noise.summary(),
+    }  # fmt: skip
+
+
+def test_report_of_a_tiny_run(bench: Bench, tmp_path: Path) -> None:
     found = work_precision.run(bench)
     errors = [p["error_rad"] for p in found["points"] if p["scenario"] == "free motion"]
     assert errors[0] > errors[1] > 0, "the error must fall with the step"
     assert all(p["cpu_s"] > 0 for p in found["points"])
-    results = {
-        "about": {
-            "date": "today", "processor": "one", "compiler": "none", "versions": {"numpy": "2"},
-            "repeats": 1, "elapsed_s": 1.0, "quick": True, "left_out": {"Drake": "no module"},
-            "notes": {}, "noise": bench.noise.summary(),
-        },
-        "work_precision": found,
-        "targets": targets.table(found["points"], OURS),
-    }  # fmt: skip
-    results["claims"] = claims.check(results)
+    results = judged({"about": about(bench), "work_precision": found})
     report = write(results, tmp_path).read_text()
     assert json.loads((tmp_path / "report.json").read_text())["work_precision"] == found
     assert "left out, not installed: Drake" in report
-    assert "![work_precision](work_precision_chain_2.png)" in report
+    assert "![work precision chain 2](work_precision_chain_2.png)" in report
     assert (tmp_path / "work_precision_chain_2.png").stat().st_size > 10_000
     assert {c["kept"] for c in results["claims"]} == {None}, "nothing promised was measured"
     assert summary(results).row_count == len(results["claims"])

@@ -55,6 +55,7 @@ def draw(
         lines = axes[0].lines[: len(names)]
         figure.legend(lines, [_short(n, names) for n in names], loc="outside right center",
                       handlelength=1.2)  # fmt: skip
+        figure.align_ylabels(axes)
         figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
         figure.savefig(file, dpi=130)
         plt.close(figure)
