@@ -1,11 +1,25 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the equations of motion of a robot arm are: M(q) q̈ + C(q, q̇) q̇ + G(q) + F(q, q̇) = τ."""
+"""What the equations of motion of a robot arm are: M(q) q̈ + C(q, q̇) q̇ + G(q) + F(q, q̇) = τ.
 
-from arm_dynamics.dynamics import Dynamics, Term
-from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, ModelError, SceneError
-from arm_dynamics.model import ArmModel
-from arm_dynamics.scene import Scene
-from arm_dynamics.scene_file import load_scene
+Names are looked up when they are first used: Pinocchio and CasADi take half a second to import,
+and a command that only reads a scene, or only asks a running node, needs neither.
+"""
+
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from arm_dynamics.dynamics import Dynamics, Term
+    from arm_dynamics.exceptions import (
+        ArmError,
+        InvalidInput,
+        KernelError,
+        ModelError,
+        SceneError,
+    )
+    from arm_dynamics.model import ArmModel
+    from arm_dynamics.scene import Scene
+    from arm_dynamics.scene_file import load_scene
 
 __all__ = [
     "ArmError",
@@ -19,3 +33,22 @@ __all__ = [
     "Term",
     "load_scene",
 ]
+_HOMES = {
+    "Dynamics": "dynamics",
+    "Term": "dynamics",
+    "ArmModel": "model",
+    "Scene": "scene",
+    "load_scene": "scene_file",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    home = import_module(f"{__name__}.{_HOMES.get(name, 'exceptions')}")
+    globals()[name] = getattr(home, name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

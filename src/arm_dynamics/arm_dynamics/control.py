@@ -5,18 +5,17 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from arm_dynamics.dynamics import Dynamics, Term
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference, numbers
 
-if TYPE_CHECKING:
-    from arm_dynamics.dynamics import Dynamics
-
 Array = NDArray[np.float64]
+RIGID_BODY = Term.INERTIA | Term.CORIOLIS | Term.GRAVITY
 
 
 class Moving(Protocol):
@@ -54,6 +53,9 @@ class Controller(Protocol):
 class ComputedTorque:
     """Computed torque: τ = ID(q, q̇, q̈_d + K_d ė + K_p e), with e = q_d − q.
 
+    Dry friction of a joint at rest is compensated in the direction of the reference: the joint's
+    own motion would say nothing and leave it stuck.
+
     With an exact model every joint's error obeys ë + 2 ζ ω ė + ω² e = 0 (Craig, Introduction to
     Robotics, section 10.4), so K_p = ω² and K_d = 2 ζ ω. It is not for actuators that saturate and
     does nothing about model errors but feedback.
@@ -84,7 +86,9 @@ class ComputedTorque:
         """
         desired = (reference.q, reference.v, reference.a)
         a = demanded_acceleration(state.q, state.v, desired, self._kp, self._kd)
-        return self._dynamics.inverse(state.q, state.v, a)
+        tau = self._dynamics.inverse(state.q, state.v, a, RIGID_BODY)
+        sliding = np.where(state.v == 0.0, reference.v, state.v)
+        return tau + self._dynamics.friction(state.v, direction=sliding)
 
 
 def demanded_acceleration(q: Any, v: Any, desired: Sequence[Any], kp: Any, kd: Any) -> Any:

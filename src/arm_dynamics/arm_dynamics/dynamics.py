@@ -86,7 +86,7 @@ class Dynamics:
             self.model.spread(moving),
             self.model.spread(pushed),
         )
-        return tau + self._friction(v) if chosen & Term.FRICTION else tau
+        return tau + self._friction(v, np.sign(v)) if chosen & Term.FRICTION else tau
 
     def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Accelerations that torques produce: M⁻¹ (τ - C v - G - F).
@@ -104,7 +104,7 @@ class Dynamics:
         """
         q, v, tau = self._checked(q=q, v=v, tau=tau)
         solve = self._forward_projected if self.model.has_followers else self._forward_tree
-        free = tau - self._friction(v)
+        free = tau - self._friction(v, np.sign(v))
         return self._each(solve, self.model.configuration(q), self.model.spread(v), free)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -131,13 +131,22 @@ class Dynamics:
             self.model.configuration(q),
         )
 
-    def friction(self, v: ArrayLike) -> Array:
-        """Friction torques F(v), of the sign of ``v``, in [N m] or [N], shape of ``v``.
+    def friction(self, v: ArrayLike, direction: ArrayLike | None = None) -> Array:
+        """Friction torques F(v) in [N m] or [N], shape of ``v``.
 
-        At rest dry friction may take any value up to its level; the value given here is zero.
+        Args:
+            v: Joint velocities in [rad/s] or [m/s], shape (n,) or (k, n).
+            direction: Which way joints slide, a sign each; None for the sign of ``v``. At rest dry
+                friction may be anything up to its level; where the sign is zero, zero is given.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed.
         """
-        (v,) = self._checked(v=v)
-        return self._friction(v)
+        if direction is None:
+            (v,) = self._checked(v=v)
+            return self._friction(v, np.sign(v))
+        v, direction = self._checked(v=v, direction=direction)
+        return self._friction(v, np.sign(direction))
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
         """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).
@@ -178,12 +187,12 @@ class Dynamics:
         kinetic = pin.computeKineticEnergy(self._driveless, self._data, q, v) + drives
         return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q)])
 
-    def _friction(self, v: Array) -> Array:
+    def _friction(self, v: Array, direction: Array) -> Array:
         model = self.model
         smooth: Array = friction.viscous(v, model.viscous)
         if not model.has_dry_friction:
             return smooth
-        dry: Array = friction.dry(v, np.sign(v), *model.sliding)
+        dry: Array = friction.dry(v, direction, *model.sliding)
         return smooth + dry
 
     def _each(self, law: Callable[..., Array], *vectors: Array) -> Array:

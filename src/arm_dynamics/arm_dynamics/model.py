@@ -35,8 +35,8 @@ class ArmModel:
         viscous: Viscous friction in [N m s/rad] or [N s/m], shape (n,).
         coulomb: Dry friction in sliding in [N m] or [N], shape (n,).
         static: Dry friction at rest in [N m] or [N], at least ``coulomb``, shape (n,).
-        stribeck_excess: Dry friction at creeping speed beyond ``coulomb`` in [N m] or [N]; zero where
-            it falls from ``static`` at once.
+        stribeck_excess: Dry friction at creeping speed beyond ``coulomb`` in [N m] or [N]; zero
+            where it falls from ``static`` at once.
         stribeck_velocity: Speed of that fall in [rad/s] or [m/s]; 1 where there is none.
         armature: Drive inertia in [kg m²] or [kg], shape (n,).
         effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).

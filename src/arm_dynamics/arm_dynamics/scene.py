@@ -19,6 +19,7 @@ from pydantic import (
     Field,
     ValidationError,
     field_validator,
+    model_validator,
 )
 from pydantic_core import ErrorDetails
 
@@ -96,6 +97,12 @@ class Limits(_Part):
     lower: Finite | None = None
     upper: Finite | None = None
 
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        if self.lower is not None and self.upper is not None and self.lower > self.upper:
+            raise ValueError(f"lower = {self.lower} is above upper = {self.upper}")
+        return self
+
 
 class Joint(_Part):
     """What the scene says of one joint, or of all (``"*"``).
@@ -155,7 +162,7 @@ class Sim(_Part):
     Attributes:
         integrator: Name of the integration method, or ``auto``.
         dt: Length of one tick in [s].
-        tolerance: Error allowed per second of motion; turns on error control inside each tick.
+        tolerance: Scaled error that a sub-step may have; turns on error control inside each tick.
     """
 
     integrator: str | None = None

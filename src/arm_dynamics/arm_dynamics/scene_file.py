@@ -39,7 +39,8 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Sc
         return _complete(dict(source), Path.cwd())
     if not isinstance(source, str | os.PathLike):
         raise SceneError(
-            f"scene: {source!r} is a {type(source).__name__}; a path, URDF text or a dictionary is wanted"
+            f"scene: {source!r} is of type {type(source).__name__}; "
+            "a path, URDF text or a dictionary is wanted"
         )
     text = os.fspath(source)
     if _is_urdf(text):
@@ -91,7 +92,7 @@ def find_file(name: str, folder: Path) -> Path:
         if place.is_file():
             return place
     raise SceneError(
-        f"scene: no file '{name}'; looked at {known_names(map(str, places)) or 'no place'}"
+        f"scene: no file '{name}'; looked at {known_names(map(str, places), 4) or 'no place'}"
     )
 
 

@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What integrates the equations of motion of a robot arm."""
+"""What integrates the equations of motion of a robot arm; names are looked up at first use."""
 
-from arm_sim.actuation import CompiledControl, computed_torque
-from arm_sim.exceptions import SimulationDiverged
-from arm_sim.plan import Plan
-from arm_sim.recording import Recording
-from arm_sim.simulator import Simulator
-from arm_sim.state import State
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from arm_sim.actuation import CompiledControl, computed_torque
+    from arm_sim.exceptions import SimulationDiverged
+    from arm_sim.plan import Plan
+    from arm_sim.recording import Recording
+    from arm_sim.simulator import Simulator
+    from arm_sim.state import State
 
 __all__ = [
     "CompiledControl",
@@ -17,3 +21,23 @@ __all__ = [
     "State",
     "computed_torque",
 ]
+_HOMES = {
+    "CompiledControl": "actuation",
+    "Plan": "plan",
+    "Recording": "recording",
+    "SimulationDiverged": "exceptions",
+    "Simulator": "simulator",
+    "State": "state",
+    "computed_torque": "actuation",
+}
+
+
+def __getattr__(name: str) -> Any:
+    if name not in __all__:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    globals()[name] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
+    return globals()[name]
+
+
+def __dir__() -> list[str]:
+    return sorted(__all__)

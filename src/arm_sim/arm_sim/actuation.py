@@ -55,11 +55,13 @@ def computed_torque(
     n, tree = model.n, tree_of(model)
     x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)
     q, v = x[:n], x[n:]
-    a = demanded_acceleration(q, v, ca.vertsplit(r, n), constant(kp), constant(kd))
+    q_d, v_d, a_d = ca.vertsplit(r, n)
+    a = demanded_acceleration(q, v, (q_d, v_d, a_d), constant(kp), constant(kd))
     tau = rigid_body.inverse(tree, q, v, a, constant(model.scene.gravity))
     tau += friction.viscous(v, constant(model.viscous))
     if model.has_dry_friction:
-        tau += friction.dry(v, ca.sign(v), *map(constant, model.sliding))
+        sliding = ca.if_else(v == 0, v_d, v)  # as in arm_dynamics.control.ComputedTorque
+        tau += friction.dry(v, ca.sign(sliding), *map(constant, model.sliding))
     law = ca.Function("law", [x, r], [ca.densify(tau)], {"cse": True})
     return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
 

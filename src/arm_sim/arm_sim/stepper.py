@@ -226,7 +226,7 @@ def library_function(kernel: Kernel, name: str) -> Callable[..., int]:
 
 def within_reach(x: Array) -> bool:
     """Whether a state is finite and far from overflow; the drivers in C ask the same."""
-    return sum(map(abs, x.tolist())) < 1e150
+    return bool(sum(map(abs, x.tolist())) < 1e150)
 
 
 def pointer(array: Array) -> ctypes.c_void_p:

@@ -35,7 +35,7 @@ def dry(
 ) -> Quantity:
     """Dry friction of joints that slide: F = s (Fc + ΔF exp(-(v/vs)²)), s the way they slide.
 
-    Coulomb's constant torque with Stribeck's fall from the level at rest; the exponent 2 is that of
+    Coulomb's constant torque with Stribeck's fall from the level at rest; the exponent 2 is of
     Armstrong-Hélouvry, Dupont and Canudas de Wit, "A survey of models, analysis tools and
     compensation methods for the control of machines with friction", Automatica 30(7), 1994,
     equation (4). With ΔF = 0 it is Coulomb's law.

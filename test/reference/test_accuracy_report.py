@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The accuracy report on one problem with few steps: its orders, its gates, its page."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from functools import cache
+from io import StringIO
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+from rich.console import Console
+
+import tolerances
+from arm_sim.integrators import METHODS
+from benchmarks.accuracy import cli, page, problems, sweep
+
+PENDULUM = problems.all_problems(tolerances.TRAJECTORY)[0]
+SMALL = replace(
+    PENDULUM,
+    expected={t: PENDULUM.expected[t] for t in (1.0, 2.0)},
+    steps=(0.02, 0.01, 0.005, 0.001),
+)
+
+
+@cache
+def results() -> dict[str, Any]:
+    return cli.run([SMALL], tolerances, Console(file=StringIO()))
+
+
+def test_every_method_step_and_tolerance_is_there() -> None:
+    found = results()
+    assert len(found["fixed"]) == len(METHODS) * len(SMALL.steps)
+    assert len(found["fixed"]) + len(found["controlled"]) == sweep.count(SMALL)
+    assert len(found["scipy"]) == len(sweep.TOLERANCES)
+
+
+@pytest.mark.parametrize("name", ["midpoint", "heun", "rk4"])
+def test_orders(name: str) -> None:
+    [order] = [r["order"] for r in results()["orders"] if r["method"] == name]
+    assert abs(order - METHODS[name].order) < tolerances.ORDER
+
+
+def test_all_gates_are_kept() -> None:
+    assert [gate["what"] for gate in results()["gates"] if not gate["kept"]] == []
+
+
+def test_a_gate_can_be_missed() -> None:
+    strict = replace(SMALL, gate=1e-15)
+    [verdict] = sweep.gates(strict, results())
+    assert not verdict["kept"]
+
+
+def test_page_json_and_figure(tmp_path: Path) -> None:
+    path = page.write(results(), tmp_path, None)
+    text = path.read_text()
+    assert "{{" not in text
+    assert json.loads((tmp_path / "accuracy.json").read_text())["fixed"] == results()["fixed"]
+    assert (tmp_path / "figures/accuracy.png").stat().st_size > 10_000
+
+
+def test_unknown_problem() -> None:
+    outcome = CliRunner().invoke(cli.main, ["--only", "perpetuum mobile"])
+    assert outcome.exit_code == 2
+    assert "perpetuum mobile" in outcome.output and "Panda" in outcome.output
