@@ -227,7 +227,7 @@ def effort_limit(limit: ArrayLike, n: int) -> Array:
     """Check torque limits: positive, inf for none, a number or shape (n,)."""
     array = np.asarray(limit, float)
     if array.shape not in ((), (n,)) or not np.all(array > 0.0):
-        raise InvalidInput(f"limit is {limit}; allowed are positive numbers, one or ({n},)")
+        raise InvalidInput(f"limit is {limit!r}; allowed are positive numbers, one or ({n},)")
     return np.array(np.broadcast_to(array, (n,)))
 
 

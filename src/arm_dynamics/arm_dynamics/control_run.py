@@ -94,7 +94,7 @@ class DisturbanceObserver:
         self._dt, self._gain = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
         if np.any(self._gain * self._dt >= 1.0):
             raise InvalidInput(
-                f"bandwidth = {bandwidth} with dt = {dt}: their product must stay below one"
+                f"bandwidth = {bandwidth!r} with dt = {dt}: their product must stay below one"
             )
         self._limit = effort_limit(limit, dynamics.n)
         self.restart()

@@ -16,7 +16,7 @@ from arm_dynamics.control_joint import checked
 from arm_dynamics.dynamics import vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference
-from arm_dynamics.task_algebra import task_inertia
+from arm_dynamics.task_algebra import inertia_matrix
 from arm_dynamics.task_space import TaskSpace
 
 
@@ -241,7 +241,7 @@ class _Arm:
         error[3:] = pin.log3(reference.rotation @ rotation.T)
         JW = J @ task.rigid.mobility(q)
         A = JW @ J.T
-        J_bar = JW.T @ task_inertia(A, task.linear, task.threshold).matrix
+        J_bar = JW.T @ inertia_matrix(A, task.linear, task.threshold)
         x_dot = J @ v
         rate = reference.velocity[rows] - x_dot
         now = error[rows], rate, reference.acceleration[rows]

@@ -191,8 +191,8 @@ class TaskSpace:
         A = J @ W @ np.swapaxes(J, -1, -2)
         if not np.isfinite(A).all():
             raise ModelError(
-                f"a joint that carries frame '{self.frame}' moves no mass; give its links inertia, "
-                "the joint an armature, or lock it"
+                f"a joint that carries frame '{self.frame}' moves no mass; give its links "
+                "inertia, the joint an armature, or lock it"
             )
         return 0.5 * (A + np.swapaxes(A, -1, -2))
 

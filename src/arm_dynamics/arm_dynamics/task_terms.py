@@ -64,7 +64,7 @@ class EffectiveMass:
 
     Attributes:
         mass: In [kg] along an axis or [kg m²] about one; a float, or shape (k,).
-        damped: Whether the direction is (nearly) immobile and the mass, truly infinite, was bounded.
+        damped: Whether the direction is (nearly) immobile and its infinite mass was bounded.
     """
 
     mass: Any
