@@ -47,13 +47,14 @@ class RigidTerms:
     def mass(self, q: Array) -> Array:
         """M in [kg m²] or [kg], shape (n, n)."""
         full = self.model.configuration(q)
-        return np.array(self.model.gather_matrix(pin.crba(self._pin, self._data, full)))
+        return self._square(pin.crba(self._pin, self._data, full))
 
     def mobility(self, q: Array) -> Array:
         """M⁻¹ in [1/(kg m²)] or [1/kg], shape (n, n); not finite where a joint moves no mass."""
         if self._plain:
             full = self.model.configuration(q)
-            return np.array(pin.computeMinverse(self._pin, self._data, full))
+            W = pin.computeMinverse(self._pin, self._data, full)
+            return np.array(W).reshape(self.model.n, -1)
         try:
             return np.linalg.inv(self.mass(q))
         except np.linalg.LinAlgError:
@@ -62,8 +63,12 @@ class RigidTerms:
     def coriolis(self, q: Array, v: Array) -> Array:
         """C with dM/dt - 2 C skew-symmetric, shape (n, n)."""
         full = self.model.configuration(q), self.model.spread(v)
-        C = pin.computeCoriolisMatrix(self._pin, self._data, *full)
-        return np.array(self.model.gather_matrix(C))
+        return self._square(pin.computeCoriolisMatrix(self._pin, self._data, *full))
+
+    def _square(self, matrix: Array) -> Array:
+        # Pinocchio hands a single number out as a vector.
+        whole = np.array(matrix).reshape(self._pin.nv, -1)
+        return self.model.gather_matrix(whole)
 
 
 class FrameMotion:
@@ -101,17 +106,20 @@ class FrameMotion:
         J_dot = pin.getFrameJacobianTimeVariation(
             self._pin, self._data, self._frame, self._reference
         )
-        if self._model.has_followers:
-            J_dot = J_dot @ self._model.followers
-        J = self._jacobian()
-        return *self._placed(), J, J_dot
+        return *self._placed(), self._jacobian(), self._gathered(J_dot)
 
     def _placed(self) -> tuple[Array, Array]:
         placement = pin.updateFramePlacement(self._pin, self._data, self._frame)
         return placement.translation.copy(), placement.rotation.copy()
 
     def _jacobian(self) -> Array:
-        J: Array = pin.getFrameJacobian(self._pin, self._data, self._frame, self._reference)
+        return self._gathered(
+            pin.getFrameJacobian(self._pin, self._data, self._frame, self._reference)
+        )
+
+    def _gathered(self, J: Array) -> Array:
+        # Pinocchio hands a single column out as a vector.
+        J = J.reshape(6, -1)
         return J @ self._model.followers if self._model.has_followers else J
 
 
