@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_dynamics.model import Array
 from arm_dynamics.motion import Reference
-from arm_sim.compare_controllers.cases import ARMS, PACES, PLANTS, TASKS, Arm
+from arm_sim.compare_controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
 from arm_sim.compare_controllers.contenders import CONTENDERS
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.recording import Recording
@@ -135,7 +135,8 @@ def _measured(
     from_goal = np.linalg.norm(hand - goal, axis=1)
     past = (hand - goal) @ along
     side = hand - start - np.outer((hand - start) @ along, along)
-    led = done.time[-1] - (2.0 if task == "regulation" and pace == "fast" else 0.7)
+    jumps = task == "regulation" and pace == "fast"
+    led = done.time[-1] - (JUMP if jumps else STAY)
     power = np.sum(done.tau[:-1] * np.diff(done.q, axis=0), axis=1)
     return {
         "error": float(course.max()),
