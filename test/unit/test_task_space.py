@@ -197,6 +197,20 @@ def test_a_singular_state_is_flagged_and_finite() -> None:
     assert not task.effective_mass([0.3, 0.0], [-along[1], along[0]]).damped
 
 
+def test_the_inverse_is_bounded_through_a_singularity() -> None:
+    """Undamped it grows without bound as the elbow straightens; damped it reaches a maximum."""
+    elbows = np.linspace(-0.05, 0.05, 2001)
+    q = np.column_stack([np.full_like(elbows, 0.3), elbows])
+    for threshold, bound in ((1e-4, 500.0), (1e-2, 50.0)):
+        task = TaskSpace(
+            models.dynamics("two_link"), "tip", selection=("x", "z"), threshold=threshold
+        )
+        norms = np.linalg.norm(task.terms(q).inverse, axis=(1, 2))
+        assert norms.max() < bound
+        straight = np.linalg.norm(np.linalg.inv(task.jacobian(q[999])))
+        assert straight > 10 * bound
+
+
 def test_damping_sets_in_without_a_jump() -> None:
     """Across the threshold the inertia changes by no more than its own slope."""
     task = task_of("two_link", selection=("x", "z"))

@@ -171,13 +171,14 @@ class CartesianImpedance:
 class AlongJoints:
     """Lets a task controller follow joint references: their pose, velocity and acceleration."""
 
-    def __init__(self, control: TaskController, task: TaskSpace) -> None:
-        """Take a controller and the task it was made for."""
-        self._control, self._task = control, task
+    def __init__(self, control: TaskController, task: TaskSpace, force: float = 0.0) -> None:
+        """Take a controller, the task it was made for and the force in [N] to press with."""
+        self._control, self._task, self._force = control, task, force
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        return self._control.torque(state, task_reference(self._task, reference))
+        meant = task_reference(self._task, reference, self._force)
+        return self._control.torque(state, meant)
 
 
 def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) -> TaskReference:

@@ -11,7 +11,7 @@ import numpy as np
 from arm_dynamics.model import Array
 from arm_dynamics.motion import Reference
 from arm_sim.compare_controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
-from arm_sim.compare_controllers.contenders import CONTENDERS
+from arm_sim.compare_controllers.contenders import CONTENDERS, contender
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.recording import Recording
 from arm_sim.simulator import Simulator
@@ -102,7 +102,7 @@ def run(
         controller: One of ``CONTENDERS``.
     """
     arm, limit = ARMS[key], sim.model.effort_limit
-    control = CONTENDERS[controller](arm, sim.dt, limit)
+    control = contender(controller, arm, sim.dt, limit)
     sample, duration = arm.motion(task, pace)
     sim.reset()
     try:
