@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput, load_scene, ArmModel
+from arm_dynamics import ArmModel, InvalidInput, load_scene
 from arm_dynamics.control import ComputedTorque, Measured
 from arm_dynamics.control_friction import FrictionFeedForward
 from arm_dynamics.control_joint import (

@@ -118,7 +118,9 @@ def test_straight_line_at_half_a_metre_per_second(profile: str) -> None:
     """Panda, within a tenth of a millimetre of where it should be, in both spaces."""
     sim, task = models.simulator("panda", dt=1e-3), panda()
     start = task.pose(sim.state.q)
-    end = Pose(start.position + [0.1, 0.35, -0.15], pin.exp3(np.array([0.2, 0, 0.3])) @ start.rotation)
+    end = Pose(
+        start.position + [0.1, 0.35, -0.15], pin.exp3(np.array([0.2, 0, 0.3])) @ start.rotation
+    )
     motion = timed(line(start, end), 0.5, 2.0, profile)
     path = joint_path(task, motion)
     laws = (

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse kinematics and joint paths: poses that are reached, paths that are followed, refusals."""
+"""Inverse kinematics and joint paths: poses reached, paths followed, requests refused."""
 
 from __future__ import annotations
 

@@ -8,6 +8,7 @@ quaternion curves", SIGGRAPH 1985).
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import NamedTuple, Protocol
 
@@ -191,6 +192,7 @@ def timed(
     Raises:
         InvalidInput: If a number or the profile is not allowed.
     """
+    profiles: dict[str, Callable[[float, float, float], Timing]]
     profiles = {"quintic": Quintic.within, "trapezoid": Trapezoid.within}
     if profile not in profiles:
         raise InvalidInput(f"profile = {profile!r}; allowed: quintic, trapezoid")

@@ -38,7 +38,7 @@ class Settings:
 
     Attributes:
         dt: Time between calls in [s].
-        bandwidth: ω in [rad/s], a number or one for each joint; the task controllers take a number.
+        bandwidth: ω in [rad/s], a number or one for each joint; task controllers take a number.
         damping_ratio: ζ, likewise.
         frame: Frame that the task controllers lead; they need one.
         axes: Axes of their task.
@@ -84,9 +84,7 @@ def make_controller(
     control = _BUILDERS[name](dynamics, settings)
     if settings.observer is None:
         return control
-    return DisturbanceObserver(
-        control, dynamics, settings.dt, settings.observer, settings.limit
-    )
+    return DisturbanceObserver(control, dynamics, settings.dt, settings.observer, settings.limit)
 
 
 def _pd(dynamics: Dynamics, s: Settings) -> AnyController:

@@ -215,7 +215,11 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
     """
     q, v = state.q, state.v
     if isinstance(q, np.ndarray) and isinstance(v, np.ndarray):
-        if q.shape == v.shape == (n,) and q.dtype == v.dtype == float and np.isfinite(q @ q + v @ v):
+        if (
+            q.shape == v.shape == (n,)
+            and q.dtype == v.dtype == float
+            and np.isfinite(q @ q + v @ v)
+        ):
             return q, v
     for name, value in (("state.q", q), ("state.v", v)):
         if vector(name, value, n).ndim != 1:

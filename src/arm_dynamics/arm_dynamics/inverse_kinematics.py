@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.dynamics import vector
 from arm_dynamics.exceptions import InvalidInput, Unreachable
@@ -95,19 +95,15 @@ class InverseKinematics:
             InvalidInput: If the pose is no pose or the seed has a wrong shape or value.
         """
         pose = checked_pose(pose)
-        best, steps = None, 0
-        for tried, start in enumerate(self._starts(seed), 1):
-            q, distance, angle, taken = self._descend(pose, start)
-            steps += taken
-            reached = distance <= self._distance and angle <= self._angle
-            if best is None or distance + _ANGLE * angle < best[1] + _ANGLE * best[2]:
-                best = q, distance, angle
-            if reached or tried == self._seeds:
+        tries = []
+        for start in self._starts(seed):
+            tries.append(self._descend(pose, start))
+            if self._reached(*tries[-1][1:3]):
                 break
-        q, distance, angle = best
+        q, distance, angle, _ = min(tries, key=lambda end: end[1] + _ANGLE * end[2])
         q.setflags(write=False)
-        reached = distance <= self._distance and angle <= self._angle
-        return Solution(q, reached, distance, angle, tried, steps, self._names(self._held(q)))
+        reached, steps = self._reached(distance, angle), sum(end[3] for end in tries)
+        return Solution(q, reached, distance, angle, len(tries), steps, self._at_limit(q))
 
     def reach(self, pose: Pose, seed: ArrayLike | None = None) -> Array:
         """Joint positions for a pose.
@@ -151,7 +147,8 @@ class InverseKinematics:
         low, high = _range(model)
         random = np.random.default_rng(0).uniform(low, high, (self._seeds, model.n))
         starts = [first] if seed is None else [first, model.q0]
-        return [np.clip(q, self._lower, self._upper) for q in (*starts, *random)]
+        both = [*starts, *random][: self._seeds]
+        return [np.clip(q, self._lower, self._upper) for q in both]
 
     def _descend(self, pose: Pose, q: Array) -> tuple[Array, float, float, int]:
         """Step until the pose is reached or nothing is gained any more."""
@@ -185,7 +182,7 @@ class InverseKinematics:
         largest = float(abs(dq).max())
         return dq if largest <= 1.0 else dq / largest
 
-    def _pushes_out(self, q: Array, dq: Array) -> Array:
+    def _pushes_out(self, q: Array, dq: Array) -> NDArray[np.bool_]:
         return ((q <= self._lower) & (dq < 0.0)) | ((q >= self._upper) & (dq > 0.0))
 
     def _error(self, pose: Pose, q: Array) -> tuple[Array, Array]:
@@ -207,11 +204,13 @@ class InverseKinematics:
         distance, angle = self._missing(error)
         return distance <= 0.5 * self._distance and angle <= 0.5 * self._angle
 
-    def _held(self, q: Array) -> Array:
-        return np.asarray((q <= self._lower) | (q >= self._upper))
+    def _reached(self, distance: float, angle: float) -> bool:
+        return distance <= self._distance and angle <= self._angle
 
-    def _names(self, which: Array) -> tuple[str, ...]:
-        return tuple(name for name, yes in zip(self.task.model.joint_names, which, strict=True) if yes)
+    def _at_limit(self, q: Array) -> tuple[str, ...]:
+        held = (q <= self._lower) | (q >= self._upper)
+        names = self.task.model.joint_names
+        return tuple(name for name, yes in zip(names, held, strict=True) if yes)
 
 
 def checked_pose(pose: Pose) -> Pose:

@@ -21,7 +21,7 @@ from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.inverse_kinematics import InverseKinematics
 from arm_dynamics.model import Array
 from arm_dynamics.motion import Reference, Trajectory
-from arm_dynamics.pacing import velocity_stretch, torque_stretch
+from arm_dynamics.pacing import torque_stretch, velocity_stretch
 from arm_dynamics.quintic import segment_coefficients
 from arm_dynamics.task_algebra import pseudo_inverse, task_inertia
 from arm_dynamics.task_space import TaskSpace
@@ -97,7 +97,7 @@ def joint_path(
     start = path.at(0.0)
     q = solver.reach(Pose(start.position, start.rotation), seed)
     us = np.linspace(0.0, 1.0, knots + 1)
-    rows = []
+    rows: list[tuple[Array, Array, Array]] = []
     for u in us:
         if rows:
             q = _advance(task, path, u - 1.0 / knots, 1.0 / knots, q)
@@ -159,7 +159,7 @@ def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array
 
 
 def _derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Array, Array]:
-    """q' and q'' on the path."""
+    """Q' and q'' on the path."""
     rows = task.rows
     J = task.motion.jacobian(q)[rows]
     if task.m > task.n or task_inertia(J @ J.T, task.linear, task.threshold).damped:

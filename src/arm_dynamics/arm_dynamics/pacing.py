@@ -18,7 +18,7 @@ from arm_dynamics.model import ArmModel, Array
 
 
 def velocity_stretch(model: ArmModel, v: Array) -> float:
-    """Factor of slowness, at least one, for velocities of shape (k, n) within the model's limits."""
+    """Factor of slowness, at least one, for velocities (k, n) within the model's limits."""
     return max(1.0, float(np.max(abs(v) / model.velocity_limit)))
 
 

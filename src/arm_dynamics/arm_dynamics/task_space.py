@@ -200,7 +200,9 @@ class TaskSpace:
         u = vector("direction", direction, self.m)
         length = float(np.linalg.norm(u))
         if u.ndim != 1 or length < 1e-12:
-            raise InvalidInput(f"direction = {u}; a vector of shape ({self.m},) but zero is wanted")
+            raise InvalidInput(
+                f"direction = {u}; a vector of shape ({self.m},) but zero is wanted"
+            )
         return u / length
 
     def _checked(self, **vectors: ArrayLike) -> list[Array]:

@@ -15,7 +15,9 @@ if TYPE_CHECKING:
     from arm_sim.compare_controllers.measure import Result
 
 
-@click.command("compare-controllers", short_help="Regulation and a straight line, nine controllers.")
+@click.command(
+    "compare-controllers", short_help="Regulation and a straight line, nine controllers."
+)
 @click.option(
     "--arm", "arms", multiple=True, type=click.Choice(["panda", "two_link"]),
     help="Arm to compare on; may be repeated. All when left out.",

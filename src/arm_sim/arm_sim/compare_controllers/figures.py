@@ -53,7 +53,7 @@ def _errors(results: Sequence[Result]) -> Figure:
         _dots(axes[1, column], point, [r.final for r in point])
         how = "set-point led there in 1.5 s" if pace == "slow" else "set-point jumps"
         axes[1, column].set_title(f"Regulation, {how}: distance that remains")
-    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
+    figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
 
@@ -79,7 +79,9 @@ def _courses(results: Sequence[Result]) -> Figure:
     """Error over time of the fast line, one panel for each plant."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    figure.suptitle(f"{ARMS[results[0].arm].title}: fast straight line, distance from the reference")
+    figure.suptitle(
+        f"{ARMS[results[0].arm].title}: fast straight line, distance from the reference"
+    )
     shades = [f"C{i}" for i in range(len(CONTENDERS))]
     for axis, plant in zip(np.ravel(axes), PLANTS, strict=True):
         for shade, controller in zip(shades, CONTENDERS, strict=True):

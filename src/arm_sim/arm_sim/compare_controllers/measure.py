@@ -5,8 +5,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.model import Array
 from arm_dynamics.motion import Reference
@@ -88,9 +90,7 @@ def _runs(arms: tuple[str, ...]) -> Iterator[tuple[str, str, Result]]:
                         yield key, plant, run(key, sim, plant, task, pace, controller)
 
 
-def run(
-    key: str, sim: Simulator, plant: str, task: str, pace: str, controller: str
-) -> Result:
+def run(key: str, sim: Simulator, plant: str, task: str, pace: str, controller: str) -> Result:
     """Run one contender on one case.
 
     Args:
@@ -124,7 +124,7 @@ def _measured(
     task: str,
     pace: str,
     limit: Array,
-) -> dict[str, object]:
+) -> dict[str, Any]:
     references = [sample(float(t)) for t in done.time]
     wanted = arm.task.pose(np.array([r.q for r in references])).position
     hand = arm.task.pose(done.q).position
@@ -152,7 +152,7 @@ def _measured(
     }
 
 
-def _settling(time: Array, away: Array, led: float) -> float:
+def _settling(time: Array, away: NDArray[np.bool_], led: float) -> float:
     if away[-1]:
         return float(np.inf)
     last = int(np.flatnonzero(away)[-1]) if away.any() else 0
