@@ -44,7 +44,7 @@ class Settings:
         axes: Axes of their task.
         direction: Direction in the world along which ``motion_force`` presses, shape (3,).
         force: With how much, in [N].
-        friction: Whether to feed the model's friction forward.
+        friction: Whether to feed the model's friction forward; computed torque always does.
         observer: Bandwidth of a disturbance observer in [1/s], or None for none.
         limit: Torque limits in [N m] or [N], a number or shape (n,), for what remembers.
     """

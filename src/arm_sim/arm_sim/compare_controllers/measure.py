@@ -38,7 +38,7 @@ class Result:
         settling: Time after the end of the reference until the hand stays within 2 % of the way
             from the goal in [s]; inf if it does not.
         effort: Root mean square of the torque over time, all joints together, in [N m].
-        energy: Work that the drives put in (what they brake is not given back) in [J].
+        energy: Work that the drives put in, each alone; what one brakes is lost; in [J].
         saturated: Share of the time with a torque at its limit in [%].
         time: Times of the course in [s].
         course: Distance of the hand from its reference over time in [mm].
@@ -137,7 +137,7 @@ def _measured(
     side = hand - start - np.outer((hand - start) @ along, along)
     jumps = task == "regulation" and pace == "fast"
     led = done.time[-1] - (JUMP if jumps else STAY)
-    power = np.sum(done.tau[:-1] * np.diff(done.q, axis=0), axis=1)
+    work = done.tau[:-1] * np.diff(done.q, axis=0)
     return {
         "error": float(course.max()),
         "aside": float(1e3 * np.linalg.norm(side, axis=1).max()) if task == "line" else None,
@@ -145,7 +145,7 @@ def _measured(
         "overshoot": float(100.0 * max(past.max(), 0.0) / way),
         "settling": _settling(done.time, from_goal > _SETTLED * way, max(led, 0.0)),
         "effort": float(np.sqrt(np.mean(np.sum(done.tau**2, axis=1)))),
-        "energy": float(np.maximum(power, 0.0).sum()),
+        "energy": float(np.maximum(work, 0.0).sum()),
         "saturated": float(100.0 * np.mean((abs(done.tau) >= limit).any(axis=1))),
         "time": done.time,
         "course": course,
