@@ -29,6 +29,7 @@ from arm_dynamics.control_task import (
 )
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.task_algebra import axis_masses
 from arm_dynamics.task_space import TaskSpace
 
 
@@ -133,9 +134,10 @@ def _motion_force(dynamics: Dynamics, s: Settings) -> AnyController:
 
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
-    mobility = np.linalg.inv(task.terms(dynamics.model.q0).inertia).diagonal()
+    J, W = task.jacobian(dynamics.model.q0), np.linalg.inv(dynamics.mass_matrix(dynamics.model.q0))
+    mass = axis_masses(J @ W @ J.T, task.terms(dynamics.model.q0).inertia)
     law = CartesianImpedance(
-        task, np.asarray(s.bandwidth, float) ** 2 / mobility, s.damping_ratio,
+        task, np.asarray(s.bandwidth, float) ** 2 * mass, s.damping_ratio,
         posture_bandwidth=s.bandwidth, friction=s.friction,
     )  # fmt: skip
     return AlongJoints(law, task)

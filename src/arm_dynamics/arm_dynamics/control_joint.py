@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 from numpy.typing import ArrayLike
 
@@ -11,6 +13,8 @@ from arm_dynamics.dynamics import Dynamics, vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference
 from arm_dynamics.rigid_terms import RigidTerms
+
+_FLOAT = np.dtype(float)
 
 
 class PD:
@@ -217,8 +221,8 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
     if isinstance(q, np.ndarray) and isinstance(v, np.ndarray):
         if (
             q.shape == v.shape == (n,)
-            and q.dtype == v.dtype == float
-            and np.isfinite(q @ q + v @ v)
+            and q.dtype == v.dtype == _FLOAT
+            and math.isfinite(q.dot(q) + v.dot(v))
         ):
             return q, v
     for name, value in (("state.q", q), ("state.v", v)):

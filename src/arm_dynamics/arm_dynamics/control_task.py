@@ -16,7 +16,7 @@ from arm_dynamics.control_joint import checked
 from arm_dynamics.dynamics import vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference
-from arm_dynamics.task_algebra import inertia_matrix
+from arm_dynamics.task_algebra import axis_masses, inertia_matrix
 from arm_dynamics.task_space import TaskSpace
 
 
@@ -113,15 +113,16 @@ class MotionForce:
         self._arm = _Arm(task, posture, posture_bandwidth, friction)
         self._kp, self._kd = gains(bandwidth, damping_ratio, task.m)
         self._along = _direction(task, direction)
-        self._across = np.eye(task.m) - np.outer(self._along, self._along)
+        square = np.outer(self._along, self._along)
+        self._across = np.eye(task.m) - square
+        self._brake = (self._kd @ self._along**2) * square
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         now, u = self._arm.look(state, reference), self._along
         wanted = now.ahead + self._kd * now.rate + self._kp * now.error
-        wanted = self._across @ wanted - u * (self._kd @ (u * u) * (u @ now.velocity))
-        tau = self._arm.drive(now, reference, wanted)
-        return tau + now.J.T @ (u * reference.force)
+        wanted = self._across @ wanted - self._brake @ now.velocity
+        return self._arm.drive(now, reference, wanted) + (reference.force * u) @ now.J
 
 
 class CartesianImpedance:
@@ -129,8 +130,8 @@ class CartesianImpedance:
 
     The arm keeps its own effective inertia, so no force need be measured (Hogan, "Impedance
     control", ASME J. Dyn. Sys. Meas. Control 107, 1985; Ott, Cartesian Impedance Control of
-    Redundant and Flexible-Joint Robots, 2008, section 3.2). D = 2 ζ √(K m) with m the effective
-    mass of each axis.
+    Redundant and Flexible-Joint Robots, 2008, section 3.2). D = 2 ζ √(K m) with m the mass
+    of each axis, see ``task_algebra.axis_masses``.
     """
 
     def __init__(
@@ -162,10 +163,10 @@ class CartesianImpedance:
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         now, K = self._arm.look(state, reference), self._stiffness
-        # The mobility of an axis is bounded below, for it vanishes at a singularity.
-        mobility = np.maximum(now.mobility, self._arm.task.threshold * now.mobility.max() + 1e-12)
-        force = K * now.error + self._ratio * np.sqrt(K / mobility) * now.rate
-        return self._arm.drive(now, reference, now.ahead) + now.J.T @ force
+        force = (
+            K * now.error + self._ratio * np.sqrt(K * axis_masses(now.A, now.inertia)) * now.rate
+        )
+        return self._arm.drive(now, reference, now.ahead) + force @ now.J
 
 
 class AlongJoints:
@@ -208,7 +209,8 @@ class _Now(NamedTuple):
     v: Array
     J: Array
     J_bar: Array
-    mobility: Array  # diagonal of J M⁻¹ Jᵀ
+    A: Array  # J M⁻¹ Jᵀ
+    inertia: Array
     drift: Array  # J̇ q̇
     velocity: Array
     error: Array
@@ -242,11 +244,11 @@ class _Arm:
         error[3:] = pin.log3(reference.rotation @ rotation.T)
         JW = J @ task.rigid.mobility(q)
         A = JW @ J.T
-        J_bar = JW.T @ inertia_matrix(A, task.linear, task.threshold)
+        L = inertia_matrix(A, task.linear, task.threshold)
         x_dot = J @ v
         rate = reference.velocity[rows] - x_dot
         now = error[rows], rate, reference.acceleration[rows]
-        return _Now(q, v, J, J_bar, A.diagonal(), drift, x_dot, *now)
+        return _Now(q, v, J, JW.T @ L, A, L, drift, x_dot, *now)
 
     def drive(self, now: _Now, reference: TaskReference, wanted: Array) -> Array:
         """Torque that accelerates the frame as wanted and otherwise seeks the posture."""

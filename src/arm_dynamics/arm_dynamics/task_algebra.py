@@ -83,6 +83,21 @@ def inertia_matrix(A: Array, linear: int, threshold: float = THRESHOLD) -> Array
     return task_inertia(A, linear, threshold).matrix
 
 
+def axis_masses(A: Array, inertia: Array) -> Array:
+    """Mass of every axis for choosing gains, bounded through singularities, shape (m,).
+
+    That with the other axes held, Λ_ii, which is infinite at a singularity that is not along an
+    axis; hence at most ten times that with the others free, 1 / A_ii, and never more than the
+    damped inertia itself.
+
+    Args:
+        A: Mobility J M⁻¹ Jᵀ, shape (m, m).
+        inertia: Λ of shape (m, m).
+    """
+    held = inertia.diagonal()
+    return np.asarray(held / np.maximum(0.1 * held * A.diagonal(), 1.0))
+
+
 def _scales(A: Array, linear: int) -> Array:
     diagonal = np.maximum(A.diagonal(0, -2, -1), 0.0)
     scale = np.empty_like(diagonal)
