@@ -122,14 +122,27 @@ def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array
     Raises:
         InvalidInput: If a gain has a wrong shape or value.
     """
-    omega = _gain("bandwidth", bandwidth, n)
-    return omega**2, 2.0 * _gain("damping_ratio", damping_ratio, n) * omega
+    omega = gain("bandwidth", bandwidth, n)
+    return omega**2, 2.0 * gain("damping_ratio", damping_ratio, n) * omega
 
 
-def _gain(name: str, value: ArrayLike, n: int) -> Array:
-    gain = numbers(name, value)
-    if gain.shape not in ((), (1,), (n,)):
-        raise InvalidInput(f"{name} has shape {gain.shape}; allowed is a number or shape ({n},)")
-    if np.any(gain < 0.0):
-        raise InvalidInput(f"{name} is {gain}; allowed are numbers that are not negative")
-    return np.array(np.broadcast_to(gain, (n,)))
+def gain(name: str, value: ArrayLike, n: int) -> Array:
+    """Check a gain of every joint.
+
+    Args:
+        name: What it is called, for messages.
+        value: A number or shape (n,), not negative.
+        n: Number of joints.
+
+    Returns:
+        The gain of shape (n,).
+
+    Raises:
+        InvalidInput: If it has a wrong shape or value.
+    """
+    given = numbers(name, value)
+    if given.shape not in ((), (1,), (n,)):
+        raise InvalidInput(f"{name} has shape {given.shape}; allowed is a number or shape ({n},)")
+    if np.any(given < 0.0):
+        raise InvalidInput(f"{name} is {given}; allowed are numbers that are not negative")
+    return np.array(np.broadcast_to(given, (n,)))

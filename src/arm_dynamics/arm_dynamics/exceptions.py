@@ -6,6 +6,7 @@ Each says what is wrong, the value and what is allowed.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 
 
@@ -23,6 +24,14 @@ class ModelError(SceneError):
 
 class InvalidInput(ArmError, ValueError):
     """An argument has the wrong shape, an unknown name or a value that is not allowed."""
+
+
+class Unreachable(ArmError):
+    """A pose or a path that the arm cannot take; ``residual`` is what is missing, if known."""
+
+    def __init__(self, message: str, residual: float = math.nan) -> None:
+        super().__init__(message)
+        self.residual = residual
 
 
 class KernelError(ArmError):

@@ -1,0 +1,35 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Switching controllers while the arm moves: abruptly, and without a jump of the torque."""
+
+from importlib.resources import files
+
+import numpy as np
+
+from arm_dynamics.control_choice import Settings, make_controller
+from arm_dynamics.control_run import Switch
+from arm_dynamics.motion import Waypoint
+from arm_dynamics.trajectory import quintic
+from arm_sim import Simulator
+
+sim = Simulator(files("arm_sim") / "scenes/panda.yaml", dt=1e-3)
+goal = sim.state.q + [0.4, 0.3, -0.2, 0.3, 0.2, 0.3, -0.4]
+motion = quintic([Waypoint(0.0, sim.state.q), Waypoint(1.6, goal)])
+settings = Settings(dt=sim.dt, bandwidth=10.0, frame="panda_hand_tcp")
+order = ("pd_gravity", "cartesian_impedance", "computed_torque", "operational_space")
+laws = [make_controller(name, sim.dynamics, settings) for name in order]
+
+jumps = {}
+for fade in (0.0, 0.2):
+    sim.reset()
+    control, torques = Switch(laws[0], sim.dt, fade), []
+    for tick in range(2400):
+        if tick and tick % 500 == 0 and tick // 500 < len(laws):
+            control.to(laws[tick // 500])
+        torques.append(control.torque(sim.state, motion.sample(sim.state.time)))
+        sim.step(torques[-1])
+    steps = abs(np.diff(torques, axis=0)).max(axis=1)
+    jumps[fade] = steps.max()
+    print(f"fade {fade:.1f} s: largest step of a torque from tick to tick {steps.max():.3f} N m, "
+          f"error at the end {abs(sim.state.q - goal).max():.1e} rad")  # fmt: skip
+
+assert jumps[0.2] < 0.2 * jumps[0.0]

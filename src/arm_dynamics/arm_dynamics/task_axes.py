@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which axes of a frame a task is about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+import numpy as np
+
+from arm_dynamics.exceptions import InvalidInput, known_names
+
+AXES = ("x", "y", "z", "rx", "ry", "rz")
+_GROUPS = {"pose": AXES, "position": AXES[:3], "orientation": AXES[3:]}
+
+
+def chosen_axes(selection: str | Iterable[str]) -> tuple[str, ...]:
+    """Read a selection.
+
+    Args:
+        selection: ``pose``, ``position``, ``orientation``, or names out of x, y, z (along) and rx,
+            ry, rz (about the axes).
+
+    Returns:
+        Names in the order x, y, z, rx, ry, rz.
+
+    Raises:
+        InvalidInput: If a name is unknown, given twice, or none is given.
+    """
+    if isinstance(selection, str) and selection in _GROUPS:
+        return _GROUPS[selection]
+    names = (selection,) if isinstance(selection, str) else tuple(selection)
+    if not names or len(set(names)) < len(names) or not set(names) <= set(AXES):
+        allowed = f"{known_names(_GROUPS)}, or different names out of {known_names(AXES)}"
+        raise InvalidInput(f"selection = {selection!r}; allowed: {allowed}")
+    return tuple(axis for axis in AXES if axis in names)
+
+
+def rows_of(axes: tuple[str, ...]) -> slice | np.ndarray:
+    """Rows of a Jacobian for axes; a slice where they are neighbours, for it copies nothing."""
+    rows = [AXES.index(axis) for axis in axes]
+    if rows == list(range(rows[0], rows[-1] + 1)):
+        return slice(rows[0], rows[-1] + 1)
+    return np.array(rows)

@@ -1,0 +1,215 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inverse kinematics and joint paths: poses reached, paths followed, requests refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import models
+from arm_dynamics import ArmError, InvalidInput
+from arm_dynamics.cartesian import circle, line, timed
+from arm_dynamics.exceptions import Unreachable
+from arm_dynamics.inverse_kinematics import InverseKinematics
+from arm_dynamics.joint_path import joint_path, paced
+from arm_dynamics.pacing import torque_stretch
+from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.task_terms import Pose
+from arm_dynamics.timing import Quintic, Trapezoid
+
+FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "puma560": None, "kinova": None}
+
+
+def task_of(name: str, selection: object = "pose") -> TaskSpace:
+    model = models.dynamics(name).model
+    return TaskSpace(model, FRAMES[name] or model.frame_names[-1], selection=selection)
+
+
+@pytest.mark.parametrize("name", FRAMES)
+def test_reachable_poses_are_reached_within_limits(name: str, rng: np.random.Generator) -> None:
+    task = task_of(name)
+    model, solver = task.model, InverseKinematics(task)
+    low = np.where(np.isfinite(model.position_lower), model.position_lower, -np.pi)
+    high = np.where(np.isfinite(model.position_upper), model.position_upper, np.pi)
+    for q in rng.uniform(low, high, (8, model.n)):
+        wanted = task.pose(q)
+        found = solver.reach(wanted)
+        got = task.pose(found)
+        np.testing.assert_allclose(got.position, wanted.position, atol=2e-9)
+        np.testing.assert_allclose(got.rotation, wanted.rotation, atol=3e-9)
+        assert np.all(found >= model.position_lower) and np.all(found <= model.position_upper)
+
+
+def test_a_near_seed_keeps_the_branch(rng: np.random.Generator) -> None:
+    task = task_of("ur10")
+    q = models.dynamics("ur10").model.q0 + [0.3, -1.0, 1.2, -0.4, 0.8, 0.2]
+    found = InverseKinematics(task).solve(task.pose(q), q + 0.02 * rng.normal(size=6))
+    assert found.reached and found.seeds == 1
+    np.testing.assert_allclose(found.q, q, atol=1e-6)
+
+
+def test_position_alone_leaves_the_rest_free() -> None:
+    task = task_of("panda", "position")
+    goal = Pose(np.array([0.4, 0.3, 0.5]), np.eye(3))
+    found = InverseKinematics(task).solve(goal)
+    assert found.reached
+    np.testing.assert_allclose(task.pose(found.q).position, goal.position, atol=1e-9)
+
+
+def test_out_of_reach_is_said_with_what_is_missing() -> None:
+    task = task_of("panda", "position")
+    goal = Pose(np.array([3.0, 0.0, 0.333]), np.eye(3))
+    solver = InverseKinematics(task, seeds=3)
+    found = solver.solve(goal)
+    reach = np.linalg.norm(task.pose(found.q).position - goal.position)
+    assert not found.reached and found.seeds == 3
+    np.testing.assert_allclose(found.distance, reach)
+    with pytest.raises(Unreachable, match=r"frame 'panda_hand_tcp' cannot be brought .* m and"):
+        solver.reach(goal)
+    assert issubclass(Unreachable, ArmError)
+
+
+def test_bad_poses_and_seeds_are_refused() -> None:
+    solver = InverseKinematics(task_of("panda"))
+    with pytest.raises(InvalidInput, match="is no rotation"):
+        solver.solve(Pose(np.zeros(3), 2.0 * np.eye(3)))
+    with pytest.raises(InvalidInput, match="is no rotation"):
+        solver.solve(Pose(np.zeros(3), np.diag([1.0, 1.0, -1.0])))
+    with pytest.raises(InvalidInput, match=r"pose.position\[0\] = nan"):
+        solver.solve(Pose(np.full(3, np.nan), np.eye(3)))
+    with pytest.raises(InvalidInput, match=r"seed has shape \(3,\)"):
+        solver.solve(Pose(np.zeros(3), np.eye(3)), np.zeros(3))
+    with pytest.raises(InvalidInput, match="positive numbers are wanted"):
+        InverseKinematics(task_of("panda"), distance=0.0)
+    with pytest.raises(InvalidInput, match="'local_world_aligned' is wanted"):
+        InverseKinematics(TaskSpace(models.dynamics("panda"), "panda_hand", "local"))
+
+
+def reference_line(task: TaskSpace, profile: str = "quintic", speed: float = 0.5):
+    start = task.pose(task.model.q0)
+    turn = pin.exp3(np.array([0.3, 0.2, 0.5]))
+    end = Pose(start.position + [0.1, 0.35, -0.2], turn @ start.rotation)
+    return timed(line(start, end), speed, 2.0, profile)
+
+
+@pytest.mark.parametrize("profile", ["quintic", "trapezoid"])
+def test_joint_path_follows_pose_velocity_and_acceleration(profile: str) -> None:
+    task = task_of("panda")
+    motion = reference_line(task, profile)
+    path = joint_path(task, motion)
+    for t in np.linspace(1e-3, motion.duration - 1e-3, 57):
+        joints, wanted = path.sample(float(t)), motion.sample(float(t))
+        pose = task.pose(joints.q)
+        np.testing.assert_allclose(pose.position, wanted.position, atol=1e-12)
+        np.testing.assert_allclose(pose.rotation, wanted.rotation, atol=1e-12)
+        J = task.jacobian(joints.q)
+        np.testing.assert_allclose(J @ joints.v, wanted.velocity, atol=1e-9)
+        x_dd = J @ joints.a + task.bias(joints.q, joints.v)
+        np.testing.assert_allclose(x_dd, wanted.acceleration, atol=1e-6)
+
+
+def test_joint_path_derivatives_are_those_of_its_positions() -> None:
+    """Null space included, which the frame does not show."""
+    path = joint_path(task_of("panda"), reference_line(task_of("panda")))
+    h = 1e-4
+    for t in np.linspace(0.1, path.duration - 0.1, 13):
+        behind, here, ahead = (path.sample(float(t + k * h)) for k in (-1, 0, 1))
+        np.testing.assert_allclose((ahead.q - behind.q) / (2 * h), here.v, atol=1e-6)
+        np.testing.assert_allclose((ahead.v - behind.v) / (2 * h), here.a, atol=1e-5)
+
+
+def test_least_joint_motion_has_no_null_space_part() -> None:
+    task = task_of("panda")
+    path = joint_path(task, reference_line(task))
+    for t in np.linspace(0.1, path.duration - 0.1, 7):
+        joints = path.sample(float(t))
+        J = task.jacobian(joints.q)
+        np.testing.assert_allclose(np.linalg.pinv(J) @ J @ joints.v, joints.v, atol=1e-8)
+
+
+def test_a_whole_circle_returns_and_keeps_its_radius() -> None:
+    task = task_of("panda")
+    start = task.pose(task.model.q0)
+    centre = start.position + [0.0, 0.08, 0.0]
+    motion = timed(circle(start, centre, [1, 0, 0], 2 * np.pi), 0.3, 1.0)
+    path = joint_path(task, motion)
+    for t in np.linspace(0.0, motion.duration, 23):
+        arm = task.pose(path.sample(float(t)).q).position - centre
+        np.testing.assert_allclose(np.linalg.norm(arm), 0.08, atol=1e-11)
+        rate = np.linalg.norm(motion.sample(float(t)).velocity[:3])
+        assert rate <= 0.3 + 1e-12
+    end = task.pose(path.sample(motion.duration).q)
+    np.testing.assert_allclose(end.position, start.position, atol=1e-11)
+
+
+def test_slerp_turns_evenly_about_one_axis() -> None:
+    start = Pose(np.zeros(3), pin.exp3(np.array([0.1, 0.4, -0.2])))
+    end = Pose(np.array([1.0, 0, 0]), pin.exp3(np.array([0.0, -1.0, 2.0])))
+    way = line(start, end)
+    np.testing.assert_allclose(way.at(1.0).rotation, end.rotation, atol=1e-12)
+    whole = pin.log3(end.rotation @ start.rotation.T)
+    half = pin.log3(way.at(0.5).rotation @ start.rotation.T)
+    np.testing.assert_allclose(half, 0.5 * whole, atol=1e-12)
+    h = 1e-6
+    rate = pin.log3(way.at(0.3 + h).rotation @ way.at(0.3 - h).rotation.T) / (2 * h)
+    np.testing.assert_allclose(rate, way.at(0.3).first[3:], atol=1e-8)
+
+
+@pytest.mark.parametrize("law", [Quintic, Trapezoid])
+@pytest.mark.parametrize("length", [0.01, 0.5])
+def test_timing_reaches_a_limit_and_exceeds_none(law: type, length: float) -> None:
+    timing = law.within(length, 0.5, 2.0)
+    t = np.linspace(0.0, timing.duration, 2001)
+    u, rate, rise = np.array([timing.at(float(x)) for x in t]).T
+    assert u[0] == 0.0 and abs(u[-1] - 1.0) < 1e-12
+    speed, acceleration = length * rate.max() / 0.5, length * abs(rise).max() / 2.0
+    assert max(speed, acceleration) <= 1.0 + 1e-9
+    assert max(speed, acceleration) > 1.0 - 1e-3
+    np.testing.assert_allclose(np.gradient(u, t)[5:-5], rate[5:-5], atol=3e-3 * rate.max())
+    slow = timing.slower(2.0)
+    assert slow.duration == 2 * timing.duration
+    np.testing.assert_allclose(slow.at(0.6 * timing.duration)[1] * 2,
+                               timing.at(0.3 * timing.duration)[1])  # fmt: skip
+
+
+def test_pacing_brings_torque_to_its_limit_and_no_further() -> None:
+    dyn, task = models.dynamics("panda"), task_of("panda")
+    path = joint_path(task, reference_line(task, speed=1.5))
+    _, q, v, a = path.table(400)
+    peak, weight = abs(dyn.inverse(q, v, a)).max(axis=0), abs(dyn.gravity(q)).max(axis=0)
+    limit = weight + 0.3 * np.maximum(peak - weight, 0.1)
+    slower = paced(path, dyn, limit)
+    assert slower.duration > 1.05 * path.duration
+    _, q, v, a = slower.table(400)
+    share = (abs(dyn.inverse(q, v, a)) / limit).max()
+    speed = (abs(v) / dyn.model.velocity_limit).max()
+    np.testing.assert_allclose(max(share, speed), 1.0, atol=1e-9)
+
+
+def test_a_slow_motion_is_left_alone() -> None:
+    dyn, task = models.dynamics("panda"), task_of("panda")
+    path = joint_path(task, reference_line(task, speed=0.1))
+    assert paced(path, dyn).duration == path.duration
+
+
+def test_infeasible_requests_are_refused() -> None:
+    dyn, task = models.dynamics("panda"), task_of("panda")
+    path = joint_path(task, reference_line(task))
+    _, q, v, a = path.table(50)
+    with pytest.raises(Unreachable, match=r"weight and dry friction of joint 'panda_joint\d'"):
+        torque_stretch(dyn, q, v, a, np.full(7, 1.0))
+    start = task.pose(dyn.model.q0)
+    far = Pose(start.position + [1.5, 0.0, 0.0], start.rotation)
+    with pytest.raises(Unreachable, match="of its way|of the path"):
+        joint_path(task, timed(line(start, far), 0.5, 2.0))
+    with pytest.raises(InvalidInput, match="are the same"):
+        line(start, start)
+    with pytest.raises(InvalidInput, match="beside the plane"):
+        circle(start, start.position + [0.1, 0.1, 0.1], [1, 0, 0], 1.0)
+    with pytest.raises(InvalidInput, match="none of them may be zero"):
+        circle(start, start.position + [0, 0.1, 0], [1, 0, 0], 0.0)
+    with pytest.raises(InvalidInput, match="speed is 0"):
+        timed(line(start, far), 0.0, 1.0)
+    with pytest.raises(InvalidInput, match="profile = 'cubic'"):
+        timed(line(start, far), 1.0, 1.0, "cubic")

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The planar arm of two point masses, written out in the frame of its second link.
+
+Craig, Introduction to Robotics, example 6.6, derived again; rates are those of the components
+along the moving axes.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_dynamics import Dynamics
+from arm_dynamics.task_space import TaskSpace
+from tolerances import ALGEBRA, assert_close
+
+M1, M2, L1, L2, G = 2.0, 1.5, 0.7, 0.4, 9.81
+URDF = f"""<robot name="arm">
+  <link name="base"/>
+  <link name="one"><inertial><origin xyz="{L1} 0 0"/><mass value="{M1}"/>
+    <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+  <link name="two"><inertial><origin xyz="{L2} 0 0"/><mass value="{M2}"/>
+    <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
+  <link name="tip"/>
+  <joint name="shoulder" type="continuous"><parent link="base"/><child link="one"/>
+    <axis xyz="0 0 1"/></joint>
+  <joint name="elbow" type="continuous"><origin xyz="{L1} 0 0"/><parent link="one"/>
+    <child link="two"/><axis xyz="0 0 1"/></joint>
+  <joint name="mount" type="fixed"><origin xyz="{L2} 0 0"/><parent link="two"/>
+    <child link="tip"/></joint>
+</robot>"""
+
+
+@pytest.fixture(scope="module")
+def task() -> TaskSpace:
+    dyn = Dynamics({"robot": {"urdf": URDF}, "gravity": [0, -G, 0]})
+    return TaskSpace(dyn, "tip", "local", ("x", "y"))
+
+
+@pytest.fixture
+def states(rng: np.random.Generator) -> list[tuple[np.ndarray, np.ndarray]]:
+    elbows = rng.uniform(0.3, 2.8, 20) * rng.choice([-1, 1], 20)
+    return [(np.array([rng.uniform(-3, 3), e]), rng.normal(size=2)) for e in elbows]
+
+
+def test_jacobian_and_its_rate(task: TaskSpace, states: list) -> None:
+    for q, v in states:
+        s2, c2 = np.sin(q[1]), np.cos(q[1])
+        assert_close(task.jacobian(q), [[L1 * s2, 0], [L1 * c2 + L2, L2]], ALGEBRA)
+        rate = [[L1 * c2 * v[1], 0], [-L1 * s2 * v[1], 0]]
+        assert_close(task.jacobian_rate(q, v), rate, ALGEBRA)
+
+
+def test_inertia_is_diagonal(task: TaskSpace, states: list) -> None:
+    for q, _ in states:
+        wanted = np.diag([M2 + M1 / np.sin(q[1]) ** 2, M2])
+        assert_close(task.terms(q).inertia, wanted, ALGEBRA)
+
+
+def test_velocity_terms(task: TaskSpace, states: list) -> None:
+    for q, v in states:
+        s2, c2 = np.sin(q[1]), np.cos(q[1])
+        along = (
+            -(M2 * L1 * c2 + M2 * L2) * v[0] ** 2
+            - M2 * L2 * v[1] ** 2
+            - (2 * M2 * L2 + M2 * L1 * c2 + M1 * L1 * c2 / s2**2) * v[0] * v[1]
+        )
+        across = M2 * L1 * s2 * v[0] ** 2 + M2 * L1 * s2 * v[0] * v[1]
+        assert_close(task.terms(q, v).coriolis, [along, across], ALGEBRA)
+
+
+def test_gravity_terms(task: TaskSpace, states: list) -> None:
+    for q, _ in states:
+        s2, c1 = np.sin(q[1]), np.cos(q[0])
+        far = q[0] + q[1]
+        wanted = [M1 * G * c1 / s2 + M2 * G * np.sin(far), M2 * G * np.cos(far)]
+        assert_close(task.terms(q).gravity, wanted, ALGEBRA)
+
+
+def test_effective_mass_by_direction(task: TaskSpace, states: list) -> None:
+    """Along the second link one pushes both masses, across it the outer one alone."""
+    for q, _ in states:
+        along, across = (task.effective_mass(q, u).mass for u in ([1, 0], [0, 1]))
+        assert_close(along, M2 + M1 / np.sin(q[1]) ** 2, ALGEBRA)
+        assert_close(across, M2, ALGEBRA)
