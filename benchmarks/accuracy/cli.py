@@ -24,7 +24,7 @@ from benchmarks.progress import Bar
 
 EXAMPLES = """\b
 Examples:
-  ./arm python -m benchmarks.accuracy                   every problem; about a minute
+  ./arm python -m benchmarks.accuracy                   every problem; a minute or two
   ./arm python -m benchmarks.accuracy --only Panda      one problem and the checks
   ./arm python -m benchmarks.accuracy --docs            also renew docs/accuracy.md
 """
@@ -47,6 +47,8 @@ def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
 
     Ends with an error if a figure misses the gate that the tests hold it to.
     """
+    if docs and only:
+        raise click.UsageError("--docs takes all problems; leave --only away")
     gates = tolerances()
     problems = chosen(all_problems(gates.TRAJECTORY), only)
     results = run(problems, gates, Console(stderr=True))

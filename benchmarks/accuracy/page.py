@@ -59,7 +59,7 @@ def _single(results: Results, problem: str, method: str, step: str, tolerance: s
     """One error: of a fixed step [s], or with a tolerance of a tick [s]."""
     kind, key = ("fixed", "step_s") if tolerance is None else ("controlled", "tick_s")
     for row in _of(results[kind], problem):
-        asked = tolerance is None or np.isclose(row["tolerance"], float(tolerance))
+        asked = tolerance is None or row["tolerance"] == float(tolerance)
         if row["method"] == method and row[key] == float(step) and asked:
             return _error(row["error"])
     return "—"

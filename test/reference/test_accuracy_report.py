@@ -62,6 +62,11 @@ def test_page_json_and_figure(tmp_path: Path) -> None:
     assert (tmp_path / "figures/accuracy.png").stat().st_size > 10_000
 
 
+def test_docs_are_never_written_from_a_part() -> None:
+    outcome = CliRunner().invoke(cli.main, ["--docs", "--only", "Panda"])
+    assert outcome.exit_code == 2 and "--only" in outcome.output
+
+
 def test_unknown_problem() -> None:
     outcome = CliRunner().invoke(cli.main, ["--only", "perpetuum mobile"])
     assert outcome.exit_code == 2

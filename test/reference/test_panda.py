@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The Panda let go, against Newton's and Euler's equations solved with 26 digits; its wrist reaches
-40 rad/s within the second.
+"""The Panda let go, against Newton's and Euler's equations solved with 26 digits; its wrist
+reaches 40 rad/s within the second.
 """
 
 from __future__ import annotations

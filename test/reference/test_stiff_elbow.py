@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A double pendulum whose elbow hardly gives: explicit methods need steps far below what the motion
-asks for, the implicit one does not.
+"""A double pendulum whose elbow hardly gives: explicit methods need steps far below what the
+motion asks for, the implicit one does not.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.exceptions import InvalidInput, ModelError
+from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
 from arm_dynamics.laws import friction
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.scene import Scene
@@ -161,7 +161,7 @@ class Dynamics:
     def _forward_tree(self, q: Array, v: Array, tau: Array) -> Array:
         a: Array = pin.aba(self._pin, self._data, q, v, tau, pin.Convention.WORLD)
         if not np.isfinite(a).all():
-            raise self._massless(q)
+            raise self._unsolvable(q)
         return a.copy()
 
     def _forward_projected(self, q: Array, v: Array, tau: Array) -> Array:
@@ -169,13 +169,15 @@ class Dynamics:
         try:
             return np.linalg.solve(self._mass_matrix(q), tau - bias)
         except np.linalg.LinAlgError:
-            raise self._massless(q) from None
+            raise self._unsolvable(q) from None
 
-    def _massless(self, q: Array) -> ModelError:
-        joint = self.joint_names[int(np.argmin(np.diag(self._mass_matrix(q))))]
+    def _unsolvable(self, q: Array) -> ArmError:
+        inertia = np.diag(self._mass_matrix(q))
+        if inertia.min() > 0.0:
+            return InvalidInput("the acceleration overflows: velocities or torques are too large")
         return ModelError(
-            f"joint '{joint}' moves no mass, so no torque determines its acceleration; "
-            "give its links inertia, the joint an armature, or lock it"
+            f"joint '{self.joint_names[int(np.argmin(inertia))]}' moves no mass, so no torque "
+            "determines its acceleration; give a link inertia, the joint an armature, or lock it"
         )
 
     def _mass_matrix(self, q: Array) -> Array:

@@ -40,15 +40,16 @@ def extrapolated_step(
     factor, solve = _factor(n), _solve(n)
     row: list[ca.MX] = []
     for j, parts in enumerate(PARTS):
-        length, y = h / parts, x
+        length, moved = h / parts, ca.MX.zeros(2 * n)
         factors = factor(J_q, J_v, length)
         for _ in range(parts):
-            y = solve(factors, J_q, y, rhs(y, u, p), length)
-        above, row = row, [y]
+            y = x + moved
+            moved = moved + solve(factors, J_q, y, rhs(y, u, p), length)
+        above, row = row, [moved]
         for k in range(j):
             ratio = parts / PARTS[j - k - 1]
             row.append(row[k] + (row[k] - above[k]) / (ratio - 1.0))
-    return row[-1], row[-1] - row[-2]
+    return x + row[-1], row[-1] - row[-2]
 
 
 def _jacobian(rhs: ca.Function, n: int) -> ca.Function:
@@ -70,15 +71,16 @@ def _factor(n: int) -> ca.Function:
 
 
 def _solve(n: int) -> ca.Function:
-    """One linearly implicit Euler step from the factors."""
+    """What one linearly implicit Euler step adds to x; small, so nothing is rounded off."""
     LU, J_q, h = ca.SX.sym("LU", n, n), ca.SX.sym("J_q", n, n), ca.SX.sym("h")
     x, slope = ca.SX.sym("x", 2 * n), ca.SX.sym("f", 2 * n)
-    q, v = x[:n], x[n:]
+    v = x[n:]
     d = h * (slope[n:] + h * (J_q @ v))
     for i in range(n):
         d[i] = d[i] - LU[i, :i] @ d[:i] if i else d[i]
     for i in reversed(range(n)):
         rest = LU[i, i + 1 :] @ d[i + 1 :] if i < n - 1 else 0
         d[i] = (d[i] - rest) / LU[i, i]
-    after = ca.vertcat(q + h * (v + d), v + d)
-    return ca.Function("solve", [LU, J_q, x, slope, h], [after], {"cse": True})
+    return ca.Function(
+        "solve", [LU, J_q, x, slope, h], [ca.vertcat(h * (v + d), d)], {"cse": True}
+    )
