@@ -51,7 +51,7 @@ class DryStepper:
         assert plant.reaction is not None
         self._n, self._dt, self._model = plant.model.n, choice.dt, plant.model
         smooth, name = _flow_function(plant, choice)
-        functions = [plant.acceleration, plant.reaction, smooth, actuation(plant, control)]
+        functions = [plant.rhs, plant.reaction, smooth, actuation(plant, control)]
         self.kernel = Kernel(functions, backend, _driver(plant, choice, functions))
         check_kernel(plant, self.kernel)
         self.p = plant.parameters.nominal
@@ -60,7 +60,7 @@ class DryStepper:
         if choice.tolerance is not None:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
         self._smooth, self._actuate = self.kernel.call(name), self.kernel.call("actuate")
-        self._acceleration = self.kernel.call("acceleration")
+        self._rhs = self.kernel.call("rhs")
         self._reaction = self.kernel.call("reaction")
         self._sticky = plant.model.static > 0.0
 
@@ -118,7 +118,7 @@ class DryStepper:
         for pivot in range(LEAST_INDEX_FROM * self._n + 2 ** min(self._n, 12)):
             p = self._with(direction)
             load = self._reaction(q, v, u, p)[0]
-            a = self._acceleration(q, v, u, p)[0]
+            a = self._rhs(x, u, p)[0][self._n :]
             stuck = direction == 0.0
             excess = np.where(
                 stuck, (abs(load) - self._model.static) / self._model.static.max(), -direction * a

@@ -79,7 +79,7 @@ class FixedStepper:
         tick = build_tick(step, actuation(plant, control))
         self._dt = np.array([dt])
         driver = driver_source("roll.c", plant, {"TICK": "tick"}, tick)
-        self.kernel = Kernel([plant.acceleration, tick], backend, driver)
+        self.kernel = Kernel([plant.rhs, tick], backend, driver)
         check_kernel(plant, self.kernel)
         self.p = plant.parameters.nominal
         self.tick_operations = self.kernel.operations("tick")
@@ -142,7 +142,7 @@ class AdaptiveStepper:
         self._dt = dt
         order = {"ORDER": str(method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
         driver = driver_source("adaptive.c", plant, order, attempt, actuate)
-        self.kernel = Kernel([plant.acceleration, actuate, attempt], backend, driver)
+        self.kernel = Kernel([plant.rhs, actuate, attempt], backend, driver)
         check_kernel(plant, self.kernel)
         self.p = plant.parameters.nominal
         self.tick_operations = self.kernel.operations("attempt")
@@ -236,10 +236,11 @@ def pointer(array: Array) -> ctypes.c_void_p:
 
 def check_kernel(plant: Plant, kernel: Kernel) -> None:
     """Hold the kernel's accelerations against Pinocchio before anyone uses them."""
-    call, nominal = kernel.call("acceleration"), plant.parameters.nominal
+    call, nominal = kernel.call("rhs"), plant.parameters.nominal
 
     def acceleration(q: Array, v: Array, tau: Array) -> Array:
         directions = np.sign(v) if plant.reaction else np.zeros(0)
-        return call(q, v, tau, np.concatenate([nominal, directions]))[0]
+        p = np.concatenate([nominal, directions])
+        return call(np.concatenate([q, v]), tau, p)[0][plant.model.n :]
 
     check_forward(Dynamics(plant.model), acceleration)

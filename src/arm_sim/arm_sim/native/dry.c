@@ -19,21 +19,31 @@ typedef struct {
 
 #define DIRECTION(piece) ((piece)->p + NP)
 
-static void evaluate(int (*function)(const real**, real**, casadi_int*, real*, int), const real* x,
-                     const piece_t* piece, real* result) {
+static void evaluate_reaction(const real* x, const piece_t* piece, real* load) {
   real w[SZ_W];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG];
   real* res[SZ_RES];
   arg[0] = x; arg[1] = x + NU; arg[2] = piece->u; arg[3] = piece->p;
-  res[0] = result;
-  function(arg, res, iw, w, 0);
+  res[0] = load;
+  reaction(arg, res, iw, w, 0);
+}
+
+static void evaluate_slope(const real* x, const piece_t* piece, real* slope) {
+  real w[SZ_W];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG];
+  real* res[SZ_RES];
+  arg[0] = x; arg[1] = piece->u; arg[2] = piece->p;
+  res[0] = slope;
+  rhs(arg, res, iw, w, 0);
 }
 
 static real sign_of(real x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
 
 static void find_directions(const real* x, piece_t* piece) {
-  real *d = DIRECTION(piece), load[NU], a[NU];
+  real *d = DIRECTION(piece), load[NU], slope[NX];
+  const real* a = slope + NU;
   int any = 0, resting[NU];
   double highest = 0.0;
   for (int i = 0; i < NU; ++i) {
@@ -45,8 +55,8 @@ static void find_directions(const real* x, piece_t* piece) {
   for (long long pivot = 0; any && pivot < PIVOTS; ++pivot) {
     int joint = -1;
     double worst = 0.0, largest = 0.0;
-    evaluate(reaction, x, piece, load);
-    evaluate(acceleration, x, piece, a);
+    evaluate_reaction(x, piece, load);
+    evaluate_slope(x, piece, slope);
     for (int i = 0; i < NU; ++i)
       if (fabs(a[i]) > largest) largest = fabs(a[i]);
     for (int i = 0; i < NU; ++i) {
@@ -96,7 +106,7 @@ static double wrongness(const real* x, const piece_t* piece) {
   turned -= ROUNDING * (1.0 + fastest);
   if (stuck) {
     real load[NU];
-    evaluate(reaction, x, piece, load);
+    evaluate_reaction(x, piece, load);
     for (int i = 0; i < NU; ++i)
       if (static_level[i] > 0.0 && d[i] == 0.0 && fabs(load[i]) - static_level[i] > overload)
         overload = fabs(load[i]) - static_level[i];
