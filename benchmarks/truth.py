@@ -8,7 +8,6 @@ from dataclasses import dataclass
 
 import numpy as np
 import pinocchio as pin
-from scipy.integrate import solve_ivp
 
 from benchmarks.closed_loop import Loop
 from benchmarks.extended import REAL, torque_free
@@ -28,12 +27,13 @@ class Truth:
     Attributes:
         q: positions; (n,) at the end of a free motion, (ticks + 1, n) of a closed loop [rad].
         halving: largest change of q when the step is halved [rad].
-        other: largest difference to another method on Pinocchio in double precision [rad].
+        other: largest difference to another method on Pinocchio in double precision [rad]; None
+            for a free motion without SciPy.
     """
 
     q: Vector
     halving: float
-    other: float
+    other: float | None
 
 
 def free_motion(robot: Robot, doublings: int = 4) -> Truth:
@@ -50,7 +50,8 @@ def free_motion(robot: Robot, doublings: int = 4) -> Truth:
         if halving < AGREED:
             break
     q = x[: robot.n].astype(float)
-    return Truth(q, halving, float(np.abs(_dop853(robot) - q).max()))
+    other = _dop853(robot)
+    return Truth(q, halving, None if other is None else float(np.abs(other - q).max()))
 
 
 def closed_loop(robot: Robot, loop: Loop) -> Truth:
@@ -72,7 +73,11 @@ def _held(robot: Robot, loop: Loop, steps: int, columns: int) -> Vector:
     return np.array(history)
 
 
-def _dop853(robot: Robot) -> Vector:
+def _dop853(robot: Robot) -> Vector | None:
+    try:
+        from scipy.integrate import solve_ivp
+    except ImportError:
+        return None
     f = _right_hand_side(robot, np.zeros(robot.n))
     x0 = np.concatenate([robot.q0, np.zeros(robot.n)])
     tight = {"method": "DOP853", "rtol": 3e-14, "atol": 3e-14}

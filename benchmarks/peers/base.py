@@ -42,7 +42,7 @@ class Contestant:
         family: the simulator, for colours and for "the best of".
         method: the integrator.
         knob: what a setting means: ``"step"`` [s] or ``"tolerance"``.
-        settings: for free motion, from coarse to fine.
+        settings: for free motion, from coarse to fine; steps divide a second.
         tick_settings: for a held torque at 1 kHz; steps divide the tick.
         build: makes a trial of a robot at a setting.
         note: what a reader has to know about its timing.
@@ -55,6 +55,14 @@ class Contestant:
     tick_settings: tuple[float, ...]
     build: Callable[[Robot, float], Trial]
     note: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse steps that would end a motion elsewhere than where the truth ends."""
+        if self.knob == "step":
+            steps = [(s, 1.0) for s in self.settings] + [(s, TICK) for s in self.tick_settings]
+            for step, whole in steps:
+                if abs(whole / step - round(whole / step)) > 1e-9:
+                    raise ValueError(f"{self.name}: {step} s does not divide {whole} s")
 
     @property
     def name(self) -> str:

@@ -21,8 +21,8 @@ STEPS = {
     "midpoint": (halvings(8e-3, 3e-5), halvings(TICK, 6e-5)),
     "heun": (halvings(8e-3, 3e-5), halvings(TICK, 6e-5)),
     "rk4": (halvings(8e-3, 6e-5), halvings(TICK, 2.5e-4)),
-    "dopri5": (halvings(16e-3, 2.5e-4), halvings(TICK, 5e-4)),
-    "dop853": (halvings(32e-3, 1e-3), halvings(TICK, 5e-4)),
+    "dopri5": (halvings(20e-3, 3e-4), halvings(TICK, 5e-4)),
+    "dop853": (halvings(40e-3, 1.25e-3), halvings(TICK, 5e-4)),
 }
 OTHER_STEPS = (halvings(8e-3, 2.5e-4), halvings(TICK, 2.5e-4))
 TOLERANCES = (decades(-3, -13), (1e-4, 1e-7))

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics import Dynamics
 
 MOST_JOINTS = 30
 MASSES = (1e-3, 1e3)  # [kg]
@@ -67,7 +67,7 @@ def draw(seed: int, most_joints: int = MOST_JOINTS) -> Arm:
         ArmError: If the arm is refused.
     """
     rng = np.random.default_rng(seed)
-    n = int((most_joints + 1) ** rng.uniform())
+    n = int((most_joints + 1) ** rng.uniform() ** 0.7)
     hard = {name: rng.uniform() < chance for name, chance in HARDSHIPS.items()}
     n = min(n, FEW) if hard["absurd torque"] else n
     kinds = rng.choice(("revolute", "continuous", "prismatic"), n, p=(0.45, 0.35, 0.2))

@@ -13,11 +13,12 @@ from multiprocessing import get_context
 from arm_dynamics import ArmError, ArmModel, load_scene
 from arm_sim.integrators import METHODS
 from benchmarks.stress.arms import MOST_JOINTS, Arm, draw
-from benchmarks.stress.motion import HORIZON, Motion, solve
-from benchmarks.stress.verdict import REFUSED, Result, Setting, attempt
+from benchmarks.stress.motion import HORIZON, TICK, Motion, solve
+from benchmarks.stress.verdict import NAN, REFUSED, Result, Setting, attempt
 
 STEPS = (1e-2, 1e-3, 1e-4, 1e-5)  # [s]
 TOLERANCES = (1e-6, 1e-9)
+REFERENCE = "reference"
 LONG_TO_COMPILE = {"implicit": 10}  # joints: with more of them its Jacobian takes too long
 
 
@@ -74,7 +75,9 @@ def examine(seed: int, plan: Plan) -> Found:
     except ArmError as error:
         refused = Result(seed, "every method", 0.0, REFUSED, message=str(error))
         return Found(seed, None, Motion(0.0, message=str(error)), (refused,))
-    results = [attempt(arm, model, motion, setting, plan.backend) for setting in plan.settings(arm.n)]
+    results = [attempt(arm, model, motion, way, plan.backend) for way in plan.settings(arm.n)]
+    if not motion.finite:
+        results.append(Result(seed, REFERENCE, TICK, NAN, message=motion.message))
     return Found(seed, arm, motion, tuple(results))
 
 

@@ -18,7 +18,12 @@ def run(bench: Bench) -> Record:
     """Largest relative difference in acceleration for every contestant and robot."""
     cases = [(robot, who) for robot in bench.robots() for who in bench.contestants]
     rows = [
-        {"robot": robot.name, "who": who.name, "relative": _difference(robot, who)}
+        {
+            "robot": robot.name,
+            "who": who.name,
+            "family": who.family,
+            "relative": _difference(robot, who),
+        }
         for robot, who in bench.each("same arm in every simulator", cases)
     ]
     return {"states": STATES, "rows": rows}

@@ -17,6 +17,7 @@ import pytest
 from harness import reserve_domain
 
 import models
+from arm_dynamics.task_space import TaskSpace
 from arm_sim.cli.main import main
 
 pytestmark = pytest.mark.ros
@@ -110,6 +111,26 @@ def test_forward_dynamics_terms_and_model(arm: Any) -> None:
     assert re.search(r"shoulder +revolute +-3\.1 +3\.1 +6 +60", arm("model-info").output)
 
 
+def test_task_space(arm: Any) -> None:
+    task = TaskSpace(models.dynamics("two_link"), "tip", "local", ("x", "z"))
+    q, v = [[0.3, -0.7], [0.3, 0.0]], [[1.0, 0.5], [0.0, 0.0]]
+    words = ("task-space", "--frame", "tip", "--reference", "local", "--axes", "x,z")
+    given = (*words, "--position", json.dumps(q), "--direction", "1 0")
+    said = answer(arm(*given, "--velocity", json.dumps(v), "--json"))
+    terms = task.terms(q, v)
+    assert said["axes"] == ["x", "z"]
+    for name in ("jacobian", "bias", "inertia", "coriolis", "gravity", "inverse", "null_space"):
+        np.testing.assert_allclose(said[name], getattr(terms, name), rtol=1e-12, atol=1e-12)
+    assert said["damped"] == [False, True]
+    assert said["condition"][0] == pytest.approx(terms.condition[0])
+    shown = arm(*given).output
+    assert re.search(r"inertia \[kg, kg m, kg m²\] +x +z", shown)
+    assert "near a singularity" in shown.split("point 1")[1]
+    assert "near a singularity" not in shown.split("point 1")[0]
+    mass = task.effective_mass(q[0], [1, 0]).mass
+    assert f"mass along the direction: {mass:.6g}" in shown
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -118,6 +139,15 @@ def test_forward_dynamics_terms_and_model(arm: Any) -> None:
         (
             ("inverse-dynamics", "--position", "wrist=1"),
             "unknown joint 'wrist'; allowed: ",
+        ),
+        (("task-space", "--frame", "paw", "--position", "1 2"), "frame 'paw' does not exist"),
+        (
+            ("task-space", "--frame", "tip", "--reference", "up", "--position", "1 2"),
+            "reference = 'up'; allowed: local, world, local_world_aligned",
+        ),
+        (
+            ("task-space", "--frame", "tip", "--direction", "x=1", "--position", "1 2"),
+            "--direction: one row of numbers is wanted",
         ),
         (("step",), "refused: the simulation is running"),
         (("set-joint-state", "--position", "elbow=nan"), "refused: "),

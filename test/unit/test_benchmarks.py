@@ -117,6 +117,11 @@ def test_steps_and_targets() -> None:
     assert targets.cheapest(points, 1.0) == (1.0, "slow")
 
 
+def test_steps_that_miss_the_end_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"0\.016 s does not divide 1\.0 s"):
+        Contestant(OURS, "leap", "step", (0.016,), (), LeapTrial)
+
+
 def test_a_wrong_arm_is_noticed(bench: Bench) -> None:
     assert sameness.run(bench)["rows"][0]["relative"] < 1e-12
     other = Robot("Chain 2", chain(2).urdf.replace('mass value="1.0"', 'mass value="1.1"'),

@@ -10,11 +10,11 @@ import pytest
 from click.testing import CliRunner
 
 from arm_sim import Simulator
-from arm_sim.compare_controllers.cases import ARMS, PACES, PLANTS, TASKS
-from arm_sim.compare_controllers.command import compare_controllers, print_tables
-from arm_sim.compare_controllers.contenders import CONTENDERS
-from arm_sim.compare_controllers.figures import draw
-from arm_sim.compare_controllers.measure import Result, run
+from arm_sim.cli.compare_controllers.cases import ARMS, PACES, PLANTS, TASKS
+from arm_sim.cli.compare_controllers.command import compare_controllers, print_tables
+from arm_sim.cli.compare_controllers.contenders import CONTENDERS
+from arm_sim.cli.compare_controllers.figures import draw
+from arm_sim.cli.compare_controllers.measure import Result, run
 
 
 @pytest.fixture(scope="module")

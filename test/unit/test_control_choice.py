@@ -8,8 +8,9 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
+from arm_dynamics.control import Measured
 from arm_dynamics.control_choice import NAMES, Settings, make_controller
-from arm_dynamics.control_run import DisturbanceObserver, Switch
+from arm_dynamics.control_run import DisturbanceObserver, Saturated, Switch
 from arm_dynamics.motion import Reference
 
 
@@ -44,6 +45,43 @@ def test_all_hand_over_to_all_without_a_jump() -> None:
     torques = np.array(torques)
     for k in range(60, len(torques), 60):
         np.testing.assert_array_equal(torques[k], torques[k - 1])
+
+
+def test_torques_are_cut_at_the_limits_when_asked() -> None:
+    dyn = models.dynamics("two_link")
+    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
+    limit = np.array([3.0, 0.5])
+    free = make_controller("computed_torque", dyn, Settings(limit=limit))
+    cut = make_controller("computed_torque", dyn, Settings(limit=limit, saturate=True))
+    asked = free.torque(state, reference)
+    assert (abs(asked) > limit).any()
+    np.testing.assert_array_equal(cut.torque(state, reference), np.clip(asked, -limit, limit))
+    assert isinstance(cut, Saturated)
+    np.testing.assert_array_equal(cut.saturated, abs(asked) > limit)
+
+
+def test_other_gains_act_at_once_unless_the_law_remembers() -> None:
+    dyn = models.dynamics("two_link")
+    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
+    soft, stiff = Settings(bandwidth=5.0), Settings(bandwidth=9.0)
+    for name, at_once in (("pd_gravity", True), ("pid", False)):
+        control = Switch(make_controller(name, dyn, soft), dt=1e-3)
+        before = control.torque(state, reference)
+        control.retune(make_controller(name, dyn, stiff))
+        assert control.fading != at_once
+        assert np.array_equal(control.torque(state, reference), before) != at_once
+
+
+def test_a_restart_forgets_the_hand_over() -> None:
+    dyn = models.dynamics("two_link")
+    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
+    old, new = (make_controller(name, dyn) for name in ("pd", "pd_gravity"))
+    control = Switch(old, dt=1e-3)
+    control.torque(state, reference)
+    control.to(new)
+    control.restart()
+    assert not control.fading
+    np.testing.assert_array_equal(control.torque(state, reference), new.torque(state, reference))
 
 
 def test_bad_choices_are_refused() -> None:

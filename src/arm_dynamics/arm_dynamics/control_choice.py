@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -20,7 +20,7 @@ from arm_dynamics.control_joint import (
     PDGravity,
     tuned,
 )
-from arm_dynamics.control_run import AnyController, DisturbanceObserver
+from arm_dynamics.control_run import AnyController, DisturbanceObserver, Saturated
 from arm_dynamics.control_task import (
     AlongJoints,
     CartesianImpedance,
@@ -48,6 +48,7 @@ class Settings:
         friction: Whether to feed the model's friction forward; computed torque always does.
         observer: Bandwidth of a disturbance observer in [1/s], or None for none.
         limit: Torque limits in [N m] or [N], a number or shape (n,), for what remembers.
+        saturate: Whether to cut torques at these limits.
     """
 
     dt: float = 1e-3
@@ -60,6 +61,7 @@ class Settings:
     friction: bool = False
     observer: float | None = None
     limit: ArrayLike = np.inf
+    saturate: bool = False
 
 
 def make_controller(
@@ -82,10 +84,10 @@ def make_controller(
     if name not in _BUILDERS:
         raise InvalidInput(f"controller = {name!r}; allowed: {known_names(_BUILDERS)}")
     settings = settings or Settings()
-    control = _BUILDERS[name](dynamics, settings)
-    if settings.observer is None:
-        return control
-    return DisturbanceObserver(control, dynamics, settings.dt, settings.observer, settings.limit)
+    control, limit = _BUILDERS[name](dynamics, settings), settings.limit
+    if settings.observer is not None:
+        control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
+    return Saturated(control, limit, dynamics.n) if settings.saturate else control
 
 
 def _pd(dynamics: Dynamics, s: Settings) -> AnyController:
@@ -159,7 +161,7 @@ _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
     "cartesian_impedance": _cartesian_impedance,
     "float": _float,
 }
-NAMES: Iterable[str] = tuple(_BUILDERS)
+NAMES: tuple[str, ...] = tuple(_BUILDERS)
 
 
 def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:

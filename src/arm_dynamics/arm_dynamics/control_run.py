@@ -210,6 +210,18 @@ class Switch:
         restart(control)
         self._active, self._offset, self._left = control, None, self._ticks
 
+    def retune(self, control: AnyController) -> None:
+        """Put the same law with other gains in charge: at once, unless it remembers something."""
+        if isinstance(control, Restartable):
+            self.to(control)
+        else:
+            self._active = control
+
+    def restart(self) -> None:
+        """Forget the past: a hand-over that is under way, and what the controller remembers."""
+        self._last, self._offset, self._left = None, None, 0
+        restart(self._active)
+
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         tau = self._active.torque(state, reference)

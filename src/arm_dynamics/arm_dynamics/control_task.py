@@ -190,10 +190,8 @@ def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) ->
         reference: Joint positions, velocities and accelerations, each of shape (n,).
         force: Force along the controller's direction in [N].
     """
-    q, v = reference.q, reference.v
-    position, rotation, J, J_dot = task.motion.moving(q, v)
-    a = J @ reference.a + J_dot @ v
-    return TaskReference(position, rotation, J @ v, a, force, q)
+    q = reference.q
+    return TaskReference(*task.motion.accelerated(q, reference.v, reference.a), force, q)
 
 
 def at_rest(task: TaskSpace, q: ArrayLike, force: float = 0.0) -> TaskReference:

@@ -30,6 +30,7 @@ class ArmModel:
         bare: The same without the payloads.
         joint_names: Independent joints, in the order of every vector.
         joint_types: ``revolute``, ``continuous`` or ``prismatic`` for each.
+        has_followers: Whether a mimic joint follows another one.
         followers: Matrix E of shape (pin.nv, n).
         offsets: Vector e of shape (pin.nv,).
         viscous: Viscous friction in [N m s/rad] or [N s/m], shape (n,).
@@ -68,6 +69,7 @@ class ArmModel:
         self.joint_names: tuple[str, ...] = tuple(moving)
         self.joint_types = tuple(urdf.joints[name] for name in moving)
         self.followers, self.offsets = _follower_map(self._index, self.joint_names, rules)
+        self.has_followers = len(self._index) != len(moving)
         settings = [scene.joint(name) for name in self._index]
         self._set_drives(settings, _velocity_index(whole), whole)
         self._set_limits(settings, _velocity_index(whole), whole)
@@ -89,11 +91,6 @@ class ArmModel:
     def has_dry_friction(self) -> bool:
         """Whether a joint can stick."""
         return bool(self.static.any())
-
-    @property
-    def has_followers(self) -> bool:
-        """Whether a mimic joint follows another one."""
-        return bool(self.pin.nv != self.n)
 
     @property
     def frame_names(self) -> tuple[str, ...]:

@@ -108,6 +108,18 @@ class FrameMotion:
         )
         return *self._placed(), self._jacobian(), self._gathered(J_dot)
 
+    def accelerated(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+        """Position, rotation, velocity and acceleration, shapes (3,), (3, 3), (6,) and (6,).
+
+        The last two are J v and J a + J̇ v, axes of the world at the frame's origin.
+        """
+        model, data, index, axes = self._pin, self._data, self._frame, _ALIGNED
+        full = self._model.configuration(q), self._model.spread(v), self._model.spread(a)
+        pin.forwardKinematics(model, data, *full)
+        velocity = pin.getFrameVelocity(model, data, index, axes).vector
+        acceleration = pin.getFrameClassicalAcceleration(model, data, index, axes).vector
+        return *self._placed(), velocity, acceleration
+
     def _placed(self) -> tuple[Array, Array]:
         placement = pin.updateFramePlacement(self._pin, self._data, self._frame)
         return placement.translation.copy(), placement.rotation.copy()
@@ -123,6 +135,7 @@ class FrameMotion:
         return J @ self._model.followers if self._model.has_followers else J
 
 
+_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _REFERENCES = {
     "local": pin.ReferenceFrame.LOCAL,
     "world": pin.ReferenceFrame.WORLD,

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
+import pinocchio as pin
 from numpy.typing import NDArray
 
 from arm_dynamics.model import Array
@@ -134,6 +135,17 @@ def condition_number(J: Array) -> Array:
     floor = 1e-15 * np.maximum(values[..., 0], 1e-300)
     ratio = values[..., 0] / np.maximum(least, floor)
     return np.where(least <= floor, np.inf, ratio)
+
+
+def quaternions(rotation: Array) -> Array:
+    """Unit quaternions x, y, z, w with w not negative, shape (…, 4).
+
+    Args:
+        rotation: Rotation matrices, shape (…, 3, 3).
+    """
+    rows = [pin.Quaternion(R).coeffs() for R in rotation.reshape(-1, 3, 3)]
+    made = np.reshape(rows, (*rotation.shape[:-2], 4))
+    return np.where(made[..., 3:] < 0.0, -made, made)
 
 
 def pseudo_inverse(J: Array) -> Array:

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller node: leads an arm along joint trajectories by computed torque."""
+"""The controller node: leads an arm along joint trajectories by a law of one's choice."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import replace
 from typing import Any
 
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
-from arm_dynamics.control import ComputedTorque, Measured
+from arm_dynamics.control import Measured
+from arm_dynamics.control_choice import Settings, make_controller
+from arm_dynamics.control_run import AnyController, Saturated, Switch
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.follower import Follower
@@ -28,16 +31,18 @@ from arm_dynamics.ros.joint_state_bytes import (
     JointStateWriter,
     all_finite,
 )
-from arm_dynamics.ros.params import ControllerParams, declare, watch
+from arm_dynamics.ros.params import ControllerParams, declare, one_or_all, watch
+from arm_dynamics.task_space import TaskSpace
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
+_FREE = "float"  # the law under which the arm is led by hand, away from its reference
 
 
 class ControllerNode(Node):
     """Answers every joint state with a joint command.
 
     It stands still where it first sees the arm, and where it sees it after time went backwards,
-    until a trajectory comes. Time is that of the states' stamps.
+    until a trajectory comes. Time is that of the states' stamps. The law may be changed in motion.
     """
 
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
@@ -57,7 +62,8 @@ class ControllerNode(Node):
             raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
         self._dynamics = Dynamics(scene)
         names = self._dynamics.joint_names
-        self._apply(self._params)
+        period, fade = self._params.control_period, self._params.switch_time
+        self._control = Switch(self._made(self._params), period, fade)
         limit = self._params.acceleration_limit or float("inf")
         self._limits = Limits.of(self._dynamics.model, limit)
         self._follower: Follower | None = None
@@ -83,10 +89,22 @@ class ControllerNode(Node):
                 topic.type, topic.name, surviving(self, callback), topic.subscribe, raw=raw
             )
 
+    def _made(self, params: ControllerParams) -> AnyController:
+        if params.task_frame:  # refused at once, not when a law first needs it
+            TaskSpace(self._dynamics, params.task_frame, selection=_axes(params))
+        settings = _settings(params, self._dynamics.model.effort_limit)
+        return make_controller(params.controller, self._dynamics, settings)
+
     def _apply(self, params: ControllerParams) -> None:
-        self._control = ComputedTorque(
-            self._dynamics, _gains(params.bandwidth), _gains(params.damping_ratio)
-        )
+        before, control = self._params, self._made(params)
+        gains = {"bandwidth": before.bandwidth, "damping_ratio": before.damping_ratio}
+        if replace(params, **gains) == before:
+            self._control.retune(control)
+        else:
+            self._control.to(control)
+            self.get_logger().info(f"controller {params.controller}")
+        if before.controller == _FREE != params.controller:
+            self._follower = None  # hold the arm where it was led to
         self._params = params
 
     def on_joint_states(self, raw: bytes) -> bytes | None:
@@ -104,8 +122,10 @@ class ControllerNode(Node):
         reference = self._reference(stamp, state)
         tau = self._control.torque(state, reference)
         if not all_finite(tau):
+            self._control.restart()
             self._say(f"no command, the torque would not be finite: {tau}")
             return None
+        self._say_cut()
         command = self._writer.write(stamp, tau)
         self._commands.publish(command)
         if stamp >= self._next_report:
@@ -114,7 +134,10 @@ class ControllerNode(Node):
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
         if self._follower is None or stamp < self._stamp:
-            why = "time went backwards: " if self._follower is not None else ""
+            why = ""
+            if stamp < self._stamp:
+                why = "time went backwards: "
+                self._control.restart()
             self.get_logger().info(
                 f"{why}holding where the arm is", throttle_duration_sec=_THROTTLE
             )
@@ -122,6 +145,15 @@ class ControllerNode(Node):
             self._next_report = 0
         self._stamp = stamp
         return self._follower.reference(stamp)
+
+    def _say_cut(self) -> None:
+        law = self._control.active
+        if isinstance(law, Saturated) and law.saturated.any():
+            names = self._dynamics.joint_names
+            cut = ", ".join(
+                name for name, is_cut in zip(names, law.saturated, strict=True) if is_cut
+            )
+            self._say(f"torque cut at the effort limit: {cut}")
 
     def _say(self, warning: str) -> None:
         self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
@@ -157,8 +189,24 @@ class ControllerNode(Node):
             )
 
 
-def _gains(values: list[float]) -> Any:
-    return values[0] if len(values) == 1 else values
+def _axes(params: ControllerParams) -> Any:
+    return one_or_all(params.task_axes.replace(",", " ").split())
+
+
+def _settings(params: ControllerParams, limit: Array) -> Settings:
+    return Settings(
+        dt=params.control_period,
+        bandwidth=one_or_all(params.bandwidth),
+        damping_ratio=one_or_all(params.damping_ratio),
+        frame=params.task_frame or None,
+        axes=_axes(params),
+        direction=tuple(params.force_direction),
+        force=params.force,
+        friction=params.friction,
+        observer=params.observer or None,
+        limit=limit,
+        saturate=params.saturate,
+    )
 
 
 def main(args: list[str] | None = None) -> None:

@@ -45,7 +45,8 @@ def to_array(values: Any) -> array[float]:
 def answering(response: Any, log: RcutilsLogger) -> Iterator[None]:
     """Answer a service with success, or with what was wrong; a node never dies of a request."""
     try:
-        yield
+        with np.errstate(over="ignore", invalid="ignore"):  # refused by finite_answer
+            yield
     except ArmError as error:
         response.success, response.message = False, str(error)
     except Exception as error:
@@ -111,6 +112,10 @@ class Batch:
     def vectors(self, rows: Array) -> array[float]:
         """Write (k, n) in model order as the flat vector of a response."""
         return to_array(finite_answer(rows)[:, self._order])
+
+    def by_joint(self, values: Array, axis: int) -> Array:
+        """Put an axis that counts joints in model order into the order of the request."""
+        return np.take(values, self._order, axis)
 
     def matrices(self, matrices: Array) -> array[float]:
         """Write (k, n, n) in model order as the flat vector of a response."""

@@ -13,12 +13,14 @@ from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros import convert, interfaces
 from arm_dynamics.ros.executor import run, surviving
-from arm_dynamics.ros.params import DynamicsParams, declare, watch
+from arm_dynamics.ros.params import DynamicsParams, declare, one_or_all, watch
+from arm_dynamics.ros.task_answer import fill_task_space
 from arm_dynamics.scene_file import scene_from_urdf
+from arm_dynamics.task_space import TaskSpace
 
 
 class DynamicsNode(Node):
-    """Offers inverse and forward dynamics, the terms of the equation of motion, and model facts.
+    """Offers inverse and forward dynamics, their terms in joint and task space, and model facts.
 
     The arm comes from ``scene``, else from the parameter ``scene``, else from the parameter or
     topic ``robot_description``; a new description that cannot be used leaves the one before.
@@ -56,6 +58,7 @@ class DynamicsNode(Node):
             (interfaces.FORWARD_DYNAMICS, self.on_forward_dynamics),
             (interfaces.DYNAMICS_TERMS, self.on_dynamics_terms),
             (interfaces.MODEL_INFO, self.on_model_info),
+            (interfaces.TASK_SPACE, self.on_task_space),
         ):
             self.create_service(service.type, service.name, callback)
 
@@ -135,6 +138,18 @@ class DynamicsNode(Node):
             response.kinetic_energy = convert.to_array(convert.finite_answer(kinetic))
             response.potential_energy = convert.to_array(convert.finite_answer(potential))
             response.joint_names = batch.joint_names
+        return response
+
+    def on_task_space(self, request: Any, response: Any) -> Any:
+        """Answer ``~/task_space``."""
+        with convert.answering(response, self.get_logger()):
+            batch = self._batch(request, interfaces.MAX_TERMS_POINTS)
+            v = batch.read("velocity", request.velocity)
+            axes = one_or_all(request.axes) or "pose"
+            task = TaskSpace(self.dynamics, request.frame, request.reference, axes)
+            direction = request.direction
+            felt = task.effective_mass(batch.q, direction) if len(direction) else None
+            fill_task_space(response, batch, task.axes, task.terms(batch.q, v), felt)
         return response
 
     def on_model_info(self, request: Any, response: Any) -> Any:

@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from arm_msgs.msg import TrackingState
-from arm_msgs.srv import DynamicsTerms, ForwardDynamics, InverseDynamics, ModelInfo
+from arm_msgs.srv import DynamicsTerms, ForwardDynamics, InverseDynamics, ModelInfo, TaskSpace
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -53,3 +53,4 @@ INVERSE_DYNAMICS = Service("~/inverse_dynamics", InverseDynamics)
 FORWARD_DYNAMICS = Service("~/forward_dynamics", ForwardDynamics)
 DYNAMICS_TERMS = Service("~/dynamics_terms", DynamicsTerms)
 MODEL_INFO = Service("~/model_info", ModelInfo)
+TASK_SPACE = Service("~/task_space", TaskSpace)

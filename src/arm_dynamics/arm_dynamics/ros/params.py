@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, fields, replace
 from typing import Any
 
@@ -17,6 +17,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from arm_dynamics.control_choice import NAMES
 from arm_dynamics.exceptions import ArmError, InvalidInput
 
 
@@ -52,6 +53,11 @@ def parameter(
         descriptor.dynamic_typing = True  # [30] and 30 mean what [30.0] means
         return field(default_factory=lambda: list(default), metadata=metadata)
     return field(default=default, metadata=metadata)
+
+
+def one_or_all(values: Sequence[Any]) -> Any:
+    """Give the value of a list of one, else all of them, as the core takes them."""
+    return values[0] if len(values) == 1 else list(values)
 
 
 def declare[P](node: Node, kind: type[P]) -> P:
@@ -132,11 +138,44 @@ class ControllerParams:
     """Parameters of the controller node."""
 
     scene: str = parameter("", f"{SCENE}; what the controller believes the arm to be")
+    controller: str = parameter(
+        "computed_torque", "The law that makes the torque", choices=NAMES, read_only=False
+    )
     bandwidth: list[float] = parameter(
         [20.0], "How fast errors vanish [rad/s]: one, or one for each joint", read_only=False
     )
     damping_ratio: list[float] = parameter(
         [1.0], "Damping of errors, 1 is critical: one, or one for each joint", read_only=False
+    )
+    task_frame: str = parameter(
+        "", "Frame that laws in task space lead; empty: none", read_only=False
+    )
+    task_axes: str = parameter(
+        "pose",
+        'Axes that they lead: pose, position, orientation, or some of "x y z rx ry rz"',
+        read_only=False,
+    )
+    force: float = parameter(
+        0.0, "Force with which motion_force presses [N]", low=-1e4, high=1e4, read_only=False
+    )
+    force_direction: list[float] = parameter(
+        [0.0, 0.0, -1.0], "Direction in the world along which it presses", read_only=False
+    )
+    friction: bool = parameter(
+        False, "Feed the scene's friction forward (computed_torque always does)", read_only=False
+    )
+    observer: float = parameter(
+        0.0, "Bandwidth of a disturbance observer [1/s]; 0: none", low=0.0, high=1e4,
+        read_only=False,
+    )  # fmt: skip
+    saturate: bool = parameter(
+        False, "Cut torques at the scene's effort limits and say so", read_only=False
+    )
+    switch_time: float = parameter(
+        0.2, "Time that a change of the law takes [s]", low=0.0, high=60.0
+    )
+    control_period: float = parameter(
+        1e-3, "Time between joint states, for laws that remember [s]", low=1e-6, high=1.0
     )
     acceleration_limit: float = parameter(
         0.0,

@@ -16,19 +16,19 @@ from arm_sim.cli.output import console, limit, number, show, table
 from arm_sim.cli.vectors import Vector
 from arm_sim.ros import interfaces as sim
 
-_DYNAMICS, _SIM = "./arm dynamics SCENE", "./arm sim SCENE"
-_SHOWN = 20  # points of a batch on a terminal
+DYNAMICS, _SIM = "./arm dynamics SCENE", "./arm sim SCENE"
+SHOWN = 20  # points of a batch on a terminal
 _DUST = 1e-14  # of the largest number beside it
 
 
-class _Question:
+class Question:
     """A question about motion: joints, their vectors, and how the answer is to look."""
 
     def __init__(
         self, caller: Caller, request: Any, joints: str, vectors: dict[str, Vector | None]
     ) -> None:
         info = caller.ask(dynamics.MODEL_INFO, dynamics.MODEL_INFO.type.Request())
-        _refuse_failure(info)
+        refuse_failure(info)
         request.joint_names = joints.replace(",", " ").split()
         self.names = request.joint_names or list(info.joint_names)
         self.types = dict(zip(info.joint_names, info.joint_types, strict=True))
@@ -70,13 +70,13 @@ def _motion(
     service: Any, request: Any, field: str, heading: tuple[str, str, str],
     node: str, timeout: float, as_json: bool, joints: str, **vectors: Vector | None,
 ) -> None:  # fmt: skip
-    with Caller(node, _DYNAMICS, timeout) as caller:
-        question = _Question(caller, request, joints, vectors)
+    with Caller(node, DYNAMICS, timeout) as caller:
+        question = Question(caller, request, joints, vectors)
         response = caller.ask(service, request)
-    _refuse_failure(response, as_json)
+    refuse_failure(response, as_json)
     rows = question.shaped(getattr(response, field))
     if as_json:
-        _print_json(joint_names=question.names, **{field: question.plain(rows)})
+        print_json(joint_names=question.names, **{field: question.plain(rows)})
         return
     title, unit = heading[0], question.unit(*heading[1:])
     if question.batch:
@@ -84,7 +84,7 @@ def _motion(
         return
     columns = {name: question.vectors.get(name) for name in vectors}
     given = {f"{name} [{_unit_of(name, question)}]": v for name, v in columns.items() if v}
-    cells = zip(question.names, *given.values(), _readable(rows[0]), strict=True)
+    cells = zip(question.names, *given.values(), readable(rows[0]), strict=True)
     shown = [(name, *map(number, values)) for name, *values in cells]
     show(console(), table(("joint", *given, f"{title} [{unit}]"), shown))
 
@@ -94,10 +94,10 @@ def dynamics_terms(
 ) -> None:
     """Ask for the parts of the equation of motion and print them."""
     request = dynamics.DYNAMICS_TERMS.type.Request()
-    with Caller(node, _DYNAMICS, timeout) as caller:
-        question = _Question(caller, request, joints, vectors)
+    with Caller(node, DYNAMICS, timeout) as caller:
+        question = Question(caller, request, joints, vectors)
         response = caller.ask(dynamics.DYNAMICS_TERMS, request)
-    _refuse_failure(response, as_json)
+    refuse_failure(response, as_json)
     matrices = {
         name: question.shaped(getattr(response, name), square=True)
         for name in ("mass_matrix", "coriolis_matrix")
@@ -108,7 +108,7 @@ def dynamics_terms(
     }
     if as_json:
         shaped = {**matrices, **torques, **energies}
-        _print_json(
+        print_json(
             joint_names=question.names, **{name: question.plain(v) for name, v in shaped.items()}
         )
         return
@@ -116,7 +116,7 @@ def dynamics_terms(
 
 
 def _print_terms(
-    question: _Question,
+    question: Question,
     matrices: dict[str, Any],
     torques: dict[str, Any],
     energies: dict[str, Any],
@@ -125,48 +125,49 @@ def _print_terms(
     units = {"mass_matrix": question.unit("kg m²", "kg"),
              "coriolis_matrix": question.unit("N m s/rad", "N s/m")}  # fmt: skip
     points = len(energies["kinetic_energy"])
-    for point in range(min(points, _SHOWN)):
+    for point in range(min(points, SHOWN)):
         if question.batch:
             out.rule(f"point {point}")
         for name, values in matrices.items():
             heading = f"{name.replace('_', ' ')} [{units[name]}]"
             rows = [
                 (a, *(number(x, 5) for x in row))
-                for a, row in zip(names, _readable(values[point]), strict=True)
+                for a, row in zip(names, readable(values[point]), strict=True)
             ]
             show(out, table((heading, *names), rows))
         heads = [f"{name} [{question.unit('N m', 'N')}]" for name in torques]
-        cells = zip(names, *(_readable(values[point]) for values in torques.values()), strict=True)
+        cells = zip(names, *(readable(values[point]) for values in torques.values()), strict=True)
         show(out, table(("joint", *heads), [(a, *map(number, x)) for a, *x in cells]))
         for name, values in energies.items():
             out.print(f"  {name.replace('_', ' ')}: {number(values[point])} J")
-    _say_more(points)
+    say_more(points)
 
 
-def _print_points(question: _Question, title: str, rows: np.ndarray) -> None:
-    shown = [(str(k), *map(number, row)) for k, row in enumerate(_readable(rows[:_SHOWN]))]
+def _print_points(question: Question, title: str, rows: np.ndarray) -> None:
+    shown = [(str(k), *map(number, row)) for k, row in enumerate(readable(rows[:SHOWN]))]
     show(console(), table((f"point: {title}", *question.names), shown))
-    _say_more(len(rows))
+    say_more(len(rows))
 
 
-def _readable(values: np.ndarray) -> np.ndarray:
+def readable(values: np.ndarray) -> np.ndarray:
     """The same without the dust that rounding leaves where zero is meant."""
     return np.where(np.abs(values) < _DUST * np.abs(values).max(), 0.0, values)
 
 
-def _say_more(points: int) -> None:
-    if points > _SHOWN:
-        console().print(f"… and {points - _SHOWN} more points; --json prints all")
+def say_more(points: int) -> None:
+    """Say how many points of a batch were not shown."""
+    if points > SHOWN:
+        console().print(f"… and {points - SHOWN} more points; --json prints all")
 
 
 def model_info(node: str, timeout: float, as_json: bool) -> None:
     """Ask what the node knows about its arm and print it."""
-    with Caller(node, _DYNAMICS, timeout) as caller:
+    with Caller(node, DYNAMICS, timeout) as caller:
         info = caller.ask(dynamics.MODEL_INFO, dynamics.MODEL_INFO.type.Request())
-    _refuse_failure(info, as_json)
+    refuse_failure(info, as_json)
     limits = ("position_lower", "position_upper", "velocity_limits", "effort_limits")
     if as_json:
-        _print_json(
+        print_json(
             joint_names=list(info.joint_names), joint_types=list(info.joint_types),
             **{name: [_or_none(x) for x in getattr(info, name)] for name in limits},
             frame_names=list(info.frame_names), total_mass=info.total_mass,
@@ -233,15 +234,16 @@ def _command(
 ) -> None:  # fmt: skip
     with Caller(node, _SIM, timeout) as caller:
         response = caller.ask(service, service.type.Request(**fields), repeatable)
-    _refuse_failure(response, as_json)
+    refuse_failure(response, as_json)
     answer = {"time": response.time} if hasattr(response, "time") else {}
     if as_json:
-        _print_json(**answer)
+        print_json(**answer)
     else:
         console().print(f"{caller.node}: {done.format(**answer)}", markup=False)
 
 
-def _refuse_failure(response: Any, as_json: bool = False) -> None:
+def refuse_failure(response: Any, as_json: bool = False) -> None:
+    """End the command with the node's message if it refused."""
     if response.success:
         return
     if as_json:
@@ -250,11 +252,12 @@ def _refuse_failure(response: Any, as_json: bool = False) -> None:
     raise click.ClickException(f"refused: {response.message}")
 
 
-def _print_json(**fields: Any) -> None:
+def print_json(**fields: Any) -> None:
+    """Print an answer for scripts."""
     click.echo(json.dumps({"success": True, **fields}))
 
 
-def _unit_of(name: str, question: _Question) -> str:
+def _unit_of(name: str, question: Question) -> str:
     units = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"),
              "acceleration": ("rad/s²", "m/s²"), "effort": ("N m", "N")}  # fmt: skip
     return question.unit(*units[name])

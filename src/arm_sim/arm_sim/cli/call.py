@@ -118,6 +118,34 @@ def dynamics_terms(**given: Any) -> None:
 
 
 @call.command(
+    "task-space",
+    short_help="Inertia, gravity, Jacobian and more at a frame.",
+    epilog=examples(
+        './arm call task-space --frame panda_hand --position "0 -0.8 0 -2.4 0 1.6 0.8"',
+        './arm call task-space --frame panda_hand --axes "x y z" --direction "0 0 1" \\',
+        '      --position "panda_joint2=-0.8 panda_joint4=-2.4 panda_joint6=1.6"',
+    ),
+)
+@click.option("--frame", required=True, help="A frame that moves; model-info lists them.")
+@click.option("--reference", default="local_world_aligned", show_default=True,
+              help="Axes and point: local_world_aligned, local or world.")  # fmt: skip
+@click.option("--axes", default="pose", show_default=True,
+              help='pose, position, orientation, or some of "x y z rx ry rz".')  # fmt: skip
+@click.option(
+    "--direction", type=VECTOR, help="Also tell the mass felt along it, one number an axis."
+)
+@_vector("position", "Joint positions in rad or m", required=True)
+@_vector("velocity", "Joint velocities")
+@_joints
+@_options(DYNAMICS)
+def task_space(**given: Any) -> None:
+    """The equation of motion as seen at a frame: inertia, velocity terms, gravity, Jacobian."""
+    from arm_sim.cli import task_answer
+
+    task_answer.task_space(**given)
+
+
+@call.command(
     "model-info",
     short_help="Joints, limits, frames and mass of the node's arm.",
     epilog=examples(

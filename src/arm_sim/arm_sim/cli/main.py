@@ -8,6 +8,7 @@ from typing import Any
 import click
 
 from arm_sim.cli.call import call
+from arm_sim.cli.compare_controllers.command import compare_controllers
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.nodes import controller, dynamics, sim
@@ -59,5 +60,5 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-for command in (demo, describe, call, dynamics, sim, controller):
+for command in (demo, describe, call, dynamics, sim, controller, compare_controllers):
     main.add_command(command)

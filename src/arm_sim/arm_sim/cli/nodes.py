@@ -76,10 +76,12 @@ def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Non
 @_node(
     "./arm controller my_scene.yaml",
     "./arm controller my_scene.yaml --ros-args -p bandwidth:=[40.0] -p damping_ratio:=[0.9]",
+    "./arm controller my_scene.yaml --ros-args -p controller:=pd_gravity",
 )
 def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
-    """Lead the arm of SCENE along joint trajectories by computed torque until Ctrl-C.
+    """Lead the arm of SCENE along joint trajectories until Ctrl-C.
 
+    The parameter controller chooses the law, computed torque when it is not given.
     It listens to joint_states and controller/joint_trajectory and publishes joint_commands. It
     may be given another scene than the simulator: that is a model error.
     """

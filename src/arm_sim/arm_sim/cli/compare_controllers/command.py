@@ -11,12 +11,19 @@ from typing import TYPE_CHECKING
 
 import click
 
+from arm_sim.cli.output import examples
+
 if TYPE_CHECKING:
-    from arm_sim.compare_controllers.measure import Result
+    from arm_sim.cli.compare_controllers.measure import Result
 
 
 @click.command(
-    "compare-controllers", short_help="Regulation and a straight line, nine controllers."
+    "compare-controllers",
+    short_help="Regulation and a straight line, nine controllers.",
+    epilog=examples(
+        "./arm compare-controllers",
+        "./arm compare-controllers --arm two_link --out /tmp/compared",
+    ),
 )
 @click.option(
     "--arm", "arms", multiple=True, type=click.Choice(["panda", "two_link"]),
@@ -27,21 +34,16 @@ if TYPE_CHECKING:
     show_default=True, help="Folder for the figures and the numbers.",
 )  # fmt: skip
 def compare_controllers(arms: tuple[str, ...], out: Path) -> None:
-    r"""Compare nine controllers on an arm that is as they believe, and on three that are not.
+    """Compare nine controllers on an arm that is as they believe, and on three that are not.
 
     Every controller has the same bandwidth. Tables show, for each case, the errors of the hand,
     overshoot, settling time, effort and energy; figures and all numbers go to a folder.
-
-    \b
-    Examples:
-      ./arm compare-controllers
-      ./arm compare-controllers --arm two_link --out /tmp/compared
     """
     from rich.progress import Progress
 
+    from arm_sim.cli.compare_controllers.figures import draw
+    from arm_sim.cli.compare_controllers.measure import compare, count
     from arm_sim.cli.output import console
-    from arm_sim.compare_controllers.figures import draw
-    from arm_sim.compare_controllers.measure import compare, count
 
     chosen = tuple(dict.fromkeys(arms)) or ("panda", "two_link")
     screen = console()
@@ -55,8 +57,8 @@ def compare_controllers(arms: tuple[str, ...], out: Path) -> None:
 
 def print_tables(results: Sequence[Result]) -> None:
     """Print a table for each arm, task and pace."""
+    from arm_sim.cli.compare_controllers.cases import ARMS
     from arm_sim.cli.output import console, show, table
-    from arm_sim.compare_controllers.cases import ARMS
 
     screen = console()
     for arm, task, pace in dict.fromkeys((r.arm, r.task, r.pace) for r in results):

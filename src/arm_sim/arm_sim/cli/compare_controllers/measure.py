@@ -12,8 +12,8 @@ from numpy.typing import NDArray
 
 from arm_dynamics.model import Array
 from arm_dynamics.motion import Reference
-from arm_sim.compare_controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
-from arm_sim.compare_controllers.contenders import CONTENDERS, contender
+from arm_sim.cli.compare_controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
+from arm_sim.cli.compare_controllers.contenders import CONTENDERS, contender
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.recording import Recording
 from arm_sim.simulator import Simulator

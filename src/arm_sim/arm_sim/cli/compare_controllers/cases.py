@@ -21,7 +21,7 @@ from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.task_terms import Pose
 from arm_dynamics.trajectory import quintic
 
-SCENES = Path(__file__).parents[1] / "scenes"
+SCENES = Path(__file__).parents[2] / "scenes"
 PLANTS = {
     "exact": "as the controller's model",
     "payload": "20 % more payload than the model has",

@@ -1,0 +1,272 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The law of the controller node: chosen at start, changed in motion, and refused as a whole."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Ros
+from rcl_interfaces.srv import SetParametersAtomically
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+import models
+from arm_dynamics import InvalidInput
+from arm_dynamics.control import Measured
+from arm_dynamics.control_choice import NAMES, Settings, make_controller
+from arm_dynamics.motion import Reference
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_sim.ros.sim_node import SimNode
+from tolerances import ALGEBRA, assert_close
+
+pytestmark = pytest.mark.ros
+
+FRAME = "panda_hand_tcp"
+HOME = models.dynamics("panda").model.q0
+MS = 1_000_000
+
+
+def sim_node(ros: Ros) -> SimNode:
+    return ros.add(SimNode, models.scene("panda"), realtime=False, integrator="rk4")
+
+
+def controller_node(ros: Ros, **parameters: Any) -> ControllerNode:
+    return ros.add(ControllerNode, models.scene("panda"), **parameters)
+
+
+def change(node: ControllerNode, **values: Any) -> Any:
+    return node.set_parameters_atomically([Parameter(k, value=v) for k, v in values.items()])
+
+
+def state(stamp: int, q: Any, v: Any) -> bytes:
+    names = list(models.dynamics("panda").joint_names)
+    message = JointState(name=names, position=list(q), velocity=list(v))
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    return serialize_message(message)
+
+
+def effort(node: ControllerNode, stamp: int, q: Any = HOME, v: Any = (0.0,) * 7) -> np.ndarray:
+    command = node.on_joint_states(state(stamp, q, v))
+    return np.array(deserialize_message(command, JointState).effort)
+
+
+def tick(sim: SimNode, node: ControllerNode) -> np.ndarray:
+    """One state answered within its tick; returns the torque commanded."""
+    now = sim.simulator.state
+    command = node.on_joint_states(state(round(now.time * 1e9), now.q, now.v))
+    sim.on_joint_commands(command)
+    sim.tick()
+    return np.array(deserialize_message(command, JointState).effort)
+
+
+def go(node: ControllerNode, offset: float, seconds: int) -> None:
+    """Lead every joint away from home."""
+    point = JointTrajectoryPoint(positions=(HOME + offset).tolist())
+    point.time_from_start.sec = seconds
+    names = list(models.dynamics("panda").joint_names)
+    node.on_joint_trajectory(JointTrajectory(joint_names=names, points=[point]))
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_every_law_closes_the_loop(ros: Ros, name: str) -> None:
+    """Each leads the arm by 0.1 rad in a second; those that know no weight sag."""
+    sim = sim_node(ros)
+    node = controller_node(ros, controller=name, task_frame=FRAME, bandwidth=[15.0])
+    tick(sim, node)
+    go(node, 0.1, 1)
+    torques = np.array([tick(sim, node) for _ in range(1200)])
+    assert np.isfinite(torques).all()
+    error = abs(sim.simulator.state.q - (HOME + 0.1)).max()
+    if name == "float":  # it leads nowhere, and does not fall either
+        assert_close(sim.simulator.state.q, HOME, 1e-4)
+    elif name in ("pd", "pid"):
+        assert 1e-3 < error < 1.0
+    elif name == "motion_force":  # along its direction it only brakes
+        assert error < 0.1
+    else:
+        assert error < 1e-3
+
+
+def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
+    """With every setting, at start and after a change."""
+    dynamics = models.dynamics("panda")
+    q, v = HOME + 0.02, np.full(7, 0.1)
+    still = Reference(HOME, np.zeros(7), np.zeros(7))
+    given = {"task_frame": FRAME, "task_axes": "position", "force": 5.0}
+    more = {"force_direction": [0.0, 1.0, 0.0], "friction": True, "damping_ratio": [0.8]}
+    node = controller_node(ros, controller="motion_force", switch_time=0.0, **given, **more)
+    settings = Settings(
+        damping_ratio=0.8, frame=FRAME, axes="position", direction=(0.0, 1.0, 0.0), force=5.0,
+        friction=True,
+    )  # fmt: skip
+    effort(node, 0)
+    law = make_controller("motion_force", dynamics, settings)
+    assert_close(effort(node, MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
+    assert change(node, controller="joint_impedance", force=0.0).successful
+    law = make_controller("joint_impedance", dynamics, settings)
+    effort(node, 2 * MS, q, v)
+    assert_close(effort(node, 3 * MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
+
+
+@pytest.mark.parametrize("axes", ["x y z", "z,x,y", "position"])
+def test_axes_may_be_listed(ros: Ros, axes: str) -> None:
+    node = controller_node(ros, controller="operational_space", task_frame=FRAME, task_axes=axes)
+    settings = Settings(frame=FRAME, axes="position")
+    law = make_controller("operational_space", models.dynamics("panda"), settings)
+    effort(node, 0)
+    q, v = HOME + 0.02, np.full(7, 0.1)
+    still = Reference(HOME, np.zeros(7), np.zeros(7))
+    assert_close(effort(node, MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
+
+
+def test_laws_change_in_motion_without_a_jump(ros: Ros) -> None:
+    sim = sim_node(ros)
+    node = controller_node(ros, controller=NAMES[0], task_frame=FRAME, switch_time=0.05)
+    tick(sim, node)
+    go(node, 0.3, 3)
+    laws = [name for name in NAMES[1:] if name != "float"]
+    torques, at = [], []
+    for name in laws:
+        torques += [tick(sim, node) for _ in range(150)]
+        assert change(node, controller=name).successful
+        at.append(len(torques))
+    torques = np.array(torques + [tick(sim, node) for _ in range(150)])
+    for k in at:
+        np.testing.assert_array_equal(torques[k], torques[k - 1])
+    steps = abs(np.diff(torques, axis=0)).max(axis=1)
+    assert steps.max() < 0.1 * np.ptp(torques, axis=0).max()
+    assert np.ptp(torques, axis=0).max() > 10.0
+
+
+def test_laws_change_over_the_wire(ros: Ros) -> None:
+    node = controller_node(ros)
+    effort(node, 0)
+    for name, said in (("operational_space", "frame is not given"), ("pd_gravity", "")):
+        wanted = Parameter("controller", value=name).to_parameter_msg()
+        request = SetParametersAtomically.Request(parameters=[wanted])
+        answer = ros.call(
+            SetParametersAtomically, "/controller/set_parameters_atomically", request
+        )
+        assert answer.result.successful == (not said)
+        assert said in answer.result.reason
+    assert node._params.controller == "pd_gravity"
+
+
+def test_a_change_without_time_would_jump(ros: Ros) -> None:
+    """What the hand-over is for: the two laws do not agree at all at the moment of the change."""
+    node = controller_node(ros, controller="pd", switch_time=0.0)
+    before = effort(node, 0)
+    assert change(node, controller="pd_gravity").successful
+    held, after = effort(node, MS), effort(node, 2 * MS)
+    np.testing.assert_array_equal(held, before)
+    assert abs(after - before).max() > 10.0
+
+
+def test_gains_of_a_law_without_memory_act_at_once(ros: Ros) -> None:
+    node = controller_node(ros, controller="pd_gravity", bandwidth=[10.0])
+    effort(node, 0)
+    rest = effort(node, MS)
+    pull = effort(node, 2 * MS, HOME + 0.01) - effort(node, 2 * MS, HOME)
+    assert change(node, bandwidth=20.0).successful
+    gravity = models.dynamics("panda").gravity(HOME + 0.01) - rest
+    stronger = effort(node, 3 * MS, HOME + 0.01) - effort(node, 3 * MS, HOME)
+    assert_close(stronger - gravity, 4.0 * (pull - gravity), ALGEBRA)
+
+
+def test_gains_of_a_law_that_remembers_fade_in(ros: Ros) -> None:
+    node = controller_node(ros, controller="pid", bandwidth=[10.0])
+    for k in range(50):
+        before = effort(node, k * MS, HOME + 0.05 * (k > 0))
+    assert change(node, bandwidth=12.0).successful
+    np.testing.assert_array_equal(effort(node, 50 * MS, HOME + 0.05), before)
+
+
+def test_time_that_goes_backwards_clears_the_memory(ros: Ros) -> None:
+    node = controller_node(ros, controller="pid")
+    fresh = effort(node, 1000 * MS)
+    for k in range(1001, 1200):
+        effort(node, k * MS, HOME + 0.1)
+    assert abs(effort(node, 1200 * MS) - fresh).max() > 1.0
+    np.testing.assert_array_equal(effort(node, 0), fresh)
+
+
+def test_an_absurd_state_does_not_spoil_the_memory(ros: Ros) -> None:
+    node = controller_node(ros, controller="pid", observer=30.0)
+    before = effort(node, 0)
+    with np.errstate(all="ignore"):
+        assert node.on_joint_states(state(MS, HOME, [1e306] * 7)) is None
+    assert_close(effort(node, 2 * MS), before, ALGEBRA)
+
+
+def test_after_floating_the_arm_is_held_where_it_was_led_to(ros: Ros) -> None:
+    node = controller_node(ros, controller="float", switch_time=0.0)
+    effort(node, 0)
+    led = HOME + 0.4
+    assert_close(effort(node, MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
+    assert change(node, controller="computed_torque").successful
+    effort(node, 2 * MS, led)
+    assert_close(effort(node, 3 * MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
+
+
+def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+    node = controller_node(ros, bandwidth=[100.0], switch_time=0.0)
+    limit = models.dynamics("panda").model.effort_limit
+    effort(node, 0)
+    asked = effort(node, MS, HOME + 0.3)
+    assert (abs(asked) > limit).any()
+    assert change(node, saturate=True).successful
+    effort(node, 2 * MS, HOME + 0.3)
+    assert_close(effort(node, 3 * MS, HOME + 0.3), np.clip(asked, -limit, limit), ALGEBRA)
+    said = capfd.readouterr().err
+    assert "torque cut at the effort limit: " in said
+    assert all(
+        (name in said) == (abs(tau) > most)
+        for name, tau, most in zip(node._dynamics.joint_names, asked, limit, strict=True)
+    )
+
+
+BAD = [
+    ({"controller": "magic"}, "'magic'; allowed is one of pd, pid"),
+    ({"controller": "operational_space"}, "frame is not given; a task controller needs one of"),
+    ({"controller": "operational_space", "task_frame": "paw"}, "frame 'paw' does not exist"),
+    ({"task_frame": "paw"}, "frame 'paw' does not exist"),
+    ({"task_frame": FRAME, "task_axes": ""}, "selection"),
+    ({"task_frame": FRAME, "task_axes": "x, w"}, "different names out of x, y, z, rx, ry, rz"),
+    (
+        {"controller": "operational_space", "task_frame": FRAME, "bandwidth": [9.0] * 7},
+        "allowed is a number or shape",
+    ),
+    ({"controller": "pd", "bandwidth": [-1.0]}, "bandwidth"),
+    ({"damping_ratio": [float("nan")]}, "damping_ratio"),
+    ({"controller": "motion_force", "task_frame": FRAME, "force_direction": [0.0] * 3}, "zero"),
+    ({"force": 1e9}, "force"),
+    ({"observer": 2000.0}, "product must stay below one"),
+    ({"observer": -1.0}, "observer"),
+]
+
+
+@pytest.mark.parametrize(("values", "complaint"), BAD)
+def test_bad_settings_are_refused_at_start(
+    ros: Ros, values: dict[str, Any], complaint: str
+) -> None:
+    with pytest.raises(InvalidInput, match=complaint):
+        controller_node(ros, **values)
+
+
+def test_bad_settings_in_motion_are_refused_and_the_law_goes_on(ros: Ros) -> None:
+    node = controller_node(ros)
+    effort(node, 0)
+    exact, before = effort(node, MS, HOME + 0.1), node._params
+    for values, complaint in BAD:
+        result = change(node, **values)
+        assert not result.successful
+        assert complaint in result.reason
+        assert node._params == before
+        np.testing.assert_array_equal(effort(node, 2 * MS, HOME + 0.1), exact)
+    result = change(node, switch_time=1.0)
+    assert not result.successful
+    assert "read-only" in result.reason
