@@ -11,7 +11,7 @@ from rich.console import Console
 
 from benchmarks import page, suite
 from benchmarks.bench import Record
-from benchmarks.report import summary, write
+from benchmarks.report import save, summary, write
 
 ROOT = Path(__file__).parents[1]
 
@@ -58,10 +58,10 @@ def main(quick: bool, only: tuple[str, ...], out: Path, docs: bool, again: Path 
     console = Console(stderr=True)
     if again:
         results = _earlier(again, docs)
-        path = write(results, out)
     else:
         for results in suite.run(quick, only or suite.STUDIES, console):
-            path = write(results, out)  # after every study: a run that is cut short is not lost
+            save(results, out)  # a run that is cut short is not lost
+    path = write(results, out)
     console.print(summary(results))
     console.print(f"report: {path}")
     if docs:

@@ -23,12 +23,22 @@ def write(results: Record, out: Path) -> Path:
     Returns:
         Path of the Markdown report.
     """
-    out.mkdir(parents=True, exist_ok=True)
-    (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
+    save(results, out)
     pictures = figures.draw(results, out)
     path = out / "report.md"
     path.write_text(sections.markdown(results, pictures))
     return path
+
+
+def save(results: Record, out: Path) -> None:
+    """Write ``report.json`` only.
+
+    Args:
+        results: as ``suite.run`` returns them.
+        out: folder, made if need be.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
 
 
 def summary(results: Record) -> Table:

@@ -101,9 +101,11 @@ def _between(rng: np.random.Generator, ends: tuple[float, float]) -> float:
 
 
 def _spread(rng: np.random.Generator, ends: tuple[float, float], n: int) -> Vector:
-    """Sizes in some part of a range: at random, growing or shrinking towards the tips."""
-    low, high = np.sort(rng.uniform(*np.log(ends), 2))
-    sizes = np.exp(low + (high - low) * rng.permutation(np.linspace(0.0, 1.0, n)))
+    """Sizes from a third of a range to all of it: at random, growing or shrinking to the tips."""
+    least, most = np.log(ends)
+    span = (most - least) * rng.uniform(1 / 3, 1)
+    low = rng.uniform(least, most - span)
+    sizes = np.exp(low + span * rng.permutation(np.linspace(0.0, 1.0, n)))
     order = rng.integers(3)
     return sizes if order == 0 else np.sort(sizes)[:: -1 if order == 1 else 1]
 

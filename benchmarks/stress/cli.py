@@ -22,7 +22,7 @@ from benchmarks.stress.tables import runs, wrong
 from benchmarks.stress.verdict import FORBIDDEN, OUTCOMES
 
 ROOT = Path(__file__).parents[2]
-QUICK_JOINTS = 8
+QUICK_JOINTS = 6
 EXAMPLES = """\b
 Examples:
   ./arm stress                       some two thousand runs; under ten minutes on two cores

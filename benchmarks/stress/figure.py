@@ -62,11 +62,14 @@ def _curves(shares: Any, errors: Any, points: Sequence[Point]) -> None:
         mine = [point for point in points if point[1].name == name]
         shares.plot(*_share(mine), label=name, **style)
         errors.plot(*_error(mine), label=name, **style)
-    what = "step × fastest rate of the arm"
-    shares.set(xscale="log", ylim=(-3, 103), title="Survival, fixed steps, no dry friction",
-               ylabel="runs that survive [%]", xlabel=what)  # fmt: skip
-    errors.set(xscale="log", yscale="log", title="Error where they survive, steady motions",
-               ylabel="median error of q, relative to 1 + |q|", xlabel=what)  # fmt: skip
+    for axis, title, label in (
+        (shares, "Survival, fixed steps, no dry friction", "runs that survive [%]"),
+        (errors, "Error where they survive, steady motions", "median error of q / (1 + |q|)"),
+    ):
+        axis.set(xscale="log", xlim=HALF_DECADES[[0, -1]], title=title, ylabel=label,
+                 xlabel="step × fastest rate of the arm")  # fmt: skip
+    shares.set(ylim=(-3, 103))
+    errors.set(yscale="log", ylim=(ROUNDING / 2, 10))
     shares.legend(loc="lower left")
 
 
