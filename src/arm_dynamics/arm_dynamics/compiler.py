@@ -54,10 +54,15 @@ def find_compiler(language: str = "c") -> tuple[str, ...] | None:
     variable, names = (
         ("CC", ("cc", "gcc", "clang")) if language == "c" else ("CXX", ("c++", "g++", "clang++"))
     )
-    chosen = shlex.split(os.environ.get(variable, ""))
-    if chosen:
-        return tuple(chosen) if shutil.which(chosen[0]) else None
-    return next(((name,) for name in names if shutil.which(name)), None)
+    return _first_there(os.environ.get(variable, ""), names, os.environ.get("PATH"))
+
+
+@cache
+def _first_there(chosen: str, names: tuple[str, ...], path: str | None) -> tuple[str, ...] | None:
+    command = shlex.split(chosen)
+    if command:
+        return tuple(command) if shutil.which(command[0], path=path) else None
+    return next(((name,) for name in names if shutil.which(name, path=path)), None)
 
 
 @cache

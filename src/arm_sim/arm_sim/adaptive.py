@@ -81,8 +81,9 @@ def controlled_tick(
         after, error, error_q = attempt(state, u, p, trial)
         control.attempts += 1
         size = float(error[0]) / control.tolerance
-        factor = _growth(size, control.order)
-        if size <= 1.0:
+        reached = within_reach(after)
+        factor = _growth(size, control.order) if reached else 0.2
+        if size <= 1.0 and reached:
             state[:] = after
             control.error += float(error_q[0])
             done += trial
@@ -104,3 +105,8 @@ def controlled_tick(
 def _growth(size: float, order: int) -> float:
     factor = 6.0 if size < 1e-10 else 0.9 * size ** (-1.0 / order)  # NaN must shrink it
     return min(6.0, factor) if factor > 0.2 else 0.2
+
+
+def within_reach(x: Array) -> bool:
+    """Whether a state is finite and far from overflow; the drivers in C ask the same."""
+    return bool(sum(map(abs, x.tolist())) < 1e150)

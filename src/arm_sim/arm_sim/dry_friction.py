@@ -18,7 +18,7 @@ import numpy as np
 from arm_dynamics.kernel import Kernel
 from arm_dynamics.model import Array
 from arm_sim.actuation import CompiledControl, actuation
-from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick
+from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick, within_reach
 from arm_sim.choice import Choice
 from arm_sim.integrators import build_attempt, build_step
 from arm_sim.plant import Plant
@@ -28,7 +28,6 @@ from arm_sim.stepper import (
     library_function,
     pointer,
     row_stride,
-    within_reach,
 )
 
 # A tick with more stops and starts than this for each joint is not a motion any more.

@@ -18,7 +18,7 @@ from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.kernel import Kernel, check_forward
 from arm_dynamics.model import Array
 from arm_sim.actuation import CompiledControl, actuation
-from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick
+from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick, within_reach
 from arm_sim.integrators import Method, build_attempt, build_step
 from arm_sim.plant import Plant
 
@@ -222,11 +222,6 @@ def library_function(kernel: Kernel, name: str) -> Callable[..., int]:
     entry.restype = ctypes.c_longlong
     function: Callable[..., int] = entry
     return function
-
-
-def within_reach(x: Array) -> bool:
-    """Whether a state is finite and far from overflow; the drivers in C ask the same."""
-    return bool(sum(map(abs, x.tolist())) < 1e150)
 
 
 def pointer(array: Array) -> ctypes.c_void_p:

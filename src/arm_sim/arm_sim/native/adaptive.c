@@ -32,9 +32,11 @@ static int controlled_tick(real* x, const real* u, const real* p, double h, cont
     attempt(arg, res, iw, w, 0);
     ++c->attempts;
     const double size = error / c->tolerance;
-    const int accepted = size <= 1.0;
+    int reached = 1;
+    for (int i = 0; i < NX; ++i) reached &= !BEYOND(next[i], 1e150);
+    const int accepted = size <= 1.0 && reached;
     double factor = size < 1e-10 ? 6.0 : 0.9 * pow(size, -1.0 / ORDER); /* NaN must shrink it */
-    factor = !(factor > 0.2) ? 0.2 : factor > 6.0 ? 6.0 : factor;
+    factor = !(factor > 0.2) || !reached ? 0.2 : factor > 6.0 ? 6.0 : factor;
     if (accepted) {
       for (int i = 0; i < NX; ++i) x[i] = next[i];
       c->error += error_q;
