@@ -36,6 +36,8 @@ LEAST_INDEX_FROM = 3
 BISECTIONS = 200
 # A joint that is let go at the very edge of sticking may leave by rounding in the wrong direction.
 ROUNDING = 1e-13
+# Speed, relative to the fastest joint's, that a joint which stops may have where it is found to.
+AT_REST = 1e-6
 
 
 class DryStepper:
@@ -148,10 +150,11 @@ class DryStepper:
             after = self._flow(x, u, length, direction)
             if after is None:
                 return None
-            x = self._rest(after, direction)
+            rested = self._rest(after, direction)
             left -= length
-            if calm or left <= 0.0:
-                return x
+            if rested is None or calm or left <= 0.0:
+                return rested
+            x = rested
         return None
 
     def _wrong_after(self, x: Array, u: Array, t: float, direction: Array) -> float:
@@ -162,10 +165,16 @@ class DryStepper:
             self._control.put_back(kept)
         return np.inf if after is None else self._wrong(after, u, direction)
 
-    def _rest(self, x: Array, direction: Array) -> Array:
-        """Put joints that have just reached zero speed, or passed it by rounding, at rest."""
+    def _rest(self, x: Array, direction: Array) -> Array | None:
+        """Put joints that have just reached zero speed, or passed it by rounding, at rest.
+
+        None if one of them was still fast: the piece was no continuous motion.
+        """
         v = x[self._n :]
-        v[self._sticky & (v * direction <= 0.0)] = 0.0
+        stopped = self._sticky & (v * direction <= 0.0)
+        if np.any(abs(v[stopped]) > AT_REST * (1.0 + abs(v).max())):
+            return None
+        v[stopped] = 0.0
         return x
 
     def _wrong(self, x: Array, u: Array, direction: Array) -> float:
@@ -238,6 +247,7 @@ def _driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -> str:
         "PIVOTS": str(LEAST_INDEX_FROM * n + 2 ** min(n, 12)),
         "BISECTIONS": str(BISECTIONS),
         "ROUNDING": repr(ROUNDING),
+        "AT_REST": repr(AT_REST),
     }
     if choice.tolerance is None:
         return driver_source("dry.c", plant, defines, *functions)

@@ -4,7 +4,7 @@
  * dry_friction.py, with the reasons, for machines without a compiler; a test holds the two together.
  *
  * Before this file: NX, NU, NP, STATIC (levels at rest, a brace list), SZ_ARG, SZ_RES, SZ_IW, SZ_W (of the functions
- * called), EVENTS, PIVOTS, WORST_FIRST, BISECTIONS, ROUNDING; with error control also adaptive.c and ADAPTIVE.
+ * called), EVENTS, PIVOTS, WORST_FIRST, BISECTIONS, ROUNDING, AT_REST; with error control also adaptive.c and ADAPTIVE.
  */
 
 static const double static_level[NU] = STATIC;
@@ -147,10 +147,18 @@ static double first_wrong(const real* x, piece_t* piece, double h) {
   return high;
 }
 
-static void rest(real* x, const piece_t* piece) {
+/* 0 if a joint that is put at rest was still fast: the piece was no continuous motion. */
+static int rest(real* x, const piece_t* piece) {
   const real* d = DIRECTION(piece);
+  double fastest = 0.0;
   for (int i = 0; i < NU; ++i)
-    if (static_level[i] > 0.0 && x[NU + i] * d[i] <= 0.0) x[NU + i] = 0.0;
+    if (fabs(x[NU + i]) > fastest) fastest = fabs(x[NU + i]);
+  for (int i = 0; i < NU; ++i)
+    if (static_level[i] > 0.0 && x[NU + i] * d[i] <= 0.0) {
+      if (fabs(x[NU + i]) > AT_REST * (1.0 + fastest)) return 0;
+      x[NU + i] = 0.0;
+    }
+  return 1;
 }
 
 static int dry_tick(real* x, piece_t* piece, double h) {
@@ -163,7 +171,7 @@ static int dry_tick(real* x, piece_t* piece, double h) {
     const int calm = wrong_after(now, piece, left) <= 0.0;
     if (!calm) length = first_wrong(now, piece, left);
     if (!flow(now, piece, length, after)) return 0;
-    rest(after, piece);
+    if (!rest(after, piece)) return 0;
     for (int i = 0; i < NX; ++i) now[i] = after[i];
     left -= length;
     if (calm || left <= 0.0) {
