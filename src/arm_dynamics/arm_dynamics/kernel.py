@@ -19,6 +19,7 @@ from arm_dynamics import compiler
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, KernelError
 from arm_dynamics.model import Array
+from arm_dynamics.pieces import divided
 
 BACKENDS = ("auto", "native", "vm")
 CHECK_TOLERANCE = 1e-10
@@ -133,12 +134,12 @@ class Kernel:
 
 
 def generate(functions: Sequence[ca.Function]) -> str:
-    """C source of CasADi functions, as CasADi writes it; only the functions are visible."""
+    """C source of CasADi functions; only they are visible, and long ones come in pieces."""
     generator = ca.CodeGenerator("kernel.c", {"with_header": False, "verbose": False})
     for function in functions:
         generator.add(function)
     visible = '#define CASADI_SYMBOL_EXPORT __attribute__((visibility("default")))\n'
-    return visible + str(generator.dump())
+    return visible + divided(str(generator.dump()))
 
 
 def operations(function: ca.Function) -> int:

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Long generated functions in pieces: other code, the same numbers."""
+
+from __future__ import annotations
+
+import re
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, load_scene
+from arm_dynamics import kernel as kernels
+from arm_dynamics.kernel import Kernel, generate
+from arm_dynamics.pieces import divided
+from arm_sim.plant import Plant
+from benchmarks.urdf import chain_urdf
+
+PIECE = 100
+
+
+@pytest.fixture(scope="module")
+def rhs() -> ca.Function:
+    """Equation of motion of five joints, some 500 operations."""
+    return Plant(ArmModel(load_scene(chain_urdf(5)))).rhs
+
+
+def in_pieces(function: ca.Function, monkeypatch: pytest.MonkeyPatch, piece: int) -> Kernel:
+    """A kernel whose functions are divided at every ``piece`` lines."""
+    with monkeypatch.context() as patch:
+        patch.setattr(kernels, "divided", lambda source: divided(source, 0, piece))
+        return Kernel([function], "native")
+
+
+@pytest.mark.parametrize("piece", [1, 7, PIECE, 10_000])
+def test_the_same_bits(rhs: ca.Function, monkeypatch: pytest.MonkeyPatch, piece: int) -> None:
+    whole = Kernel([rhs], "native").call("rhs")
+    pieces = in_pieces(rhs, monkeypatch, piece).call("rhs")
+    for x in np.random.default_rng(1).normal(size=(20, 10)):
+        u = x[:5]
+        np.testing.assert_array_equal(pieces(x, u, [])[0], whole(x, u, [])[0])
+
+
+def test_pieces_are_short(rhs: ca.Function) -> None:
+    source = divided(generate([rhs]), 0, PIECE)
+    lengths = [
+        sum(not re.match(r" +(casadi_real|\w+=live|live)", line) for line in body.splitlines())
+        for body in re.findall(r"noinline\)\) void \w+\([^)]*\) \{\n(.*?)\n\}", source, re.DOTALL)
+    ]
+    assert len(lengths) > 3
+    assert max(lengths) <= PIECE
+
+
+def test_short_functions_stay_as_they_are(rhs: ca.Function) -> None:
+    source = generate([rhs])
+    assert "noinline" not in source
+    assert divided(source) == source
+
+
+def test_what_is_no_list_of_assignments_stays_as_it_is() -> None:
+    x = ca.MX.sym("x", 3)
+    source = generate([ca.Function("f", [x], [ca.norm_2(x) * ca.sin(x)])])
+    assert divided(source, 0, 1) == source
+
+
+def test_arms_of_many_joints_come_in_pieces() -> None:
+    assert "noinline" in generate([Plant(ArmModel(load_scene(chain_urdf(20)))).rhs])
