@@ -161,6 +161,10 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
     groups = -(-arms // width)
     edges = [min(arms, groups * i // count * width) for i in range(count + 1)]
     parts = [(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
-    with ThreadPoolExecutor(max(1, len(parts))) as pool:
+    if len(parts) <= 1:  # starting a thread takes longer than a short rollout
+        for part in parts:
+            work(*part)
+        return
+    with ThreadPoolExecutor(len(parts)) as pool:
         for done in [pool.submit(work, *part) for part in parts]:
             done.result()
