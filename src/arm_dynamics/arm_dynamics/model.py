@@ -15,6 +15,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from arm_dynamics.exceptions import ModelError, SceneError
+from arm_dynamics.joint_drive import command_limits, command_units, drives_of
 from arm_dynamics.scene import Joint, Scene, inertia_matrix
 from arm_dynamics.urdf import Mimic, Urdf, read_urdf
 
@@ -39,8 +40,12 @@ class ArmModel:
         stribeck_excess: Dry friction at creeping speed beyond ``coulomb`` in [N m] or [N]; zero
             where it falls from ``static`` at once.
         stribeck_velocity: Speed of that fall in [rad/s] or [m/s]; 1 where there is none.
-        armature: Drive inertia in [kg m²] or [kg], shape (n,).
+        armature: Drive inertia in [kg m²] or [kg], that of rotors on rigid gears included, (n,).
+        drives: Motor, gear and transmission of each joint, None where the command is a torque
+            that acts on the link at once.
         effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).
+        command_unit: What a command is for each joint: ``N m``, ``N``, ``A`` or ``V``.
+        command_limit: Limits of the commands in their units, inf where there is none, shape (n,).
         velocity_limit: Speed limits in [rad/s] or [m/s], inf where there is none, shape (n,).
         position_lower: Lower limits in [rad] or [m], shape (n,).
         position_upper: Upper limits in [rad] or [m], shape (n,).
@@ -71,6 +76,7 @@ class ArmModel:
         self.followers, self.offsets = _follower_map(self._index, self.joint_names, rules)
         self.has_followers = len(self._index) != len(moving)
         settings = [scene.joint(name) for name in self._index]
+        self.drives = tuple(drives_of(scene, moving, rules))
         self._set_drives(settings, _velocity_index(whole), whole)
         self._set_limits(settings, _velocity_index(whole), whole)
         self.q0 = _frozen([scene.initial.position.get(name, 0.0) for name in moving])
@@ -147,6 +153,10 @@ class ArmModel:
         viscous = [_or(s.friction.viscous, d) for s, d in zip(settings, damping, strict=True)]
         coulomb = [_or(s.friction.coulomb, d) for s, d in zip(settings, dry, strict=True)]
         armature = np.array([s.armature or 0.0 for s in settings])
+        for name, drive in zip(self.joint_names, self.drives, strict=True):
+            if drive is not None:
+                viscous[list(self._index).index(name)] += drive.viscous
+                armature[list(self._index).index(name)] += drive.armature
         self.pin.armature = armature
         self.viscous = _frozen(np.array(viscous) @ E**2)
         self.coulomb = _frozen(np.array(coulomb) @ abs(E))
@@ -181,6 +191,8 @@ class ArmModel:
         self.effort_limit = _frozen(
             [_or(x.effort, _bound(whole.upperEffortLimit[i])) for x, i, _ in mine]
         )
+        self.command_unit = command_units(self.drives, self.joint_types)
+        self.command_limit = _frozen(command_limits(self.drives, self.effort_limit))
         self.velocity_limit = _frozen(
             [_or(x.velocity, _bound(whole.upperVelocityLimit[i])) for x, i, _ in mine]
         )

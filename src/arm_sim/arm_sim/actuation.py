@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From command to the torque that acts: the controller in the loop, if any, then the limits."""
+"""From what is wanted to the command that acts: the controller, if any, then the limits."""
 
 from __future__ import annotations
 
@@ -67,22 +67,23 @@ def computed_torque(
 
 
 def actuation(plant: Plant, control: CompiledControl | None = None) -> ca.Function:
-    """Compose controller and effort limits.
+    """Compose controller and limits.
 
     Args:
         plant: The plant, for its limits.
-        control: A controller, or None if torques are commanded directly.
+        control: A controller, or None if commands are given directly.
 
     Returns:
-        CasADi function ``actuate`` (x, r) -> torque that acts, shape (n,).
+        CasADi function ``actuate`` (x, r) -> command that acts, shape (n,): a torque, or what
+        the joint's drive takes.
     """
     n = plant.model.n
     x = ca.SX.sym("x", plant.nx)
     r = ca.SX.sym("r", control.law.size1_in(1) if control else n)
-    tau = control.law(x, r) if control else r
-    limit = plant.model.effort_limit
+    command = control.law(x[: 2 * n], r) if control else r
+    limit = plant.model.command_limit
     bounded = [
-        ca.fmax(-limit[i], ca.fmin(limit[i], tau[i])) if np.isfinite(limit[i]) else tau[i]
+        ca.fmax(-limit[i], ca.fmin(limit[i], command[i])) if np.isfinite(limit[i]) else command[i]
         for i in range(n)
     ]
     return ca.Function("actuate", [x, r], [ca.vertcat(*bounded)], {"cse": True})

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_sim.integrators import METHODS, Method
+from arm_sim.plant import Plant
 
 DT_RANGE = (1e-9, 10.0)
 TOLERANCE_RANGE = (1e-14, 1e-1)
@@ -42,12 +44,12 @@ class Choice:
 
 
 def choose(
-    model: ArmModel, integrator: str | None, dt: float | None, tolerance: float | None
+    plant: Plant, integrator: str | None, dt: float | None, tolerance: float | None
 ) -> Choice:
     """Settle method, tick and tolerance: the caller's word, else the scene's, else the default.
 
     Args:
-        model: The robot and its scene.
+        plant: The scene's equation of motion.
         integrator: Name of a method, ``auto`` or None.
         dt: Length of a tick in [s] or None.
         tolerance: Scaled error per sub-step or None.
@@ -58,14 +60,14 @@ def choose(
     Raises:
         InvalidInput: If one of them is not allowed or they do not go together.
     """
-    scene = model.scene
+    scene = plant.model.scene
     name = integrator or scene.sim.integrator or "auto"
     if tolerance is None and integrator is None:
         tolerance = scene.sim.tolerance
     dt = _within("dt", scene.sim.dt if dt is None else dt, DT_RANGE, " s")
     tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
     if name == "auto":
-        method, reason = _automatic(model, dt, tolerance is not None)
+        method, reason = _automatic(plant, dt, tolerance is not None)
         return Choice(method, dt, tolerance, reason)
     if name not in METHODS:
         raise InvalidInput(f"integrator = {name!r}; allowed: auto, {', '.join(METHODS)}")
@@ -78,13 +80,37 @@ def choose(
     return Choice(method, dt, tolerance, "asked for")
 
 
-def _automatic(model: ArmModel, dt: float, error_control: bool) -> tuple[Method, str]:
-    rate = damping_rate(model)
+def _automatic(plant: Plant, dt: float, error_control: bool) -> tuple[Method, str]:
+    rate = fastest_rate(plant)
     if rate * dt > STIFF:
-        return METHODS["implicit"], f"stiff: friction stops a joint in {1 / rate:.2g} s"
+        what = "friction stops a joint" if plant.laws is None else "a joint or its drive responds"
+        return METHODS["implicit"], f"stiff: {what} in {1 / rate:.2g} s"
     if error_control:
         return METHODS["dop853"], "not stiff, error control: the highest order"
     return METHODS["rk4"], "not stiff, fixed step: the least error for the time"
+
+
+def fastest_rate(plant: Plant) -> float:
+    """How fast the scene answers at its initial state, in [1/s].
+
+    Args:
+        plant: The scene's equation of motion.
+
+    Returns:
+        Largest absolute eigenvalue of the exact Jacobian ∂x'/∂x: decay of currents, springs and
+        friction, and the frequency of springs; without laws that have states, of friction alone.
+    """
+    if plant.laws is None:
+        return damping_rate(plant.model)
+    x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
+    J = ca.Function("J", [x, u, p], [ca.jacobian(plant.rhs(x, u, p), x)])
+    model = plant.model
+    state = np.concatenate([model.q0, model.v0, plant.initial(model.q0, model.v0)])
+    sliding = np.ones(p.shape[0] - len(plant.parameters.nominal))
+    values = np.array(J(state, 0.0, np.concatenate([plant.parameters.nominal, sliding])))
+    if not np.isfinite(values).all():
+        return 0.0  # a joint without mass is refused with its name when the kernel is checked
+    return float(np.abs(np.linalg.eigvals(values)).max())
 
 
 def damping_rate(model: ArmModel) -> float:

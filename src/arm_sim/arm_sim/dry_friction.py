@@ -111,15 +111,15 @@ class DryStepper:
         Returns:
             Directions, shape (n,).
         """
-        q, v = x[: self._n], x[self._n :]
+        v = self._velocity(x)
         direction = np.where(self._sticky, np.sign(v), 1.0)
         resting = self._sticky & (v == 0.0)
         if not resting.any():
             return direction
         for pivot in range(LEAST_INDEX_FROM * self._n + 2 ** min(self._n, 12)):
             p = self._with(direction)
-            load = self._reaction(q, v, u, p)[0]
-            a = self._rhs(x, u, p)[0][self._n :]
+            load = self._reaction(x[: self._n], x[self._n :], u, p)[0]
+            a = self._velocity(self._rhs(x, u, p)[0])
             stuck = direction == 0.0
             excess = np.where(
                 stuck, (abs(load) - self._model.static) / self._model.static.max(), -direction * a
@@ -170,7 +170,7 @@ class DryStepper:
 
         None if one of them was still fast: the piece was no continuous motion.
         """
-        v = x[self._n :]
+        v = self._velocity(x)
         stopped = self._sticky & (v * direction <= 0.0)
         if np.any(abs(v[stopped]) > AT_REST * (1.0 + abs(v).max())):
             return None
@@ -179,14 +179,14 @@ class DryStepper:
 
     def _wrong(self, x: Array, u: Array, direction: Array) -> float:
         """Positive if a joint slides against its direction or sticks under too much load."""
-        q, v = x[: self._n], x[self._n :]
+        v = self._velocity(x)
         moving, stuck = self._sticky & (direction != 0.0), self._sticky & (direction == 0.0)
         turned = np.max(-v * direction, where=moving, initial=-np.inf) - ROUNDING * (
             1.0 + abs(v).max()
         )
         if not stuck.any():
             return float(turned)
-        load = abs(self._reaction(q, v, u, self._with(direction))[0])
+        load = abs(self._reaction(x[: self._n], x[self._n :], u, self._with(direction))[0])
         return float(max(turned, np.max(load - self._model.static, where=stuck, initial=-np.inf)))
 
     def _flow(self, x: Array, u: Array, h: float, direction: Array) -> Array | None:
@@ -197,6 +197,9 @@ class DryStepper:
             return after if ok else None
         after = self._smooth(x, u, self._with(direction), h)[0].copy()
         return after if within_reach(after) else None
+
+    def _velocity(self, x: Array) -> Array:
+        return x[self._n : 2 * self._n]
 
     def _with(self, direction: Array) -> Array:
         return np.concatenate([self.p, direction])
@@ -234,7 +237,7 @@ def first_positive(f: Callable[[float], float], h: float) -> float:
 def _flow_function(plant: Plant, choice: Choice) -> tuple[ca.Function, str]:
     if choice.tolerance is None:
         return build_step(choice.method, plant.rhs, plant.model.n), "step"
-    return build_attempt(choice.method, plant.rhs, plant.model.n), "attempt"
+    return build_attempt(choice.method, plant.rhs, plant.model.n, plant.scale), "attempt"
 
 
 def _driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -> str:

@@ -7,8 +7,8 @@ The step is divided into 1, 2, 3 and 4 parts, each advanced by (I - h J) Δ = h 
 Jacobian at its beginning, and the four results are extrapolated to h = 0. The last two columns of
 the table estimate the error.
 
-With x = (q, v) and f = (v, a) the system of 2n equations reduces to n:
-(I - h ∂a/∂v - h² ∂a/∂q) Δv = h (a + h ∂a/∂q v), Δq = h (v + Δv).
+With x = (q, w), w = (v, z) and f = (v, g) the system reduces to the order of w:
+(I - h ∂g/∂w - h² [∂g/∂q, 0]) Δw = h (g + h ∂g/∂q v), Δq = h (v + Δv).
 """
 
 from __future__ import annotations
@@ -26,22 +26,25 @@ def extrapolated_step(
     """Compose one step.
 
     Args:
-        rhs: Function (x, u, p) -> x' with x = (q, v).
+        rhs: Function (x, u, p) -> x' with x = (q, v, z).
         n: Degrees of freedom.
-        x: State, shape (2n,).
+        x: State, shape (nx,).
         u: Torque, shape (n,).
         p: Parameters.
         h: Length of the step in [s].
 
     Returns:
-        State at the end, and an estimate of its error, both of shape (2n,).
+        State at the end, and an estimate of its error, both of shape (nx,).
     """
-    J_q, J_v = _jacobian(rhs, n)(x, u, p)
-    factor, solve = _factor(n), _solve(n)
+    jacobian = _jacobian(rhs, n)
+    J_q, J_w = jacobian(x, u, p)
+    patterns = jacobian.sparsity_out(0), jacobian.sparsity_out(1)
+    factor = _factor(n, *patterns)
+    solve = _solve(n, patterns[0], factor.sparsity_out(0))
     row: list[ca.MX] = []
     for j, parts in enumerate(PARTS):
-        length, moved = h / parts, ca.MX.zeros(2 * n)
-        factors = factor(J_q, J_v, length)
+        length, moved = h / parts, ca.MX.zeros(x.shape[0])
+        factors = factor(J_q, J_w, length)
         for _ in range(parts):
             y = x + moved
             moved = moved + solve(factors, J_q, y, rhs(y, u, p), length)
@@ -53,34 +56,55 @@ def extrapolated_step(
 
 
 def _jacobian(rhs: ca.Function, n: int) -> ca.Function:
-    """Exact ∂a/∂q and ∂a/∂v."""
+    """Exact ∂g/∂q and ∂g/∂w; full without laws that have states, else without their zeros."""
     x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
-    J = ca.densify(ca.jacobian(rhs(x, u, p)[n:], x))
+    J = ca.jacobian(rhs(x, u, p)[n:], x)
+    J = ca.densify(J) if x.shape[0] == 2 * n else J
     return ca.Function("jacobian", [x, u, p], [J[:, :n], J[:, n:]], {"cse": True})
 
 
-def _factor(n: int) -> ca.Function:
-    """LU factors of I - h J_v - h² J_q in one matrix; the identity dominates, so no pivoting."""
-    J_q, J_v, h = ca.SX.sym("J_q", n, n), ca.SX.sym("J_v", n, n), ca.SX.sym("h")
-    A = ca.SX.eye(n) - h * (J_v + h * J_q)
-    for k in range(n):
-        for i in range(k + 1, n):
-            A[i, k] = A[i, k] / A[k, k]
-            A[i, k + 1 :] = A[i, k + 1 :] - A[i, k] * A[k, k + 1 :]
-    return ca.Function("factor", [J_q, J_v, h], [ca.densify(A)], {"cse": True})
+def _order(n: int, m: int) -> list[int]:
+    """Pivots: states of laws first, since each touches few others, then velocities."""
+    return [*range(n, m), *range(n)]
 
 
-def _solve(n: int) -> ca.Function:
+def _factor(n: int, J_q: ca.Sparsity, J_w: ca.Sparsity) -> ca.Function:
+    """LU factors of I - h ∂g/∂w - h² [∂g/∂q, 0] in one matrix.
+
+    No pivoting: for a passive law J = (S - D) H with S skew, D and H positive, so that
+    I - h J = (1/H + h D - h S) H has a positive symmetric part up to the factor H, and so has
+    every leading block: no pivot vanishes, in whatever order, at any h (Golub, Van Loan, Matrix
+    Computations, 4th edition, section 4.4.2). Where a law feeds energy, h is small.
+    """
+    m = J_w.size1()
+    Q, W, h = ca.SX.sym("J_q", J_q), ca.SX.sym("J_w", J_w), ca.SX.sym("h")
+    wide = Q if m == n else ca.horzcat(Q, ca.SX(m, m - n))
+    A = ca.SX.eye(m) - h * (W + h * wide)
+    order = _order(n, m)
+    for step, k in enumerate(order):
+        rest = [j for j in order[step + 1 :] if A.sparsity().has_nz(k, j)]
+        for i in order[step + 1 :]:
+            if A.sparsity().has_nz(i, k):
+                A[i, k] = A[i, k] / A[k, k]
+                for j in rest:
+                    A[i, j] = A[i, j] - A[i, k] * A[k, j]
+    return ca.Function("factor", [Q, W, h], [A], {"cse": True})
+
+
+def _solve(n: int, J_q: ca.Sparsity, factors: ca.Sparsity) -> ca.Function:
     """What one linearly implicit Euler step adds to x; small, so nothing is rounded off."""
-    LU, J_q, h = ca.SX.sym("LU", n, n), ca.SX.sym("J_q", n, n), ca.SX.sym("h")
-    x, slope = ca.SX.sym("x", 2 * n), ca.SX.sym("f", 2 * n)
-    v = x[n:]
-    d = h * (slope[n:] + h * (J_q @ v))
-    for i in range(n):
-        d[i] = d[i] - LU[i, :i] @ d[:i] if i else d[i]
-    for i in reversed(range(n)):
-        rest = LU[i, i + 1 :] @ d[i + 1 :] if i < n - 1 else 0
-        d[i] = (d[i] - rest) / LU[i, i]
-    return ca.Function(
-        "solve", [LU, J_q, x, slope, h], [ca.vertcat(h * (v + d), d)], {"cse": True}
-    )
+    m = factors.size1()
+    LU, Q, h = ca.SX.sym("LU", factors), ca.SX.sym("J_q", J_q), ca.SX.sym("h")
+    x, slope = ca.SX.sym("x", n + m), ca.SX.sym("f", n + m)
+    v, order = x[n : 2 * n], _order(n, m)
+    d = h * (slope[n:] + h * (Q @ v))
+
+    def known(i: int, others: list[int]) -> ca.SX:
+        return sum((LU[i, j] * d[j] for j in others if factors.has_nz(i, j)), ca.SX(0.0))
+
+    for step, i in enumerate(order):
+        d[i] = d[i] - known(i, order[:step])
+    for step, i in reversed(list(enumerate(order))):
+        d[i] = (d[i] - known(i, order[step + 1 :])) / LU[i, i]
+    arguments, moved = [LU, Q, x, slope, h], ca.vertcat(h * (v + d[:n]), d)
+    return ca.Function("solve", arguments, [moved], {"cse": True})

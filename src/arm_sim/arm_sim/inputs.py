@@ -12,6 +12,7 @@ import numpy as np
 from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.dynamics import real_array, vector
 from arm_dynamics.model import Array
+from arm_sim.plant import Plant
 
 _log = logging.getLogger(__name__)
 
@@ -44,13 +45,29 @@ def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:
     return np.ascontiguousarray(table)
 
 
-def packed_state(q: Any, v: Any, n: int) -> Array:
-    """Check positions and velocities and join them to x = (q, v) of shape (2n,)."""
-    parts = [vector(name, value, n) for name, value in (("q", q), ("v", v))]
-    for name, part in zip("qv", parts, strict=True):
-        if part.ndim != 1:
-            raise InvalidInput(f"{name} has shape {part.shape}; ({n},) is wanted")
-    return np.concatenate(parts)
+def packed_state(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
+    """Check a state and join it to x = (q, v, z) of shape (nx,); None for z's initial values."""
+    n = plant.model.n
+    q, v = _row("q", q, n), _row("v", v, n)
+    if z is None:
+        return np.concatenate([q, v, plant.initial(q, v)])
+    return np.concatenate([q, v, _row("z", z, plant.nz)])
+
+
+def _row(name: str, value: Any, n: int) -> Array:
+    if n == np.size(value) == 0:
+        return np.zeros(0)
+    row = vector(name, value, n)
+    if row.ndim != 1:
+        raise InvalidInput(f"{name} has shape {row.shape}; ({n},) is wanted")
+    return row
+
+
+def whole(name: str, value: Any, least: int) -> None:
+    """Refuse what is not a whole number of at least ``least``."""
+    if not isinstance(value, int | np.integer) or value < least:
+        wanted = "one" if least else "zero"
+        raise InvalidInput(f"{name} = {value!r}: a whole number of at least {wanted} is wanted")
 
 
 def tick_count(duration: Any, dt: float) -> int:
@@ -67,11 +84,11 @@ def tick_count(duration: Any, dt: float) -> int:
 
 
 class SaturationNotice:
-    """Says once that a commanded torque was cut at its limit."""
+    """Says once that a command was cut at its limit."""
 
     def __init__(self, model: ArmModel) -> None:
         self._model = model
-        self._said = not np.isfinite(model.effort_limit).any()
+        self._said = not np.isfinite(model.command_limit).any()
 
     def look(self, command: Array, effort: Array) -> None:
         """Compare commands with what acted, both of shape (n,) or (k, n)."""
@@ -79,7 +96,7 @@ class SaturationNotice:
             return
         joint = int(np.argmax(np.any(np.atleast_2d(command) != effort, axis=0)))
         asked = np.atleast_2d(command)[:, joint]
-        name, limit = self._model.joint_names[joint], self._model.effort_limit[joint]
-        text = "torque %.6g at joint '%s' is beyond its limit of %.6g and was cut; said once"
+        name, limit = self._model.joint_names[joint], self._model.command_limit[joint]
+        text = "command %.6g at joint '%s' is beyond its limit of %.6g and was cut; said once"
         _log.warning(text, asked[np.argmax(abs(asked))], name, limit)
         self._said = True

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from arm_dynamics.model import Array
 from arm_sim import implicit
 from arm_sim.tableaux import DOP853, DORMAND_PRINCE, EULER, HEUN, MIDPOINT, RK4, Tableau
 
@@ -72,10 +73,10 @@ def build_step(method: Method, rhs: ca.Function, n: int) -> ca.Function:
     return ca.Function("step", [x, u, p, h], [after], {"cse": True})
 
 
-def build_attempt(method: Method, rhs: ca.Function, n: int) -> ca.Function:
+def build_attempt(method: Method, rhs: ca.Function, n: int, scale: Array) -> ca.Function:
     """Compose one step of a method that estimates its error.
 
-    The error of a step is the largest over q and v of |error| / (1 + |x|); DOP853 mixes its
+    The error of a step is the largest over x of |error| / (scale + |x|); DOP853 mixes its
     estimates of order 5 and 3 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
     1993, section II.10).
 
@@ -83,6 +84,7 @@ def build_attempt(method: Method, rhs: ca.Function, n: int) -> ca.Function:
         method: The method; it must have an error estimate.
         rhs: Function (x, u, p) -> x'.
         n: Degrees of freedom.
+        scale: Size that matters of each number of x, shape (nx,); 1 for q and v.
 
     Returns:
         Function ``attempt`` (x, u, p, h) -> (x at the end, scaled error, largest error of q).
@@ -91,7 +93,7 @@ def build_attempt(method: Method, rhs: ca.Function, n: int) -> ca.Function:
         raise ValueError(f"{method.name} has no error estimate")
     x, u, p, h = _symbols(rhs)
     after, estimates = _advance(method, rhs, n, x, u, p, h)
-    measure = _norms(x.shape[0], len(estimates), n)
+    measure = _norms(scale, len(estimates), n)
     error, error_q = measure(x, after, *estimates)
     return ca.Function("attempt", [x, u, p, h], [after, error, error_q], {"cse": True})
 
@@ -136,17 +138,18 @@ def _semi_implicit(f: Rhs, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
     return ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
 
 
-def _norms(nx: int, estimates: int, n: int) -> ca.Function:
+def _norms(scale: Array, estimates: int, n: int) -> ca.Function:
+    nx = len(scale)
     before, after = ca.SX.sym("x", nx), ca.SX.sym("y", nx)
     errors = [ca.SX.sym(f"e{i}", nx) for i in range(estimates)]
-    scale = 1 + ca.fmax(ca.fabs(before), ca.fabs(after))
-    norms = [_largest(ca.fabs(error) / scale) for error in errors]
-    size = norms[0]
+    size = ca.SX(ca.DM(scale)) + ca.fmax(ca.fabs(before), ca.fabs(after))
+    norms = [_largest(ca.fabs(error) / size) for error in errors]
+    worst = norms[0]
     if estimates == 2:
         # Hairer's blend: near the order-5 estimate, damped where the order-3 one is far larger.
-        size = size * size / ca.sqrt(size * size + 0.01 * norms[1] * norms[1] + 1e-300)
+        worst = worst * worst / ca.sqrt(worst * worst + 0.01 * norms[1] * norms[1] + 1e-300)
     return ca.Function(
-        "measure", [before, after, *errors], [size, _largest(ca.fabs(errors[0][:n]))]
+        "measure", [before, after, *errors], [worst, _largest(ca.fabs(errors[0][:n]))]
     )
 
 

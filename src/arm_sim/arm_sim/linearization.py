@@ -54,7 +54,7 @@ class Linearizer:
         choice, plant = self._choice, self._plant
         if choice.tolerance is None:
             return [choice.dt]
-        attempt = build_attempt(choice.method, plant.rhs, plant.model.n)
+        attempt = build_attempt(choice.method, plant.rhs, plant.model.n, plant.scale)
         kernel = Kernel([attempt], "vm")
         u = np.array(actuation(plant)(x, r)).ravel()
         control, taken = SubstepControl(choice.tolerance, choice.method.order), list[float]()

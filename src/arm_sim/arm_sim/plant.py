@@ -15,6 +15,10 @@ from arm_dynamics import ArmModel
 from arm_dynamics.kernel import operations
 from arm_dynamics.laws import articulated, friction, rigid_body, sticking
 from arm_dynamics.laws.links import Tree, tree_of
+from arm_dynamics.model import Array
+from arm_dynamics.scene_laws import laws_of
+from arm_dynamics.stateful import Ensemble
+from arm_sim.driven import driven, driven_reaction, torques
 from arm_sim.parameters import Parameters
 
 # Above this many joints the mass matrix, of order n³ to factor, is never the shorter way.
@@ -32,10 +36,13 @@ class Plant:
     Attributes:
         model: The robot.
         parameters: What is tunable.
+        laws: Laws with states z of their own, or None if the scene asks for none.
         acceleration: CasADi function (q, v, tau, p) -> q̈ of vectors of n.
-        reaction: CasADi function (q, v, tau, p) -> torques that hold sticking joints, or None
-            without dry friction.
-        rhs: CasADi function (x, u, p) -> x' with x = (q, v).
+        reaction: CasADi function (q, w, u, p) -> torques that hold sticking joints, with
+            w = (v, z), or None without dry friction.
+        rhs: CasADi function (x, u, p) -> x' with x = (q, v, z).
+        torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
+            the links, or None where the command itself acts.
         method: Which algorithm turned out shorter, for people.
     """
 
@@ -47,12 +54,48 @@ class Plant:
             self.method, self.acceleration, self.reaction = _stick_slip(model, self.parameters)
         else:
             self.method, self.acceleration = _shortest(model, self.parameters)
+        laws = laws_of(model)
+        self.laws = Ensemble(laws, model.n) if laws else None
         self.rhs = state_space(self.acceleration, model.n)
+        if self.laws is not None:
+            self.rhs = driven(self.acceleration, self.laws)
+            self.reaction = self.reaction and driven_reaction(self.reaction, self.laws)
+        self.torques = torques(self.laws) if self.laws is not None else None
+
+    @property
+    def nz(self) -> int:
+        """How many states the laws have."""
+        return len(self.laws.names) if self.laws else 0
 
     @property
     def nx(self) -> int:
         """Length of the state."""
-        return 2 * self.model.n
+        return 2 * self.model.n + self.nz
+
+    @property
+    def scale(self) -> Array:
+        """Size that matters of each number of the state, for error control, shape (nx,)."""
+        z = self.laws.scale if self.laws else np.zeros(0)
+        return np.concatenate([np.ones(2 * self.model.n), z])
+
+    def initial(self, q: Array, v: Array) -> Array:
+        """The laws' states when the arm is put to q, v, shape (nz,)."""
+        return self.laws.initial(q, v) if self.laws else np.zeros(0)
+
+    def joint_torque(self, x: Array, u: Array) -> Array:
+        """What the drives put on the joints in [N m] or [N]: the command, or a law's torque.
+
+        Args:
+            x: State, shape (nx,) or (k, nx).
+            u: Command that acts, shape (n,) or (k, n).
+
+        Returns:
+            Torques of the shape of ``u``.
+        """
+        if self.torques is None or not u.size:
+            return u
+        torque: Array = np.array(self.torques(x.T, u.T)[0]).T
+        return torque.reshape(u.shape)
 
 
 class Symbols:

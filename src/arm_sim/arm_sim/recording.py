@@ -11,6 +11,7 @@ import numpy as np
 from arm_dynamics import Dynamics
 from arm_dynamics.model import Array
 from arm_sim.energy import dissipated_work, input_work
+from arm_sim.plant import Plant
 from arm_sim.state import State
 
 
@@ -22,8 +23,11 @@ class Recording:
         time: In [s], shape (k+1,).
         q: Joint positions in [rad] or [m], shape (k+1, n).
         v: Joint velocities in [rad/s] or [m/s], shape (k+1, n).
-        tau: Torques that act from each time on, limits applied, in [N m] or [N], shape (k+1, n);
-            the last row repeats the last tick's.
+        z: States of the scene's laws, shape (k+1, nz).
+        command: What was commanded from each time on, limits applied, shape (k+1, n): torques in
+            [N m] or [N], or what a joint's drive takes; the last row repeats the last tick's.
+        tau: Torques that act on the joints from each time on in [N m] or [N], shape (k+1, n):
+            the command, or what a joint's drive makes of it by the end of the tick.
         error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
         dynamics: The scene's dynamics, for the energies.
     """
@@ -31,6 +35,8 @@ class Recording:
     time: Array
     q: Array
     v: Array
+    z: Array
+    command: Array
     tau: Array
     error: Array
     dynamics: Dynamics
@@ -68,26 +74,35 @@ class Recording:
 
 
 def record(
-    dynamics: Dynamics, dt: float, start: State, trace: Array, effort: Array, errors: Array
+    dynamics: Dynamics,
+    plant: Plant,
+    dt: float,
+    start: State,
+    trace: Array,
+    effort: Array,
+    errors: Array,
 ) -> Recording:
     """Put a recording together.
 
     Args:
         dynamics: The scene's dynamics.
+        plant: The scene's equation of motion.
         dt: Length of a tick in [s].
         start: State before the first of k ticks.
-        trace: State (q, v) after each tick, shape (k, 2n).
-        effort: Torque that acted in each tick, shape (k, n).
+        trace: State (q, v, z) after each tick, shape (k, nx).
+        effort: Command that acted in each tick, shape (k, n).
         errors: Estimated error after each tick, shape (k,).
 
     Returns:
         The recording; its arrays are read-only.
     """
     n = len(start.q)
-    x = np.vstack([np.concatenate([start.q, start.v]), trace[:, : 2 * n]])
-    tau = np.vstack([effort, effort[-1:] if len(effort) else np.zeros(n)])
+    x = np.vstack([np.concatenate([start.q, start.v, start.z]), trace])
+    command = np.vstack([effort, effort[-1:] if len(effort) else np.zeros(n)])
+    tau = plant.joint_torque(np.vstack([x[1:], x[-1:]]), command)
     error = np.concatenate([[start.error], errors])
     time = np.asarray((start.step + np.arange(len(x))) * dt, dtype=np.float64)
-    for array in (x, tau, error, time):
+    for array in (x, command, tau, error, time):
         array.setflags(write=False)
-    return Recording(time, x[:, :n], x[:, n:], tau, error, dynamics)
+    q, v, z = x[:, :n], x[:, n : 2 * n], x[:, 2 * n :]
+    return Recording(time, q, v, z, command, tau, error, dynamics)

@@ -18,6 +18,7 @@ from arm_dynamics.kernel import generate
 from arm_dynamics.model import Array
 from arm_sim.actuation import actuation
 from arm_sim.choice import Choice
+from arm_sim.inputs import whole
 from arm_sim.integrators import build_step
 from arm_sim.make import make_stepper
 from arm_sim.plant import Plant
@@ -31,11 +32,11 @@ class Batch:
     """Arms to advance and where their motion goes.
 
     Attributes:
-        x0: Initial states, shape (b, 2n).
+        x0: Initial states (q, v, z), shape (b, nx).
         tau: Torques, shape (b, ticks, n); held or shared ones are repeated by strides of zero.
         p: Parameters, shape (b, np).
         steps: Ticks to advance.
-        out: States, shape (b, steps + 1, 2n), or (b, 2n) for the last ones only.
+        out: States, shape (b, steps + 1, nx), or (b, nx) for the last ones only.
     """
 
     x0: Array
@@ -65,21 +66,25 @@ class Rollouts:
                 self._in_lanes(library, batch, first, last)
 
         share(len(batch.x0), width, threads, work)
-        return batch.out
+        n = self._plant.model.n
+        return batch.out[..., : 2 * n] if self._plant.nz else batch.out
 
     def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:
         """Check arguments; ``p`` is of shape (np,) or (b, np)."""
         n = self._plant.model.n
-        if not isinstance(steps, int | np.integer) or steps < 0:
-            raise InvalidInput(f"steps = {steps!r}: a whole number of at least zero is wanted")
+        whole("steps", steps, 0)
         q0, v0 = (np.atleast_2d(vector(name, x, n)) for name, x in (("q0", q0), ("v0", v0)))
         arms = len(q0)
         for name, count in (("v0", len(v0)), ("parameters", len(p) if p.ndim == 2 else arms)):
             if count != arms:
                 raise InvalidInput(f"{name}: {count} arms, but q0 has {arms}")
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
-        out = np.empty((arms, 2 * n) if last_only else (arms, steps + 1, 2 * n))
-        return Batch(np.hstack([q0, v0]), self._torques(tau, arms, steps), rows, int(steps), out)
+        nx, x0 = self._plant.nx, np.hstack([q0, v0])
+        if self._plant.nz:
+            z0 = [self._plant.initial(q, v) for q, v in zip(q0, v0, strict=True)]
+            x0 = np.hstack([x0, np.reshape(z0, (arms, -1))])
+        out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
+        return Batch(x0, self._torques(tau, arms, steps), rows, int(steps), out)
 
     def _torques(self, tau: Any, arms: int, steps: int) -> Array:
         n = self._plant.model.n

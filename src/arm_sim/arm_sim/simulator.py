@@ -13,8 +13,8 @@ from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
 from arm_dynamics.model import Array
 from arm_sim.actuation import CompiledControl
 from arm_sim.choice import Choice, choose
-from arm_sim.exceptions import SimulationDiverged
-from arm_sim.inputs import SaturationNotice, packed_state, tick_count, torque, torque_table
+from arm_sim.exceptions import diverged
+from arm_sim.inputs import SaturationNotice, packed_state, tick_count, torque, torque_table, whole
 from arm_sim.linearization import Linearizer
 from arm_sim.make import make_stepper
 from arm_sim.plan import Plan
@@ -53,8 +53,8 @@ class Simulator:
         backend: str = "auto",
     ) -> None:
         self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
-        self.choice: Choice = choose(self.model, integrator, dt, tolerance)
         self.plant = Plant(self.model)
+        self.choice: Choice = choose(self.plant, integrator, dt, tolerance)
         self.backend = backend
         self._stepper = make_stepper(self.plant, self.choice, backend)
         self._controlled: tuple[CompiledControl, Stepper] | None = None
@@ -92,9 +92,16 @@ class Simulator:
 
     @property
     def effort(self) -> Array:
-        """Torque that acted in the last tick, limits applied, in [N m] or [N], shape (n,)."""
-        row: Array = self._effort[0]
-        return row.copy()
+        """Torque that acted in the last tick, limits applied, in [N m] or [N], shape (n,).
+
+        Of a drive: what it puts on the joint at the end of the tick.
+        """
+        return self.plant.joint_torque(self._x, self._effort[0].copy())
+
+    @property
+    def z_names(self) -> tuple[str, ...]:
+        """The states z, for people, with joint and unit."""
+        return self.plant.laws.names if self.plant.laws else ()
 
     @cached_property
     def dynamics(self) -> Dynamics:
@@ -110,18 +117,19 @@ class Simulator:
         """Advance one tick with the torque held.
 
         Args:
-            tau: Joint torques in [N m] or [N], shape (n,); saturated at the effort limits.
+            tau: Joint torques in [N m] or [N], or what a joint's drive takes in its place, shape
+                (n,); saturated at the limits.
 
         Returns:
             The state at the end of the tick.
 
         Raises:
-            InvalidInput: If ``tau`` has the wrong shape or is not finite; the state stays.
+            InvalidInput: If ``tau`` has the wrong shape or is not finite.
             SimulationDiverged: If the tick gives numbers that are not finite; the state stays.
         """
         command = torque(tau, self.n)
         if self._roll(self._stepper, command, self._trace, self._effort, self._error) != 1:
-            raise self._diverged()
+            raise diverged(self._state, self.choice)
         self._saturation.look(command, self._effort)
         return self._state
 
@@ -155,39 +163,42 @@ class Simulator:
             table = torque_table(control, ticks, self.n, self.dt)
             done = self._roll(self._stepper, table, trace, effort, errors)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
-        recording = record(
-            self.dynamics, self.dt, start, trace[:done], effort[:done], errors[:done]
-        )
+        motion = trace[:done], effort[:done], errors[:done]
+        recording = record(self.dynamics, self.plant, self.dt, start, *motion)
         if done < ticks:
-            error = self._diverged()
+            error = diverged(self._state, self.choice)
             error.recording = recording
             raise error
         return recording
 
-    def reset(self, q: Any = None, v: Any = None) -> State:
+    def reset(self, q: Any = None, v: Any = None, z: Any = None) -> State:
         """Start again at time zero.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,); None for the scene's initial ones.
             v: Joint velocities in [rad/s] or [m/s], likewise.
+            z: States of the laws, shape (nz,); None for those that suit q and v.
 
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
         model = self.model
-        self._x = packed_state(model.q0 if q is None else q, model.v0 if v is None else v, self.n)
+        q, v = model.q0 if q is None else q, model.v0 if v is None else v
+        self._x = packed_state(self.plant, q, v, z)
         self._step = 0
-        self._effort[:] = 0.0
-        self._error[:] = 0.0
+        self._effort[:] = self._error[:] = 0.0
         self._stepper.restart()
         self._controlled = None
         self._publish()
         return self._state
 
-    def set_state(self, q: Any = None, v: Any = None) -> State:
-        """Put the robot somewhere else while time goes on; None keeps positions or velocities."""
-        state = self._state
-        self._x = packed_state(state.q if q is None else q, state.v if v is None else v, self.n)
+    def set_state(self, q: Any = None, v: Any = None, z: Any = None) -> State:
+        """Put the robot somewhere else while time goes on.
+
+        None keeps positions or velocities, and gives the laws the states that suit them.
+        """
+        q, v = self._state.q if q is None else q, self._state.v if v is None else v
+        self._x = packed_state(self.plant, q, v, z)
         self._publish()
         return self._state
 
@@ -224,7 +235,7 @@ class Simulator:
 
         Returns:
             States (q, v), shape (b, steps + 1, 2n), or (b, 2n) if ``last_only``; NaN from where an
-            arm diverges.
+            arm diverges. States z of laws start as after a reset and are not returned.
 
         Raises:
             InvalidInput: If a shape or value is not allowed.
@@ -237,14 +248,13 @@ class Simulator:
         """Exact derivatives of the state after a tick (or several, torque held).
 
         Returns:
-            A = ∂x⁺/∂x of shape (2n, 2n) and B = ∂x⁺/∂τ of shape (2n, n), with x = (q, v).
+            A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z).
 
         Raises:
             InvalidInput: If an argument is not allowed.
         """
-        if not isinstance(ticks, int | np.integer) or ticks < 1:
-            raise InvalidInput(f"ticks = {ticks!r}: a whole number of at least one is wanted")
-        x, command = packed_state(state.q, state.v, self.n), torque(tau, self.n)
+        whole("ticks", ticks, 1)
+        x, command = packed_state(self.plant, state.q, state.v, state.z), torque(tau, self.n)
         return self._linearizer(x, command, self._stepper.parameters_at(x, command), ticks)
 
     @cached_property
@@ -288,11 +298,3 @@ class Simulator:
         x.setflags(write=False)
         time, error = self._step * self.dt, float(self._error[0])
         self._state = State(time, self._step, x[:n], x[n : 2 * n], x[2 * n :], error)
-
-    def _diverged(self) -> SimulationDiverged:
-        state = self._state
-        return SimulationDiverged(
-            f"tick {self._step + 1} (t = {state.time:.6g} s) cannot be computed with "
-            f"{self.choice.method.name}{self.choice.remark}; the state before it is kept: "
-            f"largest |v| = {abs(state.v).max():.3g}"
-        )

@@ -137,7 +137,7 @@ class AdaptiveStepper:
         backend: str,
         control: CompiledControl | None = None,
     ) -> None:
-        attempt = build_attempt(method, plant.rhs, plant.model.n)
+        attempt = build_attempt(method, plant.rhs, plant.model.n, plant.scale)
         actuate = actuation(plant, control)
         self._dt = dt
         order = {"ORDER": str(method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
@@ -232,10 +232,16 @@ def pointer(array: Array) -> ctypes.c_void_p:
 def check_kernel(plant: Plant, kernel: Kernel) -> None:
     """Hold the kernel's accelerations against Pinocchio before anyone uses them."""
     call, nominal = kernel.call("rhs"), plant.parameters.nominal
+    dynamics, n = Dynamics(plant.model), plant.model.n
 
     def acceleration(q: Array, v: Array, tau: Array) -> Array:
         directions = np.sign(v) if plant.reaction else np.zeros(0)
         p = np.concatenate([nominal, directions])
-        return call(np.concatenate([q, v]), tau, p)[0][plant.model.n :]
+        x = np.concatenate([q, v, plant.initial(q, v)])
+        a = call(x, tau, p)[0][n : 2 * n]
+        if plant.torques is None:
+            return a
+        acted = np.array(plant.torques(x, tau)[1]).ravel()
+        return a + np.linalg.solve(dynamics.mass_matrix(q), tau - acted)
 
-    check_forward(Dynamics(plant.model), acceleration)
+    check_forward(dynamics, acceleration)

@@ -1,0 +1,13 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which laws with states, or in place of the command, a scene asks for."""
+
+from __future__ import annotations
+
+from arm_dynamics.model import ArmModel
+from arm_dynamics.stateful import StatefulLaw
+
+
+def laws_of(model: ArmModel) -> tuple[StatefulLaw, ...]:
+    """The laws of a scene, in the order of their states; none if it asks for none."""
+    candidates: tuple[StatefulLaw | None, ...] = ()
+    return tuple(law for law in candidates if law is not None)

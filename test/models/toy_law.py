@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws with states, as simple as they can be, to test what the simulator does with any of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.model import Array
+from arm_dynamics.stateful import Flow
+
+
+@dataclass(frozen=True)
+class Motor:
+    """A coil on each chosen joint, driven by a voltage: L i' = V - R i - K v, torque K i.
+
+    Attributes:
+        joints: Which joints have one, shape (n,).
+        R: Resistance in [ohm].
+        L: Inductance in [H]; 0 for a motor without a state.
+        K: Torque constant in [N m/A].
+    """
+
+    joints: tuple[bool, ...]
+    R: float = 2.0
+    L: float = 0.01
+    K: float = 0.5
+    title: str = "toy motor"
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """A current for each motor, if it has inductance."""
+        return tuple(f"joint{i} current [A]" for i in self._which) if self.L else ()
+
+    @property
+    def scale(self) -> Array:
+        """One ampere."""
+        return np.ones(len(self.names))
+
+    @property
+    def replaces_command(self) -> np.ndarray:
+        """Joints with a motor."""
+        return np.array(self.joints)
+
+    @property
+    def _which(self) -> list[int]:
+        return [i for i, has in enumerate(self.joints) if has]
+
+    def initial(self, q: Array, v: Array) -> Array:
+        """No current."""
+        return np.zeros(len(self.names))
+
+    def _current(self, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        if self.L:
+            return z
+        return ca.vertcat(*[(u[i] - self.K * v[i]) / self.R for i in self._which])
+
+    def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+        """Kirchhoff and Lorentz."""
+        current = self._current(v, z, u)
+        torque = ca.SX(len(self.joints), 1)
+        slopes = []
+        for k, i in enumerate(self._which):
+            torque[i] = self.K * current[k]
+            if self.L:
+                slopes.append((u[i] - self.R * z[k] - self.K * v[i]) / self.L)
+        return Flow(torque, ca.vertcat(ca.SX(0, 1), *slopes))
+
+    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
+        """Magnetic energy."""
+        return 0.5 * self.L * ca.sumsqr(z) if self.L else ca.SX(0.0)
+
+    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """Voltage times current."""
+        current = self._current(v, z, u)
+        return sum((u[i] * current[k] for k, i in enumerate(self._which)), ca.SX(0.0))
+
+    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """Heat in the resistance."""
+        return self.R * ca.sumsqr(self._current(v, z, u))

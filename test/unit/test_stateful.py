@@ -1,0 +1,183 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws with states of their own: x = (q, v, z) through every part of the simulator.
+
+The law is a toy, a coil on a joint, so that what is tested is the simulator and not a motor.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import models
+from arm_dynamics import InvalidInput
+from arm_sim import Simulator
+from models.toy_law import Motor
+from tolerances import BACKENDS, assert_close
+
+Build = Callable[..., Simulator]
+FRICTION = {"viscous": 0.1, "coulomb": 0.0}
+DRY = {"viscous": 0.1, "coulomb": 0.3, "static": 0.5, "stribeck_velocity": 0.05}
+
+
+@pytest.fixture
+def build(monkeypatch: pytest.MonkeyPatch) -> Build:
+    """Simulators of the double pendulum with a motor on its first joint."""
+
+    def make(law: Motor, friction: dict[str, float] = FRICTION, **options: Any) -> Simulator:
+        scene = models.scene("double_pendulum").model_dump(exclude_unset=True)
+        scene["joints"] = {"*": {"friction": friction}}
+        monkeypatch.setattr("arm_sim.plant.laws_of", lambda model: (law,))
+        return Simulator(scene, **options)
+
+    return make
+
+
+def truth(sim: Simulator, law: Motor, u: np.ndarray, duration: float) -> np.ndarray:
+    """State after a while by SciPy, from Pinocchio's dynamics and the law in plain numbers."""
+    n = sim.n
+
+    def slope(_: float, x: np.ndarray) -> np.ndarray:
+        q, v, z = x[:n], x[n : 2 * n], x[2 * n :]
+        current = z[0] if law.L else (u[0] - law.K * v[0]) / law.R
+        tau = np.array([law.K * current, u[1]])
+        dz = [(u[0] - law.R * z[0] - law.K * v[0]) / law.L] if law.L else []
+        return np.concatenate([v, sim.dynamics.forward(q, v, tau), dz])
+
+    x0 = np.concatenate([sim.state.q, sim.state.v, sim.state.z])
+    return solve_ivp(slope, (0.0, duration), x0, "Radau", rtol=1e-11, atol=1e-12).y[:, -1]
+
+
+U = np.array([3.0, 0.2])
+CASES: list[dict[str, Any]] = [
+    {"integrator": "rk4"},
+    {"integrator": "dopri5"},
+    {"integrator": "dop853", "tolerance": 1e-10},
+    {"integrator": "implicit"},
+    {"integrator": "implicit", "tolerance": 1e-10},
+]
+
+
+@pytest.mark.parametrize("options", CASES, ids=str)
+@pytest.mark.parametrize("L", [0.01, 0.0])
+def test_agrees_with_scipy(build: Build, options: dict[str, Any], L: float) -> None:
+    law = Motor((True, False), L=L)
+    sim = build(law, **options)
+    wanted = truth(sim, law, U, 0.3)
+    run = sim.run(0.3, U)
+    state = sim.state
+    assert_close(np.concatenate([state.q, state.v, state.z]), wanted, 1e-7)
+    assert run.z.shape == (301, sim.plant.nz)
+    assert_close(run.command[:, 0], np.full(301, 3.0), 0.0)
+
+
+def test_orders_hold_with_states(build: Build) -> None:
+    law = Motor((True, False), L=0.05)
+    for name, order in (("euler", 1), ("semi_implicit_euler", 1), ("midpoint", 2), ("rk4", 4)):
+        errors = []
+        for dt in (0.004, 0.002):
+            sim = build(law, integrator=name, dt=dt)
+            wanted = truth(sim, law, U, 0.2)[: sim.n]
+            errors.append(np.abs(sim.run(0.2, U).q[-1] - wanted).max())
+        assert abs(np.log2(errors[0] / errors[1]) - order) < 0.3, name
+
+
+def test_stiff_coil_needs_and_gets_the_implicit_method(build: Build) -> None:
+    law = Motor((True, True), L=1e-7)
+    sim = build(law, integrator="implicit")
+    algebraic = build(Motor((True, True), L=0.0), integrator="rk4").run(0.3, U)
+    assert_close(sim.run(0.3, U).q[-1], algebraic.q[-1], 1e-5)
+
+
+def test_torque_at_the_joint_is_the_motors(build: Build) -> None:
+    law = Motor((True, False))
+    sim = build(law, integrator="rk4")
+    run = sim.run(0.05, U)
+    assert_close(run.tau[:-1, 0], law.K * run.z[1:, 0], 1e-15)
+    assert_close(run.tau[:, 1], np.full(51, U[1]), 0.0)
+    assert_close(sim.effort, run.tau[-1], 1e-15)
+
+
+def test_backends_agree(build: Build) -> None:
+    law = Motor((True, False))
+    for friction in (FRICTION, DRY):
+        for options in CASES:
+            runs = [
+                build(law, friction, backend=backend, **options).run(0.02, U)
+                for backend in ("native", "vm")
+            ]
+            assert_close(runs[0].q, runs[1].q, BACKENDS)
+            assert_close(runs[0].z, runs[1].z, 1e-9)
+
+
+def test_dry_friction_holds_until_the_current_has_grown(build: Build) -> None:
+    """From rest, i = V/R (1 - e^(-Rt/L)): the joint leaves at K i = Fs, not before."""
+    law = Motor((True, False), K=1.0, R=1.0, L=0.1)
+    sim = build(law, {"viscous": 0.0, "coulomb": 0.3, "static": 0.5}, integrator="rk4")
+    sim.reset([0.0, 0.0])
+    run = sim.run(0.2, [1.0, 0.0])
+    leaves = -0.1 * np.log(0.5)
+    moving = run.time[np.nonzero(run.v[:, 0])[0][0]]
+    assert moving - 1e-3 <= leaves <= moving
+    assert not run.v[run.time < leaves - 1e-3].any()
+
+
+def test_linearization_covers_the_states(build: Build) -> None:
+    law = Motor((True, False))
+    sim = build(law, integrator="rk4")
+    sim.run(0.01, U)
+    state = sim.state
+    A, B = sim.linearize(state, U)
+    assert A.shape == (5, 5) and B.shape == (5, 2)
+    x = np.concatenate([state.q, state.v, state.z])
+
+    def after(x: np.ndarray, u: np.ndarray) -> np.ndarray:
+        sim.set_state(x[:2], x[2:4], x[4:])
+        s = sim.step(u)
+        return np.concatenate([s.q, s.v, s.z])
+
+    for j in range(5):
+        e = 1e-6 * np.eye(5)[j]
+        assert_close((after(x + e, U) - after(x - e, U)) / 2e-6, A[:, j], 1e-7)
+    for j in range(2):
+        e = 1e-6 * np.eye(2)[j]
+        assert_close((after(x, U + e) - after(x, U - e)) / 2e-6, B[:, j], 1e-7)
+
+
+def test_rollout_is_the_simulator_in_many(build: Build, rng: np.random.Generator) -> None:
+    sim = build(Motor((True, False)), integrator="rk4")
+    q0, v0 = rng.normal(size=(2, 5, 2))
+    out = sim.rollout(q0, v0, U, 20)
+    assert out.shape == (5, 21, 4)
+    for arm in range(5):
+        sim.reset(q0[arm], v0[arm])
+        run = sim.run(0.02, U)
+        assert_close(out[arm], np.hstack([run.q, run.v]), BACKENDS)
+
+
+def test_states_are_set_and_named(build: Build) -> None:
+    sim = build(Motor((True, False)), integrator="rk4")
+    assert sim.z_names == ("joint0 current [A]",)
+    assert sim.reset(z=[0.25]).z[0] == 0.25
+    assert sim.set_state(z=[0.5]).z[0] == 0.5
+    assert sim.set_state(q=[1.0, 0.0]).z[0] == 0.0
+    with pytest.raises(InvalidInput, match=r"z has shape \(2,\)"):
+        sim.reset(z=[0.0, 0.0])
+
+
+def test_replay_to_the_bit(build: Build) -> None:
+    sim = build(Motor((True, False)), integrator="implicit", tolerance=1e-8)
+    first = sim.run(0.1, U)
+    sim.reset()
+    second = sim.run(0.1, U)
+    assert np.array_equal(first.q, second.q) and np.array_equal(first.z, second.z)
+
+
+def test_auto_sees_how_fast_a_coil_is(build: Build) -> None:
+    assert build(Motor((True, False), L=0.01)).plan.integrator == "rk4"
+    plan = build(Motor((True, False), L=1e-4)).plan
+    assert plan.integrator == "implicit" and "drive responds" in plan.reason
