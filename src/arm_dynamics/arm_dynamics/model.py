@@ -41,8 +41,7 @@ class ArmModel:
             where it falls from ``static`` at once.
         stribeck_velocity: Speed of that fall in [rad/s] or [m/s]; 1 where there is none.
         armature: Drive inertia in [kg m²] or [kg], that of rotors on rigid gears included, (n,).
-        drives: Motor, gear and transmission of each joint, None where the command is a torque
-            that acts on the link at once.
+        drives: Drive of each joint, None where the command acts on the link at once.
         effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).
         command_unit: What a command is for each joint: ``N m``, ``N``, ``A`` or ``V``.
         command_limit: Limits of the commands in their units, inf where there is none, shape (n,).

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+from arm_dynamics.drives import Drives
 from arm_dynamics.model import ArmModel
 from arm_dynamics.stateful import StatefulLaw
 
 
 def laws_of(model: ArmModel) -> tuple[StatefulLaw, ...]:
     """The laws of a scene, in the order of their states; none if it asks for none."""
-    candidates: tuple[StatefulLaw | None, ...] = ()
+    drives = Drives(model) if any(model.drives) else None
+    candidates: tuple[StatefulLaw | None, ...] = (drives,)
     return tuple(law for law in candidates if law is not None)
