@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every drive accounts for its energy: what it stores changes by what comes in, is lost, goes out.
+
+Checked at an instant, where no integrator has a say: ∂E/∂x · x' = supplied - lost - torque · v.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from models.driven import law, of_states, wheel
+from tolerances import ALGEBRA, assert_close
+
+WINDING = {"resistance": 0.8, "torque_constant": 0.06}
+ROTOR = {"rotor_inertia": 4e-5, "rotor_damping": 2e-5, "gear_ratio": -60.0}
+VOLTAGE = WINDING | ROTOR | {"command": "voltage", "inductance": 8e-4}
+COGGING = {"cogging": {"amplitude": 5e-3, "order": 6, "phase": 0.3}}
+HARMONIC = {
+    "stiffness": 4e3,
+    "damping": 1.5,
+    "stiffening": 1e6,
+    "hysteresis": {"torque": 3.0, "deflection": 2e-3, "sharpness": 1.7},
+    "kinematic_error": {"amplitude": 3e-3, "order": 2.0, "phase": 0.2},
+}
+
+DRIVES: dict[str, Any] = {
+    "torque": wheel(gear_ratio=30.0),
+    "torque, limited": wheel(**WINDING, gear_ratio=30.0, current_limit=4.0, voltage_limit=24.0),
+    "current": wheel(**WINDING, command="current"),
+    "voltage, no inductance": wheel(**WINDING, command="voltage", gear_ratio=10.0),
+    "voltage, no inductance, limited": wheel(**WINDING, command="voltage", current_limit=3.0),
+    "voltage": wheel(**VOLTAGE),
+    "voltage, limited": wheel(**VOLTAGE, current_limit=2.0),
+    "cogging": wheel(**COGGING, **VOLTAGE),
+    "another back-EMF": wheel(**VOLTAGE, back_emf_constant=0.07),
+    "belt": wheel(0.1, {"stiffness": 300.0, "damping": 2.0}, **ROTOR),
+    "belt under voltage": wheel(0.1, {"stiffness": 300.0, "damping": 2.0}, **VOLTAGE, **COGGING),
+    "play": wheel(0.1, {"stiffness": 900.0, "damping": 2.0, "backlash": 0.6}, **VOLTAGE),
+    "harmonic drive": wheel(0.1, HARMONIC, **VOLTAGE, **COGGING),
+    "harmonic drive under torque": wheel(0.1, HARMONIC, **ROTOR),
+}
+
+
+def states(rng: np.random.Generator, nz: int, number: int = 200) -> Any:
+    """Positions, velocities, states and commands; a hysteresis stays below one."""
+    for _ in range(number):
+        q, z = rng.uniform(-1.0, 1.0), rng.uniform(-0.99, 0.99, nz)
+        yield [q], rng.normal(0.0, 2.0, 1), q + z if nz in (2, 3) else z, rng.normal(0.0, 20.0, 1)
+
+
+@pytest.mark.parametrize("scene", DRIVES.values(), ids=DRIVES)
+def test_energy_is_accounted_for(scene: Any, rng: np.random.Generator) -> None:
+    drives = law(scene)
+    of = of_states(drives, 1)
+    for x in states(rng, len(drives.names)):
+        now = {name: float(of[name](*x)) for name in of if name != "slope"}
+        out = now["supplied"] - now["lost"] - now["torque"] * x[1][0]
+        scale = abs(now["supplied"]) + abs(now["lost"]) + 1.0
+        assert_close(now["rate"] / scale, out / scale, ALGEBRA)
+
+
+@pytest.mark.parametrize("name", [name for name in DRIVES if name != "another back-EMF"])
+def test_nothing_but_the_supply_gives_energy(name: str, rng: np.random.Generator) -> None:
+    drives = law(DRIVES[name])
+    of = of_states(drives, 1)
+    for x in states(rng, len(drives.names)):
+        assert float(of["lost"](*x)) >= -1e-12
+        assert float(of["stored"](*x)) >= 0.0
+
+
+def test_constants_that_differ_are_counted_as_a_loss(rng: np.random.Generator) -> None:
+    """(K_e - K_t) i ω: in SI units the constants of an ideal motor are equal."""
+    drives = law(DRIVES["another back-EMF"])
+    lost = of_states(drives, 1)["lost"]
+    for x in states(rng, 1, 20):
+        i, speed = x[2][0], -60.0 * x[1][0]
+        assert_close(float(lost(*x)), 0.8 * i**2 + 0.01 * i * speed, ALGEBRA)

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""DC motors on rigid gears: current, speed, limits, cogging, and the rotor in the arm."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import models
+from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_sim import Simulator
+from models.driven import WINDING, B, J, K, L, R, law, linear, of_states, wheel
+from tolerances import ALGEBRA, MOTOR, PINOCCHIO, assert_close
+
+URDF = str(models.FOLDER / "planar_3r.urdf")
+
+
+def run(scene: Any, duration: float, command: float, **options: Any) -> Simulator:
+    sim = Simulator(scene, backend="vm", **options)
+    sim.run(duration, [command])
+    return sim
+
+
+# i [A] and ω [rad/s] under 12 V from rest, to twelve digits (mpmath).
+STEP_RESPONSE = {
+    0.001: (7.52342129490536481, 4.39717586565388795),
+    0.01: (7.91604759339855606, 90.0006293962101245),
+    0.05: (0.992437858136584018, 221.152515871459604),
+}
+
+
+@pytest.mark.parametrize("t", STEP_RESPONSE)
+def test_step_response_to_the_reference_values(t: float) -> None:
+    """At 1 kHz, by the method that the scene gets without asking."""
+    state = run(wheel(J, command="voltage", rotor_damping=B, **WINDING), t, 12.0).state
+    np.testing.assert_allclose([state.z[0], state.v[0]], STEP_RESPONSE[t], rtol=MOTOR)
+
+
+@pytest.mark.parametrize("ratio", [50.0, -50.0, 0.5])
+def test_geared_motor_is_a_linear_system(ratio: float) -> None:
+    """L i' = V - R i - K N v, (J_link + J N²) v' = N K i - b N² v: the matrix exponential."""
+    link, volts, t = 0.2, 9.0, 0.02
+    scene = wheel(
+        link, command="voltage", gear_ratio=ratio, rotor_inertia=J, rotor_damping=B, **WINDING
+    )
+    inertia = link + J * ratio**2
+    A = np.array([[-R / L, -K * ratio / L], [K * ratio / inertia, -B * ratio**2 / inertia]])
+    wanted = linear(A, np.array([volts / L, 0.0]), np.zeros(2), t)
+    state = run(scene, t, volts).state
+    np.testing.assert_allclose([state.z[0], state.v[0]], wanted, rtol=MOTOR)
+
+
+def test_rotor_is_pinocchios_armature(rng: np.random.Generator) -> None:
+    joints = {
+        "joint1": {"actuator": {"rotor_inertia": 2e-4, "gear_ratio": 100}},
+        "joint3": {"actuator": {"rotor_inertia": 1e-4, "gear_ratio": -50}, "armature": 0.05},
+    }
+    dyn = Dynamics({"robot": {"urdf": URDF}, "joints": joints})
+    plain = pin.buildModelFromXML(dyn.model.scene.robot.urdf)
+    plain.gravity.linear = np.array(dyn.model.scene.gravity)
+    plain.armature = np.array([2.0, 0.0, 0.3])
+    q, v, tau = models.random_state(rng, 3)
+    data = plain.createData()
+    assert_close(dyn.mass_matrix(q), pin.crba(plain, data, q), PINOCCHIO)
+    free = tau - dyn.friction(v)
+    wanted = pin.aba(plain, data, q, v, free, pin.Convention.WORLD)
+    assert_close(dyn.forward(q, v, tau), wanted, PINOCCHIO)
+    sim = Simulator(dyn.model, backend="vm")
+    slope = sim.plant.rhs(np.concatenate([q, v]), tau, np.sign(v))
+    assert_close(slope.full().ravel()[3:], wanted, ALGEBRA)
+
+
+def test_rotor_damping_is_viscous_friction_of_the_joint() -> None:
+    joints = {"joint2": {"actuator": {"rotor_damping": 1e-3, "gear_ratio": 30}}}
+    dyn = Dynamics({"robot": {"urdf": URDF}, "joints": joints})
+    v = np.array([1.0, 2.0, 3.0])
+    more = dyn.friction(v) - Dynamics(URDF).friction(v)
+    assert_close(more, np.array([0.0, 1e-3 * 900 * 2.0, 0.0]), PINOCCHIO)
+
+
+def test_torque_command_of_a_motor_without_limits_is_the_torque() -> None:
+    """Bit for bit: a drop-in for an arm with armature."""
+    urdf = models.scene("two_link").robot.urdf
+    drive = {"rotor_inertia": 2e-4, "gear_ratio": 50, "torque_constant": 0.03, "resistance": 2}
+    motors = Simulator({"robot": {"urdf": urdf}, "joints": {"*": {"actuator": drive}}})
+    plain = Simulator({"robot": {"urdf": urdf}, "joints": {"*": {"armature": 2e-4 * 2500}}})
+    for sim in (motors, plain):
+        sim.run(0.2, [1.3, -0.4])
+    np.testing.assert_array_equal(motors.state.q, plain.state.q)
+    assert motors.state.z.size == 0
+
+
+def test_without_inductance_there_is_no_state_and_the_limit_is_reached_linearly() -> None:
+    """The error of leaving the inductance out falls in proportion to it."""
+    base = {"command": "voltage", "resistance": R, "torque_constant": K}
+    algebraic = run(wheel(J, **base), 0.03, 12.0, tolerance=1e-10)
+    assert algebraic.state.z.size == 0
+    errors = []
+    for inductance in (1e-4, 5e-5, 2.5e-5):
+        state = run(wheel(J, inductance=inductance, **base), 0.03, 12.0, tolerance=1e-10).state
+        errors.append(abs(state.v[0] - algebraic.state.v[0]))
+    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2.0, rtol=0.1)
+
+
+def test_algebraic_motor_speeds_up_exponentially() -> None:
+    """J ω' = K (V - K ω) / R."""
+    t = 0.03
+    sim = run(wheel(J, command="voltage", resistance=R, torque_constant=K), t, 12.0)
+    wanted = 12.0 / K * (1.0 - np.exp(-(K**2) / (R * J) * t))
+    np.testing.assert_allclose(sim.state.v[0], wanted, rtol=1e-7)
+
+
+LIMITED = {"resistance": 1.0, "torque_constant": 0.05, "current_limit": 8.0, "voltage_limit": 12.0}
+
+
+@pytest.mark.parametrize("command", ["torque", "current"])
+def test_torque_speed_curve(command: str) -> None:
+    """Constant torque to the corner, a straight line to no-load speed, braking beyond."""
+    ratio = 20.0
+    torque = of_states(law(wheel(command=command, gear_ratio=ratio, **LIMITED)), 1)["torque"]
+    speed = np.linspace(-30.0, 30.0, 121)
+    got = [float(torque([0.0], [v], [], [1e6])) for v in speed]
+    current = np.minimum(8.0, (12.0 - 0.05 * ratio * speed) / 1.0)
+    wanted = ratio * 0.05 * np.maximum(current, (-12.0 - 0.05 * ratio * speed) / 1.0)
+    assert_close(got, wanted, PINOCCHIO)
+
+
+def test_torque_within_the_limits_is_the_command() -> None:
+    torque = of_states(law(wheel(gear_ratio=20.0, **LIMITED)), 1)["torque"]
+    assert_close(float(torque([0.0], [1.0], [], [3.5])), 3.5, PINOCCHIO)
+
+
+def test_amplifier_limits_the_current_under_voltage() -> None:
+    """A blocked rotor: i = V/R (1 - exp(-t R/L)) up to the limit, and there it stays."""
+    scene = wheel(1e6, command="voltage", current_limit=8.0, **WINDING)
+    sim = Simulator(scene, backend="vm", tolerance=1e-9)
+    recording = sim.run(0.01, [12.0])
+    reached = -L / R * np.log(1.0 - 8.0 * R / 12.0)
+    before = recording.time < reached
+    wanted = 12.0 / R * (1.0 - np.exp(-recording.time * R / L))
+    np.testing.assert_allclose(recording.z[before, 0], wanted[before], rtol=1e-6)
+    np.testing.assert_allclose(recording.z[~before, 0], 8.0, rtol=1e-6)
+    falling = sim.run(0.005, [0.0]).z[:, 0]
+    np.testing.assert_allclose(falling[-1], 8.0 * np.exp(-5.0), rtol=1e-5)
+
+
+def test_no_load_speed_and_stall_torque() -> None:
+    flow = of_states(law(wheel(command="voltage", resistance=2.0, torque_constant=0.1)), 1)
+    assert_close(float(flow["torque"]([0], [0], [], [24.0])), 0.1 * 12.0, PINOCCHIO)
+    assert_close(float(flow["torque"]([0], [240.0], [], [24.0])), 0.0, PINOCCHIO)
+
+
+def test_back_emf_constant_of_its_own() -> None:
+    scene = wheel(command="voltage", resistance=2.0, torque_constant=0.1, back_emf_constant=0.12)
+    assert_close(float(of_states(law(scene), 1)["torque"]([0], [200.0], [], [24.0])), 0, PINOCCHIO)
+
+
+def test_poles_hold_the_rotor_and_take_no_energy() -> None:
+    """Small swings about a stable position have the frequency √(A m / J)."""
+    amplitude, order, inertia = 0.02, 12.0, 1e-3
+    cogging = {"amplitude": amplitude, "order": order, "phase": 0.6}
+    stable, small = (2.0 * np.pi - 0.6) / order, 1e-4
+    sim = Simulator(wheel(inertia, cogging=cogging), backend="vm", tolerance=1e-12)
+    sim.reset([stable + small], [0.0])
+    omega = np.sqrt(amplitude * order / inertia)
+    t = np.round(10.0 / omega, 3)
+    sim.run(t)
+    assert_close((sim.state.q - stable) / small, [np.cos(omega * t)], 1e-5)
+
+
+def test_poles_turn_with_the_motor() -> None:
+    """On a gear: N times the angle, N times the torque."""
+    flow = of_states(law(wheel(gear_ratio=-4.0, cogging={"amplitude": 0.3, "order": 2})), 1)
+    got = float(flow["torque"]([0.2], [0.0], [], [0.0]))
+    assert_close(got, -4.0 * -0.3 * np.sin(2 * -4.0 * 0.2), PINOCCHIO)
+
+
+def test_commands_have_units_and_limits() -> None:
+    drive = {"resistance": 1, "torque_constant": 0.1, "gear_ratio": -10}
+    joints = {
+        "joint1": {"actuator": drive | {"command": "voltage", "voltage_limit": 24}},
+        "joint2": {"actuator": drive | {"command": "current"}, "limits": {"effort": 5}},
+    }
+    model = ArmModel(load_scene({"robot": {"urdf": URDF}, "joints": joints}))
+    assert model.command_unit == ("V", "A", "N m")
+    np.testing.assert_array_equal(model.command_limit, [24.0, 5.0, model.effort_limit[2]])
+
+
+def test_a_command_beyond_its_limit_is_cut() -> None:
+    scene = wheel(J, command="voltage", resistance=R, torque_constant=K, voltage_limit=6.0)
+    sim = run(scene, 0.01, 100.0)
+    free = run(wheel(J, command="voltage", resistance=R, torque_constant=K), 0.01, 6.0)
+    np.testing.assert_array_equal(sim.state.v, free.state.v)
+
+
+def test_some_joints_with_motors_and_some_without() -> None:
+    """A joint without a drive takes its command as a torque."""
+    drive = {"command": "current", "torque_constant": 0.1, "gear_ratio": 10}
+    joints = {"joint2": {"actuator": drive}}
+    some = Simulator({"robot": {"urdf": URDF}, "joints": joints}, backend="vm")
+    plain = Simulator({"robot": {"urdf": URDF}}, backend="vm")
+    some.run(0.1, [1.0, 2.0, 0.5])
+    plain.run(0.1, [1.0, 2.0, 0.5])
+    assert_close(some.state.q, plain.state.q, 1e-12)

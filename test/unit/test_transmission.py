@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Flexible joints, belts and harmonic drives: against closed forms, and rigid in the limit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics.laws import transmission
+from arm_sim import Simulator
+from models.driven import law, linear, of_states, wheel
+from tolerances import PINOCCHIO, assert_close
+
+# Rotor and link of a two-mass oscillator, as seen at the joint.
+LINK, ROTOR, RATIO = 0.1, 2e-5, 50.0
+AT_JOINT = ROTOR * RATIO**2
+
+
+def drive(transmission: dict[str, Any], **actuator: Any) -> Any:
+    return wheel(LINK, transmission, rotor_inertia=ROTOR, gear_ratio=RATIO, **actuator)
+
+
+def test_two_masses_on_a_spring() -> None:
+    """A belt from rest under a held torque, against the matrix exponential."""
+    k, d, b, tau, t = 80.0, 0.2, 1e-5, 1.5, 0.3
+    scene = drive({"stiffness": k, "damping": d}, rotor_damping=b)
+    sim = Simulator(scene, tolerance=1e-10, backend="vm")
+    sim.run(t, [tau])
+    A = np.zeros((4, 4))  # q, v, θ, θ'
+    A[0, 1] = A[2, 3] = 1.0
+    A[1] = np.array([-k, -d, k, d]) / LINK
+    A[3] = np.array([k, d, -k, -d - b * RATIO**2]) / AT_JOINT
+    wanted = linear(A, np.array([0, 0, 0, tau / AT_JOINT]), np.zeros(4), t)
+    got = [*sim.state.q, *sim.state.v, *sim.state.z]
+    assert_close(got, wanted, 1e-8)
+
+
+def test_rk4_at_1_ms_is_of_fourth_order_on_it() -> None:
+    scene = drive({"stiffness": 80.0, "damping": 0.2})
+    ends = []
+    for dt in (2e-3, 1e-3, 5e-4, 1e-5):
+        sim = Simulator(scene, integrator="rk4", dt=dt)
+        sim.run(0.2, [1.0])
+        ends.append(sim.state.q[0])
+    errors = np.abs(np.array(ends[:3]) - ends[3])
+    np.testing.assert_allclose(np.log2(errors[:-1] / errors[1:]), 4.0, atol=0.3)
+
+
+def pendulum(**drive: Any) -> Simulator:
+    scene = models.scene("double_pendulum").model_dump(exclude_unset=True)
+    return Simulator(scene | {"joints": {"*": drive}}, tolerance=1e-9, backend="vm")
+
+
+def test_stiff_limit_is_the_rigid_drive() -> None:
+    """The distance from the rigid arm falls like 1/k."""
+    motor = {"rotor_inertia": 1e-3, "gear_ratio": 20.0}
+    rigid = pendulum(actuator=motor).run(0.3).q[-1]
+    errors = []
+    for k in (2e3, 4e3, 8e3):
+        damping = 2.0 * np.sqrt(k * 0.4)  # so that the spring has come to rest
+        soft = pendulum(actuator=motor, transmission={"stiffness": k, "damping": damping})
+        errors.append(abs(soft.run(0.3).q[-1] - rigid).max())
+    np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2.0, rtol=0.2)
+    assert errors[-1] < 5e-3
+
+
+def test_a_flexible_rotor_is_not_in_the_mass_matrix() -> None:
+    soft = pendulum(
+        actuator={"rotor_inertia": 1e-3, "gear_ratio": 20.0}, transmission={"stiffness": 100.0}
+    )
+    np.testing.assert_array_equal(soft.model.armature, [0.0, 0.0])
+    assert len(soft.state.z) == 4
+    np.testing.assert_array_equal(soft.state.z[::2], soft.state.q)
+
+
+def test_stiffening_spring() -> None:
+    spring = {"stiffness": 100.0, "stiffening": 5e4}
+    flow = of_states(law(drive(spring)), 1)
+    twist = 0.03
+    wanted = 100.0 * twist + 5e4 * twist**3
+    assert_close(float(flow["torque"]([1.0], [0], [1.0 + twist, 0], [0])), wanted, PINOCCHIO)
+    stored = float(flow["stored"]([1.0], [0], [1.0 + twist, 0], [0]))
+    assert_close(stored, 50.0 * twist**2 + 1.25e4 * twist**4, PINOCCHIO)
+
+
+# --- backlash ----------------------------------------------------------------------
+
+PLAY = {"stiffness": 2e3, "damping": 1.0, "backlash": 0.02}
+
+
+def test_within_the_play_nothing_is_transmitted() -> None:
+    flow = of_states(law(drive(PLAY)), 1)
+    for twist in (-0.0099, -0.004, 0.0, 0.0099):
+        assert float(flow["torque"]([0.3], [2.0], [0.3 + twist, -1.0], [0.0])) == 0.0
+    assert_close(float(flow["torque"]([0], [0], [0.015, 0], [0])), 2e3 * 0.005, PINOCCHIO)
+    assert_close(float(flow["torque"]([0], [0], [-0.015, 0], [0])), -2e3 * 0.005, PINOCCHIO)
+
+
+def test_flanks_push_and_never_pull() -> None:
+    """However fast the teeth part, none holds the other back."""
+    flow = of_states(law(drive(PLAY)), 1)
+    for side in (1.0, -1.0):
+        pull = float(flow["torque"]([0.0], [0.0], [side * 0.0101, -side * 50.0], [0.0]))
+        assert pull == 0.0
+        push = float(flow["torque"]([0.0], [0.0], [side * 0.0101, side * 50.0], [0.0]))
+        assert side * push > 50.0
+
+
+def test_crossing_the_play_is_free_flight() -> None:
+    """The motor speeds up alone; the link waits until the gap is closed."""
+    sim = Simulator(drive(PLAY), tolerance=1e-9, backend="vm")
+    tau = 0.2
+    closing = np.sqrt(2.0 * 0.01 * AT_JOINT / tau)
+    recording = sim.run(0.12, [tau])
+    free = recording.time < closing
+    np.testing.assert_array_equal(recording.q[free, 0], 0.0)
+    wanted = 0.5 * tau / AT_JOINT * recording.time[free] ** 2
+    assert_close(recording.z[free, 0], wanted, 1e-9)
+    assert recording.v[~free, 0].max() > 0.0
+
+
+def test_teeth_rattle_with_restitution_and_keep_momentum() -> None:
+    """Without damping a collision of two masses in the play gives the speeds of the textbook."""
+    sim = Simulator(drive(PLAY | {"damping": 0.0}), tolerance=1e-11, dt=1e-4, backend="vm")
+    sim.reset([0.0], [0.0])
+    x = sim.state.z.copy()
+    sim.set_state(z=[x[0], 1.0])
+    sim.run(0.03)  # through the gap and back into it
+    v, w = sim.state.v[0], sim.state.z[1]
+    total = AT_JOINT + LINK
+    assert_close([v, w], [2 * AT_JOINT / total, (AT_JOINT - LINK) / total], 1e-6)
+
+
+# --- harmonic drive ----------------------------------------------------------------
+
+
+def test_hysteresis_loop_has_the_area_of_its_closed_form() -> None:
+    """Steady loop of amplitude a, sharpness 1: w falls along a line and rises as 1 - exp."""
+    H, D, a = 2.0, 0.004, 0.02
+    twist = a * np.sin(np.linspace(0.0, 6 * np.pi, 60001))
+    w, states = 0.0, []
+    for step in np.diff(twist):
+        first = transmission.hysteresis_slope(w, step, D, 1.0)
+        w += transmission.hysteresis_slope(w + 0.5 * first, step, D, 1.0)
+        states.append(w)
+    last = slice(40000, 60000)
+    area = H * np.sum(0.5 * (np.array(states)[last] + np.array(states)[39999:59999])
+                      * np.diff(twist)[last])  # fmt: skip
+    top = 0.0
+    for _ in range(100):
+        top = 1.0 - np.exp(-(2 * a - D * top) / D)
+    np.testing.assert_allclose(area, 2 * H * (2 * a - 2 * D * top - D * top**2 / 2), rtol=1e-5)
+
+
+@pytest.mark.parametrize("sharpness", [1.0, 2.0, 3.5])
+def test_hysteresis_does_not_depend_on_the_rate_and_is_bounded(sharpness: float) -> None:
+    for w in np.linspace(-1.0, 1.0, 9):
+        for rate in (-3.0, -0.1, 0.1, 3.0):
+            slope = transmission.hysteresis_slope(w, rate, 0.01, sharpness)
+            fast = transmission.hysteresis_slope(w, 10.0 * rate, 0.01, sharpness)
+            np.testing.assert_allclose(fast, 10.0 * slope, rtol=1e-12, atol=1e-12)
+            if abs(w) == 1.0:
+                assert slope * w <= 0.0 or slope == 0.0
+
+
+ERROR = {"amplitude": 2e-3, "order": 2.0, "phase": 0.4}
+
+
+def test_kinematic_error_shifts_the_output_by_itself() -> None:
+    """Without load the output stands where the geometry puts it."""
+    harmonic = {"stiffness": 1e4, "kinematic_error": ERROR}
+    drives = law(drive(harmonic))
+    for q in (-1.0, 0.0, 0.7):
+        position, speed = drives.initial(np.array([q]), np.array([0.5]))
+        error = 2e-3 * np.sin(2 * RATIO * position + 0.4)
+        assert_close(position + error, q, PINOCCHIO)
+        flow = of_states(drives, 1)
+        torque = float(flow["torque"]([q], [0.5], [position, speed], [0]))
+        assert abs(torque) < 1e-10
+
+
+def test_kinematic_error_reacts_on_the_motor() -> None:
+    """A motor turned by hand feels -∂V/∂θ: what the spring stores comes from the motor."""
+    flow = of_states(law(drive({"stiffness": 1e3, "kinematic_error": ERROR})), 1)
+    at, step = 0.31, 1e-6
+    push = AT_JOINT * float(flow["slope"]([0.3], [0.0], [at, 0.0], [0.0])[1])
+    energy = [float(flow["stored"]([0.3], [0], [at + s, 0], [0])) for s in (-step, step)]
+    np.testing.assert_allclose(push, -(energy[1] - energy[0]) / (2 * step), rtol=1e-6)
+
+
+def test_state_names_say_joint_and_unit() -> None:
+    names = law(
+        drive(
+            {"stiffness": 1e3, "hysteresis": {"torque": 1.0, "deflection": 0.01}},
+            command="voltage",
+            resistance=1,
+            inductance=1e-3,
+            torque_constant=0.1,
+        )  # fmt: skip
+    ).names
+    assert names == (
+        "axle motor current [A]",
+        "axle motor position at the joint [rad]",
+        "axle motor velocity at the joint [rad/s]",
+        "axle transmission hysteresis [1]",
+    )
