@@ -88,7 +88,9 @@ class ComputedTorque:
         a = demanded_acceleration(state.q, state.v, desired, self._kp, self._kd)
         tau = self._dynamics.inverse(state.q, state.v, a, RIGID_BODY)
         sliding = np.where(state.v == 0.0, reference.v, state.v)
-        return tau + self._dynamics.friction(state.v, direction=sliding)
+        law = self._dynamics.model.friction
+        torque: Array = law.demanded(tau, np.asarray(state.v), np.sign(sliding), state.q)
+        return torque
 
 
 def demanded_acceleration(q: Any, v: Any, desired: Sequence[Any], kp: Any, kd: Any) -> Any:

@@ -9,7 +9,6 @@ import numpy as np
 
 from arm_dynamics.control import Array, Moving
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.laws import friction
 from arm_dynamics.model import ArmModel
 from arm_dynamics.motion import Reference
 
@@ -17,7 +16,7 @@ BAND = 0.01
 """Speed in [rad/s] or [m/s] over which the feed-forward of dry friction changes sign."""
 
 
-def ahead(model: ArmModel, v: Array, viscous: bool = True) -> Array:
+def ahead(model: ArmModel, v: Array, q: Array, load: Array, viscous: bool = True) -> Array:
     """Friction torques of the model at a velocity that is wanted, shape (n,).
 
     Dry friction changes sign over ``BAND`` and is zero for a reference at rest.
@@ -25,11 +24,14 @@ def ahead(model: ArmModel, v: Array, viscous: bool = True) -> Array:
     Args:
         model: The model.
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
+        q: Joint positions in [rad] or [m], for friction that depends on them, shape (n,).
+        load: Torques of the drives in [N m] or [N], likewise.
         viscous: Whether viscous friction is part of it.
     """
-    tau = friction.viscous(v, model.viscous) if viscous else np.zeros_like(v)
-    if model.has_dry_friction:
-        tau = tau + friction.dry(v, np.tanh(v / BAND), *model.sliding)
+    law = model.friction
+    tau = law.smooth(v) if viscous else np.zeros_like(v)
+    if law.has_dry or law.bristles:
+        tau = tau + law.steady_dry(v, np.tanh(v / BAND), q, load)
     return np.asarray(tau)
 
 
@@ -60,4 +62,4 @@ class FrictionFeedForward:
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         tau = self._control.torque(state, reference)
-        return tau + ahead(self._model, reference.v, self._viscous)
+        return tau + ahead(self._model, reference.v, reference.q, tau, self._viscous)

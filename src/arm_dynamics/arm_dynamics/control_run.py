@@ -123,7 +123,8 @@ class DisturbanceObserver:
         if self._integral is None:
             self._integral = momentum
         else:
-            known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - self._dynamics.friction(v)
+            lost = self._dynamics.friction(v, q=q, load=self._last)
+            known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - lost
             self._integral = self._integral + self._dt * (self._last + known + self._r)
         self._r = self._gain * (momentum - self._integral)
 
@@ -158,7 +159,7 @@ class HalfTickAhead:
         q, v = checked(state, self._dynamics.n)
         h, a = self._half, np.zeros_like(v)
         if self._last is not None:
-            known = self._rigid.bias(q, v) + self._dynamics.friction(v)
+            known = self._rigid.bias(q, v) + self._dynamics.friction(v, q=q, load=self._last)
             a = self._rigid.mobility(q) @ (self._last - known)
         ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)
         self._last = self._control.torque(ahead, reference)

@@ -257,7 +257,8 @@ class _Arm:
         a += now.J_bar @ (wanted - now.drift - now.J @ a)
         tau = self.task.rigid.inverse(now.q, now.v, a)
         if self._friction:
-            tau += ahead(self.task.model, now.J_bar @ reference.velocity[self.task.rows])
+            along = now.J_bar @ reference.velocity[self.task.rows]
+            tau += ahead(self.task.model, along, now.q, tau)
         return tau
 
 

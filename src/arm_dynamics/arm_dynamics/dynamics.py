@@ -11,8 +11,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from arm_dynamics.command_map import CommandMap
 from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
-from arm_dynamics.laws import friction
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene_file import load_scene
@@ -37,10 +37,15 @@ class Dynamics:
 
     Args:
         scene: A scene, or anything ``load_scene`` takes, or a model that was built already.
+
+    Attributes:
+        model: The arm.
+        command_map: From torques to commands of the drives.
     """
 
     def __init__(self, scene: Scene | ArmModel | Any) -> None:
         self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        self.command_map = CommandMap(self.model)
         self._pin = self.model.pin
         self._weightless = self._pin.copy()
         self._weightless.gravity.linear = np.zeros(3)
@@ -86,7 +91,19 @@ class Dynamics:
             self.model.spread(moving),
             self.model.spread(pushed),
         )
-        return tau + self._friction(v, np.sign(v)) if chosen & Term.FRICTION else tau
+        if not chosen & Term.FRICTION:
+            return tau
+        needed: Array = self.model.friction.demanded(tau, v, np.sign(v), q)
+        return needed
+
+    def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """Commands that hold a motion, in the units of ``model.command_unit``; drives as if rigid.
+
+        Args and errors as those of ``inverse``, whose sum of all terms it is without drives.
+        """
+        tau, (q, v, a) = self.inverse(q, v, a), self._checked(q=q, v=v, a=a)
+        rotors = self.command_map.rotor_inertia * a + self.command_map.rotor_damping * v
+        return self.command_map(q, v, tau + rotors)
 
     def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Accelerations that torques produce: M⁻¹ (τ - C v - G - F).
@@ -104,7 +121,7 @@ class Dynamics:
         """
         q, v, tau = self._checked(q=q, v=v, tau=tau)
         solve = self._forward_projected if self.model.has_followers else self._forward_tree
-        free = tau - self._friction(v, np.sign(v))
+        free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
         return self._each(solve, self.model.configuration(q), self.model.spread(v), free)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -131,22 +148,38 @@ class Dynamics:
             self.model.configuration(q),
         )
 
-    def friction(self, v: ArrayLike, direction: ArrayLike | None = None) -> Array:
-        """Friction torques F(v) in [N m] or [N], shape of ``v``.
+    def friction(
+        self,
+        v: ArrayLike,
+        direction: ArrayLike | None = None,
+        q: ArrayLike | None = None,
+        load: ArrayLike | None = None,
+    ) -> Array:
+        """Friction torques F(v) of a steady motion in [N m] or [N], shape of ``v``.
 
         Args:
             v: Joint velocities in [rad/s] or [m/s], shape (n,) or (k, n).
             direction: Which way joints slide, a sign each; None for the sign of ``v``. At rest dry
                 friction may be anything up to its level; where the sign is zero, zero is given.
+            q: Joint positions in [rad] or [m]; wanted where friction depends on them.
+            load: Torques of the drives in [N m] or [N], for friction that depends on them; zero
+                unless given.
 
         Raises:
-            InvalidInput: If a shape or a value is not allowed.
+            InvalidInput: If a shape or a value is not allowed, or positions are wanted.
         """
-        if direction is None:
-            (v,) = self._checked(v=v)
-            return self._friction(v, np.sign(v))
-        v, direction = self._checked(v=v, direction=direction)
-        return self._friction(v, np.sign(direction))
+        law = self.model.friction
+        if q is None and law.by_position:
+            raise InvalidInput("friction depends on the position in this scene: q is wanted")
+        still = np.zeros(self.n)
+        v, direction, q, load = self._checked(
+            v=v,
+            direction=v if direction is None else direction,
+            q=still if q is None else q,
+            load=still if load is None else load,
+        )
+        torques: Array = law.steady(v, np.sign(direction), q, load)
+        return torques
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
         """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).
@@ -188,14 +221,6 @@ class Dynamics:
         drives = 0.5 * np.sum(self._pin.armature * v**2)
         kinetic = pin.computeKineticEnergy(self._driveless, self._data, q, v) + drives
         return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q)])
-
-    def _friction(self, v: Array, direction: Array) -> Array:
-        model = self.model
-        smooth: Array = friction.viscous(v, model.viscous)
-        if not model.has_dry_friction:
-            return smooth
-        dry: Array = friction.dry(v, direction, *model.sliding)
-        return smooth + dry
 
     def _each(self, law: Callable[..., Array], *vectors: Array) -> Array:
         if vectors[0].ndim == 1:

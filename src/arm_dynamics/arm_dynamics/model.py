@@ -14,7 +14,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from arm_dynamics.exceptions import ModelError, SceneError
+from arm_dynamics.exceptions import ModelError
+from arm_dynamics.friction_settings import Settings, resolve
 from arm_dynamics.joint_drive import command_limits, command_units, drives_of
 from arm_dynamics.scene import Joint, Scene, inertia_matrix
 from arm_dynamics.urdf import Mimic, Urdf, read_urdf
@@ -34,12 +35,10 @@ class ArmModel:
         has_followers: Whether a mimic joint follows another one.
         followers: Matrix E of shape (pin.nv, n).
         offsets: Vector e of shape (pin.nv,).
-        viscous: Viscous friction in [N m s/rad] or [N s/m], shape (n,).
-        coulomb: Dry friction in sliding in [N m] or [N], shape (n,).
-        static: Dry friction at rest in [N m] or [N], at least ``coulomb``, shape (n,).
-        stribeck_excess: Dry friction at creeping speed beyond ``coulomb`` in [N m] or [N]; zero
-            where it falls from ``static`` at once.
-        stribeck_velocity: Speed of that fall in [rad/s] or [m/s]; 1 where there is none.
+        friction: Friction of the joints.
+        viscous: Its viscous part in [N m s/rad] or [N s/m], shape (n,).
+        coulomb: Dry friction in sliding, of joints without bristles, in [N m] or [N], shape (n,).
+        static: Dry friction at rest, likewise, at least ``coulomb``.
         armature: Drive inertia in [kg m²] or [kg], that of rotors on rigid gears included, (n,).
         drives: Drive of each joint, None where the command acts on the link at once.
         effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).
@@ -88,14 +87,9 @@ class ArmModel:
         return len(self.joint_names)
 
     @property
-    def sliding(self) -> tuple[Array, Array, Array]:
-        """Arguments of ``laws.friction.dry`` after the direction."""
-        return self.coulomb, self.stribeck_excess, self.stribeck_velocity
-
-    @property
     def has_dry_friction(self) -> bool:
         """Whether a joint can stick."""
-        return bool(self.static.any())
+        return self.friction.has_dry
 
     @property
     def frame_names(self) -> tuple[str, ...]:
@@ -147,41 +141,22 @@ class ArmModel:
         """
         E = self.followers
         urdf = [index[name] for name in self._index]
-        damping = [whole.damping[i] for i in urdf]
-        dry = [whole.upperDryFrictionLimit[i] for i in urdf]
-        viscous = [_or(s.friction.viscous, d) for s, d in zip(settings, damping, strict=True)]
-        coulomb = [_or(s.friction.coulomb, d) for s, d in zip(settings, dry, strict=True)]
         armature = np.array([s.armature or 0.0 for s in settings])
+        more = np.zeros(len(settings))
         for name, drive in zip(self.joint_names, self.drives, strict=True):
             if drive is not None:
-                viscous[list(self._index).index(name)] += drive.viscous
+                more[list(self._index).index(name)] += drive.viscous
                 armature[list(self._index).index(name)] += drive.armature
         self.pin.armature = armature
-        self.viscous = _frozen(np.array(viscous) @ E**2)
-        self.coulomb = _frozen(np.array(coulomb) @ abs(E))
-        self._set_break_away(settings, coulomb)
         self.armature = _frozen(armature @ E**2)
-
-    def _set_break_away(self, settings: list[Joint], coulomb: list[float]) -> None:
-        static, speed = [], []
-        for name, s, level in zip(self._index, settings, coulomb, strict=True):
-            own = s.friction
-            if own.static is not None and own.static < level:
-                raise SceneError(
-                    f"scene: 'joints.{name}.friction.static' = {own.static}: "
-                    f"at least coulomb, {level}, is wanted"
-                )
-            if name not in self.joint_names and own.static is not None:
-                raise SceneError(
-                    f"scene: 'joints.{name}.friction.static': a mimic joint has none of its own"
-                )
-            static.append(_or(own.static, level))
-            speed.append(own.stribeck_velocity or 0.0)
-        free = [list(self._index).index(name) for name in self.joint_names]
-        self.static = _frozen(np.array(static) @ abs(self.followers))
-        falls = np.array(speed)[free]
-        self.stribeck_excess = _frozen(np.where(falls > 0.0, self.static - self.coulomb, 0.0))
-        self.stribeck_velocity = _frozen(np.where(falls > 0.0, falls, 1.0))
+        said = [
+            Settings(name, s.friction, whole.damping[i], whole.upperDryFrictionLimit[i], extra)
+            for name, s, i, extra in zip(self._index, settings, urdf, more, strict=True)
+        ]
+        self.friction = resolve(said, self.joint_names, E)
+        self.viscous = _frozen(self.friction.viscous)
+        self.coulomb = _frozen(self.friction.coulomb)
+        self.static = _frozen(self.friction.static)
 
     def _set_limits(self, settings: list[Joint], index: dict[str, int], whole: pin.Model) -> None:
         lower, upper = _position_limits(whole)

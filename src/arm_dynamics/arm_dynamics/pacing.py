@@ -13,7 +13,6 @@ import numpy as np
 
 from arm_dynamics.dynamics import Dynamics, Term
 from arm_dynamics.exceptions import Unreachable
-from arm_dynamics.laws import friction
 from arm_dynamics.model import ArmModel, Array
 
 
@@ -40,9 +39,9 @@ def torque_stretch(dynamics: Dynamics, q: Array, v: Array, a: Array, limit: Arra
     tau = dynamics.inverse(np.vstack([q, q]), np.vstack([v, still]), np.vstack([a, still]), rigid)
     weight, model = tau[k:], dynamics.model
     standing = weight
-    if model.has_dry_friction:
-        standing = weight + friction.dry(v, np.sign(v), *model.sliding)
-    moving = friction.viscous(v, model.viscous)
+    if model.has_dry_friction or model.friction.bristles:
+        standing = weight + model.friction.steady_dry(v, np.sign(v), q, tau[:k])
+    moving = model.friction.smooth(v)
     _check_standing(dynamics, standing, limit)
     x = np.ones_like(q)
     for sign in (1.0, -1.0):

@@ -16,6 +16,7 @@ from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene_drive import Actuator, Hysteresis, Transmission, Wave
+from arm_dynamics.scene_friction import KINDS, Friction, Lugre, Sides, Table
 from arm_dynamics.scene_types import (
     Finite,
     Inertia6,
@@ -37,23 +38,6 @@ class Robot(Part):
 
     urdf: str = Field(min_length=1)
     lock: tuple[str, ...] = ()
-
-
-class Friction(Part):
-    """Friction of one joint; a number that is not given comes from the URDF's ``<dynamics>``.
-
-    Attributes:
-        viscous: Torque per speed in [N m s/rad] or [N s/m].
-        coulomb: Dry friction of a joint that slides, in [N m] or [N].
-        static: Dry friction that a joint at rest withstands in [N m] or [N], at least ``coulomb``.
-        stribeck_velocity: Speed at which friction has fallen to 37 % of the way from static to
-            coulomb, in [rad/s] or [m/s]; if absent it falls at once.
-    """
-
-    viscous: NonNegative | None = None
-    coulomb: NonNegative | None = None
-    static: NonNegative | None = None
-    stribeck_velocity: Positive | None = None
 
 
 class Limits(Part):
@@ -215,7 +199,7 @@ def validated(data: dict[str, Any]) -> Scene:
 
 
 def _complaint(error: ErrorDetails) -> str:
-    where = ".".join(str(key) for key in error["loc"]) or "scene"
+    where = ".".join(str(key) for key in error["loc"] if key not in KINDS) or "scene"
     if error["type"] == "extra_forbidden":
         allowed = known_names(_fields_at(error["loc"][:-1]))
         return f"scene: unknown key '{where}' = {error['input']!r}; allowed here: {allowed}"
@@ -229,6 +213,12 @@ def _fields_at(path: tuple[int | str, ...]) -> list[str]:
         "robot": Robot,
         "joints": Joint,
         "friction": Friction,
+        "viscous": Sides,
+        "coulomb": Sides,
+        "static": Sides,
+        "position": Table,
+        "load": Table,
+        "lugre": Lugre,
         "limits": Limits,
         "actuator": Actuator,
         "transmission": Transmission,

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from arm_dynamics.bristles import LugreFriction
 from arm_dynamics.drives import Drives
 from arm_dynamics.model import ArmModel
 from arm_dynamics.stateful import StatefulLaw
@@ -11,5 +12,7 @@ from arm_dynamics.stateful import StatefulLaw
 def laws_of(model: ArmModel) -> tuple[StatefulLaw, ...]:
     """The laws of a scene, in the order of their states; none if it asks for none."""
     drives = Drives(model) if any(model.drives) else None
-    candidates: tuple[StatefulLaw | None, ...] = (drives,)
+    bristles = model.friction.bristles
+    friction = LugreFriction(model, bristles) if bristles else None
+    candidates: tuple[StatefulLaw | None, ...] = (drives, friction)
     return tuple(law for law in candidates if law is not None)

@@ -11,7 +11,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.control import demanded_acceleration, gains
-from arm_dynamics.laws import friction, rigid_body
+from arm_dynamics.laws import rigid_body
 from arm_dynamics.laws.links import tree_of
 from arm_dynamics.model import Array
 from arm_dynamics.motion import Reference
@@ -58,10 +58,8 @@ def computed_torque(
     q_d, v_d, a_d = ca.vertsplit(r, n)
     a = demanded_acceleration(q, v, (q_d, v_d, a_d), constant(kp), constant(kd))
     tau = rigid_body.inverse(tree, q, v, a, constant(model.scene.gravity))
-    tau += friction.viscous(v, constant(model.viscous))
-    if model.has_dry_friction:
-        sliding = ca.if_else(v == 0, v_d, v)  # as in arm_dynamics.control.ComputedTorque
-        tau += friction.dry(v, ca.sign(sliding), *map(constant, model.sliding))
+    sliding = ca.if_else(v == 0, v_d, v)  # as in arm_dynamics.control.ComputedTorque
+    tau = model.friction.demanded(tau, v, ca.sign(sliding), q)
     law = ca.Function("law", [x, r], [ca.densify(tau)], {"cse": True})
     return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
 

@@ -13,7 +13,7 @@ import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.kernel import operations
-from arm_dynamics.laws import articulated, friction, rigid_body, sticking
+from arm_dynamics.laws import articulated, rigid_body, sticking
 from arm_dynamics.laws.links import Tree, tree_of
 from arm_dynamics.model import Array
 from arm_dynamics.scene_laws import laws_of
@@ -38,8 +38,8 @@ class Plant:
         parameters: What is tunable.
         laws: Laws with states z of their own, or None if the scene asks for none.
         acceleration: CasADi function (q, v, tau, p) -> q̈ of vectors of n.
-        reaction: CasADi function (q, w, u, p) -> torques that hold sticking joints, with
-            w = (v, z), or None without dry friction.
+        reaction: CasADi function (q, w, u, p) -> torques that hold sticking joints, to be compared
+            with the level at rest, with w = (v, z); None without dry friction.
         rhs: CasADi function (x, u, p) -> x' with x = (q, v, z).
         torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
             the links, or None where the command itself acts.
@@ -107,7 +107,7 @@ class Symbols:
         self.p = ca.vertcat(ca.SX(0, 1), *p.values())
         self.tree = tree_of(model, ca.vertsplit(p["payload"], 10) if "payload" in p else None)
         self.gravity = p.get("gravity", constant(model.scene.gravity))
-        self.viscous = friction.viscous(self.v, p.get("friction", constant(model.viscous)))
+        self.viscous = model.friction.smooth(self.v, p.get("friction"))
 
 
 def state_space(acceleration: ca.Function, n: int) -> ca.Function:
@@ -138,13 +138,14 @@ def _stick_slip(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Functi
     sliding = ca.vertcat(
         *[direction[i] ** 2 if level else 1 for i, level in enumerate(model.static)]
     )
-    dry = friction.dry(s.v, direction, *map(constant, model.sliding))
+    dry = model.friction.dry(s.v, direction, s.q, s.tau)
     bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
     M = rigid_body.mass_matrix(s.tree, s.q)
     a, reaction = sticking.forward(M, s.tau - bias - s.viscous - ca.sparsify(dry), sliding)
     arguments = [s.q, s.v, s.tau, ca.vertcat(s.p, direction)]
     acceleration = ca.Function("acceleration", arguments, [a], {"cse": True})
-    held = ca.Function("reaction", arguments, [ca.densify(reaction)], {"cse": True})
+    relative = model.friction.relative_hold(reaction, s.q, s.tau)
+    held = ca.Function("reaction", arguments, [ca.densify(relative)], {"cse": True})
     return "composite bodies and LDLᵀ, sticking joints held", acceleration, held
 
 

@@ -241,7 +241,10 @@ def check_kernel(plant: Plant, kernel: Kernel) -> None:
         a = call(x, tau, p)[0][n : 2 * n]
         if plant.torques is None:
             return a
-        acted = np.array(plant.torques(x, tau)[1]).ravel()
-        return a + np.linalg.solve(dynamics.mass_matrix(q), tau - acted)
+        # What acts is not tau, but what the laws make of it, and bristles are not yet bent.
+        acted, law = np.array(plant.torques(x, tau)[1]).ravel(), plant.model.friction
+        steady = [law.steady(v, np.sign(v), q, load) for load in (acted, tau)]
+        missing = tau - steady[1] - (acted - steady[0] + law.bent(v, np.sign(v)))
+        return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
 
     check_forward(dynamics, acceleration)

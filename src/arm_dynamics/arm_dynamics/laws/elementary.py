@@ -46,3 +46,18 @@ def choose(condition: Quantity, then: Quantity, otherwise: Quantity) -> Quantity
     """``then`` where the condition holds, else ``otherwise``."""
     library = _of(condition, then, otherwise)
     return (library.if_else if library is ca else np.where)(condition, then, otherwise)
+
+
+def floor(x: Quantity) -> Quantity:
+    """The largest whole number that is not larger."""
+    return _of(x).floor(x)
+
+
+def size(x: Quantity) -> Quantity:
+    """Absolute value."""
+    return _of(x).fabs(x)
+
+
+def exponential(x: Quantity) -> Quantity:
+    """Exponential function."""
+    return _of(x).exp(x)

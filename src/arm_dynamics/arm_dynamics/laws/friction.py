@@ -1,29 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint friction torques F(v) in τ = M q̈ + C q̇ + G + F.
+"""Joint friction torques F in τ = M q̈ + C q̇ + G + F.
 
 The laws take numpy arrays and CasADi expressions alike.
 """
 
 from __future__ import annotations
 
-import casadi as ca
-import numpy as np
-from numpy.typing import NDArray
-
-type Quantity = NDArray[np.float64] | ca.SX
+from arm_dynamics.laws.elementary import Quantity, exponential, size
 
 
-def viscous(v: Quantity, coefficient: Quantity) -> Quantity:
-    """Friction in proportion to speed.
+def viscous(v: Quantity, coefficient: Quantity, skew: Quantity = 0.0) -> Quantity:
+    """Friction in proportion to speed: F = b v + s |v|, that is b + s forwards, b - s backwards.
 
     Args:
         v: Joint velocities in [rad/s] or [m/s], shape (…, n).
-        coefficient: In [N m s/rad] or [N s/m], shape (n,).
+        coefficient: b in [N m s/rad] or [N s/m], shape (n,).
+        skew: s, half the difference of the two directions, at most b in size.
 
     Returns:
         Torques in [N m] or [N], of the sign of ``v``.
     """
-    return coefficient * v
+    return coefficient * v + skew * size(v)
 
 
 def dry(
@@ -50,8 +47,4 @@ def dry(
     Returns:
         Torques in [N m] or [N], of the sign of ``direction``.
     """
-    return direction * (coulomb + excess * _exp(-((v / stribeck_velocity) ** 2)))
-
-
-def _exp(x: Quantity) -> Quantity:
-    return ca.exp(x) if isinstance(x, ca.SX) else np.exp(x)
+    return direction * (coulomb + excess * exponential(-((v / stribeck_velocity) ** 2)))

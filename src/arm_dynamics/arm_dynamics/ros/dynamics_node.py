@@ -134,7 +134,7 @@ class DynamicsNode(Node):
             response.mass_matrix = batch.matrices(dynamics.mass_matrix(batch.q))
             response.coriolis_matrix = batch.matrices(dynamics.coriolis_matrix(batch.q, v))
             response.gravity = batch.vectors(dynamics.gravity(batch.q))
-            response.friction = batch.vectors(dynamics.friction(v))
+            response.friction = batch.vectors(dynamics.friction(v, q=batch.q))
             response.kinetic_energy = convert.to_array(convert.finite_answer(kinetic))
             response.potential_energy = convert.to_array(convert.finite_answer(potential))
             response.joint_names = batch.joint_names
