@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From what scene and URDF say of friction to the numbers of ``JointFriction``, checked together."""
+"""From what scene and URDF say of friction to ``JointFriction``, checked together."""
 
 from __future__ import annotations
 
@@ -145,9 +145,7 @@ def _check_bristles(joint: Settings, viscous: float, coulomb: float, static: flo
             raise _refusal(joint, f"{key}': with 'lugre' one number for both directions is wanted")
     for key in ("position", "load"):
         if getattr(own, key) is not None:
-            raise _refusal(
-                joint, f"{key}': not together with 'lugre'; a table needs stick and slip"
-            )
+            raise _refusal(joint, f"{key}': not together with 'lugre'")
     if not coulomb > 0.0:
         raise _refusal(joint, f"lugre' needs coulomb above zero, got {coulomb}")
     if static > coulomb and own.stribeck_velocity is None:

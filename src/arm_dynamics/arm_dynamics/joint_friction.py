@@ -114,7 +114,7 @@ class JointFriction:
         mean = friction.dry(v, direction, like(self.coulomb), like(self.excess), fall)
         if self.coulomb_skew.any() or self.excess_skew.any():
             skew = like(self.coulomb_skew), like(self.excess_skew)
-            mean = mean + direction * friction.dry(v, direction, *skew, fall)
+            mean = mean + direction * friction.dry(v, direction, skew[0], skew[1], fall)
         return self._times_factor(mean, q, load)
 
     def relative_hold(self, reaction: Quantity, q: Quantity, load: Quantity) -> Quantity:
@@ -146,9 +146,9 @@ class JointFriction:
         if b is None:
             return 0.0 * v
         spread = np.eye(len(self.viscous))[list(b.joints)]
-        level = [like(x @ spread) for x in (b.coulomb, b.static - b.coulomb)]
+        coulomb, excess = like(b.coulomb @ spread), like((b.static - b.coulomb) @ spread)
         fall = like(b.stribeck_velocity @ spread + 1.0 - spread.sum(axis=0))
-        return friction.dry(v, direction, *level, fall)
+        return friction.dry(v, direction, coulomb, excess, fall)
 
     def demanded(self, rigid: Quantity, v: Quantity, direction: Quantity, q: Quantity) -> Quantity:
         """Torque that moves the rigid arm and overcomes its own load's friction.

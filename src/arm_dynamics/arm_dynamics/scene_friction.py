@@ -93,7 +93,7 @@ class Friction(Part):
         stribeck_velocity: Speed at which friction has fallen to 37 % of the way from static to
             coulomb, in [rad/s] or [m/s]; if absent it falls at once.
         position: Factor of the dry friction by the joint's position.
-        load: Factor of the dry friction by the size of the torque that the drive puts on the joint.
+        load: Factor of the dry friction by the size of the torque of the drive at the joint.
         lugre: Bristles in place of stick and slip.
     """
 

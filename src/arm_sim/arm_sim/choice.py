@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import casadi as ca
@@ -153,7 +154,8 @@ def bristle_rate(model: ArmModel) -> float:
     joints, stiffness = list(b.joints), np.zeros(model.n)
     stiffness[joints] = b.sigma0
     speed = np.maximum(1.0, abs(model.v0[joints]))
-    return max(_rate(model, stiffness) ** 0.5, float(np.max(b.sigma0 * speed / b.coulomb)))
+    bending = float(np.max(b.sigma0 * speed / b.coulomb))
+    return max(math.sqrt(max(0.0, _rate(model, stiffness))), bending)
 
 
 def damping_rate(model: ArmModel) -> float:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The LuGre law: dry friction as the bending of bristles.
 
-Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with friction", IEEE
-Trans. Automatic Control 40(3), 1995, equations (2) to (4); Åström, Canudas de Wit, "Revisiting the
-LuGre friction model", IEEE Control Systems Magazine 28(6), 2008:
+Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with friction",
+IEEE Trans. Automatic Control 40(3), 1995, equations (2) to (4); Åström, Canudas de Wit,
+"Revisiting the LuGre friction model", IEEE Control Systems Magazine 28(6), 2008:
 
     z' = v - σ0 |v| z / g(v),   F = σ0 z + σ1(v) z' + σ2 v,   g(v) = Fc + (Fs - Fc) exp(-(v/vs)²)
 
