@@ -38,6 +38,9 @@ TRAJECTORY: Final = 1e-6
 ENERGY_DRIFT: Final = 1e-6
 """RK4 at 1 ms without losses, relative to the energy that moves, over a second."""
 
+LINEAR_ERROR: Final = 1e-4
+"""Error under computed torque at 1 kHz against the linear equation, relative to the step."""
+
 DRY_BALANCE: Final = 5e-3
 """Energy balance of a recording with dry friction at 1 ms: the quadrature does not see at what
 instant within a tick a joint stopped or broke away. At 0.1 ms a hundred times less."""

@@ -109,7 +109,7 @@ def _feed_forward(dynamics: Dynamics, s: Settings) -> AnyController:
 
 
 def _computed_torque(dynamics: Dynamics, s: Settings) -> AnyController:
-    return ComputedTorque(dynamics, s.bandwidth, s.damping_ratio)
+    return ComputedTorque(dynamics, s.bandwidth, s.damping_ratio, s.dt)
 
 
 def _joint_impedance(dynamics: Dynamics, s: Settings) -> AnyController:

@@ -3,18 +3,14 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.control import Array, Moving, gain, gains
-from arm_dynamics.dynamics import Dynamics, vector
+from arm_dynamics.control import Array, Moving, checked, gain, gains
+from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference
 from arm_dynamics.rigid_terms import RigidTerms
-
-_FLOAT = np.dtype(float)
 
 
 class PD:
@@ -209,26 +205,6 @@ def tuned(
     inertia = dynamics.mass_matrix(dynamics.model.q0 if q is None else q).diagonal()
     kp, kd = gains(bandwidth, damping_ratio, dynamics.n)
     return kp * inertia, np.maximum(kd * inertia - dynamics.model.viscous, 0.0)
-
-
-def checked(state: Moving, n: int) -> tuple[Array, Array]:
-    """Positions and velocities of a state, each of shape (n,) and finite.
-
-    Raises:
-        InvalidInput: If they are anything else.
-    """
-    q, v = state.q, state.v
-    if isinstance(q, np.ndarray) and isinstance(v, np.ndarray):
-        if (
-            q.shape == v.shape == (n,)
-            and q.dtype == v.dtype == _FLOAT
-            and math.isfinite(q.dot(q) + v.dot(v))
-        ):
-            return q, v
-    for name, value in (("state.q", q), ("state.v", v)):
-        if vector(name, value, n).ndim != 1:
-            raise InvalidInput(f"{name} has shape {np.shape(value)}; ({n},) is wanted")
-    return np.asarray(q, float), np.asarray(v, float)
 
 
 def effort_limit(limit: ArrayLike, n: int) -> Array:

@@ -8,8 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.control import Array, Measured, Moving, gain
-from arm_dynamics.control_joint import checked, effort_limit, positive
+from arm_dynamics.control import Array, Measured, Moving, checked, gain
+from arm_dynamics.control_joint import effort_limit, positive
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.rigid_terms import RigidTerms

@@ -10,13 +10,13 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.control import Array, Moving, gain, gains
+from arm_dynamics.control import Array, Moving, checked, gain, gains
 from arm_dynamics.control_friction import ahead
-from arm_dynamics.control_joint import checked
 from arm_dynamics.dynamics import vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference
-from arm_dynamics.task_algebra import axis_masses, inertia_matrix
+from arm_dynamics.task_algebra import axis_masses
+from arm_dynamics.task_kernel import Instant, TaskKernel
 from arm_dynamics.task_space import TaskSpace
 
 
@@ -51,9 +51,10 @@ class TaskController(Protocol):
 class OperationalSpace:
     """Computed torque in the task's axes: ẍ = ẍ_d + K_d ė + K_p e, with posture in the null space.
 
-    τ = Jᵀ (Λ (ẍ - J̇ q̇) + µ + p) + Nᵀ τ_posture, evaluated as inverse dynamics of
-    q̈ = q̈_p + J̄ (ẍ - J̇ q̇ - J q̈_p), which is the same (Khatib 1987; see ``task_space``). Near a
-    singularity Λ is damped: the arm gives way in the direction it cannot serve.
+    τ = Jᵀ (Λ (ẍ - J̇ q̇) + µ + p) + Nᵀ τ_posture, evaluated as inverse dynamics of the posture's
+    acceleration q̈_p and a force on top, M q̈_p + C q̇ + G + Jᵀ Λ (ẍ - J̇ q̇ - J q̈_p), which is the
+    same (Khatib 1987; see ``task_space``). Near a singularity Λ is damped: the arm gives way in
+    the direction it cannot serve.
     """
 
     def __init__(
@@ -121,8 +122,8 @@ class MotionForce:
         """Return joint torques in [N m] or [N], shape (n,)."""
         now, u = self._arm.look(state, reference), self._along
         wanted = now.ahead + self._kd * now.rate + self._kp * now.error
-        wanted = self._across @ wanted - self._brake @ now.velocity
-        return self._arm.drive(now, reference, wanted) + (reference.force * u) @ now.J
+        wanted = self._across @ wanted - self._brake @ now.arm.velocity
+        return self._arm.drive(now, reference, wanted) + (reference.force * u) @ now.arm.J
 
 
 class CartesianImpedance:
@@ -163,10 +164,9 @@ class CartesianImpedance:
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         now, K = self._arm.look(state, reference), self._stiffness
-        force = (
-            K * now.error + self._ratio * np.sqrt(K * axis_masses(now.A, now.inertia)) * now.rate
-        )
-        return self._arm.drive(now, reference, now.ahead) + force @ now.J
+        mass = axis_masses(now.arm.A, now.arm.inertia)
+        force = K * now.error + self._ratio * np.sqrt(K * mass) * now.rate
+        return self._arm.drive(now, reference, now.ahead) + force @ now.arm.J
 
 
 class AlongJoints:
@@ -174,12 +174,12 @@ class AlongJoints:
 
     def __init__(self, control: TaskController, task: TaskSpace, force: float = 0.0) -> None:
         """Take a controller, the task it was made for and the force in [N] to press with."""
-        self._control, self._task, self._force = control, task, force
+        self._control, self._kernel, self._force = control, _kernel(task), force
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        meant = task_reference(self._task, reference, self._force)
-        return self._control.torque(state, meant)
+        meant = self._kernel.meant(reference.q, reference.v, reference.a)
+        return self._control.torque(state, TaskReference(*meant, self._force, reference.q))
 
 
 def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) -> TaskReference:
@@ -205,12 +205,7 @@ class _Now(NamedTuple):
 
     q: Array
     v: Array
-    J: Array
-    J_bar: Array
-    A: Array  # J M⁻¹ Jᵀ
-    inertia: Array
-    drift: Array  # J̇ q̇
-    velocity: Array
+    arm: Instant
     error: Array
     rate: Array
     ahead: Array
@@ -226,40 +221,37 @@ class _Arm:
             raise InvalidInput(
                 f"reference = '{task.reference}' of the task; 'local_world_aligned' is wanted"
             )
-        self.task = task
+        self._task, self._kernel = task, _kernel(task)
         self._posture = None if posture is None else vector("posture", posture, task.n)
         self._kp, self._kd = gains(bandwidth, 1.0, task.n)
         self._friction = friction
 
     def look(self, state: Moving, reference: TaskReference) -> _Now:
-        task = self.task
-        q, v = checked(state, task.n)
-        position, rotation, J, J_dot = task.motion.moving(q, v)
-        rows = task.rows
-        J, drift = J[rows], (J_dot @ v)[rows]
+        q, v = checked(state, self._task.n)
+        arm, rows = self._kernel.look(q, v), self._task.rows
         error = np.empty(6)
-        error[:3] = reference.position - position
-        error[3:] = pin.log3(reference.rotation @ rotation.T)
-        JW = J @ task.rigid.mobility(q)
-        A = JW @ J.T
-        L = inertia_matrix(A, task.linear, task.threshold)
-        x_dot = J @ v
-        rate = reference.velocity[rows] - x_dot
-        now = error[rows], rate, reference.acceleration[rows]
-        return _Now(q, v, J, JW.T @ L, A, L, drift, x_dot, *now)
+        error[:3] = reference.position - arm.position
+        error[3:] = pin.log3(reference.rotation @ arm.rotation.T)
+        rate = reference.velocity[rows] - arm.velocity
+        return _Now(q, v, arm, error[rows], rate, reference.acceleration[rows])
 
     def drive(self, now: _Now, reference: TaskReference, wanted: Array) -> Array:
         """Torque that accelerates the frame as wanted and otherwise seeks the posture."""
+        arm = now.arm
         goal = self._posture if reference.posture is None else reference.posture
         a = -self._kd * now.v
         if goal is not None:
             a += self._kp * (goal - now.q)
-        a += now.J_bar @ (wanted - now.drift - now.J @ a)
-        tau = self.task.rigid.inverse(now.q, now.v, a)
+        force = arm.inertia @ (wanted - arm.drift - arm.J @ a)
+        tau = arm.M @ a + arm.bias + force @ arm.J
         if self._friction:
-            along = now.J_bar @ reference.velocity[self.task.rows]
-            tau += ahead(self.task.model, along, now.q, tau)
-        return tau
+            way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
+            tau += ahead(self._task.model, way, now.q, tau)
+        return np.asarray(tau)
+
+
+def _kernel(task: TaskSpace) -> TaskKernel:
+    return TaskKernel(task.model, task.frame, task.axes, task.threshold)
 
 
 def _direction(task: TaskSpace, direction: ArrayLike) -> Array:

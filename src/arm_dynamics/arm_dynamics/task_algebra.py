@@ -56,34 +56,6 @@ def task_inertia(A: Array, linear: int, threshold: float = THRESHOLD) -> Inertia
     return Inertia(matrix, least < threshold, least)
 
 
-def inertia_matrix(A: Array, linear: int, threshold: float = THRESHOLD) -> Array:
-    """``task_inertia(…).matrix`` of one state, quick where the state is regular.
-
-    The trace of the scaled inverse bounds its greatest eigenvalue, so a small trace proves that
-    no damping is needed without any eigenvalue.
-
-    Args:
-        A: Mobility J M⁻¹ Jᵀ, shape (m, m).
-        linear: Number of linear axes; they come first.
-        threshold: ε, dimensionless.
-
-    Returns:
-        Λ of shape (m, m).
-    """
-    try:
-        L = np.linalg.inv(A)
-    except np.linalg.LinAlgError:
-        return task_inertia(A, linear, threshold).matrix
-    mobility, mass = A.diagonal().tolist(), L.diagonal().tolist()
-    trace = 0.0
-    for a, b in ((0, linear), (linear, len(mass))):
-        if a < b:
-            trace += sum(mobility[a:b]) / (b - a) * sum(mass[a:b])
-    if min(mass) > 0.0 and trace < 1.0 / threshold:
-        return L
-    return task_inertia(A, linear, threshold).matrix
-
-
 def axis_masses(A: Array, inertia: Array) -> Array:
     """Mass of every axis for choosing gains, bounded through singularities, shape (m,).
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel
-from arm_dynamics.control import demanded_acceleration, gains
+from arm_dynamics.control import demanded_acceleration, halfway, held_gains
 from arm_dynamics.laws import rigid_body
 from arm_dynamics.laws.links import tree_of
 from arm_dynamics.model import Array
@@ -36,6 +36,7 @@ def computed_torque(
     sample: Callable[[float], Reference],
     bandwidth: float | Array = 20.0,
     damping_ratio: float | Array = 1.0,
+    dt: float = 1e-3,
 ) -> CompiledControl:
     """Computed torque as ``arm_dynamics.control.ComputedTorque``, compiled into the simulator.
 
@@ -44,22 +45,24 @@ def computed_torque(
         sample: Reference at a time, such as ``Trajectory.sample``.
         bandwidth: ω in [rad/s], a number or shape (n,).
         damping_ratio: ζ, a number or shape (n,).
+        dt: Time in [s] for which a torque is held, 0 for none.
 
     Returns:
         A controller for ``Simulator.run``.
 
     Raises:
-        InvalidInput: If a gain is not allowed.
+        InvalidInput: If a gain or dt is not allowed.
     """
-    kp, kd = gains(bandwidth, damping_ratio, model.n)
+    kp, kd = held_gains(bandwidth, damping_ratio, model.n, dt)
     n, tree = model.n, tree_of(model)
     x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)
     q, v = x[:n], x[n:]
     q_d, v_d, a_d = ca.vertsplit(r, n)
     a = demanded_acceleration(q, v, (q_d, v_d, a_d), constant(kp), constant(kd))
-    tau = rigid_body.inverse(tree, q, v, a, constant(model.scene.gravity))
+    middle, speed = halfway(q, v, a, dt)
+    tau = rigid_body.inverse(tree, middle, speed, a, constant(model.scene.gravity))
     sliding = ca.if_else(v == 0, v_d, v)  # as in arm_dynamics.control.ComputedTorque
-    tau = model.friction.demanded(tau, v, ca.sign(sliding), q)
+    tau = model.friction.demanded(tau, speed, ca.sign(sliding), middle)
     law = ca.Function("law", [x, r], [ca.densify(tau)], {"cse": True})
     return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
 

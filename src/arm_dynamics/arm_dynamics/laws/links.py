@@ -91,7 +91,7 @@ def tree_of(
         Its links.
     """
     bodies = model.pin if payloads is None else model.bare
-    turns = [_turn(bodies, i) for i in range(1, bodies.njoints)]
+    turns = [turn_of(bodies, i) for i in range(1, bodies.njoints)]
     links = [_link(bodies, i, turns) for i in range(1, bodies.njoints)]
     for place, payload in zip(model.scene.payloads, payloads or (), strict=payloads is not None):
         _load(links, turns, bodies.frames[bodies.getFrameId(place.frame)], payload)
@@ -141,7 +141,7 @@ def spread_map(tree: Tree) -> ca.SX:
     return _sparse(tree.followers)
 
 
-def _turn(model: pin.Model, i: int) -> tuple[Array, bool]:
+def turn_of(model: pin.Model, i: int) -> tuple[Array, bool]:
     """Rotation that brings z onto the axis of joint ``i``, and whether the joint slides."""
     S = np.array(model.joints[i].createData().S).ravel()
     prismatic = bool(np.linalg.norm(S[:3]) > 0.5)
@@ -164,8 +164,8 @@ def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
     return Link(
         parent,
         prismatic,
-        R=_clean(T_parent.T @ place.rotation @ T),
-        p=_clean(T_parent.T @ place.translation),
+        R=clean(T_parent.T @ place.rotation @ T),
+        p=clean(T_parent.T @ place.translation),
         m=ca.SX(body.mass),
         h=_sparse(body.mass * c),
         I=_sparse((inertia + inertia.T) / 2),
@@ -215,7 +215,8 @@ def _hat(x: Array) -> Array:
     return np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
 
 
-def _clean(values: Array) -> Array:
+def clean(values: Array) -> Array:
+    """Put entries that are 0, 1 or -1 but for rounding there."""
     cleaned = np.array(values)
     for exact in (0.0, 1.0, -1.0):
         cleaned[abs(cleaned - exact) < DIRT] = exact
@@ -223,4 +224,4 @@ def _clean(values: Array) -> Array:
 
 
 def _sparse(values: Array) -> ca.SX:
-    return ca.sparsify(ca.SX(ca.DM(_clean(values))))
+    return ca.sparsify(ca.SX(ca.DM(clean(values))))
