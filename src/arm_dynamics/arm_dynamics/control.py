@@ -221,7 +221,7 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
         if (
             q.shape == v.shape == (n,)
             and q.dtype == v.dtype == _FLOAT
-            and math.isfinite(q.dot(q) + v.dot(v))
+            and math.isfinite(sum(q.tolist()) + sum(v.tolist()))
         ):
             return q, v
     for name, value in (("state.q", q), ("state.v", v)):

@@ -154,7 +154,8 @@ def _largest(A: ca.SX, inertia: ca.SX, linear: int) -> ca.SX:
     for first, end in ((0, linear), (linear, A.shape[0])):
         if first < end:
             trace += ca.sum1(mobility[first:end]) / (end - first) * ca.sum1(mass[first:end])
-    return ca.if_else(ca.mmin(mass) > 0, trace, np.inf)
+    sound = ca.logic_and(ca.mmin(mass) > 0, ca.mmax(mass) < np.inf)
+    return ca.if_else(sound, trace, np.inf)
 
 
 def _check(kernel: Kernel, model: ArmModel, frame: str, axes: tuple[str, ...]) -> None:
