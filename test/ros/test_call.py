@@ -176,7 +176,8 @@ def test_nobody_there(arm: Any, domain: int) -> None:
     assert result.exit_code == 1
     for words in (
         "no node offers /left/sim/reset (waited 3 s)",
-        "offered as /sim/reset: choose that node by --node",
+        "offered as /sim/reset",
+        "--node chooses another node",
         "nodes seen: /dynamics, /sim",
         "./arm sim SCENE",
         f"ROS_DOMAIN_ID; here it is {domain}",

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from enum import IntFlag
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -16,6 +17,9 @@ from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene_file import load_scene
+
+# Rows from which on a batch is worth compiled code.
+MANY = 256
 
 
 class Term(IntFlag):
@@ -82,15 +86,12 @@ class Dynamics:
         """
         chosen = self._terms(terms)
         q, v, a = self._checked(q=q, v=v, a=a)
-        model = self._pin if chosen & Term.GRAVITY else self._weightless
+        gravity = np.array(self.model.scene.gravity if chosen & Term.GRAVITY else (0.0, 0.0, 0.0))
         moving = v if chosen & Term.CORIOLIS else np.zeros_like(v)
         pushed = a if chosen & Term.INERTIA else np.zeros_like(a)
-        tau = self._each(
-            lambda qi, vi, ai: self.model.gather(pin.rnea(model, self._data, qi, vi, ai)),
-            self.model.configuration(q),
-            self.model.spread(moving),
-            self.model.spread(pushed),
-        )
+        many = q.ndim == 2 and len(q) >= MANY
+        rigid = (self._compiled_inverse if many else None) or self._inverse
+        tau = rigid(q, moving, pushed, gravity)
         if not chosen & Term.FRICTION:
             return tau
         needed: Array = self.model.friction.demanded(tau, v, np.sign(v), q)
@@ -190,6 +191,21 @@ class Dynamics:
         both = self._each(self._energies, self.model.configuration(q), self.model.spread(v))
         kinetic, potential = both[..., 0], both[..., 1]
         return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
+
+    @cached_property
+    def _compiled_inverse(self) -> Callable[..., Array] | None:
+        from arm_dynamics.batch import compiled_inverse  # stands on this module
+
+        return compiled_inverse(self.model, self._inverse)
+
+    def _inverse(self, q: Array, v: Array, a: Array, gravity: Array) -> Array:
+        model = self._pin if gravity.any() else self._weightless
+        return self._each(
+            lambda qi, vi, ai: self.model.gather(pin.rnea(model, self._data, qi, vi, ai)),
+            self.model.configuration(q),
+            self.model.spread(v),
+            self.model.spread(a),
+        )
 
     def _forward_tree(self, q: Array, v: Array, tau: Array) -> Array:
         a: Array = pin.aba(self._pin, self._data, q, v, tau, pin.Convention.WORLD)

@@ -38,6 +38,14 @@ class KernelError(ArmError):
     """A generated function disagrees with Pinocchio and is refused."""
 
 
+class NoAnswer(ArmError, TimeoutError):
+    """No node offers a service, or the one that does gave no answer in time."""
+
+
+class Refused(ArmError):
+    """A node answered that it will not do what it was asked; the message is the node's."""
+
+
 def known_names(names: Iterable[str], limit: int = 30) -> str:
     """List valid names for an error message, cut after ``limit``.
 

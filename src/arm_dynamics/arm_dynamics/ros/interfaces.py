@@ -10,10 +10,21 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 from arm_msgs.msg import TrackingState
-from arm_msgs.srv import DynamicsTerms, ForwardDynamics, InverseDynamics, ModelInfo, TaskSpace
+from arm_msgs.srv import (
+    DynamicsTerms,
+    ForwardDynamics,
+    InverseDynamics,
+    ModelInfo,
+    SetFriction,
+    SetJointState,
+    SetPayload,
+    Step,
+    TaskSpace,
+)
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
+from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
 PUBLISH = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
@@ -54,3 +65,12 @@ FORWARD_DYNAMICS = Service("~/forward_dynamics", ForwardDynamics)
 DYNAMICS_TERMS = Service("~/dynamics_terms", DynamicsTerms)
 MODEL_INFO = Service("~/model_info", ModelInfo)
 TASK_SPACE = Service("~/task_space", TaskSpace)
+
+# Of the sim node, here because the client calls them too.
+RESET = Service("~/reset", Trigger)
+PAUSE = Service("~/pause", SetBool)
+STEP = Service("~/step", Step)
+SET_JOINT_STATE = Service("~/set_joint_state", SetJointState)
+SET_PAYLOAD = Service("~/set_payload", SetPayload)
+SET_FRICTION = Service("~/set_friction", SetFriction)
+RESET_COUNTERS = Service("~/reset_counters", Trigger)

@@ -4,43 +4,66 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import click
 import numpy as np
 
-from arm_dynamics.ros import interfaces as dynamics
-from arm_sim.cli.client import Caller
+from arm_dynamics.client import ArmClient
+from arm_dynamics.exceptions import NoAnswer, Refused
 from arm_sim.cli.output import console, limit, number, show, table
 from arm_sim.cli.vectors import Vector
-from arm_sim.ros import interfaces as sim
 
 DYNAMICS, _SIM = "./arm dynamics SCENE", "./arm sim SCENE"
 SHOWN = 20  # points of a batch on a terminal
 _DUST = 1e-14  # of the largest number beside it
 
 
+@contextmanager
+def asking(node: str, start: str, timeout: float, as_json: bool) -> Iterator[ArmClient]:
+    """A client of one node; what goes wrong ends the command.
+
+    Args:
+        node: Name of the node.
+        start: The command that starts such a node.
+        timeout: How long to wait in [s].
+        as_json: Whether a refusal is told as JSON.
+    """
+    with ArmClient(node, node, timeout) as client:
+        try:
+            yield client
+        except NoAnswer as error:
+            raise click.ClickException(
+                f"{error}\n  start one in another terminal: {start}"
+                "\n  --node chooses another node, --timeout waits longer"
+            ) from None
+        except Refused as error:
+            if as_json:
+                click.echo(json.dumps({"success": False, "message": str(error)}))
+                raise SystemExit(1) from None
+            raise click.ClickException(f"refused: {error}") from None
+
+
 class Question:
     """A question about motion: joints, their vectors, and how the answer is to look."""
 
-    def __init__(
-        self, caller: Caller, request: Any, joints: str, vectors: dict[str, Vector | None]
-    ) -> None:
-        info = caller.ask(dynamics.MODEL_INFO, dynamics.MODEL_INFO.type.Request())
-        refuse_failure(info)
-        request.joint_names = joints.replace(",", " ").split()
-        self.names = request.joint_names or list(info.joint_names)
-        self.types = dict(zip(info.joint_names, info.joint_types, strict=True))
-        self.vectors = {name: v.flat(self.names) for name, v in vectors.items() if v is not None}
+    def __init__(self, client: ArmClient, joints: str, vectors: dict[str, Vector | None]) -> None:
+        facts = client.model_info()
+        self.order = joints.replace(",", " ").split()
+        self.names = self.order or list(facts.joint_names)
+        self.types = dict(zip(facts.joint_names, facts.joint_types, strict=True))
+        self.vectors = {name: v.array(self.names) for name, v in vectors.items() if v is not None}
         self.batch = any(v.batch for v in vectors.values() if v is not None)
-        for name, values in self.vectors.items():
-            setattr(request, name, values)
 
-    def shaped(self, values: Sequence[float], square: bool = False) -> np.ndarray:
-        """Numbers of a response as one row (or matrix) for each point."""
-        n = len(self.names)
-        return np.reshape(values, (-1, n, n) if square else (-1, n))
+    def given(self, name: str) -> np.ndarray | None:
+        """One of the vectors, None if it was not given."""
+        return self.vectors.get(name)
+
+    def points(self, values: np.ndarray, rank: int = 1) -> np.ndarray:
+        """Numbers of an answer, of ``rank`` dimensions a point, as one entry for each point."""
+        return values[None] if values.ndim == rank else values
 
     def plain(self, values: np.ndarray) -> Any:
         """Numbers for JSON: a list of points if points were given as a list."""
@@ -52,29 +75,33 @@ class Question:
         return ", ".join([turning] * (False in kinds) + [sliding] * (True in kinds))
 
 
-def inverse_dynamics(terms: int, node: str, timeout: float, as_json: bool, **given: Any) -> None:
+def inverse_dynamics(
+    terms: int, node: str, timeout: float, as_json: bool, joints: str, **vectors: Vector | None
+) -> None:
     """Ask for torques and print them."""
-    request = dynamics.INVERSE_DYNAMICS.type.Request(terms=terms)
-    _motion(dynamics.INVERSE_DYNAMICS, request, "effort", ("torque", "N m", "N"),
-            node, timeout, as_json, **given)  # fmt: skip
+    with asking(node, DYNAMICS, timeout, as_json) as client:
+        question = Question(client, joints, vectors)
+        q, v, a = map(question.given, ("position", "velocity", "acceleration"))
+        tau = client.inverse_dynamics(q, v, a, terms, question.order)
+    _print_motion(question, "effort", ("torque", "N m", "N"), tau, as_json)
 
 
-def forward_dynamics(node: str, timeout: float, as_json: bool, **given: Any) -> None:
+def forward_dynamics(
+    node: str, timeout: float, as_json: bool, joints: str, **vectors: Vector | None
+) -> None:
     """Ask for accelerations and print them."""
-    request = dynamics.FORWARD_DYNAMICS.type.Request()
-    _motion(dynamics.FORWARD_DYNAMICS, request, "acceleration", ("acceleration", "rad/s²", "m/s²"),
-            node, timeout, as_json, **given)  # fmt: skip
+    with asking(node, DYNAMICS, timeout, as_json) as client:
+        question = Question(client, joints, vectors)
+        q, v, tau = map(question.given, ("position", "velocity", "effort"))
+        a = client.forward_dynamics(q, v, tau, question.order)
+    _print_motion(question, "acceleration", ("acceleration", "rad/s²", "m/s²"), a, as_json)
 
 
-def _motion(
-    service: Any, request: Any, field: str, heading: tuple[str, str, str],
-    node: str, timeout: float, as_json: bool, joints: str, **vectors: Vector | None,
+def _print_motion(
+    question: Question, field: str, heading: tuple[str, str, str], answer: np.ndarray,
+    as_json: bool,
 ) -> None:  # fmt: skip
-    with Caller(node, DYNAMICS, timeout) as caller:
-        question = Question(caller, request, joints, vectors)
-        response = caller.ask(service, request)
-    refuse_failure(response, as_json)
-    rows = question.shaped(getattr(response, field))
+    rows = question.points(answer)
     if as_json:
         print_json(joint_names=question.names, **{field: question.plain(rows)})
         return
@@ -82,8 +109,7 @@ def _motion(
     if question.batch:
         _print_points(question, f"{title} [{unit}]", rows)
         return
-    columns = {name: question.vectors.get(name) for name in vectors}
-    given = {f"{name} [{_unit_of(name, question)}]": v for name, v in columns.items() if v}
+    given = {f"{name} [{_unit_of(name, question)}]": v for name, v in question.vectors.items()}
     cells = zip(question.names, *given.values(), readable(rows[0]), strict=True)
     shown = [(name, *map(number, values)) for name, *values in cells]
     show(console(), table(("joint", *given, f"{title} [{unit}]"), shown))
@@ -93,26 +119,20 @@ def dynamics_terms(
     node: str, timeout: float, as_json: bool, joints: str, **vectors: Vector | None
 ) -> None:
     """Ask for the parts of the equation of motion and print them."""
-    request = dynamics.DYNAMICS_TERMS.type.Request()
-    with Caller(node, DYNAMICS, timeout) as caller:
-        question = Question(caller, request, joints, vectors)
-        response = caller.ask(dynamics.DYNAMICS_TERMS, request)
-    refuse_failure(response, as_json)
-    matrices = {
-        name: question.shaped(getattr(response, name), square=True)
-        for name in ("mass_matrix", "coriolis_matrix")
-    }
-    torques = {name: question.shaped(getattr(response, name)) for name in ("gravity", "friction")}
-    energies = {
-        name: np.array(getattr(response, name)) for name in ("kinetic_energy", "potential_energy")
-    }
-    if as_json:
-        shaped = {**matrices, **torques, **energies}
-        print_json(
-            joint_names=question.names, **{name: question.plain(v) for name, v in shaped.items()}
+    with asking(node, DYNAMICS, timeout, as_json) as client:
+        question = Question(client, joints, vectors)
+        terms = client.dynamics_terms(
+            question.given("position"), question.given("velocity"), question.order
         )
+    ranks = {"mass_matrix": 2, "coriolis_matrix": 2, "gravity": 1, "friction": 1,
+             "kinetic_energy": 0, "potential_energy": 0}  # fmt: skip
+    found = {name: question.points(getattr(terms, name), rank) for name, rank in ranks.items()}
+    if as_json:
+        plain = {name: question.plain(values) for name, values in found.items()}
+        print_json(joint_names=question.names, **plain)
         return
-    _print_terms(question, matrices, torques, energies)
+    of_rank = [{name: found[name] for name in ranks if ranks[name] == r} for r in (2, 1, 0)]
+    _print_terms(question, *of_rank)
 
 
 def _print_terms(
@@ -162,9 +182,8 @@ def say_more(points: int) -> None:
 
 def model_info(node: str, timeout: float, as_json: bool) -> None:
     """Ask what the node knows about its arm and print it."""
-    with Caller(node, DYNAMICS, timeout) as caller:
-        info = caller.ask(dynamics.MODEL_INFO, dynamics.MODEL_INFO.type.Request())
-    refuse_failure(info, as_json)
+    with asking(node, DYNAMICS, timeout, as_json) as client:
+        info = client.model_info()
     limits = ("position_lower", "position_upper", "velocity_limits", "effort_limits")
     if as_json:
         print_json(
@@ -192,25 +211,65 @@ def _or_none(value: float) -> float | None:
 
 def reset(node: str, timeout: float, as_json: bool) -> None:
     """Have a simulation start again."""
-    _command(sim.RESET, {}, "back at its initial state, time zero", node, timeout, as_json)
+    with asking(node, _SIM, timeout, as_json) as client:
+        client.reset()
+    _print_done("back at its initial state, time zero", node, as_json)
 
 
-def pause(data: bool, node: str, timeout: float, as_json: bool) -> None:
+def reset_counters(node: str, timeout: float, as_json: bool) -> None:
+    """Have a simulation's counters begin afresh."""
+    with asking(node, _SIM, timeout, as_json) as client:
+        client.reset_counters()
+    _print_done("counters at zero", node, as_json)
+
+
+def pause(stop: bool, node: str, timeout: float, as_json: bool) -> None:
     """Stop a simulation, or let it go on."""
-    said = "paused" if data else "running"
-    _command(sim.PAUSE, {"data": data}, said, node, timeout, as_json)
+    with asking(node, _SIM, timeout, as_json) as client:
+        client.pause() if stop else client.resume()
+    _print_done("paused" if stop else "running", node, as_json)
 
 
 def step(steps: int, node: str, timeout: float, as_json: bool) -> None:
     """Advance a paused simulation."""
-    done = f"{steps} tick{'s' if steps > 1 else ''} further, t = {{time:.6g}} s"
-    _command(sim.STEP, {"steps": steps}, done, node, timeout, as_json, repeatable=False)
+    with asking(node, _SIM, timeout, as_json) as client:
+        time = client.step(steps)
+    ticks = f"{steps} tick{'s' if steps > 1 else ''}"
+    _print_done(f"{ticks} further, t = {time:.6g} s", node, as_json, time=time)
 
 
 def set_joint_state(
     node: str, timeout: float, as_json: bool, joints: str, **vectors: Vector | None
 ) -> None:
     """Put joints of a simulation somewhere."""
+    names, rows = named_rows(joints, vectors)
+    with asking(node, _SIM, timeout, as_json) as client:
+        client.set_joint_state(rows.get("position"), rows.get("velocity"), names)
+    _print_done(f"{', '.join(names) if names else 'all joints'} set", node, as_json)
+
+
+def set_payload(
+    mass: float, com: Vector, inertia: Vector, index: int,
+    node: str, timeout: float, as_json: bool,
+) -> None:  # fmt: skip
+    """Change a payload of a simulation."""
+    with asking(node, _SIM, timeout, as_json) as client:
+        client.set_payload(mass, com.flat(()), inertia.flat(()), index)
+    _print_done(f"payload {index} has {mass:g} kg", node, as_json)
+
+
+def set_friction(viscous: Vector, joints: str, node: str, timeout: float, as_json: bool) -> None:
+    """Change the viscous friction of a simulation."""
+    names, rows = named_rows(joints, {"viscous": viscous})
+    with asking(node, _SIM, timeout, as_json) as client:
+        client.set_friction(rows["viscous"], names)
+    _print_done(f"friction of {', '.join(names) if names else 'all joints'} set", node, as_json)
+
+
+def named_rows(
+    joints: str, vectors: dict[str, Vector | None]
+) -> tuple[list[str], dict[str, list[float]]]:
+    """Joints that are meant, none for all, and one number for each in every vector given."""
     given = {name: vector for name, vector in vectors.items() if vector is not None}
     names = joints.replace(",", " ").split()
     for vector in given.values():
@@ -219,37 +278,17 @@ def set_joint_state(
         if vector.named and names and set(vector.named) != set(names):
             raise click.ClickException(
                 f"joints {', '.join(vector.named)} and {', '.join(names)}; allowed: the same "
-                "joints in --position, --velocity and --joints"
+                "joints in every vector and in --joints"
             )
         names = names or list(vector.named)
-    fields = {name: vector.flat(names) for name, vector in given.items()}
-    fields = {"joint_names": names, **fields}
-    what = ", ".join(names) if names else "all joints"
-    _command(sim.SET_JOINT_STATE, fields, f"{what} set", node, timeout, as_json)
+    return names, {name: vector.flat(names) for name, vector in given.items()}
 
 
-def _command(
-    service: Any, fields: dict[str, Any], done: str, node: str, timeout: float, as_json: bool,
-    repeatable: bool = True,
-) -> None:  # fmt: skip
-    with Caller(node, _SIM, timeout) as caller:
-        response = caller.ask(service, service.type.Request(**fields), repeatable)
-    refuse_failure(response, as_json)
-    answer = {"time": response.time} if hasattr(response, "time") else {}
+def _print_done(done: str, node: str, as_json: bool, **answer: Any) -> None:
     if as_json:
         print_json(**answer)
     else:
-        console().print(f"{caller.node}: {done.format(**answer)}", markup=False)
-
-
-def refuse_failure(response: Any, as_json: bool = False) -> None:
-    """End the command with the node's message if it refused."""
-    if response.success:
-        return
-    if as_json:
-        click.echo(json.dumps({"success": False, "message": response.message}))
-        raise SystemExit(1)
-    raise click.ClickException(f"refused: {response.message}")
+        console().print(f"/{node.strip('/')}: {done}", markup=False)
 
 
 def print_json(**fields: Any) -> None:

@@ -235,6 +235,60 @@ def set_joint_state(**given: Any) -> None:
     answers.set_joint_state(**given)
 
 
+@call.command(
+    "set-payload",
+    short_help="Change a payload of the simulation.",
+    epilog=examples(
+        './arm call set-payload --mass 1.5 --com "0 0 0.05"',
+    ),
+)
+@click.option("--mass", required=True, type=float, help="Mass in kg.")
+@click.option("--com", type=VECTOR, default="0 0 0", help="Centre of mass in its frame, in m.")
+@click.option("--inertia", type=VECTOR, default="0 0 0 0 0 0",
+              help="About it: xx xy xz yy yz zz, in kg m².")  # fmt: skip
+@click.option("--index", default=0, show_default=True, type=click.IntRange(0),
+              help="Which of the scene's payloads.")  # fmt: skip
+@_options(SIM)
+def set_payload(**given: Any) -> None:
+    """Change a payload; the scene has to declare payloads tunable."""
+    from arm_sim.cli import answers
+
+    answers.set_payload(**given)
+
+
+@call.command(
+    "set-friction",
+    short_help="Change viscous friction of the simulation.",
+    epilog=examples(
+        './arm call set-friction --viscous "panda_joint4=0.5"',
+    ),
+)
+@click.option("--viscous", type=VECTOR, required=True,
+              help=f"Coefficients in N m s/rad or N s/m; {HOW}.")  # fmt: skip
+@_joints
+@_options(SIM)
+def set_friction(**given: Any) -> None:
+    """Change viscous friction; the scene has to declare friction tunable."""
+    from arm_sim.cli import answers
+
+    answers.set_friction(**given)
+
+
+@call.command(
+    "reset-counters",
+    short_help="Have the counters of the simulation begin afresh.",
+    epilog=examples(
+        "./arm call reset-counters",
+    ),
+)
+@_options(SIM)
+def reset_counters(**given: Any) -> None:
+    """Have the counters of loop, commands and answers begin afresh."""
+    from arm_sim.cli import answers
+
+    answers.reset_counters(**given)
+
+
 def _terms(text: str) -> int:
     words = text.lower().replace(",", " ").split()
     if words == ["all"]:

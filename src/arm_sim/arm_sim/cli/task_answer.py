@@ -8,17 +8,15 @@ from typing import Any
 import click
 import numpy as np
 
-from arm_dynamics.ros import interfaces
 from arm_sim.cli.answers import (
     DYNAMICS,
     SHOWN,
     Question,
+    asking,
     print_json,
     readable,
-    refuse_failure,
     say_more,
 )
-from arm_sim.cli.client import Caller
 from arm_sim.cli.output import console, number, show, table
 from arm_sim.cli.vectors import Vector
 
@@ -31,39 +29,31 @@ def task_space(
     node: str, timeout: float, as_json: bool, joints: str, **vectors: Vector | None,
 ) -> None:  # fmt: skip
     """Ask and print."""
-    request = interfaces.TASK_SPACE.type.Request(frame=frame, reference=reference)
-    request.axes = axes.replace(",", " ").split()
-    with Caller(node, DYNAMICS, timeout) as caller:
-        question = Question(caller, request, joints, vectors)
-        if direction is not None:
-            request.direction = _plain_row(direction)
-        response = caller.ask(interfaces.TASK_SPACE, request)
-    refuse_failure(response, as_json)
-    answer = _shaped(response, len(question.names), len(response.axes))
+    with asking(node, DYNAMICS, timeout, as_json) as client:
+        question = Question(client, joints, vectors)
+        found = client.task_space(
+            frame, question.given("position"), question.given("velocity"), reference=reference,
+            axes=axes.replace(",", " ").split(),
+            direction=() if direction is None else _plain_row(direction),
+            joint_names=question.order,
+        )  # fmt: skip
+    names = list(found.pop("axes"))
+    found.pop("joint_names")
+    answer = {
+        name: values if question.vectors["position"].ndim == 2 else values[None]
+        for name, values in found.items()
+    }
     if as_json:
         plain = {name: _plain(question.plain(values)) for name, values in answer.items()}
-        print_json(joint_names=question.names, axes=list(response.axes), **plain)
+        print_json(joint_names=question.names, axes=names, **plain)
     else:
-        _print(question, list(response.axes), answer)
+        _print(question, names, answer)
 
 
 def _plain_row(direction: Vector) -> list[float]:
     if len(direction.rows) != 1:
         raise click.ClickException("--direction: one row of numbers is wanted, one for each axis")
     return list(direction.rows[0])
-
-
-def _shaped(response: Any, n: int, m: int) -> dict[str, np.ndarray]:
-    """Numbers of a response, point after point; what was not asked for is left out."""
-    shapes = {
-        "pose": (7,), "jacobian": (m, n), **{name: (m,) for name in _VECTORS},
-        "inertia": (m, m), "inverse": (n, m), "null_space": (n, n),
-        **{name: () for name in _NUMBERS},
-    }  # fmt: skip
-    found = {name: np.array(getattr(response, name)) for name in shapes}
-    return {
-        name: values.reshape(-1, *shapes[name]) for name, values in found.items() if values.size
-    }
 
 
 def _plain(values: Any) -> Any:

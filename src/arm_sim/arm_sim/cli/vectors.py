@@ -6,9 +6,12 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
+
+if TYPE_CHECKING:
+    import numpy as np
 
 HOW = 'e.g. "0, 0.5, -1", "elbow=0.5 wrist=-1", "[[0, 1], [2, 3]]" for two points, or @FILE'
 
@@ -26,6 +29,12 @@ class Vector:
     rows: tuple[tuple[float, ...], ...]
     named: Mapping[str, float]
     batch: bool = False
+
+    def array(self, names: Sequence[str]) -> np.ndarray:
+        """Numbers as a row, or as a row for each point if several were meant; see ``flat``."""
+        import numpy as np
+
+        return np.array(self.rows if self.batch else self.flat(names), float)
 
     def flat(self, names: Sequence[str]) -> list[float]:
         """Numbers point after point; joints that are not named get zero.

@@ -4,12 +4,22 @@
 from __future__ import annotations
 
 from arm_msgs.msg import Energy
-from arm_msgs.srv import SetJointState, Step
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
 
-from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, NEWEST, Service, Topic
+from arm_dynamics.ros.interfaces import (
+    JOINT_COMMANDS,
+    JOINT_STATES,
+    NEWEST,
+    PAUSE,
+    RESET,
+    RESET_COUNTERS,
+    SET_FRICTION,
+    SET_JOINT_STATE,
+    SET_PAYLOAD,
+    STEP,
+    Topic,
+)
 
 __all__ = [
     "CLOCK",
@@ -20,7 +30,10 @@ __all__ = [
     "MAX_STEPS",
     "PAUSE",
     "RESET",
+    "RESET_COUNTERS",
+    "SET_FRICTION",
     "SET_JOINT_STATE",
+    "SET_PAYLOAD",
     "STEP",
 ]
 
@@ -29,8 +42,3 @@ MAX_STEPS = 10_000  # of one service call
 COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
 ENERGY = Topic("~/energy", Energy)
 CLOCK = Topic("clock", Clock)
-
-RESET = Service("~/reset", Trigger)
-PAUSE = Service("~/pause", SetBool)
-STEP = Service("~/step", Step)
-SET_JOINT_STATE = Service("~/set_joint_state", SetJointState)

@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The client: numpy in and out, and one clear error when something is wrong."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import threading
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from arm_msgs.srv import ModelInfo
+from harness import Ros, reserve_domain
+
+import models
+from arm_dynamics import InvalidInput, Term
+from arm_dynamics.client import ArmClient
+from arm_dynamics.exceptions import NoAnswer, Refused
+from arm_dynamics.ros.interfaces import MAX_POINTS
+from arm_dynamics.task_space import TaskSpace
+from tolerances import ALGEBRA
+
+pytestmark = pytest.mark.ros
+
+SCENE = str(models.SCENES / "two_link.yaml")
+JOINTS = ["elbow", "shoulder"]
+
+
+@pytest.fixture(scope="module")
+def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ArmClient]:
+    """A client of two nodes in processes of their own, in a domain of their own."""
+    domain, reservation = reserve_domain()
+    environment = {
+        **os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": str(tmp_path_factory.mktemp("log")),
+    }  # fmt: skip
+    started = [
+        subprocess.Popen(
+            [sys.executable, "-P", "-m", "arm_sim.cli", node, SCENE, "--with-parent"],
+            env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
+        )
+        for node in ("dynamics", "sim")
+    ]  # fmt: skip
+    with ArmClient(timeout=20.0, domain=domain) as client:
+        yield client
+    for process in started:
+        process.kill()
+        process.wait()
+    reservation.close()
+
+
+def test_a_point(arm: ArmClient, rng: np.random.Generator) -> None:
+    dynamics = models.dynamics("two_link")
+    q, v, a = rng.normal(size=(3, 2))
+    np.testing.assert_allclose(arm.inverse_dynamics(q, v, a), dynamics.inverse(q, v, a))
+    np.testing.assert_allclose(arm.inverse_dynamics(q), dynamics.gravity(q))
+    np.testing.assert_allclose(arm.forward_dynamics(q, v, a), dynamics.forward(q, v, a))
+    turned = arm.inverse_dynamics(q[::-1], terms=Term.GRAVITY, joint_names=JOINTS)
+    np.testing.assert_allclose(turned[::-1], dynamics.gravity(q))
+
+
+def test_terms_and_task_space_have_their_shapes(arm: ArmClient, rng: np.random.Generator) -> None:
+    dynamics = models.dynamics("two_link")
+    q, v = rng.normal(size=(2, 4, 2))
+    terms = arm.dynamics_terms(q, v)
+    np.testing.assert_allclose(terms.mass_matrix, dynamics.mass_matrix(q))
+    np.testing.assert_allclose(terms.coriolis_matrix, dynamics.coriolis_matrix(q, v))
+    np.testing.assert_allclose(terms.kinetic_energy, dynamics.energy(q, v)[0])
+    assert arm.dynamics_terms(q[0], v[0]).mass_matrix.shape == (2, 2)
+    task = TaskSpace(dynamics, "tip", selection=("x", "z"))
+    seen = arm.task_space("tip", q, v, axes=("x", "z"), direction=(1.0, 0.0))
+    np.testing.assert_allclose(seen["inertia"], task.terms(q, v).inertia)
+    np.testing.assert_allclose(seen["effective_mass"], task.effective_mass(q, (1.0, 0.0)).mass)
+    assert seen["axes"] == ("x", "z")
+    assert "effective_mass" not in arm.task_space("tip", q[0])
+
+
+@pytest.mark.parametrize("points", [1, 1000, MAX_POINTS])
+def test_batches(arm: ArmClient, points: int, rng: np.random.Generator) -> None:
+    dynamics = models.dynamics("two_link")
+    q, v, a = rng.normal(size=(3, points, 2))
+    tau = arm.inverse_dynamics(q, v, a)
+    some = rng.integers(points, size=20)
+    expected = np.array([dynamics.inverse(q[k], v[k], a[k]) for k in some])
+    np.testing.assert_allclose(tau[some], expected, rtol=ALGEBRA, atol=ALGEBRA)
+
+
+def test_a_batch_beyond_the_limit_is_refused_and_the_node_goes_on(arm: ArmClient) -> None:
+    with pytest.raises(Refused, match=rf"{MAX_POINTS + 1} points; allowed are up to {MAX_POINTS}"):
+        arm.inverse_dynamics(np.zeros((MAX_POINTS + 1, 2)))
+    assert arm.inverse_dynamics([0.0, 0.0]).shape == (2,)
+
+
+@pytest.mark.parametrize(
+    ("q", "error", "said"),
+    [
+        ([0.0], Refused, "1 numbers; allowed is a multiple of 2"),
+        ([0.0, np.nan], Refused, "'elbow' at point 0 is nan"),
+        ([0.0] * 4, InvalidInput, r"shape \(4,\)"),
+        ([[[0.0, 0.0]]], InvalidInput, r"shape \(1, 1, 2\)"),
+        ("here", InvalidInput, "numbers of one shape"),
+        ([[0.0], [0.0, 1.0]], InvalidInput, "numbers of one shape"),
+    ],
+)
+def test_bad_input_gets_one_clear_error(
+    arm: ArmClient, q: object, error: type[Exception], said: str
+) -> None:
+    with pytest.raises(error, match=said):
+        arm.inverse_dynamics(q)  # type: ignore[arg-type]
+
+
+def test_numbers_that_no_message_holds_are_refused(arm: ArmClient) -> None:
+    with pytest.raises(InvalidInput, match="steps"):
+        arm.step(-1)
+    with pytest.raises(InvalidInput, match="terms = 256"):
+        arm.inverse_dynamics([0.0, 0.0], terms=256)
+    with pytest.raises(InvalidInput, match="com has 2 numbers; 3 are wanted"):
+        arm.set_payload(1.0, com=(0.0, 0.0))
+
+
+def test_model_info(arm: ArmClient) -> None:
+    facts = arm.model_info()
+    assert facts.joint_names == ("shoulder", "elbow")
+    np.testing.assert_array_equal(facts.effort_limits, [60.0, 25.0])
+    assert facts.gravity.shape == (3,)
+
+
+def test_commands_to_the_simulation(arm: ArmClient) -> None:
+    arm.pause()
+    arm.reset()
+    arm.set_joint_state([1.0], joint_names=["elbow"])
+    assert arm.step(5) == pytest.approx(0.005)
+    arm.reset_counters()
+    with pytest.raises(Refused, match="'payload' is not tunable"):
+        arm.set_payload(1.0)
+    with pytest.raises(Refused, match="'friction' is not tunable"):
+        arm.set_friction([0.1, 0.1])
+    arm.resume()
+    with pytest.raises(Refused, match="running"):
+        arm.step()
+
+
+def test_nobody_there(ros: Ros) -> None:
+    with ArmClient("left/dynamics", timeout=0.5, domain=ros.domain) as arm:
+        with pytest.raises(NoAnswer, match="no node offers /left/dynamics/model_info"):
+            arm.model_info()
+
+
+def test_nobody_answers(ros: Ros) -> None:
+    """The service is there, but its node does not spin; the client waits no longer than told."""
+    ros.peer.create_service(ModelInfo, "dynamics/model_info", lambda request, response: response)
+    with ArmClient(timeout=1.0, domain=ros.domain) as arm:
+        with pytest.raises(NoAnswer, match="gave no answer within 1 s"):
+            arm.model_info()
+
+
+def test_a_lost_reply_is_asked_for_again(ros: Ros) -> None:
+    asked: list[bool] = []
+
+    def answer(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
+        asked.append(True)
+        response.success = True
+        return response
+
+    service = ros.peer.create_service(ModelInfo, "dynamics/model_info", answer)
+    send = service.send_response
+    service.send_response = lambda *reply: send(*reply) if len(asked) > 1 else None
+    end = threading.Event()
+    server = threading.Thread(target=lambda: ros.spin_until(end.is_set, 30.0))
+    server.start()
+    try:
+        with ArmClient(timeout=10.0, domain=ros.domain) as arm:
+            assert arm.model_info().joint_names == ()
+    finally:
+        end.set()
+        server.join()
+    assert len(asked) == 2
