@@ -99,7 +99,6 @@ class ComputedTorque:
         desired = (reference.q, reference.v, reference.a)
         a = demanded_acceleration(q, v, desired, self._kp, self._kd)
         middle, speed = halfway(q, v, a, self._dt)
-        model = self._rigid.model
         tau = self._rigid.inverse(middle, speed, a)
         sliding = np.sign(np.where(v == 0.0, reference.v, v))
         return np.asarray(self._rigid.model.friction.demanded(tau, speed, sliding, middle))
