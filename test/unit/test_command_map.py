@@ -101,10 +101,10 @@ def follow(sim: Simulator, dyn: Dynamics, duration: float) -> float:
 @pytest.mark.parametrize(
     ("drive", "error"),
     [
-        ({"actuator": MOTOR | {"command": "current"}}, 2e-4),
-        ({"actuator": MOTOR | {"command": "voltage"}}, 5e-3),
-        ({"actuator": MOTOR | {"command": "voltage", "inductance": 4e-4}}, 5e-3),
-        ({"actuator": MOTOR | {"command": "voltage"}, "transmission": SOFT}, 5e-2),
+        ({"actuator": MOTOR | {"command": "current"}}, 1e-4),
+        ({"actuator": MOTOR | {"command": "voltage"}}, 1e-3),
+        ({"actuator": MOTOR | {"command": "voltage", "inductance": 4e-4}}, 1e-3),
+        ({"actuator": MOTOR | {"command": "voltage"}, "transmission": SOFT}, 4e-3),
     ],
     ids=["current", "voltage", "with inductance", "flexible joints"],
 )

@@ -53,7 +53,8 @@ class CommandMap:
             assert m.cogging is not None
             wave = m.cogging.amplitude, m.cogging.order, m.cogging.phase
             wanted[..., i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[..., i], *wave)
-        return self._gain * wanted + self._back_emf * v
+        command: Array = self._gain * wanted + self._back_emf * v
+        return command
 
 
 def rigid_twin(scene: Scene) -> Scene:

@@ -25,6 +25,7 @@ class Settings:
         damping: Viscous friction if the scene has no word, in [N m s/rad] or [N s/m].
         dry: Dry friction likewise, in [N m] or [N].
         more: Viscous friction that the joint's drive adds.
+        efficiency: Of the drive's gear.
     """
 
     name: str
@@ -32,6 +33,7 @@ class Settings:
     damping: float
     dry: float
     more: float = 0.0
+    efficiency: float = 1.0
 
 
 def resolve(joints: Sequence[Settings], free: Sequence[str], followers: Array) -> JointFriction:
@@ -69,6 +71,7 @@ def resolve(joints: Sequence[Settings], free: Sequence[str], followers: Array) -
         (fs - fc) * falling, (fs_skew - fc_skew) * falling, np.where(falling, falls, 1.0),
         tuple(_curve(joint.own.position) for joint in mine),
         tuple(_curve(joint.own.load) for joint in mine), bristles,
+        np.array([joint.efficiency for joint in mine]),
     )  # fmt: skip
     _check_loads(mine, friction)
     return friction
@@ -89,6 +92,12 @@ def _curve(table: Table | None) -> Curve | None:
 
 def _check(joint: Settings) -> None:
     own = joint.own
+    for key in ("load", "lugre"):
+        if joint.efficiency < 1.0 and getattr(own, key) is not None:
+            raise _refusal(
+                joint,
+                f"{key}' and 'actuator.efficiency' = {joint.efficiency}: one of them is allowed",
+            )
     if own.static is None:
         return
     (fs, fs_skew), (fc, fc_skew) = _sides(own.static, 0.0), _sides(own.coulomb, joint.dry)

@@ -4,14 +4,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.laws import friction
+from arm_dynamics.laws import friction, gear
 from arm_dynamics.laws.elementary import Quantity, size
 from arm_dynamics.laws.table import Curve
 
@@ -61,6 +61,7 @@ class JointFriction:
         position: Factor of dry friction by position, or None, for each joint.
         load: Factor of dry friction by the size of the drive's torque, or None, for each joint.
         bristles: Joints with a LuGre law, or None.
+        efficiency: Part of the power that a joint's gear passes on.
     """
 
     viscous: Array
@@ -75,11 +76,23 @@ class JointFriction:
     position: tuple[Curve | None, ...]
     load: tuple[Curve | None, ...]
     bristles: Bristles | None
+    efficiency: Array
 
     @property
     def has_dry(self) -> bool:
         """Whether a joint can stick."""
-        return bool(self.static.any())
+        return bool(self.level.any())
+
+    @property
+    def level(self) -> Array:
+        """Scale of ``relative_hold``: ``static``, or 1 where only a gear's loss holds."""
+        only_gear = (self.static == 0.0) & (self.efficiency < 1.0)
+        return np.where(only_gear, 1.0, self.static)
+
+    @property
+    def gears(self) -> tuple[int, ...]:
+        """Joints with a gear that loses power."""
+        return tuple(np.flatnonzero(self.efficiency < 1.0).tolist())
 
     @property
     def by_position(self) -> bool:
@@ -115,16 +128,37 @@ class JointFriction:
         if self.coulomb_skew.any() or self.excess_skew.any():
             skew = like(self.coulomb_skew), like(self.excess_skew)
             mean = mean + direction * friction.dry(v, direction, skew[0], skew[1], fall)
-        return self._times_factor(mean, q, load)
+        rubbing = self._times_factor(mean, q, load)
+        if not self.gears:
+            return rubbing
+        lost = {
+            i: _column(rubbing, i)
+            + gear.loss(_column(direction, i), _column(load, i), self.efficiency[i])
+            for i in self.gears
+        }
+        return _replaced(rubbing, lost)
 
     def relative_hold(self, reaction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """A torque that holds a sticking joint, on a scale on which ``static`` is the level."""
-        like = _like(reaction)
+        """A torque that holds a sticking joint, on a scale on which ``level`` is the level."""
+        like, whole = _like(reaction), reaction
         if self.static_skew.any():
             level = np.where(self.static > 0.0, self.static, 1.0)
             reaction = reaction / (1.0 + like(self.static_skew / level) * _sign(reaction))
         factors = self._factors(q, load)
-        return reaction if factors is None else reaction / factors
+        held = reaction if factors is None else reaction / factors
+        return self._held_by_gears(held, whole, factors, load) if self.gears else held
+
+    def _held_by_gears(
+        self, held: Quantity, reaction: Quantity, factors: Quantity | None, load: Quantity
+    ) -> Quantity:
+        relative = {}
+        for i in self.gears:
+            push = _column(reaction, i)
+            level = self.static[i] + self.static_skew[i] * _sign(push)
+            level = level if factors is None else level * _column(factors, i)
+            lost = size(gear.loss(_sign(push), _column(load, i), self.efficiency[i]))
+            relative[i] = push * self.level[i] / (level + lost + UNLOADED)
+        return _replaced(held, relative)
 
     def steady(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """All the friction of a steady motion, shape (…, n): viscous, dry, and bristles bent."""
@@ -165,10 +199,15 @@ class JointFriction:
         Returns:
             Torques of the shape of ``rigid``.
         """
-        tau = rigid + self.steady(v, direction, q, rigid)
+        gearless = replace(self, efficiency=np.ones_like(self.efficiency)) if self.gears else self
+        tau = rigid + gearless.steady(v, direction, q, rigid)
         for _ in range(REPETITIONS if self.by_load else 0):
-            tau = rigid + self.steady(v, direction, q, tau)
-        return tau
+            tau = rigid + gearless.steady(v, direction, q, tau)
+        driven = {
+            i: gear.motor_torque(_column(direction, i), _column(tau, i), self.efficiency[i])
+            for i in self.gears
+        }
+        return _replaced(tau, driven) if driven else tau
 
     def _times_factor(self, torque: Quantity, q: Quantity, load: Quantity) -> Quantity:
         factors = self._factors(q, load)
@@ -187,6 +226,20 @@ class JointFriction:
 REPETITIONS = 40
 STEEPEST = 0.5
 """Most that friction may grow with the torque that causes it; each repetition halves the error."""
+UNLOADED = 1e-12
+"""What a gear without load holds in [N m] or [N], so that nothing is divided by zero."""
+
+
+def _column(x: Quantity, i: int) -> Quantity:
+    return x[i] if isinstance(x, ca.SX) else np.asarray(x)[..., i]
+
+
+def _replaced(x: Quantity, columns: dict[int, Quantity]) -> Quantity:
+    """``x`` with the entries of some joints replaced."""
+    changed = ca.SX(x) if isinstance(x, ca.SX) else np.array(x, dtype=float)
+    for i, column in columns.items():
+        changed[i if isinstance(x, ca.SX) else (..., i)] = column
+    return changed
 
 
 def _applied(curves: Sequence[Curve | None], x: Quantity) -> Quantity:

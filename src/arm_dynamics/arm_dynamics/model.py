@@ -142,16 +142,19 @@ class ArmModel:
         E = self.followers
         urdf = [index[name] for name in self._index]
         armature = np.array([s.armature or 0.0 for s in settings])
-        more = np.zeros(len(settings))
+        more, efficiency = np.zeros(len(settings)), np.ones(len(settings))
         for name, drive in zip(self.joint_names, self.drives, strict=True):
             if drive is not None:
                 more[list(self._index).index(name)] += drive.viscous
+                efficiency[list(self._index).index(name)] = drive.motor.efficiency
                 armature[list(self._index).index(name)] += drive.armature
         self.pin.armature = armature
         self.armature = _frozen(armature @ E**2)
         said = [
-            Settings(name, s.friction, whole.damping[i], whole.upperDryFrictionLimit[i], extra)
-            for name, s, i, extra in zip(self._index, settings, urdf, more, strict=True)
+            Settings(name, s.friction, whole.damping[i], whole.upperDryFrictionLimit[i], *drive)
+            for name, s, i, *drive in zip(
+                self._index, settings, urdf, more, efficiency, strict=True
+            )
         ]
         self.friction = resolve(said, self.joint_names, E)
         self.viscous = _frozen(self.friction.viscous)

@@ -63,7 +63,8 @@ class DryStepper:
         self._smooth, self._actuate = self.kernel.call(name), self.kernel.call("actuate")
         self._rhs = self.kernel.call("rhs")
         self._reaction = self.kernel.call("reaction")
-        self._sticky = plant.model.static > 0.0
+        self._level = plant.model.friction.level
+        self._sticky = self._level > 0.0
 
     def restart(self) -> None:
         """Forget what was learned from earlier steps."""
@@ -121,9 +122,7 @@ class DryStepper:
             load = self._reaction(x[: self._n], x[self._n :], u, p)[0]
             a = self._velocity(self._rhs(x, u, p)[0])
             stuck = direction == 0.0
-            excess = np.where(
-                stuck, (abs(load) - self._model.static) / self._model.static.max(), -direction * a
-            )
+            excess = np.where(stuck, (abs(load) - self._level) / self._level.max(), -direction * a)
             wrong = resting & (excess > np.where(stuck, 0.0, 1e-9 * (1.0 + abs(a).max())))
             if not wrong.any():
                 break
@@ -187,7 +186,7 @@ class DryStepper:
         if not stuck.any():
             return float(turned)
         load = abs(self._reaction(x[: self._n], x[self._n :], u, self._with(direction))[0])
-        return float(max(turned, np.max(load - self._model.static, where=stuck, initial=-np.inf)))
+        return float(max(turned, np.max(load - self._level, where=stuck, initial=-np.inf)))
 
     def _flow(self, x: Array, u: Array, h: float, direction: Array) -> Array | None:
         """Motion over ``h`` with every joint doing as ``direction`` says."""
@@ -244,7 +243,7 @@ def _driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -> str:
     n = plant.model.n
     defines = {
         "NP": str(len(plant.parameters.nominal)),
-        "STATIC": "{" + ", ".join(map(repr, plant.model.static.tolist())) + "}",
+        "STATIC": "{" + ", ".join(map(repr, plant.model.friction.level.tolist())) + "}",
         "EVENTS": str(EVENTS_PER_JOINT * n),
         "WORST_FIRST": str(LEAST_INDEX_FROM * n),
         "PIVOTS": str(LEAST_INDEX_FROM * n + 2 ** min(n, 12)),

@@ -7,6 +7,7 @@ It contains only the laws that the scene asks for.
 from __future__ import annotations
 
 from collections.abc import Callable
+from copy import copy
 
 import casadi as ca
 import numpy as np
@@ -54,13 +55,24 @@ class Plant:
             self.method, self.acceleration, self.reaction = _stick_slip(model, self.parameters)
         else:
             self.method, self.acceleration = _shortest(model, self.parameters)
-        laws = laws_of(model)
-        self.laws = Ensemble(laws, model.n) if laws else None
+        self.laws: Ensemble | None = None
+        self.torques: ca.Function | None = None
         self.rhs = state_space(self.acceleration, model.n)
-        if self.laws is not None:
-            self.rhs = driven(self.acceleration, self.laws)
-            self.reaction = self.reaction and driven_reaction(self.reaction, self.laws)
-        self.torques = torques(self.laws) if self.laws is not None else None
+        self._held = self.reaction
+        laws = laws_of(model)
+        if laws:
+            self._compose(Ensemble(laws, model.n))
+
+    def with_laws(self, laws: Ensemble) -> Plant:
+        """The same arm with other laws."""
+        other = copy(self)
+        other._compose(laws)
+        return other
+
+    def _compose(self, laws: Ensemble) -> None:
+        self.laws, self.torques = laws, torques(laws)
+        self.rhs = driven(self.acceleration, laws)
+        self.reaction = self._held and driven_reaction(self._held, laws)
 
     @property
     def nz(self) -> int:
@@ -136,7 +148,7 @@ def _stick_slip(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Functi
     s = Symbols(model, parameters)
     direction = ca.SX.sym("direction", model.n)
     sliding = ca.vertcat(
-        *[direction[i] ** 2 if level else 1 for i, level in enumerate(model.static)]
+        *[direction[i] ** 2 if level else 1 for i, level in enumerate(model.friction.level)]
     )
     dry = model.friction.dry(s.v, direction, s.q, s.tau)
     bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
