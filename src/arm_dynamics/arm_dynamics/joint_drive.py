@@ -63,12 +63,34 @@ class JointDrive:
         """Whether its current is a state: a voltage acts on it through an inductance."""
         return self.motor.command == "voltage" and bool(self.motor.inductance)
 
+    @property
+    def transmission(self) -> str:
+        """What is between motor and link, for people."""
+        if self.coupling is None:
+            return "rigid"
+        c = self.coupling
+        details = {
+            "stiffening": c.stiffening,
+            "backlash": c.backlash,
+            "hysteresis": c.hysteresis,
+            "kinematic error": c.kinematic_error,
+        }
+        flexible = f"flexible, {c.stiffness:g}"
+        return ", ".join([flexible, *(name for name, given in details.items() if given)])
+
+    @property
+    def torque_limit(self) -> float:
+        """Most that its current and voltage limits let it give in [N m] or [N], at rest."""
+        motor, torque = self.motor, abs(self.torque_constant)
+        stall = (motor.voltage_limit or np.inf) / (motor.resistance or 1.0)
+        return torque * min(motor.current_limit or np.inf, stall)
+
     def command_limit(self, effort: float) -> float:
         """Largest command, in the command's unit.
 
         Args:
-            effort: Largest torque of the joint in [N m] or [N], inf for none; a voltage has no
-                say in that.
+            effort: Largest torque of the joint in [N m] or [N], inf for none; it has no say in a
+                voltage.
         """
         motor = self.motor
         if motor.command == "voltage":
@@ -112,6 +134,12 @@ def command_units(
     torques = ["N" if kind == "prismatic" else "N m" for kind in joint_types]
     pairs = zip(drives, torques, strict=True)
     return tuple(drive.command_unit(torque) if drive else torque for drive, torque in pairs)
+
+
+def torque_limits(drives: Sequence[JointDrive | None], given: Sequence[float]) -> list[float]:
+    """Largest torque of each joint: that of URDF or scene, or what its motor can give if less."""
+    pairs = zip(drives, given, strict=True)
+    return [min(drive.torque_limit, limit) if drive else limit for drive, limit in pairs]
 
 
 def command_limits(

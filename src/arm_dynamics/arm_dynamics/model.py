@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.exceptions import ModelError
 from arm_dynamics.friction_settings import Settings, resolve
-from arm_dynamics.joint_drive import command_limits, command_units, drives_of
+from arm_dynamics.joint_drive import command_limits, command_units, drives_of, torque_limits
 from arm_dynamics.scene import Joint, Scene, inertia_matrix
 from arm_dynamics.urdf import Mimic, Urdf, read_urdf
 
@@ -165,9 +165,8 @@ class ArmModel:
         lower, upper = _position_limits(whole)
         chosen = dict(zip(self._index, settings, strict=True))
         mine = [(chosen[name].limits, index[name], name) for name in self.joint_names]
-        self.effort_limit = _frozen(
-            [_or(x.effort, _bound(whole.upperEffortLimit[i])) for x, i, _ in mine]
-        )
+        efforts = [_or(x.effort, _bound(whole.upperEffortLimit[i])) for x, i, _ in mine]
+        self.effort_limit = _frozen(torque_limits(self.drives, efforts))
         self.command_unit = command_units(self.drives, self.joint_types)
         self.command_limit = _frozen(command_limits(self.drives, self.effort_limit))
         self.velocity_limit = _frozen(

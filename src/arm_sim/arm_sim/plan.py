@@ -9,6 +9,7 @@ from functools import cached_property
 
 import numpy as np
 
+from arm_dynamics import ArmModel
 from arm_dynamics.kernel import operations
 from arm_dynamics.model import Array
 from arm_sim.choice import Choice
@@ -106,6 +107,8 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
         _part("dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
+        _part("motors and transmissions", any(model.drives), _drives(plant), "no actuator"),
+        _part("gear losses", model.friction.gears, _gears(model), "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
@@ -118,6 +121,17 @@ def _part(name: str, on: object, why: str, why_not: str, tunable: bool = False) 
     if tunable:
         return Part(name, True, f"{why if on else why_not}, tunable")
     return Part(name, bool(on), why if on else why_not)
+
+
+def _drives(plant: Plant) -> str:
+    joints = sum(drive is not None for drive in plant.model.drives)
+    laws = plant.laws.laws if plant.laws else ()
+    states = sum(len(law.names) for law in laws if law.replaces_command.any())
+    return f"{joints} joints, {states or 'no'} states of their own"
+
+
+def _gears(model: ArmModel) -> str:
+    return f"{len(model.friction.gears)} joints, friction by load solved by events"
 
 
 def _at(values: Array) -> str:

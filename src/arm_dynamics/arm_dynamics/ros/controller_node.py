@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
+from arm_dynamics.command_map import rigid_twin
 from arm_dynamics.control import Measured
 from arm_dynamics.control_choice import Settings, make_controller
 from arm_dynamics.control_run import AnyController, Saturated, Switch
@@ -32,6 +33,7 @@ from arm_dynamics.ros.joint_state_bytes import (
     all_finite,
 )
 from arm_dynamics.ros.params import ControllerParams, declare, one_or_all, watch
+from arm_dynamics.scene_file import load_scene
 from arm_dynamics.task_space import TaskSpace
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
@@ -60,7 +62,7 @@ class ControllerNode(Node):
         scene = scene if scene is not None else self._params.scene or None
         if scene is None:
             raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
-        self._dynamics = Dynamics(scene)
+        self._dynamics = Dynamics(rigid_twin(load_scene(scene)))
         names = self._dynamics.joint_names
         period, fade = self._params.control_period, self._params.switch_time
         self._control = Switch(self._made(self._params), period, fade)
@@ -126,7 +128,7 @@ class ControllerNode(Node):
             self._say(f"no command, the torque would not be finite: {tau}")
             return None
         self._say_cut()
-        command = self._writer.write(stamp, tau)
+        command = self._writer.write(stamp, self._dynamics.command_map(q, v, tau))
         self._commands.publish(command)
         if stamp >= self._next_report:
             self._publish_report(stamp, reference, state, tau)

@@ -81,7 +81,27 @@ def _show_joints(out: Console, model: ArmModel) -> None:
     if absent:
         out.print(f"all zero: {', '.join(absent)}", style="dim")
     out.print(_units(set(model.joint_types)), style="dim")
+    _show_drives(out, model)
     _show_outside(out, model)
+
+
+def _show_drives(out: Console, model: ArmModel) -> None:
+    from arm_sim.cli.output import limit, number, show, table
+
+    if not any(model.drives):
+        return
+    columns = ("joint", "command", "at most", "gear\nratio", "rotor inertia\nat the joint",
+               "efficiency", "transmission")  # fmt: skip
+    rows = [
+        (
+            name, f"{drive.motor.command} [{model.command_unit[i]}]",
+            limit(model.command_limit[i], 4), number(drive.motor.gear_ratio, 4),
+            number(drive.rotor_inertia, 4), number(drive.motor.efficiency, 4), drive.transmission,
+        )
+        for i, (name, drive) in enumerate(zip(model.joint_names, model.drives, strict=True))
+        if drive is not None
+    ]  # fmt: skip
+    show(out, table(columns, rows, text=(0, 1, 6)))
 
 
 def _show_outside(out: Console, model: ArmModel) -> None:

@@ -30,7 +30,7 @@ class Commands:
         self._policies: dict[str, Callable[[Array], Array]] = {
             ZERO: lambda q: zero,
             HOLD: lambda q: zero if self._used is None else self._used,
-            GRAVITY: dynamics.gravity,
+            GRAVITY: lambda q: dynamics.command_map(q, zero, dynamics.gravity(q)),
         }
         self._newest: Array | None = None
         self._used: Array | None = None
@@ -44,8 +44,8 @@ class Commands:
 
         Args:
             timeout: Ticks that a command may act; 0: for ever.
-            policy: What acts after that and before the first command: ``zero`` torque, ``hold`` of
-                the last torque, or the torque that carries the arm's weight, ``gravity``.
+            policy: What acts after that and before the first command: ``zero``, ``hold`` of the
+                last command, or the one that carries the arm's weight, ``gravity``.
         """
         self._timeout, self._policy = timeout, self._policies[policy]
 

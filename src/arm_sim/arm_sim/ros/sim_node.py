@@ -59,7 +59,7 @@ class SimNode(Node):
         self.simulator = _simulator(scene, self._params)
         self.commands = Commands(self.simulator.dynamics)
         self._apply(self._params)
-        self._limit = self.simulator.model.effort_limit
+        self._limit = self.simulator.model.command_limit
         self._paused = self._params.paused
         self._was_stale = False
         self._requests: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
@@ -214,7 +214,8 @@ class SimNode(Node):
             name = self.simulator.joint_names[joint]
             self.get_logger().warning(
                 f"effort {tau[joint]:.6g} of joint '{name}' is beyond its limit "
-                f"{self._limit[joint]:.6g} and is cut to it",
+                f"{self._limit[joint]:.6g} {self.simulator.model.command_unit[joint]} "
+                "and is cut to it",
                 throttle_duration_sec=_THROTTLE,
             )
         self.commands.put(tau)
