@@ -40,6 +40,8 @@ ENERGY_DRIFT: Final = 1e-6
 
 LINEAR_ERROR: Final = 1e-4
 """Error under computed torque at 1 kHz against the linear equation, relative to the step."""
+LUGRE: Final = 2e-5
+"""LuGre friction at 1 ms with the default tolerance, half a second against Radau: [rad]."""
 
 DRY_BALANCE: Final = 5e-3
 """Energy balance of a recording with dry friction at 1 ms: the quadrature does not see at what

@@ -1,17 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where the energy of a motion came from and where it went."""
+"""Where the energy of a motion came from and where it went, from what was recorded of it."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 import numpy as np
 
+from arm_dynamics import Dynamics
 from arm_dynamics.model import Array
 
 
 def input_work(q: Array, tau: Array) -> Array:
-    """Work that held torques have done by each time.
+    """Work that held torques do in each tick.
 
     It is exact, since a torque is constant within its tick.
 
@@ -20,32 +19,34 @@ def input_work(q: Array, tau: Array) -> Array:
         tau: Torque of each tick in [N m] or [N], shape (k, n).
 
     Returns:
-        Work in [J], shape (k+1,), starting at zero.
+        Work in [J], shape (k,).
     """
-    return _sum(np.sum(tau * np.diff(q, axis=0), axis=1))
+    work: Array = np.sum(tau * np.diff(q, axis=0), axis=1)
+    return work
 
 
-def dissipated_work(time: Array, q: Array, v: Array, friction: Callable[[Array], Array]) -> Array:
-    """Energy that friction has taken out by each time: the integral of F(v)·v by Simpson's rule.
+def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Array) -> Array:
+    """Energy that friction takes out in each tick: the integral of F·v by Simpson's rule.
 
-    The velocity in the middle of a tick is that of the cubic through both ends (Hermite).
+    Position and velocity in the middle of a tick are those of the cubic through both ends
+    (Hermite).
 
     Args:
-        time: In [s], shape (k+1,).
+        dynamics: The scene's dynamics.
+        dt: Length of a tick in [s].
         q: Joint positions in [rad] or [m], shape (k+1, n).
         v: Joint velocities in [rad/s] or [m/s], shape (k+1, n).
-        friction: F(v) for velocities of shape (k, n).
+        tau: Torque of each tick in [N m] or [N], shape (k, n).
 
     Returns:
-        Energy in [J], shape (k+1,), starting at zero.
+        Energy in [J], shape (k,).
     """
-    if len(time) < 2:
-        return np.zeros(len(time))
-    h = np.diff(time)[:, None]
-    middle = 1.5 * np.diff(q, axis=0) / h - 0.25 * (v[:-1] + v[1:])
-    power = [np.sum(friction(speed) * speed, axis=1) for speed in (v[:-1], middle, v[1:])]
-    return _sum(h[:, 0] * (power[0] + 4.0 * power[1] + power[2]) / 6.0)
-
-
-def _sum(parts: Array) -> Array:
-    return np.concatenate([[0.0], np.cumsum(parts)])
+    if not len(tau):
+        return np.zeros(0)
+    middle = 0.5 * (q[:-1] + q[1:]) + 0.125 * dt * (v[:-1] - v[1:])
+    speed = 1.5 * np.diff(q, axis=0) / dt - 0.25 * (v[:-1] + v[1:])
+    power = [
+        np.sum(dynamics.friction(rate, q=at, load=tau) * rate, axis=1)
+        for at, rate in ((q[:-1], v[:-1]), (middle, speed), (q[1:], v[1:]))
+    ]
+    return dt * (power[0] + 4.0 * power[1] + power[2]) / 6.0

@@ -3,11 +3,40 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 from arm_sim.actuation import CompiledControl
 from arm_sim.choice import Choice
 from arm_sim.dry_friction import DryStepper
 from arm_sim.plant import Plant
 from arm_sim.stepper import AdaptiveStepper, FixedStepper, Stepper
+
+
+class Steppers:
+    """The stepper of a scene, and the one that has a controller compiled in.
+
+    Args:
+        plant: The equation of motion.
+        choice: Method, tick and tolerance.
+        backend: As for ``Kernel``.
+    """
+
+    def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
+        self._make = partial(make_stepper, plant, choice, backend)
+        self.plain = self._make()
+        self._controlled: tuple[CompiledControl, Stepper] | None = None
+
+    def restart(self) -> None:
+        """Forget what was learned from earlier steps."""
+        self.plain.restart()
+        self._controlled = None
+
+    def with_control(self, control: CompiledControl) -> Stepper:
+        """The stepper that has ``control`` compiled in; the last one is kept."""
+        if self._controlled is None or self._controlled[0] is not control:
+            self._controlled = control, self._make(control)
+        self._controlled[1].p[:] = self.plain.p
+        return self._controlled[1]
 
 
 def make_stepper(

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_dynamics import Dynamics
 from arm_dynamics.model import Array
-from arm_sim.energy import dissipated_work, input_work
+from arm_sim.audit import Audit
 from arm_sim.plant import Plant
 from arm_sim.state import State
 
@@ -30,6 +30,8 @@ class Recording:
             the command, or what a joint's drive makes of it by the end of the tick.
         error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
         dynamics: The scene's dynamics, for the energies.
+        audit: What keeps the energy account, when asked.
+        p: Tunable quantities during the run, shape (np,).
     """
 
     time: Array
@@ -40,6 +42,8 @@ class Recording:
     tau: Array
     error: Array
     dynamics: Dynamics
+    audit: Audit
+    p: Array
 
     def __len__(self) -> int:
         """Number of recorded states."""
@@ -59,23 +63,47 @@ class Recording:
         """Potential energy in [J], shape (k+1,)."""
         return self._energies[1]
 
-    @property
+    @cached_property
+    def stored(self) -> Array:
+        """What the laws store in [J], shape (k+1,): in springs, coils, bristles, rotors."""
+        return self.audit.stored(self._x)
+
+    @cached_property
     def energy(self) -> Array:
-        """Kinetic plus potential energy in [J], shape (k+1,)."""
-        return self.kinetic + self.potential
+        """Kinetic, potential and stored energy in [J], shape (k+1,)."""
+        return self.kinetic + self.potential + self.stored
+
+    @property
+    def supplied(self) -> Array:
+        """Work that came in by each time in [J], shape (k+1,): torque or voltage at work."""
+        return self._flows[:, 0]
+
+    @property
+    def lost(self) -> Array:
+        """Heat that went out by each time in [J], shape (k+1,): friction, windings, damping."""
+        return self._flows[:, 1]
 
     @cached_property
     def balance(self) -> Array:
-        """Energy from nowhere in [J], shape (k+1,): E - E(0) - input + dissipated."""
-        given = input_work(self.q, self.tau[:-1])
-        lost = dissipated_work(self.time, self.q, self.v, self.dynamics.friction)
+        """Energy from nowhere in [J], shape (k+1,): E - E(0) - supplied + lost."""
         gained: Array = self.energy - self.energy[0]
-        return gained - given + lost
+        return gained - self.supplied + self.lost
+
+    @property
+    def _x(self) -> Array:
+        return np.hstack([self.q, self.v, self.z])
+
+    @cached_property
+    def _flows(self) -> Array:
+        flows = self.audit.flows(self._x, self.command[:-1], self.p)
+        return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])
 
 
 def record(
     dynamics: Dynamics,
     plant: Plant,
+    audit: Audit,
+    p: Array,
     dt: float,
     start: State,
     trace: Array,
@@ -87,6 +115,8 @@ def record(
     Args:
         dynamics: The scene's dynamics.
         plant: The scene's equation of motion.
+        audit: What keeps the energy account.
+        p: Tunable quantities, shape (np,).
         dt: Length of a tick in [s].
         start: State before the first of k ticks.
         trace: State (q, v, z) after each tick, shape (k, nx).
@@ -105,4 +135,4 @@ def record(
     for array in (x, command, tau, error, time):
         array.setflags(write=False)
     q, v, z = x[:, :n], x[:, n : 2 * n], x[:, 2 * n :]
-    return Recording(time, q, v, z, command, tau, error, dynamics)
+    return Recording(time, q, v, z, command, tau, error, dynamics, audit, p)

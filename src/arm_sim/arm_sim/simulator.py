@@ -12,11 +12,12 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
 from arm_dynamics.model import Array
 from arm_sim.actuation import CompiledControl
+from arm_sim.audit import Audit
 from arm_sim.choice import Choice, choose
 from arm_sim.exceptions import diverged
 from arm_sim.inputs import SaturationNotice, packed_state, tick_count, torque, torque_table, whole
 from arm_sim.linearization import Linearizer
-from arm_sim.make import make_stepper
+from arm_sim.make import Steppers
 from arm_sim.plan import Plan
 from arm_sim.plant import Plant
 from arm_sim.recording import Recording, record
@@ -38,6 +39,12 @@ class Simulator:
             tick may have.
         backend: ``auto``, ``native`` (compiled) or ``vm`` (CasADi's virtual machine).
 
+    Attributes:
+        n: Degrees of freedom.
+        joint_names: Order of every vector.
+        z_names: The states z of the scene's laws, with joint and unit.
+        dt: Length of a tick in [s].
+
     Raises:
         InvalidInput: If the method is unknown, or dt or tolerance is out of range.
         SceneError: If the scene cannot be used.
@@ -55,30 +62,17 @@ class Simulator:
         self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
         self.plant = Plant(self.model)
         self.choice: Choice = choose(self.plant, integrator, dt, tolerance)
+        self.n, self.joint_names, self.dt = self.model.n, self.model.joint_names, self.choice.dt
+        self.z_names = self.plant.laws.names if self.plant.laws else ()
         self.backend = backend
-        self._stepper = make_stepper(self.plant, self.choice, backend)
-        self._controlled: tuple[CompiledControl, Stepper] | None = None
+        self._steppers = Steppers(self.plant, self.choice, backend)
+        self._stepper = self._steppers.plain
         self._x = np.zeros(self.plant.nx)
         self._effort = np.zeros((1, self.n))
         self._trace, self._error = np.zeros((1, self.plant.nx)), np.zeros(1)
         self._step = 0
         self._saturation = SaturationNotice(self.model)
         self.reset()
-
-    @property
-    def n(self) -> int:
-        """Degrees of freedom."""
-        return self.model.n
-
-    @property
-    def joint_names(self) -> tuple[str, ...]:
-        """Order of every vector."""
-        return self.model.joint_names
-
-    @property
-    def dt(self) -> float:
-        """Length of a tick in [s]."""
-        return self.choice.dt
 
     @property
     def step_count(self) -> int:
@@ -96,17 +90,28 @@ class Simulator:
 
         Of a drive: what it puts on the joint at the end of the tick.
         """
-        return self.plant.joint_torque(self._x, self._effort[0].copy())
+        return self.plant.joint_torque(self._x, self.command)
 
     @property
-    def z_names(self) -> tuple[str, ...]:
-        """The states z, for people, with joint and unit."""
-        return self.plant.laws.names if self.plant.laws else ()
+    def command(self) -> Array:
+        """What was commanded in the last tick, limits applied, shape (n,)."""
+        row: Array = self._effort[0]
+        return row.copy()
+
+    @property
+    def parameters(self) -> Array:
+        """Tunable quantities as they are now, in the order of the plant's, shape (np,)."""
+        return self._stepper.p.copy()
 
     @cached_property
     def dynamics(self) -> Dynamics:
         """The same scene's numeric dynamics, by Pinocchio."""
         return Dynamics(self.model)
+
+    @cached_property
+    def audit(self) -> Audit:
+        """What keeps the energy account of motions of this scene."""
+        return Audit(self.plant, self.dynamics, self.choice, self.backend)
 
     @cached_property
     def plan(self) -> Plan:
@@ -155,7 +160,7 @@ class Simulator:
         start = self._state
         if isinstance(control, CompiledControl):
             times = np.asarray((self._step + np.arange(ticks)) * self.dt, dtype=np.float64)
-            stepper = self._stepper_with(control)
+            stepper = self._steppers.with_control(control)
             done = self._roll(stepper, control.reference(times), trace, effort, errors)
         elif callable(control):
             done = self._run_function(control, trace, effort, errors)
@@ -164,7 +169,8 @@ class Simulator:
             done = self._roll(self._stepper, table, trace, effort, errors)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
         motion = trace[:done], effort[:done], errors[:done]
-        recording = record(self.dynamics, self.plant, self.dt, start, *motion)
+        about = self.dynamics, self.plant, self.audit, self.parameters, self.dt
+        recording = record(*about, start, *motion)
         if done < ticks:
             error = diverged(self._state, self.choice)
             error.recording = recording
@@ -187,8 +193,7 @@ class Simulator:
         self._x = packed_state(self.plant, q, v, z)
         self._step = 0
         self._effort[:] = self._error[:] = 0.0
-        self._stepper.restart()
-        self._controlled = None
+        self._steppers.restart()
         self._publish()
         return self._state
 
@@ -264,14 +269,6 @@ class Simulator:
     @cached_property
     def _rollouts(self) -> Rollouts:
         return Rollouts(self.plant, self.choice, self.backend)
-
-    def _stepper_with(self, control: CompiledControl) -> Stepper:
-        """The stepper that has ``control`` compiled in; the last one is kept."""
-        if self._controlled is None or self._controlled[0] is not control:
-            stepper = make_stepper(self.plant, self.choice, self.backend, control)
-            self._controlled = control, stepper
-        self._controlled[1].p[:] = self._stepper.p
-        return self._controlled[1]
 
     def _roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, errors: Array

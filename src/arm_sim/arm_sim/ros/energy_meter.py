@@ -7,9 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.model import Array
-from arm_sim.energy import dissipated_work, input_work
+from arm_sim.simulator import Simulator
 from arm_sim.state import State
 
 
@@ -25,31 +24,44 @@ class Account(NamedTuple):
 
 
 class EnergyMeter:
-    """Notes every tick cheaply and adds up when asked."""
+    """Notes every tick cheaply and adds up when asked.
 
-    def __init__(self, dynamics: Dynamics, dt: float, start: State) -> None:
-        """Open the account at the state ``start``, with ticks of ``dt`` in [s]."""
-        self._dynamics, self._dt = dynamics, dt
-        self._states, self._torques = [start], list[Array]()
-        self._input = self._dissipated = 0.0
-        self._start = sum(dynamics.energy(start.q, start.v))
+    Where laws have states a tick is added up at once, so that no tick has to wait for many.
+    """
 
-    def note(self, tau: Array, state: State) -> None:
-        """Take in one tick: the torque that acted and the state it led to."""
-        self._torques.append(tau)
-        self._states.append(state)
+    def __init__(self, simulator: Simulator) -> None:
+        """Open the account at the simulator's present state."""
+        self._simulator, self._audit = simulator, simulator.audit
+        self._states, self._commands = [_x(simulator.state)], list[Array]()
+        self._flows = np.zeros(2)
+        self._start = sum(self._energies())
+
+    def note(self, command: Array, state: State) -> None:
+        """Take in one tick: the command that acted and the state it led to."""
+        self._commands.append(command)
+        self._states.append(_x(state))
+        if self._audit.makes_ticks_again:
+            self._add_up()
 
     def account(self) -> Account:
         """Add up what happened since the account was opened."""
-        if self._torques:
-            q = np.array([state.q for state in self._states])
-            v = np.array([state.v for state in self._states])
-            time = self._dt * np.arange(len(q))
-            self._input += input_work(q, np.array(self._torques))[-1]
-            self._dissipated += dissipated_work(time, q, v, self._dynamics.friction)[-1]
-            self._states, self._torques = self._states[-1:], []
-        last = self._states[-1]
-        kinetic, potential = self._dynamics.energy(last.q, last.v)
-        total = kinetic + potential
-        balance = total - self._start - self._input + self._dissipated
-        return Account(kinetic, potential, total, self._input, self._dissipated, balance)
+        self._add_up()
+        kinetic, potential, stored = self._energies()
+        total, (supplied, lost) = kinetic + potential + stored, self._flows.tolist()
+        balance = total - self._start - supplied + lost
+        return Account(kinetic, potential, total, supplied, lost, balance)
+
+    def _add_up(self) -> None:
+        if self._commands:
+            x, u = np.array(self._states), np.array(self._commands)
+            self._flows += self._audit.flows(x, u, self._simulator.parameters).sum(axis=0)
+            self._states, self._commands = self._states[-1:], []
+
+    def _energies(self) -> tuple[float, float, float]:
+        x, n = self._states[-1], self._simulator.n
+        kinetic, potential = self._simulator.dynamics.energy(x[:n], x[n : 2 * n])
+        return kinetic, potential, float(self._audit.stored(x[None])[0])
+
+
+def _x(state: State) -> Array:
+    return np.concatenate([state.q, state.v, state.z])

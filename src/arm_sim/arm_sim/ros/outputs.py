@@ -41,6 +41,7 @@ class Outputs:
         self._clock = _publisher(node, interfaces.CLOCK) if params.publish_clock else None
         self._clock_bytes = bytearray(serialize_message(interfaces.CLOCK.type()))
         self._meter: EnergyMeter | None = None
+        simulator.audit.prepare()
         self._idle = 0
         self.round_trip = RoundTrip()
 
@@ -53,7 +54,7 @@ class Outputs:
         """Publish what is due after the tick that was just made."""
         state = self._simulator.state
         if self._meter is not None:
-            self._meter.note(self._simulator.effort, state)
+            self._meter.note(self._simulator.command, state)
         if state.step % self._every == 0:
             self.publish()
         if state.step % self._energy_every == 0:
@@ -86,9 +87,7 @@ class Outputs:
             self._meter = None
             return
         if self._meter is None:
-            self._meter = EnergyMeter(
-                self._simulator.dynamics, self._simulator.dt, self._simulator.state
-            )
+            self._meter = EnergyMeter(self._simulator)
         account = self._meter.account()
         message = Energy(**account._asdict())
         message.header.stamp = to_time(self._stamp())
