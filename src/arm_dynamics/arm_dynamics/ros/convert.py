@@ -236,6 +236,7 @@ def fill_model_info(response: Any, model: ArmModel) -> None:
     response.summary = (
         f"{model.n} joints ({', '.join(sorted(set(model.joint_types)))}), "
         f"{len(model.frame_names)} frames, {model.total_mass:.3f} kg moving"
+        + (f", commands in {', '.join(model.command_unit)}" if any(model.drives) else "")
     )
 
 
