@@ -117,9 +117,12 @@ def _check_follower(joint: Settings) -> None:
 
 
 def _check_loads(joints: Sequence[Settings], friction: JointFriction) -> None:
-    for joint, curve, level in zip(joints, friction.load, friction.static, strict=True):
+    for i, (joint, curve) in enumerate(zip(joints, friction.load, strict=True)):
         if curve is None:
             continue
+        level = float(friction.static[i] + abs(friction.static_skew[i]))
+        place = friction.position[i]
+        level *= float(place.values.max()) if place else 1.0
         grid = np.linspace(curve.at[0], curve.at[-1], 1000)
         steepest = level * float(np.max(np.diff(curve(grid)) / np.diff(grid)))
         if steepest > STEEPEST:

@@ -44,7 +44,7 @@ class Table(Part):
     """A factor that dry friction is multiplied with, by points.
 
     Between the points runs a cubic that rises and falls only where they do (Fritsch, Butland, SIAM
-    J. Sci. Stat. Comput. 5(2), 1984); before the first and after the last the factor is held.
+    J. Sci. Stat. Comput. 5(2), 1984); it is level at the first and last, and held beyond them.
 
     Attributes:
         at: Where the points are, increasing: the joint's position in [rad] or [m], or the load in

@@ -1,0 +1,142 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Friction never gives energy, a joint that holds does not creep, and nothing chatters."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics.laws import lugre
+from arm_sim import Simulator
+from models.rotor import rotor
+from tolerances import assert_close
+
+RUNS = 250
+SCENES: dict[str, dict[str, Any]] = {
+    "viscous and dry by direction": {
+        "viscous": {"positive": 0.4, "negative": 0.1},
+        "coulomb": {"positive": 0.6, "negative": 0.3},
+        "static": {"positive": 0.9, "negative": 0.4},
+        "stribeck_velocity": 0.05,
+    },
+    "dry by position and load": {
+        "coulomb": 0.4,
+        "static": 0.5,
+        "position": {"at": [-2, -1, 0, 1], "factor": [1.0, 0.3, 2.0, 1.0]},
+        "load": {"at": [0, 1], "factor": [1.0, 1.2]},
+    },
+    "LuGre": {
+        "viscous": 0.1, "coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.02,
+        "lugre": {"sigma0": 1e4, "sigma1": 30.0, "sigma1_velocity": 0.1},
+    },
+    "LuGre, viscous enough": {
+        "viscous": 13.0, "coulomb": 0.5, "static": 0.7, "stribeck_velocity": 0.02,
+        "lugre": {"sigma0": 1e4, "sigma1": 30.0},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("friction", SCENES.values(), ids=SCENES)
+def test_friction_never_gives_energy(friction: dict[str, Any], rng: np.random.Generator) -> None:
+    """A thousand random runs in all: heat only grows, and no motion outlives its torque."""
+    sim = Simulator(rotor(0.05, **friction), dt=2e-3)
+    dt = sim.dt
+    for _ in range(RUNS):
+        sim.reset(q=rng.normal(size=1), v=rng.normal(0.0, rng.choice([0.02, 2.0]), size=1))
+        torques = np.repeat(rng.normal(0.0, 1.0, size=4), 5)[:, None]
+        run = sim.run(len(torques) * dt, torques)
+        heat = np.diff(run.lost)
+        assert heat.min() >= -1e-12, heat.min()
+        scale = np.abs(run.supplied).max() + run.kinetic[0]
+        # With bristles every tick is made again; else nobody says when within one a joint stopped.
+        allowed = 1e-7 + 1e-6 * scale if sim.plant.laws else 1e-3 + 1e-2 * scale
+        assert np.abs(run.balance).max() < allowed
+
+
+def test_passive_is_what_the_test_says(rng: np.random.Generator) -> None:
+    """The least of the power lost over all speeds and deflections that can be, by search."""
+    v = np.geomspace(1e-6, 1e3, 400)[:, None]
+    passed = refused = 0
+    for _ in range(300):
+        fc, vs = rng.uniform(0.2, 2.0), 10 ** rng.uniform(-3, 0)
+        fs, s1 = fc * rng.uniform(1.0, 3.0), 10 ** rng.uniform(-1, 3)
+        s2, vd = 10 ** rng.uniform(-2, 3), 10 ** rng.uniform(-4, 1)
+        s0 = 1e5
+        z = np.linspace(-fs, fs, 201)[None, :] / s0
+        level = lugre.level(v, fc, fs - fc, vs)
+        for velocity in (None, vd):
+            damping = lugre.faded(v, s1, velocity)
+            rate = lugre.bending(v, z, s0, level)
+            heat = lugre.heat(v, z, rate, s0, damping, level) + s2 * v**2
+            least = float(np.min(heat / (np.abs(v) * fs + v**2 * (s1 + s2))))
+            if lugre.is_passive(s1, s2, fc, fs, velocity):
+                passed += 1
+                assert least >= -1e-12
+            elif velocity is None:
+                refused += 1
+                assert least < 0.0
+    assert passed > 50 and refused > 50
+
+
+def holding(dt: float, factor: float = 1.0) -> Simulator:
+    """Panda, each joint with dry friction of ``factor`` times what its weight needs there."""
+    scene = models.scene("panda").model_dump(exclude_unset=True)
+    free = models.simulator("panda", integrator="rk4")
+    free.reset()
+    weight = np.abs(free.dynamics.gravity(free.state.q))
+    scene["joints"] = {
+        name: {"friction": {"coulomb": 0.6 * level, "static": float(level), "viscous": 0.1}}
+        for name, level in zip(free.joint_names, factor * weight + 1e-3, strict=True)
+    }
+    return Simulator(scene, dt=dt, integrator="rk4")
+
+
+def test_an_arm_that_holds_does_not_move_by_a_bit() -> None:
+    """A minute here; an hour of 3.6 million ticks is in docs/friction-and-actuation.md."""
+    sim = holding(1e-3)
+    start = sim.state
+    for _ in range(6):
+        sim.run(10.0)
+    assert np.array_equal(sim.state.q, start.q) and not sim.state.v.any()
+    assert sim.state.time == 60.0
+
+
+def test_breaks_away_at_the_right_torque() -> None:
+    """One joint of the holding arm at a time, pushed with 0.1 % less and 0.1 % more."""
+    sim = holding(1e-3)
+    static, weight = sim.model.static, sim.dynamics.gravity(sim.state.q)
+    for joint in range(sim.n):
+        for sign in (1.0, -1.0):
+            # Held: tau - G in [-Fs, Fs]; the others stay within their own level all the while.
+            for factor, moves in ((0.999, False), (1.001, True)):
+                sim.reset()
+                tau = np.zeros(sim.n)
+                tau[joint] = weight[joint] + sign * factor * static[joint]
+                sim.step(tau)
+                assert bool(sim.state.v[joint]) is moves, (joint, sign, factor)
+
+
+@pytest.mark.parametrize("dt", [1e-5, 1e-4, 1e-3, 1e-2])
+def test_nothing_chatters(dt: float) -> None:
+    """A wheel coasts to rest, is held, is pushed the other way: each speed changes sign once."""
+    sim = Simulator(rotor(0.05, **SCENES["viscous and dry by direction"]), dt=dt)
+    sim.reset(v=[1.0])
+    ticks = round(0.2 / dt)
+    v = np.concatenate([sim.run(0.2, [u]).v[1:, 0] for u in (0.0, -0.2, -1.5)])
+    assert (v[: ticks // 2] >= 0.0).all() and (v[2 * ticks :] < 0.0).all()
+    assert not v[ticks - 1 : 2 * ticks].any()
+    assert np.count_nonzero(np.diff(np.sign(v[v != 0.0]))) == 1
+
+
+def test_bristles_hold_where_dry_friction_holds(rng: np.random.Generator) -> None:
+    """Stiff bristles come to the stick and slip that events give: the same angle to 1e-3 rad."""
+    levels = {"coulomb": 0.5, "static": 0.5, "viscous": 0.1}
+    torques = np.repeat(rng.uniform(-1.5, 1.5, 10), 50)[:, None]
+    dry = Simulator(rotor(0.05, **levels), integrator="rk4").run(0.5, torques)
+    law = {"sigma0": 1e6, "sigma1": 400.0}
+    bristles = Simulator(rotor(0.05, **levels, lugre=law)).run(0.5, torques)
+    assert np.abs(dry.q).max() > 0.01
+    assert_close(bristles.q, dry.q, 1e-3)

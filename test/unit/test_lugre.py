@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What LuGre friction is known for: springs before it slips, breaks away by the rate of the force,
+lags behind the Stribeck curve, and its numbers where they can be had in closed form.
+
+Canudas de Wit, Olsson, Åström, Lischinsky, IEEE Trans. Automatic Control 40(3), 1995, section III;
+Åström, Canudas de Wit, IEEE Control Systems Magazine 28(6), 2008.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import models
+from arm_sim import Simulator
+from models.rotor import rotor
+from tolerances import ALGEBRA, LUGRE, assert_close
+
+# Of the paper, table I: a mass of 1 kg.
+PAPER = {
+    "coulomb": 1.0,
+    "static": 1.5,
+    "stribeck_velocity": 0.001,
+    "viscous": 0.4,
+    "lugre": {"sigma0": 1e5, "sigma1": np.sqrt(1e5), "sigma1_velocity": 0.02},
+}
+S0 = 1e5
+
+
+def wheel(J: float = 1.0, **changes: Any) -> Simulator:
+    return Simulator(rotor(J, **(PAPER | changes)))
+
+
+def friction(run: Any) -> np.ndarray:
+    """J a + F = tau, with the acceleration from the recorded speeds: F in the middle of ticks."""
+    return run.tau[:-1, 0] - np.diff(run.v[:, 0]) / np.diff(run.time)
+
+
+def test_steady_sliding_is_the_stribeck_curve() -> None:
+    """Where it slides at constant speed the simulator's friction is Dynamics.friction."""
+    sim = wheel(lugre={"sigma0": 1e5, "sigma1": 1.0}, viscous=0.6, stribeck_velocity=0.1)
+    for v in (0.15, 0.3, 1.0, -0.3):
+        level = np.sign(v) * (1.0 + 0.5 * np.exp(-((v / 0.1) ** 2)))
+        F = float(sim.dynamics.friction([v])[0])
+        assert_close(F, level + 0.6 * v, ALGEBRA)
+        sim.reset(v=[v], z=[level / 1e5])
+        assert_close(sim.step([F]).v, [v], 1e-12)
+
+
+def test_a_wheel_on_its_bristles_is_a_spring_and_a_damper() -> None:
+    """Small motion: J x'' + (σ1 + σ2) x' + σ0 x = u."""
+    sim = wheel(lugre={"sigma0": 1e3, "sigma1": 10.0}, viscous=15.0)
+    u = 1e-4
+    run = sim.run(0.3, [u])
+    decay, omega = 12.5, np.sqrt(1e3 - 12.5**2)
+    t = run.time
+    swing = np.exp(-decay * t) * (np.cos(omega * t) + decay / omega * np.sin(omega * t))
+    assert_close(run.q[:, 0] * 1e3 / u, 1.0 - swing, 2e-3)
+
+
+def test_hysteresis_before_it_slips() -> None:
+    """A slow force, Fs = Fc: F = Fc (1 - e^(-σ0 x/Fc)) from rest, and from a turning point
+    F = -Fc + (F0 + Fc) e^(σ0 (x - x0)/Fc): Dahl's loop.
+    """
+    sim = wheel(1e-3, static=1.0, viscous=0.0, lugre={"sigma0": 1e3, "sigma1": 1.0})
+    peak, ramp = 0.8, np.linspace(0.0, 0.8, 4001)[1:]
+    u = np.concatenate([ramp, ramp[-2::-1], [0.0], -ramp, -ramp[-2::-1]])
+    run = sim.run(len(u) * 1e-3, u[:, None])
+    x, F = run.q[1:, 0], u
+    up = slice(0, 4000)
+    assert_close(x[up], -1e-3 * np.log(1.0 - F[up]), 1e-5)
+    down, x0 = slice(4000, 12000), x[3999]
+    assert_close(x[down], x0 + 1e-3 * np.log((F[down] + 1.0) / (peak + 1.0)), 1e-5)
+
+
+def test_breaks_away_at_a_lower_force_the_faster_it_grows() -> None:
+    """Figure 3 of the paper: near Fs at slow rates, falling with the rate."""
+    forces = []
+    for rate in (1.0, 2.0, 5.0, 10.0, 20.0, 50.0):
+        sim = wheel()
+        ticks = int(2.0 / rate * 1e3) + 50
+        run = sim.run(ticks * 1e-3, (rate * 1e-3 * (np.arange(ticks) + 1))[:, None])
+        force = S0 * run.z[:, 0]
+        forces.append(force.max())
+    assert (np.diff(forces) < 0.0).all(), forces
+    assert 1.4 < forces[0] < 1.5 and 1.0 < forces[-1] < 1.3
+
+
+def test_friction_lags_behind_a_speed_that_varies() -> None:
+    """Figure 4 of the paper: more friction on the way up than down, and more so the faster.
+
+    The wheel is so heavy that its speed is what the torque makes it.
+    """
+    J, widths = 1e6, []
+    for omega in (5.0, 25.0):
+        sim = wheel(J)
+        sim.reset(v=[0.0005])
+        t = (np.arange(round(2 * np.pi / omega * 2e3)) + 0.5) * 1e-3
+        u = J * 0.0006 * omega * np.sin(omega * t)
+        run = sim.run(len(t) * 1e-3, u[:, None])
+        v, z = run.v[1:, 0], run.z[1:, 0]
+        F = S0 * z
+        period = slice(len(t) // 2, len(t))
+        rising = np.diff(run.v[:, 0])[period] > 0.0
+        at = 0.0011
+        gaps = [
+            np.interp(at, np.sort(v[period][way]), F[period][way][np.argsort(v[period][way])])
+            for way in (rising, ~rising)
+        ]
+        widths.append(gaps[0] - gaps[1])
+    assert 0.0 < widths[0] < widths[1], widths
+
+
+def test_seven_joints_against_radau() -> None:
+    """Panda with bristles on every joint, let go, against SciPy on Pinocchio's dynamics."""
+    scene = models.scene("panda").model_dump(exclude_unset=True)
+    law = {"sigma0": 1e5, "sigma1": 300.0, "sigma1_velocity": 0.02}
+    levels = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01, "viscous": 0.5}
+    scene["joints"] = {"*": {"friction": levels | {"lugre": law}}}
+    sim = Simulator(scene)
+    still = {"*": {"friction": {"viscous": 0.5, "coulomb": 0.0}}}
+    rigid = Simulator(scene | {"joints": still}, backend="vm").dynamics
+    n, x0 = sim.n, np.concatenate([sim.state.q, sim.state.v, sim.state.z])
+
+    def slope(_: float, x: np.ndarray) -> np.ndarray:
+        q, v, z = np.split(x, 3)
+        bend = v - 1e5 * np.abs(v) * z / (1.0 + 0.5 * np.exp(-((v / 0.01) ** 2)))
+        tau = -(1e5 * z + 300.0 * np.exp(-((v / 0.02) ** 2)) * bend)
+        return np.concatenate([v, rigid.forward(q, v, tau), bend])
+
+    run = sim.run(0.2)
+    small = np.concatenate([np.full(2 * n, 1e-9), np.full(n, 1e-14)])
+    truth = solve_ivp(slope, (0.0, 0.2), x0, "Radau", rtol=1e-7, atol=small).y[:n, -1]
+    assert np.abs(truth - x0[:n]).max() > 0.05
+    assert np.abs(run.q[-1] - truth).max() < LUGRE
+
+
+def test_order_where_the_motion_is_smooth() -> None:
+    """At a fixed number of sub-steps the method of order 4 keeps its order through bristles."""
+    errors = []
+    law = {"sigma0": 1e3, "sigma1": 5.0}
+    scene = rotor(0.1, coulomb=1.0, viscous=0.4, lugre=law)
+    state = {"v": [1.0], "z": [5e-4]}
+    for tolerance in (1e-4, 1e-7, 1e-10, 1e-13):
+        sim = Simulator(scene, integrator="implicit", tolerance=tolerance, dt=0.02)
+        sim.reset(**state)
+        errors.append(sim.run(0.02, [2.0]).q[-1, 0])
+    gaps = np.abs(np.array(errors[:-1]) - errors[-1])
+    assert gaps[0] < 1e-4 and gaps[1] < 1e-7 and gaps[2] < 1e-10
+
+
+@pytest.mark.parametrize("backend", ["native", "vm"])
+def test_replays_to_the_bit(backend: str) -> None:
+    u = np.concatenate([np.full(50, 2.0), np.full(50, -2.0)])[:, None]
+    runs = [Simulator(rotor(0.1, **PAPER), backend=backend).run(0.1, u) for _ in range(2)]
+    assert np.array_equal(runs[0].q, runs[1].q) and np.array_equal(runs[0].z, runs[1].z)
+
+
+def test_a_scene_without_bristles_has_no_states() -> None:
+    sim = Simulator(rotor(0.1, coulomb=1.0))
+    assert sim.plant.laws is None and sim.z_names == () and sim.state.z.shape == (0,)
+    named = Simulator(rotor(0.1, **PAPER), backend="vm")
+    assert named.z_names == ("axle bristle deflection [rad]",)
