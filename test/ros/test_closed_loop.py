@@ -57,7 +57,7 @@ def follow(sim: SimNode, controller: ControllerNode, ticks: int) -> tuple[np.nda
     for _ in range(ticks):
         sim.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
         sim.tick()
-        reference = controller._follower.reference(round(sim.simulator.state.time * 1e9))
+        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
         errors.append(reference.q - sim.simulator.state.q)
         positions.append(sim.simulator.state.q)
     return np.array(errors), np.array(positions)

@@ -68,7 +68,7 @@ def still(*q: float) -> Reference:
 
 def reference_of(node: ControllerNode, stamp: int) -> np.ndarray:
     """Position, velocity and acceleration that the node follows, shape (3, 2)."""
-    found = node._follower.reference(stamp)
+    found = node.follower.reference(stamp)
     return np.array([found.q, found.v, found.a])
 
 
@@ -205,7 +205,7 @@ def test_trajectory_over_the_wire(ros: Ros, node: ControllerNode) -> None:
     effort(node, 0, (0.0, 0.0))
     publisher = ros.publisher(JointTrajectory, "/controller/joint_trajectory")
     publisher.publish(trajectory(point(1.0, 0.3, 0.3)))
-    ros.spin_until(lambda: node._follower.remaining(0) > 0.0)
+    ros.spin_until(lambda: node.follower.remaining(0) > 0.0)
     assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.3], ALGEBRA)
 
 

@@ -16,6 +16,7 @@ if TYPE_CHECKING:
         KernelError,
         ModelError,
         SceneError,
+        Unreachable,
     )
     from arm_dynamics.model import ArmModel
     from arm_dynamics.scene import Scene
@@ -31,6 +32,7 @@ __all__ = [
     "Scene",
     "SceneError",
     "Term",
+    "Unreachable",
     "load_scene",
 ]
 _HOMES = {

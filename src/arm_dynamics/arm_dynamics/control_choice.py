@@ -162,6 +162,7 @@ _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
     "float": _float,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
+IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
 
 
 def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:

@@ -90,7 +90,7 @@ class DisturbanceObserver:
         Raises:
             InvalidInput: If a number has a wrong shape or value.
         """
-        self._control, self._dynamics, self._rigid = control, dynamics, RigidTerms(dynamics.model)
+        self._control, self._n, self._rigid = control, dynamics.n, RigidTerms(dynamics.model)
         self._dt, self._gain = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
         if np.any(self._gain * self._dt >= 1.0):
             raise InvalidInput(
@@ -106,13 +106,13 @@ class DisturbanceObserver:
 
     def restart(self) -> None:
         """Forget what was seen."""
-        n = self._dynamics.n
+        n = self._n
         self._r, self._last, self._integral = np.zeros(n), np.zeros(n), None
         restart(self._control)
 
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        self._observe(*checked(state, self._dynamics.n))
+        self._observe(*checked(state, self._n))
         tau = self._control.torque(state, reference) - self._r
         self._last = np.clip(tau, -self._limit, self._limit)
         return self._last.copy()
@@ -123,7 +123,7 @@ class DisturbanceObserver:
         if self._integral is None:
             self._integral = momentum
         else:
-            lost = self._dynamics.friction(v, q=q, load=self._last)
+            lost = rigid.model.friction.steady(v, np.sign(v), q, self._last)
             known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - lost
             self._integral = self._integral + self._dt * (self._last + known + self._r)
         self._r = self._gain * (momentum - self._integral)
@@ -145,7 +145,7 @@ class HalfTickAhead:
         Raises:
             InvalidInput: If dt is not positive.
         """
-        self._control, self._dynamics, self._rigid = control, dynamics, RigidTerms(dynamics.model)
+        self._control, self._n, self._rigid = control, dynamics.n, RigidTerms(dynamics.model)
         self._half = 0.5 * positive("dt", dt)
         self._last: Array | None = None
 
@@ -156,10 +156,11 @@ class HalfTickAhead:
 
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._dynamics.n)
+        q, v = checked(state, self._n)
         h, a = self._half, np.zeros_like(v)
         if self._last is not None:
-            known = self._rigid.bias(q, v) + self._dynamics.friction(v, q=q, load=self._last)
+            lost = self._rigid.model.friction.steady(v, np.sign(v), q, self._last)
+            known = self._rigid.bias(q, v) + lost
             a = self._rigid.mobility(q) @ (self._last - known)
         ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)
         self._last = self._control.torque(ahead, reference)

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers in task space: motion, motion and force, impedance."""
+"""Controllers in task space: motion, motion and force, impedance.
+
+They ask the model once a tick, by the task's compiled kernel, which the first torque builds.
+"""
 
 from __future__ import annotations
 
@@ -16,7 +19,7 @@ from arm_dynamics.dynamics import vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference
 from arm_dynamics.task_algebra import axis_masses
-from arm_dynamics.task_kernel import Instant, TaskKernel
+from arm_dynamics.task_kernel import Instant
 from arm_dynamics.task_space import TaskSpace
 
 
@@ -174,11 +177,11 @@ class AlongJoints:
 
     def __init__(self, control: TaskController, task: TaskSpace, force: float = 0.0) -> None:
         """Take a controller, the task it was made for and the force in [N] to press with."""
-        self._control, self._kernel, self._force = control, _kernel(task), force
+        self._control, self._task, self._force = control, task, force
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        meant = self._kernel.meant(reference.q, reference.v, reference.a)
+        meant = self._task.kernel.meant(reference.q, reference.v, reference.a)
         return self._control.torque(state, TaskReference(*meant, self._force, reference.q))
 
 
@@ -221,14 +224,14 @@ class _Arm:
             raise InvalidInput(
                 f"reference = '{task.reference}' of the task; 'local_world_aligned' is wanted"
             )
-        self._task, self._kernel = task, _kernel(task)
+        self._task = task
         self._posture = None if posture is None else vector("posture", posture, task.n)
         self._kp, self._kd = gains(bandwidth, 1.0, task.n)
         self._friction = friction
 
     def look(self, state: Moving, reference: TaskReference) -> _Now:
         q, v = checked(state, self._task.n)
-        arm, rows = self._kernel.look(q, v), self._task.rows
+        arm, rows = self._task.kernel.look(q, v), self._task.rows
         error = np.empty(6)
         error[:3] = reference.position - arm.position
         error[3:] = pin.log3(reference.rotation @ arm.rotation.T)
@@ -248,10 +251,6 @@ class _Arm:
             way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
             tau += ahead(self._task.model, way, now.q, tau)
         return np.asarray(tau)
-
-
-def _kernel(task: TaskSpace) -> TaskKernel:
-    return TaskKernel(task.model, task.frame, task.axes, task.threshold)
 
 
 def _direction(task: TaskSpace, direction: ArrayLike) -> Array:

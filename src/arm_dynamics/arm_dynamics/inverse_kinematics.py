@@ -139,6 +139,10 @@ class InverseKinematics:
             q = q + np.linalg.lstsq(J, error, rcond=1e-9)[0]
         return q
 
+    def missing(self, pose: Pose, q: Array) -> tuple[float, float]:
+        """How far the frame is from a pose, in [m] and [rad], for joint positions (n,)."""
+        return self._missing(self._error(pose, q)[0])
+
     def _starts(self, seed: ArrayLike | None) -> list[Array]:
         model = self.task.model
         first = model.q0 if seed is None else vector("seed", seed, model.n)

@@ -103,8 +103,8 @@ def joint_path(
             q = _advance(task, path, u - 1.0 / knots, 1.0 / knots, q)
             place = path.at(u)
             q = solver.correct(Pose(place.position, place.rotation), q)
-        rows.append((q, *_derivatives(task, path.at(u), q, u)))
-        _check_limits(task, q, u)
+        rows.append((q, *derivatives(task, path.at(u), q, u)))
+        check_limits(task, q, u)
     positions, first, second = (np.array(part) for part in zip(*rows, strict=True))
     h = np.diff(us)
     coefficients = segment_coefficients(h, positions, first, second)
@@ -112,9 +112,13 @@ def joint_path(
 
 
 def paced(
-    motion: JointPath, dynamics: Dynamics, limit: ArrayLike | None = None, count: int = 400
+    motion: JointPath,
+    dynamics: Dynamics,
+    limit: ArrayLike | None = None,
+    count: int = 400,
+    acceleration: ArrayLike = np.inf,
 ) -> JointPath:
-    """Slow a joint path down until joint speeds and torques keep to their limits.
+    """Slow a joint path down until joint speeds, accelerations and torques keep to their limits.
 
     All times are stretched by one factor, found from a single batched call of inverse dynamics.
 
@@ -123,6 +127,7 @@ def paced(
         dynamics: The model.
         limit: Torque limits in [N m] or [N], a number or shape (n,); None for the model's.
         count: How many points along the path are looked at.
+        acceleration: Limits of joint accelerations in [rad/s²] or [m/s²], positive, likewise.
 
     Returns:
         The motion, slower if need be.
@@ -133,7 +138,8 @@ def paced(
     _, q, v, a = motion.table(count)
     given = dynamics.model.effort_limit if limit is None else vector_or_number(limit, dynamics.n)
     by_torque = torque_stretch(dynamics, q, v, a, given)
-    return motion.slower(max(by_torque, velocity_stretch(dynamics.model, v)))
+    by_acceleration = float(np.sqrt(np.max(abs(a) / np.asarray(acceleration, float))))
+    return motion.slower(max(by_torque, velocity_stretch(dynamics.model, v), by_acceleration))
 
 
 def vector_or_number(limit: ArrayLike, n: int) -> Array:
@@ -158,8 +164,12 @@ def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array
     return q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
 
 
-def _derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Array, Array]:
-    """Q' and q'' on the path."""
+def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Array, Array]:
+    """Derivatives q' and q'' of the joints at a place of a path, each of shape (n,).
+
+    Raises:
+        Unreachable: If the frame is singular there, at the share ``u`` of its way.
+    """
     rows = task.rows
     J = task.motion.jacobian(q)[rows]
     if task.m > task.n or task_inertia(J @ J.T, task.linear, task.threshold).damped:
@@ -179,7 +189,12 @@ def _singular(task: TaskSpace, u: float) -> Unreachable:
     )
 
 
-def _check_limits(task: TaskSpace, q: Array, u: float) -> None:
+def check_limits(task: TaskSpace, q: Array, u: float) -> None:
+    """Check joint positions at the share ``u`` of a path.
+
+    Raises:
+        Unreachable: If one lies beyond its limits.
+    """
     model = task.model
     beyond = np.maximum(model.position_lower - q, q - model.position_upper)
     joint = int(np.argmax(beyond))

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -31,6 +31,40 @@ class Reference:
     q: Array
     v: Array
     a: Array
+
+
+class Motion(Protocol):
+    """References over time; it stands still before its start and after its end."""
+
+    @property
+    def duration(self) -> float:
+        """Time it takes in [s]."""
+
+    def sample(self, t: float) -> Reference:
+        """Position, velocity and acceleration at the time ``t`` in [s] from its start."""
+
+
+@dataclass(frozen=True)
+class InTurn:
+    """One motion, and from its end on another that begins where it ends.
+
+    Attributes:
+        first: What comes first.
+        then: What comes after it.
+    """
+
+    first: Motion
+    then: Motion
+
+    @property
+    def duration(self) -> float:
+        """Time both take in [s]."""
+        return self.first.duration + self.then.duration
+
+    def sample(self, t: float) -> Reference:
+        """Position, velocity and acceleration at the time ``t`` in [s]."""
+        left = t - self.first.duration
+        return self.first.sample(t) if left < 0.0 else self.then.sample(left)
 
 
 @dataclass(frozen=True)

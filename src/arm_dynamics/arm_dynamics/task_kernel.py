@@ -70,7 +70,7 @@ class TaskKernel:
     ) -> None:
         self._linear = _linear(axes)
         self._threshold, self._bound = threshold, 1.0 / threshold
-        kernel = _kernel(model, frame, axes)
+        kernel = build(model, frame, axes)
         self._state, self._meant = kernel.call("state"), kernel.call("meant")
         self._instant = _instant(self._state.outputs, model.n, len(axes))
 
@@ -94,8 +94,18 @@ _built: WeakKeyDictionary[ArmModel, dict[tuple[str, tuple[str, ...]], Kernel]]
 _built = WeakKeyDictionary()
 
 
-def _kernel(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
-    """The functions of a frame, built once for a model."""
+def is_built(model: ArmModel, frame: str, axes: tuple[str, ...]) -> bool:
+    """Tell whether a kernel for this frame and these axes can be had at once."""
+    return (frame, axes) in _built.get(model, {})
+
+
+def build(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
+    """The functions of a frame, built once for a model; arguments as of ``TaskKernel``.
+
+    Raises:
+        ModelError: If a joint that carries the frame moves no mass.
+        KernelError: If generated code differs from Pinocchio, or cannot be compiled.
+    """
     known = _built.setdefault(model, {})
     if (frame, axes) not in known:
         kernel = Kernel(_functions(model, frame, axes))

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable
 from dataclasses import fields
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,7 @@ from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.rigid_terms import FrameMotion, RigidTerms
 from arm_dynamics.task_algebra import THRESHOLD, condition_number, manipulability, task_inertia
 from arm_dynamics.task_axes import AXES, chosen_axes, rows_of
+from arm_dynamics.task_kernel import TaskKernel
 from arm_dynamics.task_terms import EffectiveMass, MassEllipsoid, Pose, TaskTerms
 
 __all__ = ["EffectiveMass", "MassEllipsoid", "Pose", "TaskSpace", "TaskTerms"]
@@ -78,6 +80,19 @@ class TaskSpace:
     def m(self) -> int:
         """Number of axes of the task."""
         return len(self.axes)
+
+    @cached_property
+    def kernel(self) -> TaskKernel:
+        """The same compiled, for controllers; in axes ``local_world_aligned``.
+
+        Built when it is first asked for, in about half a second; in a tenth when it was built
+        before on this machine.
+
+        Raises:
+            ModelError: If a joint that carries the frame moves no mass.
+            KernelError: If generated code differs from Pinocchio, or cannot be compiled.
+        """
+        return TaskKernel(self.model, self.frame, self.axes, self.threshold)
 
     def pose(self, q: ArrayLike) -> Pose:
         """Where the frame is, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""

@@ -27,6 +27,7 @@ __all__ = [
     "hold",
     "quintic",
     "quintic_through",
+    "stop",
 ]
 
 Array = NDArray[np.float64]
@@ -108,6 +109,24 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
         h = h * np.sqrt(_excess_of(_through(h, q), limits))
     h = h * _excess_of(_through(h, q), limits).max()
     return quintic(_through(h, q), limits)
+
+
+def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
+    """Come to rest evenly, every joint where that leads it.
+
+    Speed falls as v (1 - 3 s² + 2 s³), so the way is v T/2 and the deceleration up to 1.5 v/T.
+
+    Args:
+        here: The motion to end.
+        limits: What to keep to.
+        least: Least time to take in [s].
+
+    Raises:
+        InvalidInput: If it cannot be ended within limits.
+    """
+    time = max(least, 1.5 * float(np.max(abs(here.v) / limits.acceleration)))
+    start = Waypoint(0.0, here.q, here.v, here.a)
+    return quintic([start, Waypoint(time, here.q + 0.5 * time * here.v)], limits)
 
 
 @dataclass(frozen=True)

@@ -4,15 +4,20 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable
 from dataclasses import replace
+from functools import partial
 from typing import Any
 
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
+from arm_dynamics.background import Background
 from arm_dynamics.command_map import rigid_twin
 from arm_dynamics.control import Measured
-from arm_dynamics.control_choice import Settings, make_controller
+from arm_dynamics.control_choice import IN_TASK_SPACE, Settings, make_controller
 from arm_dynamics.control_run import AnyController, Saturated, Switch
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
@@ -20,7 +25,10 @@ from arm_dynamics.follower import Follower
 from arm_dynamics.motion import Limits, Reference
 from arm_dynamics.ros import convert
 from arm_dynamics.ros.executor import run, surviving
+from arm_dynamics.ros.goals import Goals
 from arm_dynamics.ros.interfaces import (
+    CARTESIAN_GOAL,
+    CARTESIAN_PATH,
     CONTROLLER_STATE,
     JOINT_COMMANDS,
     JOINT_STATES,
@@ -32,11 +40,14 @@ from arm_dynamics.ros.joint_state_bytes import (
     JointStateWriter,
     all_finite,
 )
-from arm_dynamics.ros.params import ControllerParams, declare, one_or_all, watch
+from arm_dynamics.ros.params import ControllerParams, declare, one_or_all, task_axes, watch
 from arm_dynamics.scene_file import load_scene
+from arm_dynamics.task_axes import chosen_axes
+from arm_dynamics.task_kernel import build, is_built
 from arm_dynamics.task_space import TaskSpace
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
+_TURN = 2e-4  # [s] for which a thread that plans may keep the others waiting
 _FREE = "float"  # the law under which the arm is led by hand, away from its reference
 
 
@@ -44,7 +55,8 @@ class ControllerNode(Node):
     """Answers every joint state with a joint command.
 
     It stands still where it first sees the arm, and where it sees it after time went backwards,
-    until a trajectory comes. Time is that of the states' stamps. The law may be changed in motion.
+    until a trajectory, a pose or a path comes. Time is that of the states' stamps. The law may be
+    changed in motion.
     """
 
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
@@ -66,10 +78,11 @@ class ControllerNode(Node):
         names = self._dynamics.joint_names
         period, fade = self._params.control_period, self._params.switch_time
         self._control = Switch(self._made(self._params), period, fade)
+        self._builder = Background("builder")
+        model = self._dynamics.model
+        self._build_ahead(self._params)
         limit = self._params.acceleration_limit or float("inf")
-        self._limits = Limits.of(self._dynamics.model, limit)
-        self._follower: Follower | None = None
-        self._stamp = -1
+        self._goals = Goals(model, Limits.of(model, limit), self.get_logger())
         self._next_report = 0
         self._reader = JointStateReader(names, ("position", "velocity"), partial=False, extra=True)
         self._writer = JointStateWriter(names, ("effort",))
@@ -85,29 +98,77 @@ class ControllerNode(Node):
         )
         for topic, callback, raw in (
             (JOINT_TRAJECTORY, self.on_joint_trajectory, False),
+            (CARTESIAN_GOAL, self.on_cartesian_goal, False),
+            (CARTESIAN_PATH, self.on_cartesian_path, False),
             (JOINT_STATES, self.on_joint_states, True),
         ):
             self.create_subscription(
                 topic.type, topic.name, surviving(self, callback), topic.subscribe, raw=raw
             )
 
+    @property
+    def follower(self) -> Follower | None:
+        """What gives the reference; None until the arm has been seen."""
+        return self._goals.follower
+
+    @property
+    def busy(self) -> bool:
+        """Whether a goal is being planned or a law built; done within a tick once it is ready."""
+        return self._goals.busy or self._builder.busy
+
+    def destroy_node(self) -> None:
+        """End the threads, and the node."""
+        self._goals.close()
+        self._builder.close()
+        super().destroy_node()
+
     def _made(self, params: ControllerParams) -> AnyController:
         if params.task_frame:  # refused at once, not when a law first needs it
-            TaskSpace(self._dynamics, params.task_frame, selection=_axes(params))
+            TaskSpace(self._dynamics, params.task_frame, selection=task_axes(params))
         settings = _settings(params, self._dynamics.model.effort_limit)
         return make_controller(params.controller, self._dynamics, settings)
 
     def _apply(self, params: ControllerParams) -> None:
         before, control = self._params, self._made(params)
         gains = {"bandwidth": before.bandwidth, "damping_ratio": before.damping_ratio}
-        if replace(params, **gains) == before:
-            self._control.retune(control)
-        else:
+        retune = replace(params, **gains) == before and not self._builder.busy
+
+        def put() -> None:
+            if retune:
+                self._control.retune(control)
+                return
             self._control.to(control)
             self.get_logger().info(f"controller {params.controller}")
-        if before.controller == _FREE != params.controller:
-            self._follower = None  # hold the arm where it was led to
+            if before.controller == _FREE != params.controller:
+                self._goals.follower = None  # hold the arm where it was led to
+
         self._params = params
+        self._builder.give_up()
+        if params.controller not in IN_TASK_SPACE or is_built(
+            self._dynamics.model, *_task(params)
+        ):
+            put()
+        else:  # the law before goes on meanwhile
+            job = partial(build, self._dynamics.model, *_task(params))
+            self._builder.start(job, lambda built: self._put(built, put))
+
+    def _build_ahead(self, params: ControllerParams) -> None:
+        """Build what a law in task space needs: at once for the first law, else aside."""
+        if not params.task_frame:
+            return
+        job = partial(build, self._dynamics.model, *_task(params))
+        if params.controller in IN_TASK_SPACE:
+            job()
+        else:
+            self._builder.start(job, lambda built: None)  # what is wrong matters when it is used
+
+    def _put(self, built: Callable[[], None], put: Callable[[], None]) -> None:
+        try:
+            built()
+        except ArmError as error:
+            self.get_logger().error(f"controller refused, the one before goes on: {error}")
+        else:
+            put()
 
     def on_joint_states(self, raw: bytes) -> bytes | None:
         """Answer a serialized JointState with a serialized command, at once.
@@ -120,6 +181,7 @@ class ControllerNode(Node):
         except InvalidInput as error:
             self._say(f"joint state passed over: {error}")
             return None
+        self._builder.deliver()
         state = Measured(q, v)
         reference = self._reference(stamp, state)
         tau = self._control.torque(state, reference)
@@ -135,18 +197,18 @@ class ControllerNode(Node):
         return command
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
-        if self._follower is None or stamp < self._stamp:
+        goals = self._goals
+        if goals.follower is None or stamp < goals.stamp:
             why = ""
-            if stamp < self._stamp:
+            if goals.follower is not None:
                 why = "time went backwards: "
                 self._control.restart()
             self.get_logger().info(
                 f"{why}holding where the arm is", throttle_duration_sec=_THROTTLE
             )
-            self._follower = Follower(state.q, self._limits)
+            goals.hold(state.q)
             self._next_report = 0
-        self._stamp = stamp
-        return self._follower.reference(stamp)
+        return goals.reference(stamp)
 
     def _say_cut(self) -> None:
         law = self._control.active
@@ -162,23 +224,15 @@ class ControllerNode(Node):
 
     def on_joint_trajectory(self, message: JointTrajectory) -> None:
         """Follow a trajectory from the present reference on, or say why not."""
-        log = self.get_logger()
-        if self._follower is None:
-            log.error("trajectory refused: no joint state has been seen yet")
-            return
-        try:
-            here = self._follower.reference(self._stamp)
-            points = convert.waypoints(message, self._dynamics.joint_names, here)
-            start = convert.to_nanoseconds(message.header.stamp) or None
-            trajectory = self._follower.follow(points, self._stamp, start)
-        except ArmError as error:
-            log.error(f"trajectory refused, the one before goes on: {error}")
-            return
-        slower = f", {trajectory.stretch:.3g} times slower for the limits"
-        log.info(
-            f"following {len(points)} points for {trajectory.duration:.3f} s"
-            + (slower if trajectory.stretch > 1.0 else "")
-        )
+        self._goals.trajectory(message)
+
+    def on_cartesian_goal(self, message: PoseStamped) -> None:
+        """Lead the frame of the task straight to a pose, or say why not."""
+        self._goals.pose(message, self._params)
+
+    def on_cartesian_path(self, message: Path) -> None:
+        """Lead the frame of the task through poses, or say why not."""
+        self._goals.path(message, self._params)
 
     def _publish_report(
         self, stamp: int, reference: Reference, state: Measured, tau: Array
@@ -186,13 +240,15 @@ class ControllerNode(Node):
         """Publish ``~/state`` when somebody listens, at most once in ``state_period``."""
         self._next_report = stamp + round(1e9 * self._params.state_period)
         if self._report.get_subscription_count():
-            self._report.publish(
-                convert.tracking_state(stamp, self._dynamics.joint_names, reference, state, tau)
-            )
+            names = self._dynamics.joint_names
+            message = convert.tracking_state(stamp, names, reference, state, tau)
+            message.goal = self._goals.outcome
+            message.remaining = self._goals.follower.remaining(stamp)
+            self._report.publish(message)
 
 
-def _axes(params: ControllerParams) -> Any:
-    return one_or_all(params.task_axes.replace(",", " ").split())
+def _task(params: ControllerParams) -> tuple[str, tuple[str, ...]]:
+    return params.task_frame, chosen_axes(task_axes(params))
 
 
 def _settings(params: ControllerParams, limit: Array) -> Settings:
@@ -201,7 +257,7 @@ def _settings(params: ControllerParams, limit: Array) -> Settings:
         bandwidth=one_or_all(params.bandwidth),
         damping_ratio=one_or_all(params.damping_ratio),
         frame=params.task_frame or None,
-        axes=_axes(params),
+        axes=task_axes(params),
         direction=tuple(params.force_direction),
         force=params.force,
         friction=params.friction,
@@ -213,4 +269,5 @@ def _settings(params: ControllerParams, limit: Array) -> Settings:
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
+    sys.setswitchinterval(_TURN)
     sys.exit(run(ControllerNode, args))

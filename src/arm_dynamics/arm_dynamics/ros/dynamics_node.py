@@ -14,7 +14,7 @@ from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros import convert, interfaces
 from arm_dynamics.ros.executor import run, surviving
 from arm_dynamics.ros.params import DynamicsParams, declare, one_or_all, watch
-from arm_dynamics.ros.task_answer import fill_task_space
+from arm_dynamics.ros.task_answer import answer_inverse_kinematics, fill_task_space
 from arm_dynamics.scene_file import scene_from_urdf
 from arm_dynamics.task_space import TaskSpace
 
@@ -59,6 +59,7 @@ class DynamicsNode(Node):
             (interfaces.DYNAMICS_TERMS, self.on_dynamics_terms),
             (interfaces.MODEL_INFO, self.on_model_info),
             (interfaces.TASK_SPACE, self.on_task_space),
+            (interfaces.INVERSE_KINEMATICS, self.on_inverse_kinematics),
         ):
             self.create_service(service.type, service.name, callback)
 
@@ -150,6 +151,12 @@ class DynamicsNode(Node):
             direction = request.direction
             felt = task.effective_mass(batch.q, direction) if len(direction) else None
             fill_task_space(response, batch, task.axes, task.terms(batch.q, v), felt)
+        return response
+
+    def on_inverse_kinematics(self, request: Any, response: Any) -> Any:
+        """Answer ``~/inverse_kinematics``."""
+        with convert.answering(response, self.get_logger()):
+            answer_inverse_kinematics(request, response, self.dynamics)
         return response
 
     def on_model_info(self, request: Any, response: Any) -> Any:

@@ -14,6 +14,7 @@ from arm_msgs.srv import (
     DynamicsTerms,
     ForwardDynamics,
     InverseDynamics,
+    InverseKinematics,
     ModelInfo,
     SetFriction,
     SetJointState,
@@ -21,6 +22,8 @@ from arm_msgs.srv import (
     Step,
     TaskSpace,
 )
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -36,6 +39,7 @@ LATCHED = QoSProfile(
 
 MAX_POINTS = 100_000  # of one service call
 MAX_TERMS_POINTS = 10_000  # where a point is answered with matrices
+MAX_POSES = 1000  # where joint positions are searched for
 
 
 class Topic(NamedTuple):
@@ -57,6 +61,8 @@ class Service(NamedTuple):
 JOINT_STATES = Topic("joint_states", JointState, subscribe=NEWEST)
 JOINT_COMMANDS = Topic("joint_commands", JointState, subscribe=NEWEST)
 JOINT_TRAJECTORY = Topic("~/joint_trajectory", JointTrajectory)
+CARTESIAN_GOAL = Topic("~/cartesian_goal", PoseStamped)
+CARTESIAN_PATH = Topic("~/cartesian_path", Path)
 CONTROLLER_STATE = Topic("~/state", TrackingState)
 ROBOT_DESCRIPTION = Topic("robot_description", String, publish=LATCHED, subscribe=LATCHED)
 
@@ -65,6 +71,7 @@ FORWARD_DYNAMICS = Service("~/forward_dynamics", ForwardDynamics)
 DYNAMICS_TERMS = Service("~/dynamics_terms", DynamicsTerms)
 MODEL_INFO = Service("~/model_info", ModelInfo)
 TASK_SPACE = Service("~/task_space", TaskSpace)
+INVERSE_KINEMATICS = Service("~/inverse_kinematics", InverseKinematics)
 
 # Of the sim node, here because the client calls them too.
 RESET = Service("~/reset", Trigger)

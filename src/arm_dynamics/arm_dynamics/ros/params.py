@@ -120,6 +120,11 @@ def _checked[P](params: P) -> P:
     return params
 
 
+def task_axes(params: ControllerParams) -> Any:
+    """Give the axes of the task as the core takes them."""
+    return one_or_all(params.task_axes.replace(",", " ").split())
+
+
 SCENE = "Scene file or URDF: a path, a package:// URI or URDF text"
 
 
@@ -155,6 +160,14 @@ class ControllerParams:
         'Axes that they lead: pose, position, orientation, or some of "x y z rx ry rz"',
         read_only=False,
     )
+    cartesian_speed: float = parameter(
+        0.25, "Speed of Cartesian goals [m/s]; a turn counts 0.25 m/rad", low=1e-6, high=100.0,
+        read_only=False,
+    )  # fmt: skip
+    cartesian_acceleration: float = parameter(
+        1.0, "Acceleration of Cartesian goals along their way [m/s²]", low=1e-6, high=1e4,
+        read_only=False,
+    )  # fmt: skip
     force: float = parameter(
         0.0, "Force with which motion_force presses [N]", low=-1e4, high=1e4, read_only=False
     )

@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Work on a thread of its own, for a loop that must not wait for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Any
+
+
+class Background:
+    """Does one job at a time; a new job takes the place of one that is not ready.
+
+    Example:
+        >>> background.start(plan, lambda result: follow(result()))
+        >>> background.deliver()  # in every tick: calls what was given, once the plan is ready
+    """
+
+    def __init__(self, name: str) -> None:
+        """Name the thread; it starts with the first job."""
+        self._pool = ThreadPoolExecutor(1, thread_name_prefix=name)
+        self._waiting: tuple[Future[Any], Callable[[Callable[[], Any]], None]] | None = None
+
+    @property
+    def busy(self) -> bool:
+        """Whether something has not been delivered yet."""
+        return self._waiting is not None
+
+    def start[T](self, job: Callable[[], T], then: Callable[[Callable[[], T]], None]) -> bool:
+        """Begin a job.
+
+        Args:
+            job: What to do there.
+            then: Called by ``deliver`` with a function that returns the job's result, or raises
+                what it raised.
+
+        Returns:
+            Whether another job, not delivered yet, was given up for it.
+        """
+        given_up = self.give_up()
+        self._waiting = self._pool.submit(job), then
+        return given_up
+
+    def give_up(self) -> bool:
+        """Forget a job that was not delivered yet, and say whether there was one."""
+        if self._waiting is None:
+            return False
+        self._waiting[0].cancel()
+        self._waiting = None
+        return True
+
+    def deliver(self) -> None:
+        """Hand over what is ready, if anything is."""
+        if self._waiting is not None and self._waiting[0].done():
+            (future, then), self._waiting = self._waiting, None
+            then(future.result)
+
+    def close(self) -> None:
+        """Give up what waits and end the thread."""
+        self.give_up()
+        self._pool.shutdown(cancel_futures=True)

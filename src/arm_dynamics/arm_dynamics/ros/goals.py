@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller node is told to follow: trajectories, poses and paths, planned aside.
+
+Planning may take longer than a tick, so it has a thread of its own; a motion is taken between two
+ticks, where the reference is as it was planned from. The newest goal counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from geometry_msgs.msg import PoseStamped
+from nav_msgs.msg import Path
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from trajectory_msgs.msg import JointTrajectory
+
+from arm_dynamics.background import Background
+from arm_dynamics.cartesian_goal import CartesianGoals, Pace
+from arm_dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.follower import Follower, Outset
+from arm_dynamics.model import ArmModel, Array
+from arm_dynamics.motion import Limits, Motion, Reference, Trajectory
+from arm_dynamics.ros import convert
+from arm_dynamics.ros.params import ControllerParams, task_axes
+from arm_dynamics.ros.poses import in_world, path_of
+from arm_dynamics.task_space import TaskSpace
+
+_AT_ONCE = 20  # points that are planned within two ticks
+_LEAD = 50_000_000  # [ns] to plan in, while the arm moves
+_TRIES = 8  # each with twice the lead
+
+
+@dataclass(frozen=True)
+class _Goal:
+    """Something to follow: what it is, when its times count from, and how it is planned."""
+
+    kind: str
+    about: str
+    start: int | None
+    plan: Callable[[Outset], Motion]
+
+
+class Goals:
+    """Plans what is asked for and has a follower follow it.
+
+    Attributes:
+        follower: What gives references; None until the arm has been seen.
+        stamp: Stamp of the newest state in [ns].
+        outcome: What became of the newest goal, for people; empty before the first.
+    """
+
+    def __init__(self, model: ArmModel, limits: Limits, log: RcutilsLogger) -> None:
+        """Take the model, which is only read, the limits of all motions and a place to say it."""
+        self.follower: Follower | None = None
+        self.stamp = -1
+        self.outcome = ""
+        self._model, self._limits, self._log = model, limits, log
+        self._background = Background("planner")
+
+    @property
+    def busy(self) -> bool:
+        """Whether a goal is being planned."""
+        return self._background.busy
+
+    def close(self) -> None:
+        """End the planner's thread."""
+        self._background.close()
+
+    def deliver(self) -> None:
+        """Take what has been planned, if anything."""
+        self._background.deliver()
+
+    def hold(self, q: Array) -> None:
+        """Stand still at ``q``, shape (n,); what is being planned is given up."""
+        self.follower = Follower(q, self._limits)
+
+    def reference(self, stamp: int) -> Reference:
+        """Take what has been planned and give the reference at a stamp in [ns]."""
+        self.stamp = stamp
+        self.deliver()
+        return self.follower.reference(stamp)
+
+    def trajectory(self, message: JointTrajectory) -> None:
+        """Follow a trajectory from the present reference on, or say why not."""
+
+        def plan(outset: Outset) -> Motion:
+            points = convert.waypoints(message, self._model.joint_names, outset.here)
+            return outset.through(points, self._limits)
+
+        count, start = len(message.points), convert.to_nanoseconds(message.header.stamp)
+        goal = _Goal("trajectory", f"{count} points", start or None, plan)
+        self._follow(goal, at_once=count <= _AT_ONCE)
+
+    def pose(self, message: PoseStamped, params: ControllerParams) -> None:
+        """Lead the task's frame straight to a pose, or say why not."""
+
+        def plan(outset: Outset) -> Motion:
+            goal = in_world(message, self._model)
+            return self._planner(params).line(outset.here, goal)
+
+        self._follow(_Goal("Cartesian goal", "a straight line", None, plan))
+
+    def path(self, message: Path, params: ControllerParams) -> None:
+        """Lead the task's frame through the poses of a path, or say why not."""
+
+        def plan(outset: Outset) -> Motion:
+            poses = path_of(message, self._model)
+            return self._planner(params).through(outset.here, poses)
+
+        self._follow(_Goal("Cartesian path", f"{len(message.poses)} poses", None, plan))
+
+    def _planner(self, params: ControllerParams) -> CartesianGoals:
+        """One of its own for every plan: it works on the planner's thread."""
+        if not params.task_frame:
+            raise InvalidInput("parameter 'task_frame' is empty; allowed is a frame that moves")
+        dynamics = Dynamics(self._model)
+        task = TaskSpace(dynamics, params.task_frame, selection=task_axes(params))
+        pace = Pace(params.cartesian_speed, params.cartesian_acceleration, self._limits)
+        return CartesianGoals(task, dynamics, pace)
+
+    def _follow(self, goal: _Goal, at_once: bool = False, tries: int = 0) -> None:
+        follower = self.follower
+        if follower is None:
+            self._refuse(goal, ": no joint state has been seen yet")
+            return
+        moving = follower.remaining(self.stamp) > 0.0
+        lead = 0 if at_once or not moving else _LEAD << tries
+        outset = follower.outset(self.stamp, goal.start, lead)
+
+        def take(result: Callable[[], Motion]) -> None:
+            motion = self._result(goal, result)
+            if motion is None:
+                return
+            if follower is self.follower and follower.take(outset, motion, self.stamp):
+                self._accept(goal, motion)
+            elif follower is self.follower and tries < _TRIES:
+                self._follow(goal, tries=tries + 1)
+            else:
+                self._refuse(goal, ": the arm's reference changed faster than it was planned")
+
+        if at_once:
+            take(lambda: goal.plan(outset))
+            return
+        self.outcome = f"planning {goal.kind}: {goal.about}"
+        if self._background.start(lambda: goal.plan(outset), take):
+            self._log.info("a newer goal takes the place of one that was being planned")
+
+    def _result(self, goal: _Goal, result: Callable[[], Motion]) -> Motion | None:
+        kept = ", the one before goes on: "
+        try:
+            return result()
+        except ArmError as error:
+            self._refuse(goal, f"{kept}{error}")
+        except Exception as error:
+            self._refuse(goal, f"{kept}unexpected failure: {error!r}")
+        return None
+
+    def _accept(self, goal: _Goal, motion: Motion) -> None:
+        stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
+        slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
+        self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
+        self._log.info(self.outcome)
+
+    def _refuse(self, goal: _Goal, why: str) -> None:
+        self.outcome = f"{goal.kind} refused{why}"
+        self._log.error(self.outcome)

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Work aside: delivered on the caller's thread, the newest job only."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Iterator
+
+import pytest
+
+from arm_dynamics.background import Background
+
+
+@pytest.fixture
+def background() -> Iterator[Background]:
+    made = Background("test")
+    yield made
+    made.close()
+
+
+def wait(background: Background) -> None:
+    end = time.monotonic() + 10.0
+    while background.busy and time.monotonic() < end:
+        background.deliver()
+        time.sleep(1e-3)
+    assert not background.busy
+
+
+def test_a_job_runs_elsewhere_and_is_delivered_here(background: Background) -> None:
+    got: list[tuple[str, str]] = []
+    here = threading.current_thread().name
+    background.start(
+        lambda: threading.current_thread().name,
+        lambda result: got.append((result(), threading.current_thread().name)),
+    )
+    assert background.busy
+    wait(background)
+    assert got == [("test_0", here)]
+
+
+def test_nothing_is_delivered_before_it_is_ready(background: Background) -> None:
+    go, got = threading.Event(), []
+    background.start(lambda: go.wait(10.0), lambda result: got.append(result()))
+    background.deliver()
+    assert not got
+    go.set()
+    wait(background)
+    assert got == [True]
+
+
+def test_a_newer_job_takes_the_place_of_one_that_is_not_delivered(
+    background: Background,
+) -> None:
+    go, got = threading.Event(), []
+    assert not background.start(lambda: go.wait(10.0), lambda result: got.append("first"))
+    assert background.start(lambda: 1, lambda result: got.append("second"))
+    go.set()
+    wait(background)
+    assert got == ["second"]
+
+
+def test_what_a_job_raises_is_raised_where_its_result_is_asked_for(
+    background: Background,
+) -> None:
+    def fail() -> None:
+        raise ValueError("no")
+
+    got: list[str] = []
+
+    def then(result: object) -> None:
+        with pytest.raises(ValueError, match="no"):
+            result()  # type: ignore[operator]
+        got.append("asked")
+
+    background.start(fail, then)
+    wait(background)
+    assert got == ["asked"]
+
+
+def test_a_job_may_be_followed_by_another_from_its_delivery(background: Background) -> None:
+    got: list[int] = []
+    background.start(
+        lambda: 1,
+        lambda one: background.start(lambda: 1 + one(), lambda two: got.append(two())) and None,
+    )
+    wait(background)
+    assert got == [2]
+
+
+def test_given_up_jobs_are_not_delivered(background: Background) -> None:
+    got: list[int] = []
+    background.start(lambda: 1, lambda result: got.append(result()))
+    assert background.give_up()
+    assert not background.give_up()
+    time.sleep(0.05)
+    background.deliver()
+    assert not got
