@@ -1,0 +1,314 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Cartesian goals over ROS: planned aside, followed without a jump, or refused with the reason."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from arm_msgs.msg import TrackingState
+from geometry_msgs.msg import PoseStamped
+from harness import Ros
+from nav_msgs.msg import Path
+from rclpy.parameter import Parameter
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+import models
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.task_algebra import quaternions
+from arm_dynamics.task_space import TaskSpace
+from arm_sim.ros.sim_node import SimNode
+from tolerances import assert_close
+
+pytestmark = pytest.mark.ros
+
+FRAME = "panda_hand_tcp"
+HAND = TaskSpace(models.dynamics("panda"), FRAME)
+HOME = models.dynamics("panda").model.q0
+HERE = HAND.pose(HOME)
+NAMES = list(models.dynamics("panda").joint_names)
+MS = 1_000_000
+
+
+@pytest.fixture
+def node(ros: Ros) -> ControllerNode:
+    """Controls a Panda that has been seen at home."""
+    made = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
+    see(made, 0)
+    return made
+
+
+def state(stamp: int, q: Any = HOME, v: Any = (0.0,) * 7) -> bytes:
+    message = JointState(name=NAMES, position=list(q), velocity=list(v))
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    return serialize_message(message)
+
+
+def see(node: ControllerNode, stamp: int, *where: Any) -> np.ndarray:
+    """Show the node a state; returns what it commands."""
+    command = node.on_joint_states(state(stamp, *where))
+    return np.array(deserialize_message(command, JointState).effort)
+
+
+def pose(step: Any = (0.0, 0.0, 0.0), frame_id: str = "") -> PoseStamped:
+    """Where the hand is at home, shifted."""
+    message = PoseStamped()
+    message.header.frame_id = frame_id
+    at, turn = message.pose.position, message.pose.orientation
+    at.x, at.y, at.z = (HERE.position + step).tolist()
+    turn.x, turn.y, turn.z, turn.w = quaternions(HERE.rotation).tolist()
+    return message
+
+
+def path(*steps: Any, frame_id: str = "") -> Path:
+    message = Path(poses=[pose(step) for step in steps])
+    message.header.frame_id = frame_id
+    return message
+
+
+def planned(node: ControllerNode, stamp: int) -> None:
+    """Show states at one instant until nothing is being planned any more."""
+    end = time.monotonic() + 20.0
+    while node._goals.busy and time.monotonic() < end:
+        time.sleep(2e-3)
+        see(node, stamp)
+    assert not node._goals.busy
+
+
+def hand(node: ControllerNode, stamp: int) -> np.ndarray:
+    return HAND.pose(node.follower.reference(stamp).q).position - HERE.position
+
+
+@pytest.mark.parametrize("law", ["computed_torque", "operational_space", "pd_gravity"])
+def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
+    sim = ros.add(SimNode, models.scene("panda"), realtime=False, integrator="rk4")
+    node = ros.add(ControllerNode, models.scene("panda"), controller=law, task_frame=FRAME)
+
+    def tick() -> None:
+        now = sim.simulator.state
+        sim.on_joint_commands(node.on_joint_states(state(round(now.time * 1e9), now.q, now.v)))
+        sim.tick()
+
+    tick()
+    way = np.array([0.05, 0.2, -0.1])
+    node.on_cartesian_goal(pose(way))
+    while node._goals.busy:
+        time.sleep(1e-3)
+        node._goals.deliver()
+    worst = 0.0
+    for _ in range(2000):
+        tick()
+        off = HAND.pose(sim.simulator.state.q).position - HERE.position
+        worst = max(worst, float(np.linalg.norm(off - way * (off @ way) / (way @ way))))
+    assert_close(off, way, 1e-3 if law == "pd_gravity" else 1e-5)
+    assert worst < (3e-3 if law == "pd_gravity" else 1e-4)
+
+
+def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:
+    """The answer to the goal itself takes no time, and states are answered meanwhile."""
+    before = see(node, MS)
+    node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
+    assert node._goals.busy
+    np.testing.assert_array_equal(see(node, MS), before)
+    planned(node, 2 * MS)
+    duration = node.follower.remaining(2 * MS)
+    assert duration > 1.0
+    assert_close(hand(node, 2 * MS + round(1e9 * duration)), [0.0, 0.2, 0.0], 1e-8)
+
+
+def test_a_path_is_followed_through_its_poses(node: ControllerNode) -> None:
+    node.on_cartesian_path(path([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1]))
+    planned(node, MS)
+    duration = round(1e9 * node.follower.remaining(MS))
+    course = np.array([hand(node, MS + k * duration // 600) for k in range(601)])
+    for corner in ([0, 0.1, 0], [0, 0.1, -0.1], [0, 0, -0.1]):
+        assert np.linalg.norm(course - corner, axis=1).min() < 2e-3
+    assert_close(course[-1], [0, 0, -0.1], 1e-8)
+
+
+def test_a_goal_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
+    node.on_cartesian_goal(pose([0.0, 0.25, 0.0]))
+    planned(node, 0)
+    end = round(1e9 * node.follower.remaining(0))
+    node.follower.reference(end // 3)
+    see(node, end // 3)
+    node.on_cartesian_goal(pose([0.0, -0.1, 0.0]))
+    planned(node, end // 3)
+    references = [node.follower.reference(end // 3 + k * MS) for k in range(6000)]
+    q, v = (np.array([getattr(r, name) for r in references]) for name in "qv")
+    assert abs(v[0]).max() > 0.05
+    np.testing.assert_allclose(np.diff(q, axis=0), 0.5e-3 * (v[1:] + v[:-1]), atol=1e-6)
+    assert abs(np.diff(v, axis=0)).max() < 0.05
+    assert_close(HAND.pose(q[-1]).position - HERE.position, [0.0, -0.1, 0.0], 1e-8)
+
+
+def test_the_newest_goal_counts(node: ControllerNode, capfd: pytest.CaptureFixture[str]) -> None:
+    node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
+    node.on_cartesian_goal(pose([0.0, 0.0, -0.2]))
+    planned(node, 0)
+    assert "a newer goal takes the place" in capfd.readouterr().err
+    assert_close(hand(node, 10_000 * MS), [0.0, 0.0, -0.2], 1e-8)
+
+
+def test_poses_may_be_given_in_a_frame_that_stands(node: ControllerNode) -> None:
+    for k, frame_id in enumerate(("world", "panda_link0", "")):
+        step = [0.0, 0.1 * (k + 1), 0.0]
+        node.on_cartesian_goal(pose(step, frame_id))
+        planned(node, 10_000 * k * MS)
+        see(node, 10_000 * (k + 1) * MS)
+        assert_close(hand(node, 10_000 * (k + 1) * MS), step, 1e-8)
+
+
+def changed(message: PoseStamped, change: Callable[[Any], None]) -> PoseStamped:
+    change(message.pose)
+    return message
+
+
+BAD = [
+    (pose([5.0, 0.0, 0.0]), "cannot be brought to position"),
+    (pose([0.0, 0.1, 0.0], "panda_link5"), "poses in frame 'panda_link5': allowed are frames"),
+    (pose([0.0, 0.1, 0.0], "nowhere"), "poses in frame 'nowhere'"),
+    (changed(pose(), lambda p: setattr(p.position, "x", float("nan"))), "nan"),
+    (changed(pose(), lambda p: setattr(p.orientation, "w", 3.0)), "quaternion"),
+    (PoseStamped(), "cannot be brought"),
+    (Path(), "no poses"),
+    (path([0, 0.1, 0], [9.0, 0, 0]), "of its way"),
+    (path([0, 0.1, 0], frame_id="nowhere"), "pose 0: poses in frame 'nowhere'"),
+]
+
+
+@pytest.mark.parametrize(("message", "complaint"), BAD)
+def test_a_bad_goal_is_refused_with_the_reason_and_the_arm_holds(
+    node: ControllerNode, message: Any, complaint: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = see(node, MS)
+    callback = node.on_cartesian_path if isinstance(message, Path) else node.on_cartesian_goal
+    callback(message)
+    planned(node, 2 * MS)
+    said = capfd.readouterr().err
+    assert "refused, the one before goes on" in said
+    assert complaint in said
+    assert complaint in node._goals.outcome
+    np.testing.assert_array_equal(see(node, 1000 * MS), before)
+    assert node.follower.remaining(1000 * MS) == 0.0
+
+
+def test_without_a_frame_or_a_state_goals_are_refused(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = ros.add(ControllerNode, models.scene("panda"))
+    node.on_cartesian_goal(pose())
+    assert "no joint state has been seen yet" in capfd.readouterr().err
+    see(node, 0)
+    node.on_cartesian_goal(pose())
+    planned(node, 0)
+    assert "parameter 'task_frame' is empty" in capfd.readouterr().err
+
+
+def test_time_that_goes_backwards_gives_up_what_is_planned(node: ControllerNode) -> None:
+    see(node, 5_000 * MS)
+    node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
+    while node._goals._background._waiting[0].running():
+        time.sleep(1e-3)
+    see(node, MS)
+    planned(node, 2 * MS)
+    assert node.follower.remaining(2 * MS) == 0.0
+
+
+def test_a_goal_over_the_wire_shows_in_the_state(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME, state_period=0.001)
+    heard = ros.listen(TrackingState, "/controller/state", 50)
+    publisher = ros.publisher(PoseStamped, "/controller/cartesian_goal")
+    paths = ros.publisher(Path, "/controller/cartesian_path")
+    see(node, 0)
+    publisher.publish(pose([0.0, 0.1, 0.0]))
+    ros.spin_until(lambda: node._goals.busy)
+    planned(node, MS)
+    see(node, 5 * MS)
+    ros.spin_until(lambda: heard and heard[-1].remaining > 0.0)
+    assert heard[-1].goal.startswith("following a straight line for ")
+    see(node, 60_000 * MS)
+    paths.publish(path([9.0, 0.0, 0.0]))
+    ros.spin_until(lambda: node._goals.busy)
+    planned(node, 60_001 * MS)
+    see(node, 60_010 * MS)
+    ros.spin_until(lambda: "Cartesian path refused" in heard[-1].goal)
+    assert heard[-1].remaining == 0.0
+
+
+def long_trajectory(points: int, seconds: float, late: float = 0.0) -> JointTrajectory:
+    message = JointTrajectory(joint_names=NAMES)
+    for k in range(1, points + 1):
+        s = k / points
+        point = JointTrajectoryPoint(
+            positions=(HOME + 0.2 * s**3 * (10 - 15 * s + 6 * s**2)).tolist()
+        )
+        at = round(1e9 * (late + seconds * s))
+        point.time_from_start.sec, point.time_from_start.nanosec = divmod(at, 10**9)
+        message.points.append(point)
+    return message
+
+
+def test_a_long_trajectory_is_planned_aside(node: ControllerNode) -> None:
+    node.on_joint_trajectory(long_trajectory(1000, 4.0))
+    assert node._goals.busy
+    planned(node, 3 * MS)
+    assert node.follower.remaining(3 * MS) == pytest.approx(4.0)
+    assert_close(node.follower.reference(3 * MS).q, HOME, 1e-12)
+    assert_close(node.follower.reference(2003 * MS).q, HOME + 0.1, 1e-6)
+    assert_close(node.follower.reference(4003 * MS).q, HOME + 0.2, 1e-12)
+
+
+def test_a_long_trajectory_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
+    node.on_joint_trajectory(long_trajectory(10, 1.0))
+    see(node, 300 * MS)
+    old = [node.follower._at((300 + k) * MS) for k in range(1000)]
+    node.on_joint_trajectory(long_trajectory(500, 2.0, late=0.7))
+    planned(node, 301 * MS)
+    new = [node.follower.reference((301 + k) * MS) for k in range(3000)]
+    assert_close(new[0].q, old[1].q, 1e-12)
+    q, v = (np.array([getattr(r, name) for r in new]) for name in "qv")
+    np.testing.assert_allclose(np.diff(q, axis=0), 0.5e-3 * (v[1:] + v[:-1]), atol=1e-6)
+    assert_close(q[-1], HOME + 0.2, 1e-12)
+
+
+def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
+    """States pass faster than planning allows for, as with a simulator that runs ahead."""
+    node.on_joint_trajectory(long_trajectory(10, 60.0))
+    see(node, 300 * MS)
+    node.on_joint_trajectory(long_trajectory(500, 2.0))
+    stamp = 300 * MS
+    end = time.monotonic() + 20.0
+    while node._goals.busy and time.monotonic() < end:
+        stamp += 20 * MS
+        time.sleep(2e-3)
+        see(node, stamp)
+    assert node.follower.remaining(stamp) < 10.0
+    assert_close(node.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
+
+
+def test_another_frame_is_built_aside_and_taken_when_it_is_ready(ros: Ros) -> None:
+    node = ros.add(
+        ControllerNode, models.scene("panda"), controller="operational_space", task_frame=FRAME,
+        switch_time=0.0,
+    )  # fmt: skip
+    see(node, 0)
+    law = node._control.active
+    wanted = [
+        Parameter("task_frame", value="panda_link6"),
+        Parameter("task_axes", value="position"),
+    ]
+    assert node.set_parameters_atomically(wanted).successful
+    assert node._params.task_frame == "panda_link6"
+    end = time.monotonic() + 20.0
+    while node.busy and time.monotonic() < end:
+        assert node._control.active is law
+        time.sleep(1e-3)
+        see(node, MS)
+    assert node._control.active is not law
+    assert np.isfinite(see(node, 2 * MS)).all()

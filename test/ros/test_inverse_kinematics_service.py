@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The service ``~/inverse_kinematics``: against forward kinematics, and what it refuses."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from arm_msgs.srv import InverseKinematics as Service
+from harness import Ros
+
+import models
+from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import MAX_POSES
+from arm_dynamics.task_algebra import quaternions
+from arm_dynamics.task_space import TaskSpace
+from tolerances import assert_close
+
+pytestmark = pytest.mark.ros
+
+FRAME = "panda_hand"
+HAND = TaskSpace(models.dynamics("panda"), FRAME)
+MODEL = models.dynamics("panda").model
+
+
+@pytest.fixture
+def node(ros: Ros) -> DynamicsNode:
+    """Knows the Panda."""
+    return ros.add(DynamicsNode, models.scene("panda"))
+
+
+def ask(node: DynamicsNode, **fields: Any) -> Any:
+    request = Service.Request(**{"frame": FRAME, **fields})
+    return node.on_inverse_kinematics(request, Service.Response())
+
+
+def within_limits(rng: np.random.Generator, count: int) -> np.ndarray:
+    return MODEL.q0 + rng.uniform(-0.2, 0.2, (count, 7))
+
+
+def flat(q: np.ndarray) -> np.ndarray:
+    pose = HAND.pose(q)
+    return np.hstack([pose.position, quaternions(pose.rotation)]).ravel()
+
+
+def test_a_batch_over_the_wire(ros: Ros, node: DynamicsNode, rng: np.random.Generator) -> None:
+    poses = flat(within_limits(rng, 5))
+    answer = ros.call(
+        Service, "/dynamics/inverse_kinematics", Service.Request(frame=FRAME, pose=poses)
+    )
+    assert answer.success, answer.message
+    found = np.array(answer.position).reshape(5, 7)
+    assert_close(flat(found), poses, 2e-9)
+    assert np.all((found >= MODEL.position_lower) & (found <= MODEL.position_upper))
+    assert list(answer.reached) == [True] * 5
+    assert max(*answer.distance, *answer.angle) < 1e-9
+    assert tuple(answer.joint_names) == MODEL.joint_names
+
+
+def test_the_search_begins_at_the_seed(node: DynamicsNode, rng: np.random.Generator) -> None:
+    q = within_limits(rng, 3)
+    answer = ask(node, pose=flat(q), seed=q.ravel())
+    np.testing.assert_array_equal(np.array(answer.position).reshape(3, 7), q)
+    first = ask(node, pose=flat(q[:1]), seed=q[0])
+    np.testing.assert_array_equal(first.position, q[0])
+
+
+def test_poses_of_a_path_have_neighbouring_answers(node: DynamicsNode) -> None:
+    way = np.linspace(MODEL.q0, MODEL.q0 + 0.3, 50)
+    answer = ask(node, pose=flat(way), seed=MODEL.q0)
+    assert answer.success
+    assert abs(np.diff(np.array(answer.position).reshape(50, 7), axis=0)).max() < 0.05
+
+
+def test_joints_may_be_in_any_order(node: DynamicsNode, rng: np.random.Generator) -> None:
+    q, back = within_limits(rng, 1)[0], list(MODEL.joint_names)[::-1]
+    answer = ask(node, joint_names=back, pose=flat(q[None]), seed=q[::-1])
+    assert list(answer.joint_names) == back
+    np.testing.assert_array_equal(answer.position, q[::-1])
+
+
+def test_some_axes_alone(node: DynamicsNode) -> None:
+    goal = flat(MODEL.q0[None])
+    goal[:3] += [0.0, 0.2, -0.1]
+    goal[3:] = [0.0, 0.0, 0.0, 1.0]
+    answer = ask(node, pose=goal, axes=["position"])
+    assert answer.success
+    assert_close(HAND.pose(np.array(answer.position)).position, goal[:3], 2e-9)
+    assert not ask(node, pose=goal + [9.0, 0, 0, 0, 0, 0, 0], axes=["x"]).success
+
+
+def test_what_is_not_reached_is_flagged_with_the_nearest_found(node: DynamicsNode) -> None:
+    good = flat(MODEL.q0[None])
+    far = good + [3.0, 0, 0, 0, 0, 0, 0]
+    answer = ask(node, pose=[*good, *far, *good])
+    assert not answer.success
+    assert "1 of 3 poses of frame 'panda_hand' cannot be reached; pose 1 misses" in answer.message
+    assert list(answer.reached) == [True, False, True]
+    assert answer.distance[1] > 1.0
+    assert len(answer.position) == 21
+    assert np.isfinite(answer.position).all()
+
+
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({"frame": "paw"}, "frame 'paw' does not exist"),
+        ({"frame": "panda_link0"}, "does not move"),
+        ({"axes": ["up"]}, "selection = 'up'"),
+        ({"pose": []}, "pose has 0 numbers; allowed is 7 for each of up to 1000 poses"),
+        ({"pose": [0.0] * 6}, "pose has 6 numbers"),
+        ({"pose": [0.0] * 7}, "quaternion"),
+        ({"pose": [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]}, "pose"),
+        ({"pose": [0.0] * 7 * (MAX_POSES + 1)}, "allowed is 7 for each of up to 1000"),
+        ({"seed": [0.0] * 6}, "seed has 6 numbers; allowed is 0 or 7"),
+        ({"seed": [np.inf] + [0.0] * 6}, "seed of joint 'panda_joint1' at point 0 is inf"),
+        ({"joint_names": ["nobody"]}, "unknown joints nobody"),
+    ],
+)
+def test_bad_questions_are_refused(
+    node: DynamicsNode, fields: dict[str, Any], complaint: str
+) -> None:
+    answer = ask(node, **{"pose": flat(MODEL.q0[None]), **fields})
+    assert not answer.success
+    assert complaint in answer.message
+    assert len(answer.position) == len(answer.reached) == 0
+
+
+def test_without_a_robot_it_says_so(ros: Ros) -> None:
+    answer = ask(ros.add(DynamicsNode), pose=flat(MODEL.q0[None]))
+    assert not answer.success
+    assert "there is no robot yet" in answer.message
