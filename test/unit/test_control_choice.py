@@ -11,7 +11,9 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.control import Measured
 from arm_dynamics.control_choice import NAMES, Settings, make_controller
 from arm_dynamics.control_run import DisturbanceObserver, Saturated, Switch
-from arm_dynamics.motion import Reference
+from arm_dynamics.motion import Reference, Waypoint
+from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.trajectory import quintic
 
 
 @pytest.mark.parametrize("observer", [None, 30.0])
@@ -92,3 +94,33 @@ def test_bad_choices_are_refused() -> None:
         make_controller("operational_space", dyn)
     with pytest.raises(InvalidInput, match="frame 'paw' does not exist"):
         make_controller("motion_force", dyn, Settings(frame="paw"))
+
+
+WIDE = {  # scenes whose start is an unlucky place to take inertia at, and robots of every kind
+    "kinova": ("j2s6s200_end_effector", "pose", [0.2, 2.6, 1.4, 0.4, 1.2, 0.3]),
+    "ur10": ("tool0", "pose", [0.3, -1.2, 1.5, -1.0, -1.2, 0.4]),
+    "gantry": ("carriage", ("x", "y"), [0.0, 0.0]),
+    "scara": ("spindle", ("x", "y", "z", "rz"), [0.3, 0.5, 0.1, 0.2]),
+    "two_arms": ("right_rod", ("x", "y", "z"), [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+    "gripper": ("right_jaw", ("y", "z"), [0.1, 0.02]),
+}
+
+
+@pytest.mark.parametrize("robot_name", WIDE)
+@pytest.mark.parametrize("name", [x for x in NAMES if x not in ("pd", "pid", "float")])
+def test_made_by_name_they_hold_any_arm(robot_name: str, name: str) -> None:
+    """Led by 0.1 in a second and left alone for half of one, every law that knows the weight."""
+    frame, axes, q = WIDE[robot_name]
+    sim = models.simulator(robot_name, dt=1e-3)
+    sim.reset(np.array(q), np.zeros(len(q)))
+    direction = (0.0, 0.0, -1.0) if "z" in axes or axes == "pose" else (1.0, 0.0, 0.0)
+    settings = Settings(frame=frame, axes=axes, bandwidth=15.0, direction=direction)
+    control = make_controller(name, sim.dynamics, settings)
+    way = quintic([Waypoint(0.0, q), Waypoint(1.0, np.array(q) + 0.1)])
+    done = sim.run(1.5, lambda s: control.torque(s, way.sample(s.time)))
+    assert np.isfinite(done.tau).all()
+    task = TaskSpace(sim.dynamics, frame, selection=axes)
+    error = task.pose(done.q[-1]).position - task.pose(np.array(q) + 0.1).position
+    if name != "motion_force":  # along its direction it only brakes
+        assert abs(error).max() < 5e-3
+    assert abs(done.v[-1]).max() < 0.5

@@ -24,7 +24,7 @@ from arm_dynamics.joint_path import joint_path
 from arm_dynamics.motion import Reference
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.task_terms import Pose
-from tolerances import INVERSE_PAIR, assert_close
+from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 
 def panda(selection: object = "pose") -> TaskSpace:
@@ -190,6 +190,15 @@ def test_joint_references_are_followed_by_task_controllers(rng: np.random.Genera
     assert_close(tau, inner.torque(state, meant), INVERSE_PAIR)
 
 
+def test_a_planar_task_presses_along_its_own_axes() -> None:
+    """Force for force at a standing arm: statics, τ = G + Jᵀ f, whatever the other axes hold."""
+    task, dyn = two_link(), models.dynamics("two_link")
+    q = np.array([0.3, 0.8])
+    tau = MotionForce(task, [1, 0, -1]).torque(Measured(q, 0 * q), at_rest(task, q, force=10.0))
+    press = 10.0 * np.array([1.0, -1.0]) / np.sqrt(2.0)
+    assert_close(tau, dyn.gravity(q) + press @ task.jacobian(q), ALGEBRA)
+
+
 def test_bad_settings_and_states_are_refused() -> None:
     task = two_link()
     local = TaskSpace(models.dynamics("two_link"), "tip", "local", ("x", "z"))
@@ -197,8 +206,8 @@ def test_bad_settings_and_states_are_refused() -> None:
         OperationalSpace(local)
     with pytest.raises(InvalidInput, match=r"stiffness has shape \(3,\)"):
         CartesianImpedance(task, [1.0, 1.0, 1.0])
-    with pytest.raises(InvalidInput, match="x, y and z must be among them"):
-        MotionForce(task, [0, 0, 1])
+    with pytest.raises(InvalidInput, match=r"is not among the axes of the task, \('x', 'z'\)"):
+        MotionForce(task, [0, 1, 1])
     with pytest.raises(InvalidInput, match="but zero is wanted"):
         MotionForce(panda(), [0, 0, 0])
     with pytest.raises(InvalidInput, match=r"posture has shape \(3,\)"):

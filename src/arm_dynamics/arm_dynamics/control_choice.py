@@ -29,6 +29,7 @@ from arm_dynamics.control_task import (
 )
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.postures import postures
 from arm_dynamics.task_algebra import axis_masses
 from arm_dynamics.task_space import TaskSpace
 
@@ -136,8 +137,7 @@ def _motion_force(dynamics: Dynamics, s: Settings) -> AnyController:
 
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
-    J, W = task.jacobian(dynamics.model.q0), np.linalg.inv(dynamics.mass_matrix(dynamics.model.q0))
-    mass = axis_masses(J @ W @ J.T, task.terms(dynamics.model.q0).inertia)
+    mass = _typical_masses(task, dynamics)
     law = CartesianImpedance(
         task, np.asarray(s.bandwidth, float) ** 2 * mass, s.damping_ratio,
         posture_bandwidth=s.bandwidth, friction=s.friction,
@@ -167,6 +167,15 @@ IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
 
 def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:
     return tuned(dynamics, s.bandwidth, s.damping_ratio)
+
+
+def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:
+    """Median mass of every axis over postures, shape (m,)."""
+    q = postures(dynamics.model, 200)
+    J, W = task.jacobian(q), np.linalg.inv(dynamics.mass_matrix(q))
+    A = J @ W @ np.swapaxes(J, 1, 2)
+    masses = [axis_masses(*pair) for pair in zip(A, task.terms(q).inertia, strict=True)]
+    return np.asarray(np.median(masses, axis=0))
 
 
 def _rubbed(

@@ -7,10 +7,13 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.control import Array, Moving, checked, gain, gains
-from arm_dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics import Dynamics, vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference
+from arm_dynamics.postures import postures
 from arm_dynamics.rigid_terms import RigidTerms
+
+_POSTURES = 200  # over which inertia is averaged
 
 
 class PD:
@@ -194,7 +197,8 @@ def tuned(
         dynamics: The model.
         bandwidth: ω in [rad/s], a number or shape (n,).
         damping_ratio: ζ, likewise.
-        q: Where M is taken, shape (n,); None for the scene's initial position.
+        q: Where M is taken, shape (n,); None for the mean of M_ii over postures within limits
+            (a posture in which a joint moves next to nothing would make it too weak elsewhere).
 
     Returns:
         K_p in [N m/rad] or [N/m] and K_d in [N m s/rad] or [N s/m], each of shape (n,).
@@ -202,7 +206,8 @@ def tuned(
     Raises:
         InvalidInput: If a number has a wrong shape or value.
     """
-    inertia = dynamics.mass_matrix(dynamics.model.q0 if q is None else q).diagonal()
+    where = postures(dynamics.model, _POSTURES) if q is None else vector("q", q, dynamics.n)
+    inertia = dynamics.mass_matrix(np.atleast_2d(where)).diagonal(0, 1, 2).mean(0)
     kp, kd = gains(bandwidth, damping_ratio, dynamics.n)
     return kp * inertia, np.maximum(kd * inertia - dynamics.model.viscous, 0.0)
 

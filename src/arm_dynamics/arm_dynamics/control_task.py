@@ -112,7 +112,7 @@ class MotionForce:
         """Choose the direction in the world, shape (3,); the rest is as in ``OperationalSpace``.
 
         Raises:
-            InvalidInput: If the task lacks x, y or z or the direction is zero, and as there.
+            InvalidInput: If the direction is zero or not among the task's axes, and as there.
         """
         self._arm = _Arm(task, posture, posture_bandwidth, friction)
         self._kp, self._kd = gains(bandwidth, damping_ratio, task.m)
@@ -254,12 +254,14 @@ class _Arm:
 
 
 def _direction(task: TaskSpace, direction: ArrayLike) -> Array:
-    if task.axes[:3] != ("x", "y", "z"):
-        raise InvalidInput(f"the task has axes {task.axes}; x, y and z must be among them")
+    """The direction as a unit vector of the task's axes, shape (m,)."""
     u = vector("direction", direction, 3)
     length = float(np.linalg.norm(u))
     if u.ndim != 1 or length < 1e-12:
         raise InvalidInput(f"direction = {u}; a vector of shape (3,) but zero is wanted")
-    along = np.zeros(task.m)
+    along = np.zeros(6)
     along[:3] = u / length
-    return along
+    chosen = along[task.rows]
+    if np.linalg.norm(chosen) < 1.0 - 1e-9:
+        raise InvalidInput(f"direction = {u} is not among the axes of the task, {task.axes}")
+    return np.array(chosen)

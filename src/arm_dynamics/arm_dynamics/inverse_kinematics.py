@@ -16,7 +16,8 @@ from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.dynamics import vector
 from arm_dynamics.exceptions import InvalidInput, Unreachable
-from arm_dynamics.model import ArmModel, Array
+from arm_dynamics.model import Array
+from arm_dynamics.postures import postures
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.task_terms import Pose
 
@@ -148,10 +149,8 @@ class InverseKinematics:
         first = model.q0 if seed is None else vector("seed", seed, model.n)
         if first.ndim != 1:
             raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is wanted")
-        low, high = _range(model)
-        random = np.random.default_rng(0).uniform(low, high, (self._seeds, model.n))
         starts = [first] if seed is None else [first, model.q0]
-        both = [*starts, *random][: self._seeds]
+        both = [*starts, *postures(model, self._seeds)][: self._seeds]
         return [np.clip(q, self._lower, self._upper) for q in both]
 
     def _descend(self, pose: Pose, q: Array) -> tuple[Array, float, float, int]:
@@ -235,10 +234,3 @@ def checked_pose(pose: Pose) -> Pose:
             f"det R = {np.linalg.det(rotation):.3g}; allowed is 1e-6 and a determinant of one"
         )
     return Pose(position, rotation)
-
-
-def _range(model: ArmModel) -> tuple[Array, Array]:
-    """Where random seeds lie: the limits, or a turn where there are none."""
-    low = np.where(np.isfinite(model.position_lower), model.position_lower, -np.pi)
-    high = np.where(np.isfinite(model.position_upper), model.position_upper, np.pi)
-    return low, high

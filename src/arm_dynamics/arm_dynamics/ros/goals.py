@@ -27,7 +27,7 @@ from arm_dynamics.ros.params import ControllerParams, task_axes
 from arm_dynamics.ros.poses import in_world, path_of
 from arm_dynamics.task_space import TaskSpace
 
-_AT_ONCE = 20  # points that are planned within two ticks
+_AT_ONCE = 10  # points that are planned within two ticks
 _LEAD = 50_000_000  # [ns] to plan in, while the arm moves
 _TRIES = 8  # each with twice the lead
 
