@@ -97,3 +97,67 @@ def test_histogram_takes_anything() -> None:
         histogram.add(value)
     assert histogram.percentiles().max == pytest.approx(1000.0)
     assert "max 1000000000" in str(histogram.percentiles())
+
+
+def late_once(loop_period: float, **options: object) -> tuple[RealtimeLoop, list[float]]:
+    """A loop whose tenth tick takes ten periods, after it has run for a hundred."""
+    began: list[float] = []
+
+    def tick() -> None:
+        began.append(time.monotonic())
+        if len(began) == 10:
+            time.sleep(10 * loop_period)
+
+    loop = RealtimeLoop(tick, loop_period, **options)  # type: ignore[arg-type]
+    run(loop, 100 * loop_period)
+    return loop, began
+
+
+def test_skip_leaves_out_what_has_passed_and_stays_on_the_grid() -> None:
+    loop, began = late_once(4e-3, overrun="skip")
+    report = loop.report()
+    assert report.dropped >= 8
+    assert report.ticks + report.dropped == pytest.approx(100, abs=4)
+    phase = (np.array(began[11:]) - began[0]) / 4e-3 % 1.0
+    assert np.median(np.minimum(phase, 1.0 - phase)) < 0.25
+
+
+def test_slow_down_lets_time_fall_behind_and_never_hurries() -> None:
+    loop, began = late_once(4e-3, overrun="slow_down")
+    report = loop.report()
+    assert report.dropped >= 8
+    assert report.ticks <= 93
+    after = np.diff(began[9:])[0]
+    assert after >= 0.9 * 40e-3
+    assert np.diff(began[10:])[:1] >= 3e-3
+
+
+def test_as_fast_as_it_goes() -> None:
+    count = [0]
+
+    def tick() -> None:
+        count[0] += 1
+
+    loop = RealtimeLoop(tick, 0.0)
+    run(loop, 0.1)
+    assert loop.report().ticks == count[0] > 1000
+    assert loop.report().missed == 0
+
+
+def test_histogram_beyond_twenty_milliseconds() -> None:
+    histogram = Histogram()
+    for milliseconds in range(1, 1001):
+        histogram.add(milliseconds * 1_000_000)
+    summary = histogram.percentiles()
+    assert summary.p50 == pytest.approx(0.5, rel=0.03)
+    assert summary.p99 == pytest.approx(0.99, rel=0.03)
+    assert sum(count for _, count in histogram.bars()) == 1000
+
+
+def test_prepares_in_its_own_thread() -> None:
+    names: list[str] = []
+    loop = RealtimeLoop(
+        lambda: None, 1e-3, prepare=lambda: names.append(threading.current_thread().name)
+    )
+    run(loop, 0.02)
+    assert names == ["realtime_loop"]

@@ -165,6 +165,6 @@ def test_reset_is_not_taken_for_a_command(
     for _ in range(150):
         node.tick()
     assert node.commands.stale
-    node.on_reset(Trigger.Request(), Trigger.Response())
+    node.requests.on_reset(Trigger.Request(), Trigger.Response())
     node.tick()
     assert "commands are back" not in capfd.readouterr().err

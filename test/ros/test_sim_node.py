@@ -53,11 +53,13 @@ def motion(node: SimNode) -> np.ndarray:
 
 
 def set_joint_state(node: SimNode, **fields: Any) -> Any:
-    return node.on_set_joint_state(SetJointState.Request(**fields), SetJointState.Response())
+    return node.requests.on_set_joint_state(
+        SetJointState.Request(**fields), SetJointState.Response()
+    )
 
 
 def step(node: SimNode, steps: int) -> Any:
-    return node.on_step(Step.Request(steps=steps), Step.Response())
+    return node.requests.on_step(Step.Request(steps=steps), Step.Response())
 
 
 def test_ticks_equal_the_simulator_to_the_bit(ros: Ros, rng: np.random.Generator) -> None:
@@ -96,11 +98,11 @@ def test_policy_may_change_while_it_runs(ros: Ros, node: SimNode) -> None:
 
 def test_pause_stops_and_releases(node: SimNode) -> None:
     ticks(node, 3)
-    assert node.on_pause(SetBool.Request(data=True), SetBool.Response()).success
+    assert node.requests.on_pause(SetBool.Request(data=True), SetBool.Response()).success
     before = motion(node)
     ticks(node, 3)
     np.testing.assert_array_equal(motion(node), before)
-    assert node.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    assert node.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
     ticks(node, 3)
     assert node.simulator.step_count == 6
 
@@ -138,7 +140,7 @@ def test_reset_goes_back_to_the_start_without_a_command(ros: Ros, node: SimNode)
     node.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 10)
     heard = ros.listen(JointState, "/joint_states")
-    assert node.on_reset(Trigger.Request(), Trigger.Response()).success
+    assert node.requests.on_reset(Trigger.Request(), Trigger.Response()).success
     np.testing.assert_array_equal(motion(node), start)
     assert node.simulator.state.time == 0.0
     np.testing.assert_array_equal(node.commands.take(node.simulator.state.q), [0.0, 0.0])
@@ -199,7 +201,7 @@ def test_divergence_pauses_and_keeps_the_last_good_state(
         assert "after 0 of 2 steps" in answer.message
     ticks(node, 3)
     np.testing.assert_array_equal(motion(node), good)
-    assert node.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    assert node.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
     ticks(node, 2)
     assert node.simulator.step_count == 6
 
@@ -278,7 +280,7 @@ def test_a_failure_in_the_loop_pauses_it(
         raise ZeroDivisionError("by surprise")
 
     monkeypatch.setattr(node.commands, "take", fail)
-    ros.spin_until(lambda: node._paused)
+    ros.spin_until(lambda: node.paused)
     said = capfd.readouterr().err
     assert said.count("by surprise") == 1
     assert ros.call(Step, "/sim/step", Step.Request(steps=2)).success

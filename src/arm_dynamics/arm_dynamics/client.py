@@ -29,7 +29,6 @@ from arm_dynamics.client_values import (
 from arm_dynamics.exceptions import Refused
 
 ALL_TERMS = 15  # as arm_dynamics.Term.ALL, which would import Pinocchio
-_NAMES = ("joint_names", "joint_types", "frame_names")
 _U32 = 2**32 - 1
 
 
@@ -87,12 +86,18 @@ class ArmClient:
     def model_info(self) -> ModelFacts:
         """What the node knows about its arm."""
         answer = self._asked(self._services.MODEL_INFO)
-        limits = ("position_lower", "position_upper", "velocity_limits", "effort_limits")
-        names = {name: tuple(getattr(answer, name)) for name in _NAMES}
         return ModelFacts(
-            total_mass=answer.total_mass, gravity=np.array(answer.gravity, float),
-            summary=answer.summary, **names, **{x: np.array(getattr(answer, x)) for x in limits},
-        )  # fmt: skip
+            joint_names=tuple(answer.joint_names),
+            joint_types=tuple(answer.joint_types),
+            position_lower=np.array(answer.position_lower),
+            position_upper=np.array(answer.position_upper),
+            velocity_limits=np.array(answer.velocity_limits),
+            effort_limits=np.array(answer.effort_limits),
+            frame_names=tuple(answer.frame_names),
+            total_mass=answer.total_mass,
+            gravity=np.array(answer.gravity, float),
+            summary=answer.summary,
+        )
 
     def inverse_dynamics(
         self,

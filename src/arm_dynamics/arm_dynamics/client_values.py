@@ -73,6 +73,7 @@ def vectors(**given: ArrayLike | None) -> dict[str, array[float]]:
 
 
 def flat(name: str, value: ArrayLike) -> array[float]:
+    """Any numbers as a flat field; ``InvalidInput`` if they are none."""
     try:
         numbers = np.ascontiguousarray(value, dtype=float)
     except (TypeError, ValueError):
@@ -96,6 +97,7 @@ def points(answer: Any, q: ArrayLike) -> tuple[int, ...]:
 
 
 def fixed(name: str, value: ArrayLike, size: int) -> Array:
+    """Numbers for a field of ``size``; ``InvalidInput`` if they are more or fewer."""
     numbers = np.array(flat(name, value))
     if numbers.shape != (size,):
         raise InvalidInput(f"{name} has {numbers.size} numbers; {size} are wanted")
@@ -103,10 +105,12 @@ def fixed(name: str, value: ArrayLike, size: int) -> Array:
 
 
 def shaped(values: Any, shape: tuple[int, ...]) -> Array:
+    """A flat field as an array."""
     return np.array(values, float).reshape(shape)
 
 
 def task_shapes(n: int, m: int) -> dict[str, tuple[int, ...]]:
+    """Shapes of the fields of a ``TaskSpace`` answer for n joints and m axes, a point each."""
     return {
         "pose": (7,), "jacobian": (m, n), "twist": (m,), "bias": (m,), "inertia": (m, m),
         "coriolis": (m,), "gravity": (m,), "inverse": (n, m), "null_space": (n, n),

@@ -143,7 +143,7 @@ class Scene(Part):
         initial: Start of the motion.
         sim: Integration.
         tunable: What may differ between arms of a rollout or change while the simulator runs;
-            costs a little.
+            costs a little. ``external`` are joint torques from outside, zero at first.
     """
 
     robot: Robot
@@ -152,7 +152,7 @@ class Scene(Part):
     payloads: tuple[Payload, ...] = ()
     initial: Initial = Initial()
     sim: Sim = Sim()
-    tunable: tuple[Literal["gravity", "payload", "friction"], ...] = ()
+    tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
 
     def joint(self, name: str) -> Joint:
         """What the scene says of the joint ``name``: its own entry laid over that of ``"*"``."""

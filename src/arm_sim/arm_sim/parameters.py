@@ -19,9 +19,10 @@ class Parameter:
     """A quantity that the scene declares tunable.
 
     Attributes:
-        name: ``gravity``, ``payload`` or ``friction``.
+        name: ``gravity``, ``payload``, ``friction`` or ``external``.
         nominal: Its value in the scene: gravity, shape (3,); mass, com (3) and inertia (6) of
-            each payload; or viscous coefficients, shape (n,).
+            each payload; viscous coefficients, shape (n,); or joint torques from outside that
+            no effort limit cuts, shape (n,).
     """
 
     name: str
@@ -41,6 +42,7 @@ class Parameters:
             "gravity": np.array(model.scene.gravity),
             "payload": np.array(payloads, dtype=float).ravel(),
             "friction": model.viscous,
+            "external": np.zeros(model.n),
         }
         tunable = model.scene.tunable
         self.items = tuple(

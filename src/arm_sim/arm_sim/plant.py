@@ -120,6 +120,8 @@ class Symbols:
         self.tree = tree_of(model, ca.vertsplit(p["payload"], 10) if "payload" in p else None)
         self.gravity = p.get("gravity", constant(model.scene.gravity))
         self.viscous = model.friction.smooth(self.v, p.get("friction"))
+        if "external" in p:  # acts where friction does: on the link, behind limits and drives
+            self.viscous -= p["external"]
 
 
 def state_space(acceleration: ca.Function, n: int) -> ca.Function:

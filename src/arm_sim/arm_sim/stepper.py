@@ -113,7 +113,8 @@ class FixedStepper:
 
     def _by_call(self, x: Array, command: Array, ticks: int, trace: Array, effort: Array) -> int:
         (x_in, r_in, p_in, _), (after, acted) = self._tick.inputs, self._tick.outputs
-        p_in[:] = self.p
+        if self.p.size:
+            p_in[:] = self.p
         for k in range(ticks):
             x_in[:] = x
             r_in[:] = command[k] if command.ndim == 2 else command

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
@@ -24,6 +25,8 @@ from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.follower import Follower
 from arm_dynamics.motion import Limits, Reference
 from arm_dynamics.ros import convert
+from arm_dynamics.ros.answer_log import AnswerLog
+from arm_dynamics.ros.diagnosis import Diagnosis, Finding
 from arm_dynamics.ros.executor import run, surviving
 from arm_dynamics.ros.goals import Goals
 from arm_dynamics.ros.interfaces import (
@@ -40,7 +43,14 @@ from arm_dynamics.ros.joint_state_bytes import (
     JointStateWriter,
     all_finite,
 )
-from arm_dynamics.ros.params import ControllerParams, declare, one_or_all, task_axes, watch
+from arm_dynamics.ros.params import (
+    ControllerParams,
+    declare,
+    one_or_all,
+    privileges,
+    task_axes,
+    watch,
+)
 from arm_dynamics.scene_file import load_scene
 from arm_dynamics.task_axes import chosen_axes
 from arm_dynamics.task_kernel import build, is_built
@@ -85,9 +95,14 @@ class ControllerNode(Node):
         self._goals = Goals(model, Limits.of(model, limit), self.get_logger())
         self._next_report = 0
         self._reader = JointStateReader(names, ("position", "velocity"), partial=False, extra=True)
-        self._writer = JointStateWriter(names, ("effort",))
+        me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # tells two controllers apart
+        self._writer = JointStateWriter(names, ("effort",), frame_id=me)
+        self._log = AnswerLog()
         self._connect()
         watch(self, lambda: self._params, self._apply)
+        self._diagnosis = Diagnosis(self, self._findings)
+        for refusal in privileges(self._params).claim():
+            self.get_logger().warning(f"not granted: {refusal}")
 
     def _connect(self) -> None:
         self._commands = self.create_publisher(
@@ -143,6 +158,7 @@ class ControllerNode(Node):
                 self._goals.follower = None  # hold the arm where it was led to
 
         self._params = params
+        self._log.forget()
         self._builder.give_up()
         if params.controller not in IN_TASK_SPACE or is_built(
             self._dynamics.model, *_task(params)
@@ -176,9 +192,13 @@ class ControllerNode(Node):
         Returns:
             The command that was published, or None when the state could not be used.
         """
+        if (command := self._log.again(raw)) is not None:
+            self._commands.publish(command)
+            return command
         try:
             stamp, (q, v) = self._reader.read(raw)
         except InvalidInput as error:
+            self._log.passed_over += 1
             self._say(f"joint state passed over: {error}")
             return None
         self._builder.deliver()
@@ -189,9 +209,11 @@ class ControllerNode(Node):
             self._control.restart()
             self._say(f"no command, the torque would not be finite: {tau}")
             return None
-        self._say_cut()
+        if cut := self._cut():
+            self._say(f"torque cut at the effort limit: {', '.join(cut)}")
         command = self._writer.write(stamp, self._dynamics.command_map(q, v, tau))
         self._commands.publish(command)
+        self._log.note(raw, command)
         if stamp >= self._next_report:
             self._publish_report(stamp, reference, state, tau)
         return command
@@ -210,28 +232,33 @@ class ControllerNode(Node):
             self._next_report = 0
         return goals.reference(stamp)
 
-    def _say_cut(self) -> None:
+    def _cut(self) -> list[str]:
         law = self._control.active
-        if isinstance(law, Saturated) and law.saturated.any():
-            names = self._dynamics.joint_names
-            cut = ", ".join(
-                name for name, is_cut in zip(names, law.saturated, strict=True) if is_cut
-            )
-            self._say(f"torque cut at the effort limit: {cut}")
+        if not (isinstance(law, Saturated) and law.saturated.any()):
+            return []
+        joints = zip(self._dynamics.joint_names, law.saturated, strict=True)
+        return [name for name, is_cut in joints if is_cut]
+
+    def _findings(self) -> list[Finding]:
+        about = {"goal": self._goals.outcome, "goals refused": self._goals.refused}
+        return [self._log.finding(self, self._params.controller, self._cut(), about)]
 
     def _say(self, warning: str) -> None:
         self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
 
     def on_joint_trajectory(self, message: JointTrajectory) -> None:
         """Follow a trajectory from the present reference on, or say why not."""
+        self._log.forget()
         self._goals.trajectory(message)
 
     def on_cartesian_goal(self, message: PoseStamped) -> None:
         """Lead the frame of the task straight to a pose, or say why not."""
+        self._log.forget()
         self._goals.pose(message, self._params)
 
     def on_cartesian_path(self, message: Path) -> None:
         """Lead the frame of the task through poses, or say why not."""
+        self._log.forget()
         self._goals.path(message, self._params)
 
     def _publish_report(

@@ -49,6 +49,7 @@ class Goals:
         follower: What gives references; None until the arm has been seen.
         stamp: Stamp of the newest state in [ns].
         outcome: What became of the newest goal, for people; empty before the first.
+        refused: How many goals were refused.
     """
 
     def __init__(self, model: ArmModel, limits: Limits, log: RcutilsLogger) -> None:
@@ -56,6 +57,7 @@ class Goals:
         self.follower: Follower | None = None
         self.stamp = -1
         self.outcome = ""
+        self.refused = 0
         self._model, self._limits, self._log = model, limits, log
         self._background = Background("planner")
 
@@ -165,4 +167,5 @@ class Goals:
 
     def _refuse(self, goal: _Goal, why: str) -> None:
         self.outcome = f"{goal.kind} refused{why}"
+        self.refused += 1
         self._log.error(self.outcome)

@@ -22,6 +22,7 @@ from arm_msgs.srv import (
     Step,
     TaskSpace,
 )
+from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
@@ -65,6 +66,7 @@ CARTESIAN_GOAL = Topic("~/cartesian_goal", PoseStamped)
 CARTESIAN_PATH = Topic("~/cartesian_path", Path)
 CONTROLLER_STATE = Topic("~/state", TrackingState)
 ROBOT_DESCRIPTION = Topic("robot_description", String, publish=LATCHED, subscribe=LATCHED)
+DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray)
 
 INVERSE_DYNAMICS = Service("~/inverse_dynamics", InverseDynamics)
 FORWARD_DYNAMICS = Service("~/forward_dynamics", ForwardDynamics)

@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import struct
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple, NoReturn
 
 import numpy as np
@@ -157,10 +157,17 @@ class JointStateWriter:
 
 
 class _Known(NamedTuple):
-    """A layout that was met, and which of its numbers go where; None: all of them as they are."""
+    """A layout that was met, and which of its numbers go where; None: all of them as they are.
+
+    Attributes:
+        source: The header's frame_id.
+        joints: Indices of the joints that it names.
+    """
 
     layout: Layout
     places: tuple[Indices, Indices] | None
+    source: str
+    joints: frozenset[int]
 
 
 class JointStateReader:
@@ -174,7 +181,13 @@ class JointStateReader:
     """
 
     def __init__(
-        self, names: Sequence[str], fields: Sequence[str], *, partial: bool, extra: bool
+        self,
+        names: Sequence[str],
+        fields: Sequence[str],
+        *,
+        partial: bool,
+        extra: bool,
+        admit: Callable[[str, frozenset[int]], None] = lambda source, joints: None,
     ) -> None:
         """Choose what to read.
 
@@ -183,9 +196,11 @@ class JointStateReader:
             fields: Those of position, velocity and effort that must be there.
             partial: Whether joints may be absent; those keep what was read before, at first zero.
             extra: Whether joints that are not in ``names`` are passed over.
+            admit: Called with the frame_id of each message and the indices of the joints that it
+                names, before its numbers count; may raise InvalidInput.
         """
         self._names, self._fields = list(names), [FIELDS.index(field) for field in fields]
-        self._partial, self._extra = partial, extra
+        self._partial, self._extra, self._admit = partial, extra, admit
         self._values = [np.zeros(len(self._names)) for _ in fields]
         self._known: list[_Known] = []
         self.slow_reads = 0
@@ -207,6 +222,7 @@ class JointStateReader:
                 break
         else:
             known, raw = self._learn(raw)
+        self._admit(known.source, known.joints)
         values = []
         for before, field in zip(self._values, self._fields, strict=True):
             array = known.layout.array(raw, field).copy()
@@ -237,7 +253,10 @@ class JointStateReader:
                 raw = serialize_message(message)
         except Exception as error:
             raise InvalidInput(f"{len(raw)} bytes are not a JointState: {error}") from error
-        known = _Known(layout_of(message, raw), self._places(message))
+        places = self._places(message)
+        joints = range(len(self._names)) if places is None else places[1].tolist()
+        source = message.header.frame_id
+        known = _Known(layout_of(message, raw), places, source, frozenset(joints))
         for field, name in enumerate(FIELDS):
             if known.layout.array(raw, field).tobytes() != getattr(message, name).tobytes():
                 raise InvalidInput(f"{name} of the message is not where CDR puts it")

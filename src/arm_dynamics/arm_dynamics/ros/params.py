@@ -19,6 +19,7 @@ from rclpy.parameter import Parameter
 
 from arm_dynamics.control_choice import NAMES
 from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.ros.privileges import Privileges, read_cpus
 
 
 def parameter(
@@ -129,6 +130,30 @@ SCENE = "Scene file or URDF: a path, a package:// URI or URDF text"
 
 
 @dataclass(frozen=True)
+class ThreadParams:
+    """Parameters of the thread that keeps a node's deadlines."""
+
+    priority: int = parameter(
+        0, "Real-time priority of the loop (SCHED_FIFO); 0: an ordinary thread", low=0, high=99
+    )
+    cpus: str = parameter("", "Processors that the loop may run on, such as '0, 2'; empty: all")
+    lock_memory: bool = parameter(False, "Keep the process's memory from being swapped")
+    freeze_garbage: bool = parameter(
+        True, "Take what exists at the start out of the garbage collector's rounds"
+    )
+
+
+def privileges(params: ThreadParams) -> Privileges:
+    """What these parameters ask of the system.
+
+    Raises:
+        InvalidInput: If ``cpus`` cannot be read.
+    """
+    cpus = read_cpus(params.cpus)
+    return Privileges(params.priority, cpus, params.lock_memory, params.freeze_garbage)
+
+
+@dataclass(frozen=True)
 class DynamicsParams:
     """Parameters of the dynamics node."""
 
@@ -139,7 +164,7 @@ class DynamicsParams:
 
 
 @dataclass(frozen=True)
-class ControllerParams:
+class ControllerParams(ThreadParams):
     """Parameters of the controller node."""
 
     scene: str = parameter("", f"{SCENE}; what the controller believes the arm to be")

@@ -49,6 +49,11 @@ class Commands:
         """
         self._timeout, self._policy = timeout, self._policies[policy]
 
+    @property
+    def age(self) -> int:
+        """Ticks since the newest command was first used; 0 without one."""
+        return self._age if self._used is not None else 0
+
     def put(self, tau: Array) -> None:
         """Make ``tau`` the newest command, shape (n,); it must not be changed afterwards."""
         self._newest = tau
@@ -57,6 +62,11 @@ class Commands:
         """Forget all commands."""
         self._newest = self._used = None
         self._age, self.stale = 0, False
+
+    @property
+    def empty(self) -> bool:
+        """Whether no command has come yet."""
+        return self._newest is None
 
     def take(self, q: Array) -> Array:
         """Return the torque for the next tick, shape (n,), and count that tick.

@@ -31,16 +31,24 @@ class EnergyMeter:
 
     def __init__(self, simulator: Simulator) -> None:
         """Open the account at the simulator's present state."""
-        self._simulator, self._audit = simulator, simulator.audit
+        self._simulator = simulator
         self._states, self._commands = [_x(simulator.state)], list[Array]()
         self._flows = np.zeros(2)
         self._start = sum(self._energies())
 
-    def note(self, command: Array, state: State) -> None:
-        """Take in one tick: the command that acted and the state it led to."""
+    def note(self, command: Array, state: State, push: Array | None = None) -> None:
+        """Take in one tick.
+
+        Args:
+            command: What acted, shape (n,).
+            state: What it led to.
+            push: Joint torques from outside that acted beside it, shape (n,).
+        """
+        if push is not None:
+            self._flows[0] += push @ (state.q - self._states[-1][: len(push)])
         self._commands.append(command)
         self._states.append(_x(state))
-        if self._audit.makes_ticks_again:
+        if self._simulator.audit.makes_ticks_again:
             self._add_up()
 
     def account(self) -> Account:
@@ -54,13 +62,15 @@ class EnergyMeter:
     def _add_up(self) -> None:
         if self._commands:
             x, u = np.array(self._states), np.array(self._commands)
-            self._flows += self._audit.flows(x, u, self._simulator.parameters).sum(axis=0)
+            self._flows += self._simulator.audit.flows(x, u, self._simulator.parameters).sum(
+                axis=0
+            )
             self._states, self._commands = self._states[-1:], []
 
     def _energies(self) -> tuple[float, float, float]:
         x, n = self._states[-1], self._simulator.n
         kinetic, potential = self._simulator.dynamics.energy(x[:n], x[n : 2 * n])
-        return kinetic, potential, float(self._audit.stored(x[None])[0])
+        return kinetic, potential, float(self._simulator.audit.stored(x[None])[0])
 
 
 def _x(state: State) -> Array:

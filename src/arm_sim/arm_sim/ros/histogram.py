@@ -1,13 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counts durations by the microsecond, at the cost of an addition."""
+"""Counts durations of any length, at the cost of an addition."""
 
 from __future__ import annotations
 
+import math
+from array import array
 from dataclasses import dataclass
 
 import numpy as np
 
-_BINS = 20_000  # of 1 µs; the last one holds everything longer
+_FINE = 20_000  # bins of 1 µs
+_COARSE = 512  # bins beyond, each longer than the one before by the factor 2 ** (1 / 32)
+_STEPS = 32
 
 
 @dataclass(frozen=True)
@@ -26,22 +30,37 @@ class Percentiles:
 
 
 class Histogram:
-    """Durations in whole microseconds; exact up to 20 ms, and the longest one at any length."""
+    """Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes."""
 
     def __init__(self) -> None:
         """Start empty."""
-        self._counts = [0] * _BINS
+        self._counts = array("q", bytes(8 * (_FINE + _COARSE)))
         self._max = 0
 
     def add(self, nanoseconds: int) -> None:
         """Count one duration in [ns]."""
-        self._counts[min(max(nanoseconds, 0) // 1000, _BINS - 1)] += 1
+        micro = nanoseconds // 1000
+        if micro >= _FINE:
+            micro = _FINE + min(int(_STEPS * math.log2(micro / _FINE)), _COARSE - 1)
+        self._counts[micro if micro > 0 else 0] += 1
         if nanoseconds > self._max:
             self._max = nanoseconds
 
     def percentiles(self) -> Percentiles:
         """Summarise what was counted so far."""
-        below = np.cumsum(self._counts)
+        below = np.cumsum(np.frombuffer(bytes(self._counts), np.int64))
         count = int(below[-1])
-        p50, p99 = (1e-6 * int(np.searchsorted(below, share * count)) for share in (0.5, 0.99))
-        return Percentiles(count, p50, p99, 1e-9 * self._max)
+        p50, p99 = (_seconds(int(np.searchsorted(below, share * count))) for share in (0.5, 0.99))
+        longest = 1e-9 * self._max
+        return Percentiles(count, min(p50, longest), min(p99, longest), longest)
+
+    def bars(self) -> tuple[tuple[float, int], ...]:
+        """Upper edge in [s] and number of the durations of every bin that has any."""
+        counts = np.frombuffer(bytes(self._counts), np.int64)
+        return tuple((_seconds(int(i) + 1), int(counts[i])) for i in np.flatnonzero(counts))
+
+
+def _seconds(bin_: int) -> float:
+    if bin_ < _FINE:
+        return 1e-6 * bin_
+    return float(1e-6 * _FINE * 2.0 ** ((bin_ - _FINE) / _STEPS))

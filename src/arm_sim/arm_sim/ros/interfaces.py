@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from arm_msgs.msg import Energy
+from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
@@ -35,6 +36,7 @@ __all__ = [
     "SET_JOINT_STATE",
     "SET_PAYLOAD",
     "STEP",
+    "WRENCH",
 ]
 
 MAX_STEPS = 10_000  # of one service call
@@ -42,3 +44,4 @@ MAX_STEPS = 10_000  # of one service call
 COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
 ENERGY = Topic("~/energy", Energy)
 CLOCK = Topic("clock", Clock)
+WRENCH = Topic("~/wrench", WrenchStamped)

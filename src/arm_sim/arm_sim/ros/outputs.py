@@ -10,11 +10,12 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 
+from arm_dynamics.model import Array
 from arm_dynamics.ros.convert import to_time
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state_bytes import JointStateWriter
 from arm_sim.ros import interfaces
-from arm_sim.ros.energy_meter import EnergyMeter
+from arm_sim.ros.energy_meter import Account, EnergyMeter
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.round_trip import RoundTrip
 from arm_sim.simulator import Simulator
@@ -28,6 +29,7 @@ class Outputs:
 
     Attributes:
         round_trip: How long answers to joint states take.
+        audited: Whether somebody besides the listeners of ``~/energy`` wants the energy account.
     """
 
     def __init__(self, node: Node, simulator: Simulator, params: SimParams) -> None:
@@ -42,55 +44,69 @@ class Outputs:
         self._clock_bytes = bytearray(serialize_message(interfaces.CLOCK.type()))
         self._meter: EnergyMeter | None = None
         simulator.audit.prepare()
-        self._idle = 0
+        self._idle = 0.0
         self.round_trip = RoundTrip()
+        self.audited = False
 
     def restart(self) -> None:
         """Publish the state after a jump and open a new energy account."""
         self._meter = None
         self.publish()
 
-    def after_tick(self) -> None:
-        """Publish what is due after the tick that was just made."""
+    def after_tick(self, push: Array | None = None) -> None:
+        """Publish what is due after the tick that was just made.
+
+        Args:
+            push: Joint torques from outside that acted beside the effort, if any.
+        """
         state = self._simulator.state
         if self._meter is not None:
-            self._meter.note(self._simulator.command, state)
+            self._meter.note(self._simulator.command, state, push)
         if state.step % self._every == 0:
             self.publish()
         if state.step % self._energy_every == 0:
             self._publish_energy()
 
-    def repeat(self, period: float) -> None:
-        """Publish the same state again about every ``period`` [s] of ticks that do not advance."""
-        self._idle += 1
-        if self._idle * self._simulator.dt >= period:
+    def repeat(self, period: float, call: float) -> None:
+        """Publish the same state again about every ``period``; ``call`` is the time between calls.
+
+        Both are in [s].
+        """
+        self._idle += call
+        if self._idle >= period:
             self.publish()
 
     def publish(self) -> None:
         """Publish the present state, and the clock."""
-        self._idle = 0
+        self._idle = 0.0
         state = self._simulator.state
-        stamp = self._stamp()
+        stamp = self.stamp()
         self.round_trip.sent(stamp)
         self._states.publish(self._writer.write(stamp, state.q, state.v, self._simulator.effort))
         if self._clock is not None:
             _STAMP.pack_into(self._clock_bytes, _STAMP_AT, *divmod(stamp, 1_000_000_000))
             self._clock.publish(bytes(self._clock_bytes))
 
-    def _stamp(self) -> int:
+    def stamp(self) -> int:
         """Simulated time in [ns], from the step counter."""
         return round(1e9 * self._simulator.state.time)
 
+    def account(self) -> Account | None:
+        """Energies since the account was opened, None while it is closed."""
+        return None if self._meter is None else self._meter.account()
+
     def _publish_energy(self) -> None:
-        """Keep the account while somebody listens; it opens with the first listener."""
-        if not self._energy.get_subscription_count():
+        """Keep the account while somebody wants it; it opens with the first one who does."""
+        heard = self._energy.get_subscription_count() > 0
+        if not (heard or self.audited):
             self._meter = None
             return
         if self._meter is None:
             self._meter = EnergyMeter(self._simulator)
-        account = self._meter.account()
-        message = Energy(**account._asdict())
-        message.header.stamp = to_time(self._stamp())
+        if not heard:
+            return
+        message = Energy(**self._meter.account()._asdict())
+        message.header.stamp = to_time(self.stamp())
         self._energy.publish(message)
 
 

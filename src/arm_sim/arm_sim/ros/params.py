@@ -5,12 +5,13 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from arm_dynamics.ros.params import SCENE, parameter
+from arm_dynamics.ros.params import SCENE, ThreadParams, parameter
 from arm_sim.ros.commands import POLICIES, ZERO
+from arm_sim.ros.realtime_loop import CATCH_UP, OVERRUN
 
 
 @dataclass(frozen=True)
-class SimParams:
+class SimParams(ThreadParams):
     """Parameters of the sim node."""
 
     scene: str = parameter("", f"{SCENE}; what is simulated")
@@ -20,12 +21,45 @@ class SimParams:
         0.0, "Error allowed inside a tick; 0: as the scene says", low=0.0, high=1.0
     )
     realtime: bool = parameter(True, "Tick by the clock; false: only when somebody calls tick()")
+    realtime_factor: float = parameter(
+        1.0,
+        "Simulated time per time of the clock; 0: as fast as it goes",
+        low=0.0,
+        high=1000.0,
+    )
+    overrun: str = parameter(
+        CATCH_UP,
+        "After a tick that is late by more than a tick: catch_up makes up for it, skip leaves out "
+        "ticks whose time has passed, slow_down lets simulated time fall behind",
+        choices=OVERRUN,
+    )
+    lockstep: bool = parameter(
+        False, "Tick when the present state has been answered, instead of by the clock"
+    )
+    lockstep_retry: float = parameter(
+        0.02, "Time after which an unanswered state is published again [s]", low=0.001, high=10.0
+    )
+    lockstep_timeout: float = parameter(
+        1.0, "Time without answer after which the partner is reported gone [s]", low=0.01, high=1e4
+    )
     paused: bool = parameter(False, "Start paused")
+    wait_for_command: bool = parameter(
+        False, "Let time stand still until the first command, also after a reset"
+    )
     publish_every: int = parameter(1, "Ticks from joint state to joint state", low=1, high=100_000)
     publish_clock: bool = parameter(False, "Publish simulated time on clock")
     frame_id: str = parameter("", "frame_id of the joint states")
     energy_period: float = parameter(
         0.02, "Time between messages on ~/energy [s]", low=0.001, high=10.0
+    )
+    wrench_timeout: float = parameter(
+        0.1, "Simulated time that a wrench acts [s]", low=0.0, high=3600.0
+    )
+    wrench_reference: str = parameter(
+        "local",
+        "Axes of wrenches: local (of the frame that is pushed) or local_world_aligned (of the "
+        "world)",
+        choices=("local", "local_world_aligned"),
     )
     command_timeout: float = parameter(
         0.1,

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 from arm_sim.ros.histogram import Histogram, Percentiles
 
+CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
+OVERRUN = (CATCH_UP, SKIP, SLOW_DOWN)
 _PR_SET_TIMERSLACK = 29
 
 
@@ -22,7 +24,7 @@ class LoopReport:
         ticks: Calls made.
         elapsed: Time they took in [s].
         missed: Ticks that began after the next one was due.
-        dropped: Deadlines given up because the loop was too far behind.
+        dropped: Deadlines that nobody kept: given up, left out or put off.
         lateness: How long after their deadline ticks began.
     """
 
@@ -41,9 +43,15 @@ class LoopReport:
 class RealtimeLoop:
     """Calls ``tick`` every ``period``, by deadlines that do not drift.
 
-    A tick that is late is made up for: the following ones come faster, though never closer than
-    ``closest`` of a period, so that partners still get to answer each of them. The loop is never
-    more than ``give_up`` behind: deadlines that are older are dropped, and counted.
+    What follows a tick that begins after the next one was due is declared by ``overrun``:
+
+    * ``catch_up``: it is made up for. The following ticks come faster, though never closer than
+      ``closest`` of a period, so that partners still get to answer each of them. The loop is never
+      more than ``give_up`` behind: older deadlines are dropped, and counted.
+    * ``skip``: deadlines that have passed are left out; ticks stay on the grid of the clock.
+    * ``slow_down``: the grid itself is put off; the next tick comes a period after the late one.
+
+    With a period of zero, ticks follow one another as fast as they can, and nothing is late.
     """
 
     def __init__(
@@ -51,40 +59,47 @@ class RealtimeLoop:
         tick: Callable[[], None],
         period: float,
         *,
+        overrun: str = CATCH_UP,
         closest: float = 0.5,
         give_up: float = 1.0,
+        prepare: Callable[[], None] = lambda: None,
     ) -> None:
         """Prepare the loop; ``start`` runs it.
 
         Args:
             tick: What to call; it must not raise.
-            period: Time between deadlines in [s].
+            period: Time between deadlines in [s]; 0: none.
+            overrun: ``catch_up``, ``skip`` or ``slow_down``.
             closest: Least distance of ticks while catching up, as a part of the period.
-            give_up: Lag in [s] beyond which deadlines are dropped.
+            give_up: Lag in [s] beyond which deadlines are dropped while catching up.
+            prepare: Called once by the thread, before its first tick.
         """
-        self._tick = tick
+        self._tick, self._prepare = tick, prepare
         self._period = round(1e9 * period)
-        self._closest = round(1e9 * period * closest)
-        self._give_up = round(1e9 * give_up)
+        self._closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
+        self._give_up = round(1e9 * give_up) if overrun == CATCH_UP else self._period
+        self._slow_down = overrun == SLOW_DOWN
+        self._thread: threading.Thread | None = None
         self._running = False
-        self._until: int | None = None
-        self._thread = threading.Thread(target=self._run, name="realtime_loop", daemon=True)
         self.forget()
 
     def start(self) -> None:
         """Start ticking in a thread of its own."""
         self._running = True
+        self._thread = threading.Thread(target=self._run, name="realtime_loop", daemon=True)
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop ticking and wait for the thread to end."""
+        """Stop after the tick under way; the report stays."""
         self._running = False
-        if self._thread.is_alive() and threading.current_thread() is not self._thread:
+        if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
+            self._thread = None
+        if self._until is None:
             self._until = time.monotonic_ns()
 
     def forget(self) -> None:
-        """Start counting afresh."""
+        """Count afresh."""
         self._lateness = Histogram()
         self._missed = self._dropped = 0
         self._since, self._until = time.monotonic_ns(), None
@@ -95,9 +110,21 @@ class RealtimeLoop:
         elapsed = 1e-9 * ((self._until or time.monotonic_ns()) - self._since)
         return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness)
 
+    def histogram(self) -> Histogram:
+        """Lateness of every tick."""
+        return self._lateness
+
     def _run(self) -> None:
         _ask_for_exact_timers()
+        self._prepare()
         self.forget()
+        if self._period:
+            self._by_the_clock()
+        while self._running:
+            self._lateness.add(0)
+            self._tick()
+
+    def _by_the_clock(self) -> None:
         deadline = earliest = time.monotonic_ns()
         while self._running:
             wake = max(deadline, earliest)
@@ -105,17 +132,25 @@ class RealtimeLoop:
             if now < wake:
                 time.sleep(1e-9 * (wake - now))
                 now = time.monotonic_ns()
-            self._lateness.add(now - deadline)
-            self._missed += now - deadline > self._period
+            late = now - deadline
+            self._lateness.add(late)
+            self._missed += late > self._period
             earliest = now + self._closest
             self._tick()
-            deadline = self._next(deadline, now)
+            deadline += self._period
+            if late > self._give_up:
+                deadline += self._put_off(late)
 
-    def _next(self, deadline: int, now: int) -> int:
-        too_late = now - deadline - self._give_up
-        dropped = -(-too_late // self._period) if too_late > 0 else 0
+    def _put_off(self, late: int) -> int:
+        """How much later the next deadline is than it would have been."""
+        if self._slow_down:
+            self._dropped += late // self._period
+            return late
+        dropped = -(-(late - self._give_up) // self._period)
         self._dropped += dropped
-        return deadline + (dropped + 1) * self._period
+        return dropped * self._period
+
+    _until: int | None
 
 
 def _ask_for_exact_timers() -> None:

@@ -18,6 +18,10 @@ class RoundTrip:
         self._sent: dict[int, int] = {}
         self._histogram = Histogram()
 
+    def forget(self) -> None:
+        """Count afresh."""
+        self._histogram = Histogram()
+
     def sent(self, stamp: int) -> None:
         """Note that the state of ``stamp`` in [ns] was published now."""
         self._sent[stamp] = time.time_ns()

@@ -4,9 +4,6 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Callable
-from concurrent.futures import Future
-from queue import Empty, SimpleQueue
 from typing import Any
 
 import numpy as np
@@ -14,34 +11,43 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros import convert
+from arm_dynamics.ros.diagnosis import Diagnosis
 from arm_dynamics.ros.executor import run, surviving
-from arm_dynamics.ros.joint_state_bytes import JointStateReader
 from arm_dynamics.ros.newest import Newest
-from arm_dynamics.ros.params import declare, watch
+from arm_dynamics.ros.params import declare, privileges, watch
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.ros import interfaces
+from arm_sim.ros.command_input import CommandInput, PushInput
 from arm_sim.ros.commands import Commands
+from arm_sim.ros.energy_meter import Account
+from arm_sim.ros.errands import Errands
+from arm_sim.ros.findings import Findings
 from arm_sim.ros.histogram import Percentiles
+from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.realtime_loop import LoopReport, RealtimeLoop
+from arm_sim.ros.services import SimServices
 from arm_sim.simulator import Simulator
 
-_THROTTLE = 2.0  # [s] between warnings of one kind
-_ANSWER_TIMEOUT = 30.0  # [s] that a service waits for the simulation
-_PAUSED_PERIOD = 0.1  # [s] between joint states while paused
+_PAUSED_PERIOD = 0.1  # [s] between joint states while time stands still
+_PATIENCE = 0.5  # [s] after which a silent source is gone, where commands never grow old
 
 
 class SimNode(Node):
     """Integrates the arm from torque commands and publishes its joint states.
 
-    With ``realtime`` a thread ticks by the clock; without, whoever calls ``tick`` is the clock.
-    What services ask for is done by the ticking thread, between ticks.
+    With ``realtime`` a thread ticks by the clock; with ``lockstep`` the answer to a state makes
+    the next tick; without either, whoever calls ``tick`` is the clock. What services ask for is
+    done by the thread that ticks, between ticks.
 
     Attributes:
         simulator: The simulation.
         commands: The slot for torques.
+        params: Parameters in force.
+        paused: Whether time stands still.
+        trouble: Why the simulation stopped by itself, else empty.
+        lockstep: What waits for answers, or None.
     """
 
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
@@ -55,113 +61,193 @@ class SimNode(Node):
             ArmError: If there is no scene, or a scene or parameter that cannot be used.
         """
         super().__init__("sim", **node_kwargs)
-        self._params = declare(self, SimParams)
-        self.simulator = _simulator(scene, self._params)
-        self.commands = Commands(self.simulator.dynamics)
-        self._apply(self._params)
-        self._limit = self.simulator.model.command_limit
-        self._paused = self._params.paused
-        self._was_stale = False
-        self._requests: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
-        names = self.simulator.joint_names
-        self._reader = JointStateReader(names, ("effort",), partial=True, extra=False)
-        self._outputs = Outputs(self, self.simulator, self._params)
+        self.params = params = declare(self, SimParams)
+        self.simulator = _simulator(scene, params)
+        self.commands, self.errands = Commands(self.simulator.dynamics), Errands()
+        self.paused, self.trouble, self._was_stale = params.paused, "", False
+        self._privileges = privileges(params)
+        self.refused_privileges: list[str] = []
+        self.input = CommandInput(self, self.simulator, self.commands, self._ticks(_PATIENCE))
+        pushed = self._ticks(params.wrench_timeout), params.wrench_reference
+        self.push = PushInput(self, self.simulator, self.errands, *pushed)
+        self._apply(params)
+        self._outputs = Outputs(self, self.simulator, params)
+        self.lockstep: Lockstep | None = None
+        self._loop = self._make_loop()
         self._connect()
-        watch(self, lambda: self._params, self._apply)
-        self._loop = RealtimeLoop(self._tick_unattended, self.simulator.dt)
-        self._outputs.publish()
-        if self._params.realtime:
-            self._loop.start()
+        watch(self, lambda: self.params, self._apply)
+        self._start()
 
     def _connect(self) -> None:
-        self._joint_commands = Newest(self, interfaces.JOINT_COMMANDS)
-        topic = interfaces.COMMANDS
-        self.create_subscription(
-            topic.type, topic.name, surviving(self, self.on_commands), topic.subscribe
-        )
-        for service, answer in (
-            (interfaces.RESET, self.on_reset),
-            (interfaces.PAUSE, self.on_pause),
-            (interfaces.STEP, self.on_step),
-            (interfaces.SET_JOINT_STATE, self.on_set_joint_state),
+        self._newest: Newest | None = None
+        if self.params.lockstep:
+            self.lockstep = Lockstep(self)
+        else:
+            self._newest = Newest(self, interfaces.JOINT_COMMANDS)
+        for topic, callback in (
+            (interfaces.COMMANDS, self.on_commands),
+            (interfaces.WRENCH, self.push.on_wrench),
         ):
-            self.create_service(service.type, service.name, answer)
+            self.create_subscription(
+                topic.type, topic.name, surviving(self, callback), topic.subscribe
+            )
+        self.requests = SimServices(self)
+        self.findings = Findings(self)
+        self.diagnosis = Diagnosis(self, self.findings)
+
+    def _make_loop(self) -> RealtimeLoop:
+        factor = self.params.realtime_factor
+        period = self.simulator.dt / factor if factor else 0.0
+        return RealtimeLoop(
+            self._tick_unattended, period, overrun=self.params.overrun, prepare=self._rise
+        )
+
+    def _start(self) -> None:
+        self.publish_state()
+        if self.lockstep is not None:
+            self._rise()
+            self.lockstep.wait()
+        elif self.params.realtime:
+            self.errands.served = True
+            self._loop.start()
 
     def _apply(self, params: SimParams) -> None:
-        timeout = round(params.command_timeout / self.simulator.dt)
-        if params.command_timeout > 0.0:
-            timeout = max(timeout, 1)
+        timeout = self._ticks(params.command_timeout)
         self.commands.configure(timeout, params.stale_policy)
-        self._params = params
+        self.input.arbiter.patience = timeout or self._ticks(_PATIENCE)
+        self.params = params
+
+    def _ticks(self, duration: float) -> int:
+        return max(round(duration / self.simulator.dt), 1) if duration > 0.0 else 0
+
+    def _rise(self) -> None:
+        """Ask for what the thread that ticks is to have."""
+        self.refused_privileges = self._privileges.claim()
+        for refusal in self.refused_privileges:
+            self.get_logger().warning(f"not granted: {refusal}")
 
     # --- ticking -------------------------------------------------------------------------------
 
+    @property
+    def driven_by(self) -> str:
+        """What makes the simulation tick."""
+        if self.lockstep is not None:
+            return "lockstep"
+        return "clock" if self.params.realtime else "hand"
+
+    @property
+    def running(self) -> bool:
+        """Whether something else than a caller makes it tick."""
+        return self.driven_by != "hand"
+
     def tick(self) -> None:
         """Do what was asked for since the last tick, then advance by one unless paused."""
-        self._serve()
-        if self._paused:
-            self._outputs.repeat(_PAUSED_PERIOD)
+        self.errands.serve()
+        self.input.arbiter.tick()
+        if self.paused:
+            self.repeat(self.simulator.dt)
             return
-        self._look_for_command()
-        self._advance(self.commands.take(self.simulator.state.q))
+        self.look_for_command()
+        if self.params.wait_for_command and self.commands.empty:
+            self.repeat(self.simulator.dt)
+            return
+        self.advance(self.commands.take(self.simulator.state.q))
         if self.commands.stale is not self._was_stale:
             self._say_stale()
 
     def _tick_unattended(self) -> None:
-        """Tick in the loop's thread, where nobody sees an exception."""
+        """Tick where nobody sees an exception."""
         try:
             self.tick()
         except Exception as error:
-            self._paused = True
-            if self.context.ok():
-                self.get_logger().error(f"paused after an unexpected failure: {error!r}")
+            self._stop(f"paused after an unexpected failure: {error!r}")
 
-    def _advance(self, tau: np.ndarray) -> bool:
+    def advance(self, tau: np.ndarray) -> bool:
+        """Make a tick with a torque; on divergence stop at the last good state and say False."""
+        push = self.push.before_tick()
         try:
             self.simulator.step(tau)
         except SimulationDiverged as error:
-            self._paused = True
-            self.get_logger().error(
+            self._stop(
                 f"paused, the last good state is kept; reset or set the joint state: {error}"
             )
             return False
-        self._outputs.after_tick()
+        self._outputs.after_tick(push)
         return True
+
+    def _stop(self, why: str) -> None:
+        self.paused, self.trouble = True, why
+        if self.context.ok():
+            self.get_logger().error(why)
+
+    def forget_trouble(self) -> None:
+        """Forget why it stopped, and that commands were stale."""
+        self.trouble, self._was_stale = "", False
 
     def _say_stale(self) -> None:
         self._was_stale = self.commands.stale
         if self._was_stale:
             self.get_logger().warning(
-                f"no command for {self._params.command_timeout:g} s: "
-                f"the policy '{self._params.stale_policy}' acts"
+                f"no command for {self.params.command_timeout:g} s: "
+                f"the policy '{self.params.stale_policy}' acts"
             )
         else:
             self.get_logger().info("commands are back")
 
-    def _serve(self) -> None:
-        while not self._requests.empty():
-            try:
-                action, future = self._requests.get_nowait()
-            except Empty:
-                return
-            if not future.set_running_or_notify_cancel():
-                continue
-            try:
-                future.set_result(action())
-            except Exception as error:
-                future.set_exception(error)
+    def tick_to_next_state(self) -> None:
+        """Tick until the next state that is published."""
+        self._tick_unattended()
+        while not self.paused and self.simulator.step_count % self.params.publish_every:
+            self._tick_unattended()
 
-    def _between_ticks(self, action: Callable[[], Any]) -> Any:
-        """Have the ticking thread do something and wait for it; do it here if there is none."""
-        if not self._params.realtime:
-            return action()
-        future: Future[Any] = Future()
-        self._requests.put((action, future))
-        try:
-            return future.result(_ANSWER_TIMEOUT)
-        except TimeoutError:
-            future.cancel()
-            raise InvalidInput(f"the simulation gave no answer in {_ANSWER_TIMEOUT} s") from None
+    # --- what others need ----------------------------------------------------------------------
+
+    def changed(self) -> None:
+        """Tell partners and the energy account of a jump of the simulation."""
+        self._outputs.restart()
+        if self.lockstep is not None:
+            self.lockstep.wait()
+
+    def forget_counts(self) -> None:
+        """Let all counters begin afresh."""
+        self._loop.forget()
+        self._outputs.round_trip.forget()
+        self.commands.stale_count = self.input.passed_over = self.input.arbiter.refused = 0
+        if self.lockstep is not None:
+            self.lockstep.asked_again = self.lockstep.ignored = 0
+
+    def repeat(self, call: float) -> None:
+        """Publish the present state now and then; ``call`` is the time between calls in [s]."""
+        self._outputs.repeat(_PAUSED_PERIOD, call)
+
+    def publish_state(self) -> None:
+        """Publish the present state now."""
+        self._outputs.publish()
+
+    @property
+    def stamp(self) -> int:
+        """Simulated time in [ns]."""
+        return self._outputs.stamp()
+
+    @property
+    def executor_name(self) -> str:
+        """Who dispatches this node's callbacks."""
+        return type(self.executor).__name__ if self.executor is not None else "none"
+
+    @property
+    def command_topic(self) -> str:
+        """Full name of the topic of commands."""
+        return self.resolve_topic_name(interfaces.JOINT_COMMANDS.name)
+
+    def command_publishers(self) -> int:
+        """How many publish commands by joint name."""
+        return self.count_publishers(self.command_topic)
+
+    def energy_account(self) -> Account | None:
+        """Energies since the account was opened; None before that."""
+        self._outputs.audited = self.diagnosis.heard
+        account: Account | None = self.errands.run(self._outputs.account)
+        return account
 
     def report(self) -> tuple[LoopReport, Percentiles]:
         """How well the clock has been kept, and how long commands took from state to effort."""
@@ -170,8 +256,10 @@ class SimNode(Node):
     def destroy_node(self) -> None:
         """Stop ticking, say how it went, and take the node down."""
         self._loop.stop()
-        self._joint_commands.close()
-        if self._params.realtime:
+        self.errands.served = False
+        if self._newest is not None:
+            self._newest.close()
+        if self.driven_by == "clock":
             loop, round_trip = self.report()
             self.get_logger().info(
                 f"{loop.ticks} ticks, {loop.rate:.2f} per second, {loop.missed} late by more than "
@@ -182,101 +270,22 @@ class SimNode(Node):
 
     # --- commands ------------------------------------------------------------------------------
 
-    def _look_for_command(self) -> None:
-        taken = self._joint_commands.take()
+    def look_for_command(self) -> None:
+        """Take the newest command if there is one."""
+        taken = None if self._newest is None else self._newest.take()
         if taken is not None:
             self.on_joint_commands(*taken)
 
-    def on_joint_commands(self, raw: bytes, arrival: int = 0) -> None:
+    def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
         """Take efforts by joint name from the JointState that came at ``arrival`` in [ns]."""
-        try:
-            stamp, (tau,) = self._reader.read(raw)
-        except InvalidInput as error:
-            self._refuse(error)
-            return
-        self._outputs.round_trip.answered(stamp, arrival)
-        self._accept(tau)
+        stamp = self.input.joint_command(raw)
+        if stamp is not None:
+            self._outputs.round_trip.answered(stamp, arrival)
+        return stamp
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Take efforts in model order."""
-        tau = np.array(message.data, float)
-        if tau.shape != (self.simulator.n,) or not np.isfinite(tau).all():
-            self._refuse(
-                f"{tau.size} numbers {tau[:10]}; allowed are {self.simulator.n} finite numbers"
-            )
-            return
-        self._accept(tau)
-
-    def _accept(self, tau: np.ndarray) -> None:
-        over = np.abs(tau) > self._limit
-        if over.any():
-            joint = int(np.argmax(over))
-            name = self.simulator.joint_names[joint]
-            self.get_logger().warning(
-                f"effort {tau[joint]:.6g} of joint '{name}' is beyond its limit "
-                f"{self._limit[joint]:.6g} {self.simulator.model.command_unit[joint]} "
-                "and is cut to it",
-                throttle_duration_sec=_THROTTLE,
-            )
-        self.commands.put(tau)
-
-    def _refuse(self, why: Any) -> None:
-        self.get_logger().warning(f"command passed over: {why}", throttle_duration_sec=_THROTTLE)
-
-    # --- services ------------------------------------------------------------------------------
-
-    def on_reset(self, request: Any, response: Any) -> Any:
-        """Answer ``~/reset``: back to the initial state and time zero, without a command."""
-        del request  # empty
-        with convert.answering(response, self.get_logger()):
-            self._between_ticks(self._reset)
-        return response
-
-    def on_pause(self, request: Any, response: Any) -> Any:
-        """Answer ``~/pause``: stop or go on."""
-        with convert.answering(response, self.get_logger()):
-            self._between_ticks(lambda: setattr(self, "_paused", request.data))
-        return response
-
-    def on_step(self, request: Any, response: Any) -> Any:
-        """Answer ``~/step``: advance by whole ticks while nobody else does."""
-        with convert.answering(response, self.get_logger()):
-            if not 1 <= request.steps <= interfaces.MAX_STEPS:
-                raise InvalidInput(
-                    f"steps = {request.steps}; allowed are 1 to {interfaces.MAX_STEPS}"
-                )
-            self._between_ticks(lambda: self._step(request.steps))
-        response.time = self.simulator.state.time
-        return response
-
-    def on_set_joint_state(self, request: Any, response: Any) -> Any:
-        """Answer ``~/set_joint_state``: put joints where the request wants them."""
-        with convert.answering(response, self.get_logger()):
-            self._between_ticks(lambda: self._set_joint_state(request))
-        return response
-
-    def _reset(self) -> None:
-        self.simulator.reset()
-        self.commands.clear()
-        self._was_stale = False
-        self._outputs.restart()
-
-    def _step(self, steps: int) -> None:
-        if self._params.realtime and not self._paused:
-            raise InvalidInput("the simulation is running; allowed only while it is paused")
-        self._look_for_command()
-        for done in range(steps):
-            if not self._advance(self.commands.held(self.simulator.state.q)):
-                raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
-
-    def _set_joint_state(self, request: Any) -> None:
-        """Named joints take the positions, or keep theirs, and the velocities, or stop."""
-        state = self.simulator.state
-        joints = convert.joint_indices(request.joint_names, self.simulator.joint_names)
-        q = convert.spread("position", request.position or state.q[joints], joints, state.q)
-        v = convert.spread("velocity", request.velocity or 0.0 * q[joints], joints, state.v)
-        self.simulator.set_state(q, v)
-        self._outputs.restart()
+        self.input.bare_command(message)
 
 
 def _simulator(scene: Any, params: SimParams) -> Simulator:

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Publishes how a node is doing on ``/diagnostics``, while somebody listens."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from arm_dynamics.ros.interfaces import DIAGNOSTICS
+
+PERIOD = 1.0  # [s]
+OK, WARN, ERROR = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR)
+
+
+@dataclass
+class Finding:
+    """How one part of a node is doing.
+
+    Attributes:
+        part: Which one.
+        values: Numbers and words about it, by name.
+    """
+
+    part: str
+    values: dict[str, object] = field(default_factory=dict)
+    _level: bytes = OK
+    _words: list[str] = field(default_factory=list)
+
+    def complain(self, level: bytes, words: str) -> None:
+        """Say that something is not as it should be; the worst level counts."""
+        self._level = max(self._level, level)
+        self._words.append(words)
+
+    def message(self, node: Node) -> DiagnosticStatus:
+        """The finding as ROS says it."""
+        return DiagnosticStatus(
+            level=self._level,
+            name=f"{node.get_fully_qualified_name().lstrip('/')}: {self.part}",
+            message="; ".join(self._words) or "ok",
+            hardware_id=node.get_fully_qualified_name(),
+            values=[KeyValue(key=k, value=_text(v)) for k, v in self.values.items()],
+        )
+
+
+class Diagnosis:
+    """A timer that asks for findings and publishes them."""
+
+    def __init__(self, node: Node, find: Callable[[], Sequence[Finding]]) -> None:
+        """Begin.
+
+        Args:
+            node: The node that is looked at.
+            find: Gives the findings; called once a second while somebody listens.
+        """
+        self._node, self._find = node, find
+        self._publisher = node.create_publisher(
+            DIAGNOSTICS.type, DIAGNOSTICS.name, DIAGNOSTICS.publish
+        )
+        self._timer = node.create_timer(PERIOD, self.publish)
+
+    @property
+    def heard(self) -> bool:
+        """Whether anybody listens."""
+        return self._publisher.get_subscription_count() > 0
+
+    def publish(self) -> None:
+        """Publish what is found now, if anybody listens."""
+        if not self.heard:
+            return
+        message = DiagnosticArray(status=[f.message(self._node) for f in self._find()])
+        message.header.stamp = self._node.get_clock().now().to_msg()
+        self._publisher.publish(message)
+
+
+def _text(value: object) -> str:
+    if isinstance(value, bool):
+        return str(value).lower()
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,89 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a thread that keeps deadlines may ask of the system, and a clear word when it may not."""
+
+from __future__ import annotations
+
+import ctypes
+import gc
+import os
+from dataclasses import dataclass
+
+from arm_dynamics.exceptions import InvalidInput
+
+_MCL_CURRENT_AND_FUTURE = 3
+
+
+@dataclass(frozen=True)
+class Privileges:
+    """What is wanted.
+
+    Attributes:
+        priority: Real-time priority of the thread (SCHED_FIFO), 1 to 99; 0: an ordinary thread.
+        cpus: Processors that the thread may run on; none: all.
+        lock_memory: Keep the process's memory from being swapped.
+        freeze_garbage: Take what exists now out of the garbage collector's rounds.
+    """
+
+    priority: int = 0
+    cpus: tuple[int, ...] = ()
+    lock_memory: bool = False
+    freeze_garbage: bool = False
+
+    def claim(self) -> list[str]:
+        """Ask for all of it, for the calling thread and its process; nothing else stops working.
+
+        Returns:
+            For each thing that was not granted, what it was and why.
+        """
+        refused = []
+        for wanted, ask in (
+            (self.priority > 0, self._rise),
+            (bool(self.cpus), self._stay),
+            (self.lock_memory, _lock),
+            (self.freeze_garbage, _freeze),
+        ):
+            try:
+                if wanted:
+                    ask()
+            except (OSError, AttributeError, ValueError) as error:
+                refused.append(f"{_WHAT[ask.__name__]}: {error}")
+        return refused
+
+    def _rise(self) -> None:
+        os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self.priority))
+
+    def _stay(self) -> None:
+        os.sched_setaffinity(0, self.cpus)
+
+
+_WHAT = {
+    "_rise": "no real-time priority (allow it by ulimit -r or CAP_SYS_NICE)",
+    "_stay": "no processors of its own",
+    "_lock": "memory is not locked (allow it by ulimit -l or CAP_IPC_LOCK)",
+    "_freeze": "garbage is not frozen",
+}
+
+
+def read_cpus(text: str) -> tuple[int, ...]:
+    """Read a list of processors such as ``0, 2``.
+
+    Raises:
+        InvalidInput: If it is none.
+    """
+    try:
+        cpus = tuple(int(word) for word in text.replace(",", " ").split())
+    except ValueError:
+        cpus = (-1,)
+    if any(cpu < 0 for cpu in cpus):
+        raise InvalidInput(f"cpus = '{text}'; allowed are numbers of processors such as '0, 2'")
+    return cpus
+
+
+def _lock() -> None:
+    if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE):
+        raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
+
+
+def _freeze() -> None:
+    gc.collect()
+    gc.freeze()

@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lets one stream of commands lead a joint at a time."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from arm_dynamics import InvalidInput
+
+STREAM = 10  # commands without a long silence that make a stream
+
+
+@dataclass
+class _Heard:
+    joints: frozenset[int]
+    at: int
+    count: int = 1
+
+
+class Arbiter:
+    """Remembers who commands which joints; a stream of commands keeps them while it goes on.
+
+    A source is what a command's ``header.frame_id`` says; our controllers write their name and
+    process there. A source that has been silent for ``patience`` ticks loses its joints, and one
+    that sends a command now and then does not own any.
+
+    Attributes:
+        refused: How many commands were refused.
+        words: The last refusal.
+    """
+
+    def __init__(self, patience: int) -> None:
+        """Start without any source; ``patience`` in ticks."""
+        self.patience = patience
+        self.refused = 0
+        self.words = ""
+        self._refused_at = -patience
+        self._heard: dict[str, _Heard] = {}
+        self._now = 0
+
+    def tick(self) -> None:
+        """Count a tick."""
+        self._now += 1
+
+    @property
+    def sources(self) -> tuple[str, ...]:
+        """Who has commanded joints lately."""
+        return tuple(source for source, heard in self._heard.items() if self._fresh(heard))
+
+    @property
+    def conflict(self) -> bool:
+        """Whether a command was refused within the last ``patience`` ticks."""
+        return self.refused > 0 and self._now - self._refused_at <= self.patience
+
+    def admit(self, source: str, joints: frozenset[int]) -> None:
+        """Take note of a command.
+
+        Raises:
+            InvalidInput: If the stream of another source commands one of these joints.
+        """
+        if len(self._heard) > 1 or source not in self._heard:
+            self._contest(source, joints)
+        heard = self._heard.setdefault(source, _Heard(joints, self._now, 0))
+        heard.joints, heard.at, heard.count = joints, self._now, heard.count + 1
+
+    def _contest(self, source: str, joints: frozenset[int]) -> None:
+        self._heard = {s: heard for s, heard in self._heard.items() if self._fresh(heard)}
+        for other, heard in self._heard.items():
+            if other != source and heard.count >= STREAM and heard.joints & joints:
+                self.refused += 1
+                self._refused_at = self._now
+                self.words = (
+                    f"two controllers: '{source}' is refused while '{other}' commands these joints"
+                )
+                raise InvalidInput(f"{self.words}; allowed is one stream for each joint")
+
+    def _fresh(self, heard: _Heard) -> bool:
+        return self._now - heard.at <= self.patience
+
+    def forget(self) -> None:
+        """Forget all sources."""
+        self._heard.clear()

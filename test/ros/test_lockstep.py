@@ -1,0 +1,197 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sim and controller in lockstep: the same bits, whatever is lost on the way."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Ros
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_srvs.srv import SetBool, Trigger
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+import models
+from arm_dynamics.motion import Waypoint
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.interfaces import NEWEST
+from arm_sim.ros.sim_node import SimNode
+from arm_sim.together import Together
+
+pytestmark = pytest.mark.ros
+
+TICKS = 300
+GOAL = np.array([0.4, -0.3])
+START = 10_000_000  # [ns]
+
+
+def lockstep(ros: Ros, **parameters: Any) -> SimNode:
+    return ros.add(SimNode, models.scene("two_link"), lockstep=True, **parameters)
+
+
+def expected() -> np.ndarray:
+    """The same motion in one process, without messages."""
+    pair = Together(models.scene("two_link"))
+    pair.follow([Waypoint(0.2, pair.simulator.state.q + GOAL)], START)
+    motion = pair.run(TICKS * pair.simulator.dt)
+    return np.hstack([motion.q, motion.v])
+
+
+def trajectory(sim: SimNode) -> JointTrajectory:
+    goal = (sim.simulator.state.q + GOAL).tolist()
+    message = JointTrajectory(joint_names=list(sim.simulator.joint_names))
+    message.header.stamp.nanosec = START
+    message.points = [JointTrajectoryPoint(positions=goal)]
+    message.points[0].time_from_start.nanosec = 200_000_000
+    return message
+
+
+def watched(sim: SimNode) -> list[np.ndarray]:
+    """Fills with every state that the simulation reaches; stops it after ``TICKS``."""
+    states = [np.concatenate([sim.simulator.state.q, sim.simulator.state.v])]
+    advance = sim.advance
+
+    def noted(tau: np.ndarray) -> bool:
+        good = advance(tau)
+        states.append(np.concatenate([sim.simulator.state.q, sim.simulator.state.v]))
+        sim.paused = sim.simulator.step_count >= TICKS
+        return good
+
+    sim.advance = noted
+    return states
+
+
+def motion(ros: Ros, sim: SimNode, controller: ControllerNode) -> np.ndarray:
+    states = watched(sim)
+    ros.spin_until(lambda: controller._follower is not None)
+    controller.on_joint_trajectory(trajectory(sim))
+    ros.spin_until(lambda: controller._follower.remaining(0) > 0.0)  # planned, if planning waits
+    sim.requests.pause(False)
+    ros.spin_until(lambda: sim.simulator.step_count >= TICKS, timeout=60.0)
+    return np.array(states)
+
+
+def pair(ros: Ros, **parameters: Any) -> tuple[SimNode, ControllerNode]:
+    sim = lockstep(ros, paused=True, **parameters)
+    return sim, ros.add(ControllerNode, models.scene("two_link"))
+
+
+def test_over_topics_it_equals_one_process_to_the_bit(ros: Ros) -> None:
+    np.testing.assert_array_equal(motion(ros, *pair(ros)), expected())
+
+
+def test_lost_messages_are_asked_for_again_and_change_nothing(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    sim, controller = pair(ros, lockstep_retry=0.005)
+    publish, count = controller._commands.publish, iter(range(10**9))
+
+    class Leaky:
+        """Loses every seventh command."""
+
+        def publish(self, command: bytes) -> None:
+            if next(count) % 7:
+                publish(command)
+
+    monkeypatch.setattr(controller, "_commands", Leaky())
+    np.testing.assert_array_equal(motion(ros, sim, controller), expected())
+    assert sim.lockstep.asked_again >= TICKS // 7 - 2
+
+
+def answer(sim: SimNode, stamp: int, tau: tuple[float, float] = (0.5, -0.5)) -> None:
+    message = JointState(name=list(sim.simulator.joint_names), effort=list(tau))
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    sim.lockstep.on_command(serialize_message(message))
+
+
+def test_only_the_answer_to_the_present_state_makes_a_tick(ros: Ros) -> None:
+    sim = lockstep(ros)
+    for stamp in (5_000_000, 0, 0, 1_000_000, 0, 3_000_000):
+        answer(sim, stamp)
+    assert sim.simulator.step_count == 2
+    assert sim.lockstep.ignored == 4
+
+
+def test_answers_are_to_states_that_are_published(ros: Ros) -> None:
+    sim = lockstep(ros, publish_every=5)
+    answer(sim, 0)
+    assert sim.simulator.step_count == 5
+    answer(sim, 1_000_000)
+    answer(sim, 5_000_000)
+    assert sim.simulator.step_count == 10
+
+
+def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    sim = lockstep(ros, lockstep_timeout=0.2, lockstep_retry=0.02)
+    answer(sim, 0)
+    since = time.monotonic()
+    ros.spin_until(lambda: sim.lockstep.gone)
+    assert 0.15 < time.monotonic() - since < 2.0
+    assert "the partner is gone; time stands still" in capfd.readouterr().err
+    found = {f.part: f for f in sim.findings()}["lockstep"].message(sim)
+    assert found.level == b"\x02"
+    assert "gives no answer" in found.message
+    assert sim.simulator.step_count == 1
+    answer(sim, 1_000_000)
+    assert not sim.lockstep.gone
+    assert sim.simulator.step_count == 2
+
+
+def test_paused_it_waits_for_nobody(ros: Ros) -> None:
+    sim = lockstep(ros, lockstep_timeout=0.05, lockstep_retry=0.01)
+    assert sim.requests.on_pause(SetBool.Request(data=True), SetBool.Response()).success
+    answer(sim, 0)
+    end = time.monotonic() + 0.2
+    ros.spin_until(lambda: time.monotonic() > end)
+    assert not sim.lockstep.gone
+    assert sim.simulator.step_count == 0
+    assert sim.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    answer(sim, 0)
+    assert sim.simulator.step_count == 1
+
+
+def test_after_a_reset_the_first_state_is_answered_anew(ros: Ros) -> None:
+    sim = lockstep(ros)
+    for stamp in range(0, 5_000_000, 1_000_000):
+        answer(sim, stamp)
+    assert sim.requests.on_reset(Trigger.Request(), Trigger.Response()).success
+    answer(sim, 5_000_000)
+    assert sim.simulator.step_count == 0
+    answer(sim, 0)
+    assert sim.simulator.step_count == 1
+
+
+def test_a_failure_stops_time_and_is_said(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    sim = lockstep(ros)
+
+    def fail(_: Any) -> None:
+        raise ZeroDivisionError("by surprise")
+
+    monkeypatch.setattr(sim.commands, "take", fail)
+    answer(sim, 0)
+    assert sim.paused
+    assert "by surprise" in sim.trouble
+
+
+def test_a_state_that_comes_again_gets_the_same_answer(ros: Ros) -> None:
+    """Else a law that remembers would take it for another tick."""
+    controller = ros.add(ControllerNode, models.scene("two_link"), controller="pid")
+    heard: list[JointState] = []
+    ros.peer.create_subscription(JointState, "joint_commands", heard.append, NEWEST)
+    state = JointState(name=list(models.dynamics("two_link").joint_names))
+    state.position, state.velocity = [0.1, 0.2], [0.0, 0.0]
+    make: Callable[[], bytes | None] = lambda: controller.on_joint_states(  # noqa: E731
+        serialize_message(state)
+    )
+    make()
+    state.position, state.header.stamp.nanosec = [0.2, 0.2], 1_000_000
+    first = make()
+    assert make() == first
+    state.header.stamp.nanosec = 2_000_000
+    assert make()[20:] != first[20:]

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is granted is there, and what is not is said."""
+
+from __future__ import annotations
+
+import gc
+import os
+import threading
+
+import pytest
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros import privileges
+from arm_dynamics.ros.privileges import Privileges, read_cpus
+
+pytestmark = pytest.mark.ros
+
+
+def claimed(wanted: Privileges) -> tuple[list[str], set[int]]:
+    """What a thread of its own is refused, and where it may run."""
+    result: list[tuple[list[str], set[int]]] = []
+    thread = threading.Thread(
+        target=lambda: result.append((wanted.claim(), os.sched_getaffinity(0)))
+    )
+    thread.start()
+    thread.join()
+    return result[0]
+
+
+def test_nothing_wanted_nothing_changed() -> None:
+    here = os.sched_getaffinity(0)
+    assert claimed(Privileges()) == ([], here)
+
+
+def test_a_processor_of_its_own() -> None:
+    cpu = min(os.sched_getaffinity(0))
+    assert claimed(Privileges(cpus=(cpu,))) == ([], {cpu})
+
+
+def test_frozen_garbage() -> None:
+    before = gc.get_freeze_count()
+    assert Privileges(freeze_garbage=True).claim() == []
+    assert gc.get_freeze_count() > before
+    gc.unfreeze()
+
+
+def test_refusals_are_said_and_the_rest_is_done(monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise PermissionError(1, "Operation not permitted")
+
+    monkeypatch.setattr(os, "sched_setscheduler", refuse)
+    monkeypatch.setattr(privileges.ctypes, "CDLL", refuse)
+    cpu = min(os.sched_getaffinity(0))
+    refused, cpus = claimed(Privileges(priority=50, cpus=(cpu,), lock_memory=True))
+    assert len(refused) == 2
+    assert "no real-time priority" in refused[0]
+    assert "ulimit -l" in refused[1]
+    assert cpus == {cpu}
+
+
+def test_processors_that_do_not_exist_are_refused() -> None:
+    refused, _ = claimed(Privileges(cpus=(9999,)))
+    assert "no processors of its own" in refused[0]
+
+
+@pytest.mark.parametrize(("text", "cpus"), [("", ()), ("1", (1,)), ("0, 2 3", (0, 2, 3))])
+def test_lists_of_processors(text: str, cpus: tuple[int, ...]) -> None:
+    assert read_cpus(text) == cpus
+
+
+@pytest.mark.parametrize("text", ["a", "-1", "1.5", "0;1"])
+def test_bad_lists_of_processors(text: str) -> None:
+    with pytest.raises(InvalidInput, match="numbers of processors"):
+        read_cpus(text)

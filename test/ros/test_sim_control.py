@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pushes, payload, friction, the first command and diagnostics, on a sim node ticked by hand."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from arm_msgs.srv import SetFriction, SetPayload
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from geometry_msgs.msg import WrenchStamped
+from harness import Ros
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import Trigger
+
+import models
+from arm_dynamics import load_scene
+from arm_dynamics.task_space import TaskSpace
+from arm_sim import Simulator
+from arm_sim.ros.arbiter import STREAM
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+NAMES = list(models.dynamics("two_link").joint_names)
+TAU = [1.5, -0.5]
+
+
+def by_hand(ros: Ros, scene: Any = None, **parameters: Any) -> SimNode:
+    return ros.add(SimNode, scene or models.scene("two_link"), realtime=False, **parameters)
+
+
+def ticks(node: SimNode, count: int) -> None:
+    for _ in range(count):
+        node.tick()
+
+
+def pushed(frame: str, *values: float) -> WrenchStamped:
+    message = WrenchStamped()
+    message.header.frame_id = frame
+    force, torque = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, torque.x, torque.y, torque.z = values
+    return message
+
+
+def finding(node: SimNode, part: str) -> DiagnosticStatus:
+    return {f.part: f for f in node.findings()}[part].message(node)
+
+
+def command(source: str = "", effort: Any = TAU) -> bytes:
+    message = JointState(name=NAMES, effort=effort)
+    message.header.frame_id = source
+    return serialize_message(message)
+
+
+# --- pushes ------------------------------------------------------------------------------------
+
+
+def test_a_wrench_moves_the_arm_for_as_long_as_it_acts(ros: Ros) -> None:
+    node, sim = by_hand(ros, wrench_timeout=0.005), models.simulator("two_link")
+    wrench = np.array([3.0, -2.0, 5.0, 0.0, 1.0, 0.5])
+    ticks(node, 3)
+    node.push.on_wrench(pushed("tip", *wrench))
+    task = TaskSpace(models.dynamics("two_link"), "tip", "local")
+    for tick in range(15):
+        state = sim.state
+        push = task.jacobian(state.q).T @ wrench if 3 <= tick < 8 else np.zeros(2)
+        sim.step(push)
+        if tick >= 3:
+            node.tick()
+    np.testing.assert_allclose(node.simulator.state.q, sim.state.q, rtol=0.0, atol=1e-12)
+    np.testing.assert_array_equal(node.simulator.effort, [0.0, 0.0])
+    assert node.push.active == ()
+
+
+def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
+    node = by_hand(ros, wrench_timeout=10.0)
+    publisher = ros.publisher(WrenchStamped, "/sim/wrench")
+    publisher.publish(pushed("tip", 1.0, 0.0, 1.0, 0.0, 0.0, 0.0))
+    ros.spin_until(lambda: node.push.active)
+    ticks(node, 10)
+    assert np.any(node.simulator.state.q != models.simulator("two_link").state.q)
+    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    sim = models.simulator("two_link")
+    for _ in range(10):
+        node.tick()
+        sim.step([0.0, 0.0])
+    np.testing.assert_array_equal(node.simulator.state.q, sim.state.q)
+
+
+@pytest.mark.parametrize(
+    ("frame", "values", "said"),
+    [
+        ("paw", [1.0] * 6, "frame 'paw'"),
+        ("", [1.0] * 6, "frame ''"),
+        ("tip", [np.nan] * 6, "only finite numbers"),
+        ("tip", [np.inf] + [0.0] * 5, "only finite numbers"),
+    ],
+)
+def test_bad_wrenches_are_passed_over(
+    ros: Ros, frame: str, values: list[float], said: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = by_hand(ros)
+    node.push.on_wrench(pushed(frame, *values))
+    assert said in capfd.readouterr().err
+    assert node.push.active == ()
+    assert "1 wrenches passed over" in finding(node, "commands").message
+
+
+def test_the_energy_account_knows_of_pushes(ros: Ros) -> None:
+    node = by_hand(ros, wrench_timeout=10.0, integrator="rk4")
+    node._outputs.audited = True
+    ticks(node, 20)
+    node.push.on_wrench(pushed("tip", 5.0, 0.0, 3.0, 0.0, 0.0, 0.0))
+    ticks(node, 200)
+    account = node._outputs.account()
+    assert account is not None
+    assert abs(account.input) > 0.01
+    assert abs(account.balance) < 1e-4 * abs(account.input)
+
+
+# --- payload and friction ----------------------------------------------------------------------
+
+LOAD = {"frame": "tip", "mass": 0.5, "com": [0.0] * 3, "inertia": [0.0] * 6}
+
+
+def scene(**more: Any) -> Any:
+    base = models.scene("two_link").model_dump(exclude_unset=True)
+    return load_scene({**base, "payloads": [LOAD], **more})
+
+
+def test_payload_and_friction_are_set_by_services(ros: Ros) -> None:
+    node = by_hand(ros, scene(tunable=["payload", "friction"]), integrator="rk4")
+    load = SetPayload.Request(index=0, mass=2.0, com=[0.1, 0.0, 0.0], inertia=[0.01, 0, 0] * 2)
+    load.inertia = [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]
+    answer = node.requests.on_set_payload(load, SetPayload.Response())
+    assert answer.success, answer.message
+    rub = SetFriction.Request(joint_names=["elbow"], viscous=[2.0])
+    answer = node.requests.on_set_friction(rub, SetFriction.Response())
+    assert answer.success, answer.message
+    heavy = {**LOAD, "mass": 2.0, "com": [0.1, 0.0, 0.0], "inertia": list(load.inertia)}
+    joints = {**models.scene("two_link").model_dump(exclude_unset=True).get("joints", {})}
+    joints["elbow"] = {**joints.get("elbow", {}), "friction": {"viscous": 2.0}}
+    sim = Simulator(scene(payloads=[heavy], joints=joints), integrator="rk4")
+    for _ in range(100):
+        node.tick()
+        sim.step([0.0, 0.0])
+    np.testing.assert_allclose(node.simulator.state.q, sim.state.q, rtol=0.0, atol=1e-10)
+
+
+def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
+    node = by_hand(ros, scene(tunable=["payload", "friction"]))
+    before = node.simulator._stepper.p.copy()
+    for request in (
+        SetPayload.Request(mass=-1.0), SetPayload.Request(mass=np.nan),
+        SetPayload.Request(index=1), SetPayload.Request(mass=1.0, inertia=[-1.0] * 6),
+    ):  # fmt: skip
+        assert not node.requests.on_set_payload(request, SetPayload.Response()).success
+    for rub in (
+        SetFriction.Request(viscous=[1.0]), SetFriction.Request(viscous=[-1.0, 0.0]),
+        SetFriction.Request(joint_names=["knee"], viscous=[1.0]),
+        SetFriction.Request(viscous=[np.inf, 0.0]),
+    ):  # fmt: skip
+        assert not node.requests.on_set_friction(rub, SetFriction.Response()).success
+    np.testing.assert_array_equal(node.simulator._stepper.p, before)
+
+
+# --- the first command -------------------------------------------------------------------------
+
+
+def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
+    node = by_hand(ros, wait_for_command=True)
+    ticks(node, 50)
+    assert node.simulator.step_count == 0
+    node.on_commands(Float64MultiArray(data=TAU))
+    ticks(node, 5)
+    assert node.simulator.step_count == 5
+    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    ticks(node, 5)
+    assert node.simulator.step_count == 0
+
+
+# --- diagnostics -------------------------------------------------------------------------------
+
+
+def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
+    node = by_hand(ros)
+    node.tick()
+    node.diagnosis.publish()
+    heard = ros.listen(DiagnosticArray, "/diagnostics")
+    ros.spin_until(lambda: node.diagnosis.heard)
+    ticks(node, 30)
+    node.diagnosis.publish()
+    ticks(node, 30)
+    node.diagnosis.publish()
+    ros.spin_until(lambda: len(heard) >= 2)
+    status = {s.name: s for s in heard[-1].status}
+    assert set(status) == {"sim: loop", "sim: commands", "sim: simulation"}
+    values = {v.key: v.value for v in status["sim: loop"].values}
+    assert values["driven by"] == "hand"
+    assert values["executor"] == "SingleThreadedExecutor"
+    values = {v.key: v.value for v in status["sim: simulation"].values}
+    assert abs(float(values["energy balance [J]"])) < 1e-3
+    assert values["diverged"] == "false"
+
+
+def test_stale_commands_show(ros: Ros) -> None:
+    node = by_hand(ros, command_timeout=0.005)
+    node.on_commands(Float64MultiArray(data=TAU))
+    ticks(node, 10)
+    found = finding(node, "commands")
+    assert found.level == DiagnosticStatus.WARN
+    assert "the policy 'zero' acts" in found.message
+    node.on_commands(Float64MultiArray(data=TAU))
+    ticks(node, 2)
+    assert finding(node, "commands").level == DiagnosticStatus.OK
+
+
+def test_bad_commands_show(ros: Ros) -> None:
+    node = by_hand(ros)
+    node.on_joint_commands(command(effort=[np.nan, 0.0]))
+    assert "1 commands passed over" in finding(node, "commands").message
+    assert finding(node, "commands").message == "ok"
+
+
+def test_two_controllers_show_and_the_first_one_stays(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    node = by_hand(ros)
+    for _ in range(STREAM):
+        node.on_joint_commands(command("/controller:1"))
+        node.tick()
+    node.on_joint_commands(command("/controller:2", effort=[9.0, 9.0]))
+    node.tick()
+    np.testing.assert_array_equal(node.simulator.effort, TAU)
+    found = finding(node, "commands")
+    assert found.level == DiagnosticStatus.ERROR
+    assert "two controllers: '/controller:2' is refused" in found.message
+    assert "two controllers" in capfd.readouterr().err
+
+
+def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    node = by_hand(ros)
+    node.simulator.set_state([0.0, 0.0], [1e160, 1e160])
+    node.tick()
+    found = finding(node, "simulation")
+    assert found.level == DiagnosticStatus.ERROR
+    assert "the last good state is kept" in found.message
+    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    assert finding(node, "simulation").level == DiagnosticStatus.OK
+
+
+def test_counters_begin_afresh(ros: Ros) -> None:
+    node = by_hand(ros)
+    node.on_joint_commands(command(effort=[np.nan, 0.0]))
+    assert node.requests.on_reset_counters(Trigger.Request(), Trigger.Response()).success
+    assert node.input.passed_over == 0

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Payload, friction and pushes change while the simulation runs, and mean what they say."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmError, Dynamics, InvalidInput, SceneError, load_scene
+from arm_dynamics.task_space import TaskSpace
+from arm_sim import Simulator
+from arm_sim.external import ExternalWrenches
+from arm_sim.tuning import external_change, friction_change, payload_change
+from tolerances import ALGEBRA
+
+LOAD = {"frame": "panda_hand", "mass": 0.5, "com": [0.0, 0.0, 0.05],
+        "inertia": [1e-3, 0.0, 0.0, 1e-3, 0.0, 1e-3]}  # fmt: skip
+
+
+def tunable(*names: str, **more: Any) -> Any:
+    base = models.scene("panda").model_dump(exclude_unset=True)
+    return load_scene({**base, "tunable": names, **more})
+
+
+def moved(sim: Simulator, ticks: int = 50) -> np.ndarray:
+    for _ in range(ticks):
+        sim.step(np.linspace(-2.0, 3.0, sim.n))
+    return np.concatenate([sim.state.q, sim.state.v])
+
+
+def test_a_changed_payload_is_that_of_a_scene_that_has_it() -> None:
+    sim = Simulator(tunable("payload", payloads=[LOAD]), integrator="rk4")
+    payload_change(sim, 0, 2.0, (0.01, 0.0, 0.1), (2e-3, 0.0, 0.0, 2e-3, 0.0, 1e-3))()
+    heavy = {**LOAD, "mass": 2.0, "com": [0.01, 0.0, 0.1],
+             "inertia": [2e-3, 0.0, 0.0, 2e-3, 0.0, 1e-3]}  # fmt: skip
+    other = Simulator(tunable(payloads=[heavy]), integrator="rk4")
+    np.testing.assert_allclose(moved(sim), moved(other), rtol=0.0, atol=1e-9)
+    q = sim.state.q
+    np.testing.assert_allclose(sim.dynamics.gravity(q), other.dynamics.gravity(q), atol=ALGEBRA)
+
+
+def test_changed_friction_is_that_of_a_scene_that_has_it() -> None:
+    sim = Simulator(tunable("friction"), integrator="rk4")
+    friction_change(sim, np.full(sim.n, 3.0))()
+    other = Simulator(tunable(joints={"*": {"friction": {"viscous": 3.0}}}), integrator="rk4")
+    np.testing.assert_allclose(moved(sim), moved(other), rtol=0.0, atol=1e-9)
+    v = sim.state.v
+    np.testing.assert_allclose(sim.dynamics.friction(v), other.dynamics.friction(v))
+
+
+@pytest.mark.parametrize(
+    ("make", "error", "said"),
+    [
+        (lambda s: payload_change(s, 1, 1.0, [0] * 3, [0] * 6), InvalidInput, "has 1, counted"),
+        (lambda s: payload_change(s, 0, -1.0, [0] * 3, [0] * 6), SceneError, "mass"),
+        (lambda s: payload_change(s, 0, np.nan, [0] * 3, [0] * 6), SceneError, "mass"),
+        (lambda s: payload_change(s, 0, 1.0, [0] * 2, [0] * 6), SceneError, "com"),
+        (lambda s: friction_change(s, [-1.0] * 7), InvalidInput, "at least zero"),
+        (lambda s: friction_change(s, [np.inf] * 7), InvalidInput, "finite"),
+        (lambda s: friction_change(s, [1.0]), InvalidInput, "shape"),
+    ],
+)
+def test_what_cannot_be_is_refused(make: Any, error: type[ArmError], said: str) -> None:
+    sim = Simulator(tunable("payload", "friction", payloads=[LOAD]), integrator="rk4")
+    with pytest.raises(error, match=said):
+        make(sim)
+
+
+def test_what_is_not_tunable_is_refused() -> None:
+    sim = models.simulator("panda", integrator="rk4")
+    with pytest.raises(InvalidInput, match="'payload' is not tunable"):
+        payload_change(sim, 0, 1.0, [0] * 3, [0] * 6)
+    with pytest.raises(InvalidInput, match="'friction' is not tunable"):
+        friction_change(sim, np.ones(sim.n))
+
+
+@pytest.mark.parametrize("name", ["panda", "gripper", "gantry"])
+def test_a_push_is_a_torque_that_no_limit_cuts(name: str, rng: np.random.Generator) -> None:
+    sim = Simulator(models.scene(name), integrator="rk4")
+    sim.step(np.zeros(sim.n))
+    before = sim.state
+    external_change(sim)()
+    assert sim.state is before
+    push = rng.normal(scale=50.0, size=sim.n)
+    sim.set_parameter("external", push)
+    free = load_scene({**models.scene(name).model_dump(exclude_unset=True)})
+    other = Simulator(free, integrator="rk4")
+    other.model.effort_limit = np.full(other.n, np.inf)
+    other = Simulator(other.model, integrator="rk4")
+    other.step(np.zeros(sim.n))
+    sim.step(np.zeros(sim.n))
+    other.step(push)
+    np.testing.assert_allclose(sim.state.v, other.state.v, rtol=1e-9, atol=1e-9)
+    np.testing.assert_array_equal(sim.effort, np.zeros(sim.n))
+    assert sim.step_count == 2
+
+
+def test_without_a_push_the_motion_is_the_same_to_the_bit() -> None:
+    sim, plain = (Simulator(models.scene("panda"), integrator="rk4") for _ in range(2))
+    moved(sim, 20), moved(plain, 20)
+    external_change(sim)()
+    np.testing.assert_array_equal(moved(sim), moved(plain))
+
+
+def test_wrenches_are_jacobian_transposed(rng: np.random.Generator) -> None:
+    dyn: Dynamics = models.dynamics("panda")
+    q, hand, elbow = rng.normal(size=7), rng.normal(size=6), rng.normal(size=6)
+    wrenches = ExternalWrenches(dyn)
+    wrenches.push("panda_hand", hand, until=5)
+    wrenches.push("panda_link4", elbow, until=3)
+    J = {f: TaskSpace(dyn, f, "local").jacobian(q) for f in ("panda_hand", "panda_link4")}
+    both = J["panda_hand"].T @ hand + J["panda_link4"].T @ elbow
+    np.testing.assert_allclose(wrenches.torque(q, 3), both, atol=ALGEBRA)
+    np.testing.assert_allclose(wrenches.torque(q, 5), J["panda_hand"].T @ hand, atol=ALGEBRA)
+    assert wrenches.active == ("panda_hand",)
+    np.testing.assert_array_equal(wrenches.torque(q, 6), np.zeros(7))
+
+
+def test_a_weight_in_the_hand_is_a_downward_force(rng: np.random.Generator) -> None:
+    """Gravity of a point mass, once as payload and once as a wrench in the world's axes."""
+    bare, loaded = models.dynamics("panda"), Dynamics(tunable(payloads=[
+        {"frame": "panda_hand", "mass": 2.0, "com": [0.0] * 3, "inertia": [0.0] * 6}
+    ]))  # fmt: skip
+    q = rng.normal(size=7)
+    wrenches = ExternalWrenches(bare, "local_world_aligned")
+    wrenches.push("panda_hand", [0.0, 0.0, -2.0 * 9.81, 0.0, 0.0, 0.0], until=1)
+    weight = loaded.gravity(q) - bare.gravity(q)
+    np.testing.assert_allclose(-wrenches.torque(q, 0), weight, atol=1e-10)
+
+
+@pytest.mark.parametrize(
+    ("frame", "wrench", "said"),
+    [
+        ("paw", [0.0] * 6, "paw"),
+        ("panda_hand", [0.0] * 5, "shape"),
+        ("panda_hand", [np.nan] * 6, "finite"),
+    ],
+)
+def test_a_push_that_makes_no_sense_is_refused(frame: str, wrench: Any, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        ExternalWrenches(models.dynamics("panda")).push(frame, wrench, 1)
