@@ -20,14 +20,15 @@ class AnswerLog:
 
     Attributes:
         passed_over: States that could not be used.
+        jumps: How often time went backwards.
     """
 
     def __init__(self) -> None:
         """Start without any."""
         self._raw, self._command = b"", b""
         self._seen = self._since = time.monotonic()
-        self._answers = self.passed_over = 0
-        self._before = (0, 0)
+        self._answers = self.passed_over = self.jumps = 0
+        self._before = (0, 0, 0)
 
     def again(self, raw: bytes) -> bytes | None:
         """The answer that this state got if it is the last one, else None."""
@@ -59,16 +60,20 @@ class AnswerLog:
         found.values = {
             "law": law, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
             "last state [s]": now - self._seen, "states passed over": self.passed_over,
-            **goals, "executor": executor,
+            "jumps of time": self.jumps, **goals, "executor": executor,
         }  # fmt: skip
         if now - self._seen > SILENCE:
             found.complain(ERROR, f"no joint state for {now - self._seen:.1f} s")
-        (states, before), refused = self._before, int(goals["goals refused"])
+        refused = int(goals["goals refused"])
+        states, refusals, jumps = self._before
         if self.passed_over > states:
             found.complain(WARN, f"{self.passed_over - states} joint states passed over")
-        if refused > before:
-            found.complain(WARN, f"{refused - before} goals refused")
+        if refused > refusals:
+            found.complain(WARN, f"{refused - refusals} goals refused")
+        if self.jumps > jumps:
+            found.complain(WARN, "time went backwards; holding where the arm is")
         if cut:
             found.complain(WARN, f"torque cut at the effort limit: {', '.join(cut)}")
-        self._before, self._answers, self._since = (self.passed_over, refused), 0, now
+        self._before = self.passed_over, refused, self.jumps
+        self._answers, self._since = 0, now
         return found

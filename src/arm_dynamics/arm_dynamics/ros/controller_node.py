@@ -224,6 +224,7 @@ class ControllerNode(Node):
             why = ""
             if goals.follower is not None:
                 why = "time went backwards: "
+                self._log.jumps += 1
                 self._control.restart()
             self.get_logger().info(
                 f"{why}holding where the arm is", throttle_duration_sec=_THROTTLE

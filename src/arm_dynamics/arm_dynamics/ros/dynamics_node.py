@@ -12,8 +12,10 @@ from std_msgs.msg import String
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros import convert, interfaces
+from arm_dynamics.ros.diagnosis import Diagnosis
 from arm_dynamics.ros.executor import run, surviving
 from arm_dynamics.ros.params import DynamicsParams, declare, one_or_all, watch
+from arm_dynamics.ros.request_counts import RequestCounts
 from arm_dynamics.ros.task_answer import answer_inverse_kinematics, fill_task_space
 from arm_dynamics.scene_file import scene_from_urdf
 from arm_dynamics.task_space import TaskSpace
@@ -38,6 +40,7 @@ class DynamicsNode(Node):
         """
         super().__init__("dynamics", **node_kwargs)
         self._dynamics: Dynamics | None = None
+        self._counts = RequestCounts()
         self._params = declare(self, DynamicsParams)
         scene = scene if scene is not None else self._params.scene or None
         if scene is not None:
@@ -61,7 +64,8 @@ class DynamicsNode(Node):
             (interfaces.TASK_SPACE, self.on_task_space),
             (interfaces.INVERSE_KINEMATICS, self.on_inverse_kinematics),
         ):
-            self.create_service(service.type, service.name, callback)
+            self.create_service(service.type, service.name, self._counts.counted(callback))
+        self._diagnosis = Diagnosis(self, lambda: [self._counts.finding(self)])
 
     @property
     def dynamics(self) -> Dynamics:
@@ -92,6 +96,7 @@ class DynamicsNode(Node):
         try:
             self.load_description(message.data)
         except ArmError as error:
+            self._counts.descriptions_refused += 1
             kept = "the one before stays" if self._dynamics else "there is still no robot"
             self.get_logger().error(f"robot_description refused, {kept}: {error}")
 

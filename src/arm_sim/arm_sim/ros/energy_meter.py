@@ -62,9 +62,8 @@ class EnergyMeter:
     def _add_up(self) -> None:
         if self._commands:
             x, u = np.array(self._states), np.array(self._commands)
-            self._flows += self._simulator.audit.flows(x, u, self._simulator.parameters).sum(
-                axis=0
-            )
+            flows = self._simulator.audit.flows(x, u, self._simulator.parameters)
+            self._flows += flows.sum(axis=0)
             self._states, self._commands = self._states[-1:], []
 
     def _energies(self) -> tuple[float, float, float]:

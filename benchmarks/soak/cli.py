@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of the soak."""
+
+from __future__ import annotations
+
+import os
+import sys
+from pathlib import Path
+
+import click
+
+from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
+
+ROOT = Path(__file__).parents[2]
+SCENE = ROOT / "src/arm_sim/arm_sim/scenes/panda.yaml"
+EXAMPLES = """\b
+Examples:
+  ./arm soak                     an hour
+  ./arm soak --minutes 5         every fault about twice
+"""
+
+
+@click.command(epilog=EXAMPLES)
+@click.option("--minutes", default=60.0, show_default=True, type=click.FloatRange(3.0),
+              help="How long.")  # fmt: skip
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False),
+              default=ROOT / "benchmarks/results", show_default="benchmarks/results",
+              help="Folder for soak.md, soak.json and the logs.")  # fmt: skip
+def main(minutes: float, out: Path) -> None:
+    """Run all nodes under load for a long time, put faults in, and tell what came of each.
+
+    Messages that are not finite or of wrong sizes, floods, a second controller, nodes stopped and
+    killed, time that jumps, processors taken away. Every fault has to show in the diagnostics, the
+    arm must go on where the fault is none of its business, everything has to be well again within
+    seconds, and no process may grow by more than 5 MB. Ends with an error if anything is amiss.
+    """
+    from benchmarks.soak.page import complaints, page, write
+    from benchmarks.soak.suite import Result, running, soak
+
+    domain = free_domain()
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    logs = out / "soak_logs"
+    logs.mkdir(parents=True, exist_ok=True)
+    result = Result(minutes)
+
+    def progress(share: float, what: str) -> None:
+        click.echo(f"{100.0 * share:5.1f} %  {what}", err=True)
+
+    with interruptible():
+        try:
+            with running(str(SCENE), domain, logs) as suite:
+                for result in soak(suite, minutes, progress):
+                    write(result, out)  # a run that is cut short is not lost
+        except (DemoFailed, KeyboardInterrupt) as error:
+            result.ended = str(error) or type(error).__name__
+    path = write(result, out)
+    click.echo(page(result))
+    click.echo(f"report: {path}")
+    sys.exit(bool(complaints(result)))

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is done to the suite, and which words of whose diagnostics must tell of it."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray, String
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from arm_dynamics.exceptions import Refused
+from arm_dynamics.ros.interfaces import LATCHED
+
+if TYPE_CHECKING:
+    from benchmarks.soak.suite import Suite
+
+FLOOD_RATE, FLOOD_TIME = 10_000, 1.5  # [Hz], [s]
+HOG = "import time\nend = time.monotonic() + 2.0\nwhile time.monotonic() < end: pass"
+
+
+@dataclass(frozen=True)
+class Fault:
+    """Something bad.
+
+    Attributes:
+        name: For people.
+        do: Does it.
+        part: Whose diagnostics must tell, node and part.
+        words: What they must say.
+        gentle: Whether the arm must go on as if nothing had happened.
+        last: Whether it is only for the end, as it starts a process anew.
+        after: Whether the words count only once it is over.
+    """
+
+    name: str
+    do: Callable[[Suite], None]
+    part: str
+    words: str
+    gentle: bool = True
+    last: bool = False
+    after: bool = False
+
+
+def _command(suite: Suite, effort: list[float], names: list[str] | None = None) -> None:
+    message = JointState(name=suite.names if names is None else names, effort=effort)
+    message.header.frame_id = "intruder"
+    suite.watcher.publisher(JointState, "joint_commands").publish(message)
+
+
+def _some_commands(suite: Suite, effort: list[float], names: list[str] | None = None) -> None:
+    for _ in range(50):
+        _command(suite, effort, names)
+        time.sleep(0.003)
+
+
+def _flood(suite: Suite) -> None:
+    message = JointState(name=suite.names, effort=[5.0] * suite.n)
+    message.header.frame_id = "intruder"
+    raw = serialize_message(message)
+    publisher = suite.watcher.publisher(JointState, "joint_commands")
+    began, sent = time.monotonic(), 0
+    while (elapsed := time.monotonic() - began) < FLOOD_TIME:
+        while sent < elapsed * FLOOD_RATE:
+            publisher.publish(raw)
+            sent += 1
+        time.sleep(1e-3)
+
+
+def _bare(suite: Suite) -> None:
+    publisher = suite.watcher.publisher(Float64MultiArray, "sim/commands")
+    for data in ([0.0] * 100_000, [1.0], [float("nan")] * suite.n):
+        publisher.publish(Float64MultiArray(data=data))
+        time.sleep(0.1)  # only the newest one is delivered
+
+
+def _wrench(suite: Suite) -> None:
+    message = WrenchStamped()
+    message.header.frame_id = "no_such_frame"
+    suite.watcher.publisher(WrenchStamped, "sim/wrench").publish(message)
+
+
+def _trajectory(suite: Suite) -> None:
+    publisher = suite.watcher.publisher(JointTrajectory, "controller/joint_trajectory")
+    point = JointTrajectoryPoint(positions=[float("inf")] * suite.n)
+    point.time_from_start.sec = 1
+    publisher.publish(JointTrajectory(joint_names=suite.names, points=[point]))
+    publisher.publish(JointTrajectory(joint_names=["nobody"], points=[point]))
+
+
+def _states(suite: Suite) -> None:
+    publisher = suite.watcher.publisher(JointState, "joint_states")
+    message = JointState(name=suite.names, position=[float("nan")] * suite.n)
+    message.velocity = [0.0] * suite.n
+    for _ in range(50):
+        publisher.publish(message)
+        time.sleep(0.003)
+    suite.watcher.drop("joint_states")
+
+
+def _description(suite: Suite) -> None:
+    publisher = suite.watcher.publisher(String, "other/robot_description", LATCHED)
+    publisher.publish(String(data="<robot/>"))
+
+
+def _requests(suite: Suite) -> None:
+    for bad in (np.full(suite.n, np.nan), np.zeros((100_001, suite.n))):
+        try:
+            suite.client.inverse_dynamics(bad)
+        except Refused:
+            continue
+        raise AssertionError("a bad request was answered")
+
+
+def _diverge(suite: Suite) -> None:
+    suite.client.set_joint_state(v=np.full(suite.n, 1e160))
+    suite.watcher.listen(2.5)
+    suite.client.reset()
+    suite.client.resume()
+
+
+def _back(suite: Suite) -> None:
+    suite.client.reset()
+
+
+def _hog(suite: Suite) -> None:
+    hogs = [subprocess.Popen([sys.executable, "-c", HOG]) for _ in range(os.cpu_count() or 1)]
+    suite.watcher.until(lambda: all(hog.poll() is not None for hog in hogs), 20.0)
+
+
+def _freeze(suite: Suite) -> None:
+    pid = suite.processes.ids["controller"]
+    os.kill(pid, signal.SIGSTOP)
+    suite.watcher.listen(1.5)
+    os.kill(pid, signal.SIGCONT)
+
+
+def _kill(name: str) -> Callable[[Suite], None]:
+    def kill(suite: Suite) -> None:
+        os.kill(suite.processes.ids[name], signal.SIGKILL)
+        suite.watcher.listen(2.5)
+        suite.processes.stop(name)
+        suite.start(name)
+
+    return kill
+
+
+FAULTS = (
+    Fault("command that is not finite", lambda s: _some_commands(s, [float("nan")] * s.n),
+          "sim: commands", "passed over"),
+    Fault("command of unknown joints", lambda s: _some_commands(s, [1.0], ["nobody"]),
+          "sim: commands", "passed over"),
+    Fault("command with too few numbers", lambda s: _some_commands(s, [1.0]),
+          "sim: commands", "passed over"),
+    Fault("arrays of wrong length", _bare, "sim: commands", "passed over"),
+    Fault("10 kHz of commands from a second source", _flood, "sim: commands", "two controllers"),
+    Fault("wrench on an unknown frame", _wrench, "sim: commands", "wrenches passed over"),
+    Fault("trajectory that is not finite", _trajectory,
+          "controller: controller", "trajectories refused"),
+    Fault("joint states that are not finite", _states,
+          "controller: controller", "joint states passed over"),
+    Fault("bad and giant requests", _requests, "dynamics: services", "requests refused"),
+    Fault("bad robot description", _description, "other: services", "description was refused"),
+    Fault("speeds beyond all numbers", _diverge, "sim: simulation", "last good state is kept",
+          gentle=False),
+    Fault("time goes back to zero", _back, "controller: controller", "time went backwards",
+          gentle=False),
+    Fault("processors taken away for two seconds", _hog, "sim: loop", "after the next one was due",
+          gentle=False),
+    Fault("controller stopped for 1.5 s", _freeze, "sim: commands", "no command", gentle=False),
+    Fault("controller killed", _kill("controller"), "sim: commands", "no command",
+          gentle=False, last=True),
+    Fault("simulation killed", _kill("sim"), "controller: controller", "no joint state",
+          gentle=False, last=True),
+    Fault("dynamics node killed", _kill("dynamics"), "dynamics: services", "ok",
+          gentle=False, last=True, after=True),
+)  # fmt: skip
