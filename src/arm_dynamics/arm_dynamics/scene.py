@@ -7,53 +7,27 @@ that is absent from it is not computed.
 
 from __future__ import annotations
 
-from typing import Annotated, Any, Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import (
-    AfterValidator,
-    BaseModel,
-    BeforeValidator,
-    ConfigDict,
-    Field,
-    ValidationError,
-    field_validator,
-    model_validator,
-)
+from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.scene_constraint import SCHEMAS, Constraint
+from arm_dynamics.scene_values import (
+    Finite,
+    Inertia6,
+    Limit,
+    NonNegative,
+    Part,
+    Positive,
+    Vector3,
+)
 
 
-def _number(value: object) -> object:
-    """Read ``1e5``, which YAML 1.1 takes for text, and refuse truth values as numbers."""
-    if isinstance(value, bool):
-        raise ValueError("a number is wanted, not true or false")
-    if isinstance(value, str):
-        return float(value)
-    return value
-
-
-def _finite(value: float) -> float:
-    if not np.isfinite(value):
-        raise ValueError("only finite numbers are allowed")
-    return value
-
-
-Finite = Annotated[float, BeforeValidator(_number), AfterValidator(_finite)]
-NonNegative = Annotated[Finite, Field(ge=0.0)]
-Positive = Annotated[Finite, Field(gt=0.0)]
-Limit = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]
-Vector3 = tuple[Finite, Finite, Finite]
-Inertia6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
-
-
-class _Part(BaseModel):
-    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
-
-
-class Robot(_Part):
+class Robot(Part):
     """Which robot, and which of its joints are held fast.
 
     Attributes:
@@ -65,7 +39,7 @@ class Robot(_Part):
     lock: tuple[str, ...] = ()
 
 
-class Friction(_Part):
+class Friction(Part):
     """Friction of one joint; a number that is not given comes from the URDF's ``<dynamics>``.
 
     Attributes:
@@ -82,7 +56,7 @@ class Friction(_Part):
     stribeck_velocity: Positive | None = None
 
 
-class Limits(_Part):
+class Limits(Part):
     """Limits of one joint that replace the URDF's ``<limit>``.
 
     Attributes:
@@ -104,7 +78,7 @@ class Limits(_Part):
         return self
 
 
-class Joint(_Part):
+class Joint(Part):
     """What the scene says of one joint, or of all (``"*"``).
 
     Attributes:
@@ -118,7 +92,7 @@ class Joint(_Part):
     limits: Limits = Limits()
 
 
-class Payload(_Part):
+class Payload(Part):
     """A rigid body welded to a frame.
 
     Attributes:
@@ -144,7 +118,7 @@ class Payload(_Part):
         return value
 
 
-class Initial(_Part):
+class Initial(Part):
     """Where the robot starts; a joint that is not named starts at zero, at rest.
 
     Attributes:
@@ -156,7 +130,7 @@ class Initial(_Part):
     velocity: dict[str, Finite] = {}
 
 
-class Sim(_Part):
+class Sim(Part):
     """How the scene is integrated unless the caller says otherwise.
 
     Attributes:
@@ -170,7 +144,7 @@ class Sim(_Part):
     tolerance: Positive | None = None
 
 
-class Scene(_Part):
+class Scene(Part):
     """A whole scene, checked.
 
     Attributes:
@@ -178,6 +152,7 @@ class Scene(_Part):
         gravity: Gravity in the world frame in [m/s²].
         joints: Joint settings by name; ``"*"`` speaks for all and gives way to a name.
         payloads: Bodies welded to frames.
+        constraints: What ties the robot to itself or to the world.
         initial: Start of the motion.
         sim: Integration.
         tunable: What may differ between arms of a rollout or change while the simulator runs;
@@ -188,6 +163,7 @@ class Scene(_Part):
     gravity: Vector3 = (0.0, 0.0, -9.81)
     joints: dict[str, Joint] = {}
     payloads: tuple[Payload, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     initial: Initial = Initial()
     sim: Sim = Sim()
     tunable: tuple[Literal["gravity", "payload", "friction"], ...] = ()
@@ -200,7 +176,7 @@ class Scene(_Part):
         return Joint.model_validate(_overlay(_given(common), _given(own)))
 
 
-def _given(part: _Part) -> dict[str, Any]:
+def _given(part: Part) -> dict[str, Any]:
     return part.model_dump(exclude_unset=True, exclude_none=True)
 
 
@@ -247,7 +223,7 @@ def _complaint(error: ErrorDetails) -> str:
 
 def _fields_at(path: tuple[int | str, ...]) -> list[str]:
     """Names of the keys that the schema allows at ``path``."""
-    places: dict[str, type[_Part]] = {
+    places: dict[str, type[Part]] = {
         "robot": Robot,
         "joints": Joint,
         "friction": Friction,
@@ -255,6 +231,7 @@ def _fields_at(path: tuple[int | str, ...]) -> list[str]:
         "payloads": Payload,
         "initial": Initial,
         "sim": Sim,
+        **SCHEMAS,
     }
     named = [places[key] for key in map(str, path) if key in places]
     return list((named[-1] if named else Scene).model_fields)

@@ -1,0 +1,38 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers and the base of all parts of a scene file."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Field
+
+
+def _number(value: object) -> object:
+    """Read ``1e5``, which YAML 1.1 takes for text, and refuse truth values as numbers."""
+    if isinstance(value, bool):
+        raise ValueError("a number is wanted, not true or false")
+    if isinstance(value, str):
+        return float(value)
+    return value
+
+
+def _finite(value: float) -> float:
+    if not np.isfinite(value):
+        raise ValueError("only finite numbers are allowed")
+    return value
+
+
+Finite = Annotated[float, BeforeValidator(_number), AfterValidator(_finite)]
+NonNegative = Annotated[Finite, Field(ge=0.0)]
+Positive = Annotated[Finite, Field(gt=0.0)]
+Limit = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]
+Vector3 = tuple[Finite, Finite, Finite]
+Inertia6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
+
+
+class Part(BaseModel):
+    """A frozen part of a scene that knows every one of its keys."""
+
+    model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
