@@ -15,8 +15,9 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene_constraint import SCHEMAS, Constraint
-from arm_dynamics.scene_values import (
+from arm_dynamics.scene_constraint import SCHEMAS, Constraint, label
+from arm_dynamics.scene_contact import Contact
+from arm_dynamics.scene_types import (
     Finite,
     Inertia6,
     Limit,
@@ -167,6 +168,12 @@ class Scene(Part):
     initial: Initial = Initial()
     sim: Sim = Sim()
     tunable: tuple[Literal["gravity", "payload", "friction"], ...] = ()
+
+    @property
+    def contacts(self) -> tuple[tuple[str, Contact], ...]:
+        """The constraints that are contacts, with their names."""
+        numbered = enumerate(self.constraints)
+        return tuple((label(c, i), c) for i, c in numbered if isinstance(c, Contact))
 
     def joint(self, name: str) -> Joint:
         """What the scene says of the joint ``name``: its own entry laid over that of ``"*"``."""

@@ -13,7 +13,8 @@ import numpy as np
 from pydantic import Field, field_validator, model_validator
 
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene_values import Finite, Part, Positive, Vector3
+from arm_dynamics.scene_contact import Contact, check_contact
+from arm_dynamics.scene_types import Finite, Part, Positive, Vector3
 from arm_dynamics.urdf import Urdf
 
 WORLD = "world"
@@ -177,7 +178,7 @@ FrameBased = (
     | DistanceConstraint
     | RollingConstraint
 )
-Constraint = Annotated[FrameBased | CouplingConstraint, Field(discriminator="type")]
+Constraint = Annotated[FrameBased | CouplingConstraint | Contact, Field(discriminator="type")]
 SCHEMAS: dict[str, type[Part]] = {
     "point": PointConstraint,
     "frame": FrameConstraint,
@@ -186,6 +187,7 @@ SCHEMAS: dict[str, type[Part]] = {
     "distance": DistanceConstraint,
     "rolling": RollingConstraint,
     "coupling": CouplingConstraint,
+    "contact": Contact,
 }
 
 
@@ -211,6 +213,9 @@ def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: s
             raise SceneError(f"scene: two constraints are called '{name}'; names must differ")
         if isinstance(constraint, CouplingConstraint):
             _check_joints(f"constraints.{i}.joints", constraint.joints, urdf, locked)
+            continue
+        if isinstance(constraint, Contact):
+            check_contact(f"constraints.{i}.frame", constraint, urdf)
             continue
         for frame in constraint.frames:
             if frame != WORLD and frame not in urdf.frames:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers and the base of all parts of a scene file."""
+"""Numbers that a scene may hold, and what its parts have in common."""
 
 from __future__ import annotations
 
@@ -33,6 +33,6 @@ Inertia6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
 class Part(BaseModel):
-    """A frozen part of a scene that knows every one of its keys."""
+    """A part of a scene: nothing in it changes, and unknown keys are refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)
