@@ -42,6 +42,9 @@ DRY_BALANCE: Final = 5e-3
 """Energy balance of a recording with dry friction at 1 ms: the quadrature does not see at what
 instant within a tick a joint stopped or broke away. At 0.1 ms a hundred times less."""
 
+CONTACT_EVENTS: Final = 1e-9
+"""Motion through many touch-downs against its closed form."""
+
 
 def assert_close(actual: ArrayLike, desired: ArrayLike, tolerance: float) -> None:
     """Assert agreement to ``tolerance`` relative to the largest desired element, or to one if that

@@ -9,9 +9,12 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model import Array
 from arm_sim.contact import ContactStepper
+from arm_sim.contact_driver import INSIDE
 from arm_sim.contact_modes import Trouble
+from arm_sim.plant import Plant
 from arm_sim.recording import Recording
 from arm_sim.stepper import Stepper
 
@@ -115,6 +118,34 @@ def contact_history(sim: Simulator, recording: Recording) -> ContactHistory:
     for array in arrays:
         array.setflags(write=False)
     return ContactHistory(tuple(f.name for f in forces[0]), *arrays)
+
+
+def outside(plant: Plant, x: Array) -> Array:
+    """Refuse a state with a contact point inside its plane.
+
+    Args:
+        plant: The scene's equations.
+        x: State, shape (nx,).
+
+    Returns:
+        The same state.
+
+    Raises:
+        ConstraintError: Naming the point that is deepest, and how deep; a nanometre is rounding.
+    """
+    if plant.contact is None:
+        return x
+    gaps = np.array(plant.contact.geometry(x[: 2 * plant.model.n])[0]).ravel()[::3]
+    points = plant.contact.points
+    k = int(np.argmin(gaps))
+    if gaps[k] < -INSIDE:
+        depths = {point.name: float(gap) for point, gap in zip(points, gaps, strict=True)}
+        raise ConstraintError(
+            f"contact '{points[k].name}' is {-gaps[k]:.6g} m inside its plane; "
+            "a position at or above it is wanted",
+            depths,
+        )
+    return x
 
 
 def trouble(stepper: Stepper) -> str:
