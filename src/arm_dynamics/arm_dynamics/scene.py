@@ -170,6 +170,11 @@ class Scene(Part):
     tunable: tuple[Literal["gravity", "payload", "friction"], ...] = ()
 
     @property
+    def bilateral(self) -> bool:
+        """Whether a constraint is not a contact."""
+        return len(self.constraints) > len(self.contacts)
+
+    @property
     def contacts(self) -> tuple[tuple[str, Contact], ...]:
         """The constraints that are contacts, with their names."""
         numbered = enumerate(self.constraints)

@@ -10,12 +10,15 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene_contact import Contact, check_contact
 from arm_dynamics.scene_types import Finite, Part, Positive, Vector3
 from arm_dynamics.urdf import Urdf
+
+Array = NDArray[np.float64]
 
 WORLD = "world"
 Frames = tuple[str, str]
@@ -178,7 +181,8 @@ FrameBased = (
     | DistanceConstraint
     | RollingConstraint
 )
-Constraint = Annotated[FrameBased | CouplingConstraint | Contact, Field(discriminator="type")]
+Bilateral = FrameBased | CouplingConstraint
+Constraint = Annotated[Bilateral | Contact, Field(discriminator="type")]
 SCHEMAS: dict[str, type[Part]] = {
     "point": PointConstraint,
     "frame": FrameConstraint,
@@ -189,6 +193,17 @@ SCHEMAS: dict[str, type[Part]] = {
     "coupling": CouplingConstraint,
     "contact": Contact,
 }
+
+
+def switchable(constraints: tuple[Constraint, ...]) -> list[int]:
+    """Places of the constraints that can be switched on and off."""
+    return [i for i, c in enumerate(constraints) if not isinstance(c, Contact) and c.switchable]
+
+
+def switches(constraints: tuple[Constraint, ...]) -> Array:
+    """1 or 0 for each switchable constraint: does it hold at the start?"""
+    held = [constraints[i] for i in switchable(constraints)]
+    return np.array([float(not isinstance(c, Contact) and c.active) for c in held])
 
 
 def label(constraint: Constraint, place: int) -> str:

@@ -8,7 +8,9 @@ from typing import TYPE_CHECKING
 from arm_dynamics import ArmError
 
 if TYPE_CHECKING:
+    from arm_sim.choice import Choice
     from arm_sim.recording import Recording
+    from arm_sim.state import State
 
 
 class SimulationDiverged(ArmError):
@@ -19,3 +21,12 @@ class SimulationDiverged(ArmError):
     """
 
     recording: Recording | None = None
+
+
+def diverged(state: State, choice: Choice, hint: str = "") -> SimulationDiverged:
+    """What is said when the tick after a state cannot be computed with a choice of method."""
+    return SimulationDiverged(
+        f"tick {state.step + 1} (t = {state.time:.6g} s) cannot be computed with "
+        f"{choice.method.name}{choice.remark}; the state before it is kept: "
+        f"largest |v| = {abs(state.v).max():.3g}{hint}"
+    )

@@ -26,6 +26,7 @@ class Recording:
             the last row repeats the last tick's.
         error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
         dynamics: The scene's dynamics, for the energies.
+        held: Names of the constraints that held.
     """
 
     time: Array
@@ -34,6 +35,7 @@ class Recording:
     tau: Array
     error: Array
     dynamics: Dynamics
+    held: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Number of recorded states."""
@@ -59,6 +61,11 @@ class Recording:
         return self.kinetic + self.potential
 
     @cached_property
+    def multipliers(self) -> Array:
+        """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
+        return self.dynamics.constrained_forward(self.q, self.v, self.tau, self.held)[1]
+
+    @cached_property
     def balance(self) -> Array:
         """Energy from nowhere in [J], shape (k+1,): E - E(0) - input + dissipated."""
         given = input_work(self.q, self.tau[:-1])
@@ -68,7 +75,13 @@ class Recording:
 
 
 def record(
-    dynamics: Dynamics, dt: float, start: State, trace: Array, effort: Array, errors: Array
+    dynamics: Dynamics,
+    dt: float,
+    start: State,
+    trace: Array,
+    effort: Array,
+    errors: Array,
+    held: tuple[str, ...] = (),
 ) -> Recording:
     """Put a recording together.
 
@@ -79,6 +92,7 @@ def record(
         trace: State (q, v) after each tick, shape (k, 2n).
         effort: Torque that acted in each tick, shape (k, n).
         errors: Estimated error after each tick, shape (k,).
+        held: Names of the constraints that hold.
 
     Returns:
         The recording; its arrays are read-only.
@@ -90,4 +104,4 @@ def record(
     time = np.asarray((start.step + np.arange(len(x))) * dt, dtype=np.float64)
     for array in (x, tau, error, time):
         array.setflags(write=False)
-    return Recording(time, x[:, :n], x[:, n:], tau, error, dynamics)
+    return Recording(time, x[:, :n], x[:, n:], tau, error, dynamics, held)

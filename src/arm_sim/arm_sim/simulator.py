@@ -11,9 +11,11 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
 from arm_dynamics.model import Array
+from arm_sim import held
 from arm_sim.actuation import CompiledControl
 from arm_sim.choice import Choice, choose
-from arm_sim.exceptions import SimulationDiverged
+from arm_sim.contact_report import contact_forces, trouble
+from arm_sim.exceptions import SimulationDiverged, diverged
 from arm_sim.inputs import SaturationNotice, packed_state, tick_count, torque, torque_table
 from arm_sim.linearization import Linearizer
 from arm_sim.make import make_stepper
@@ -91,6 +93,11 @@ class Simulator:
         return self._state
 
     @property
+    def held_constraints(self) -> tuple[str, ...]:
+        """Names of the constraints that hold."""
+        return held.active(self.plant, self._stepper.p)
+
+    @property
     def effort(self) -> Array:
         """Torque that acted in the last tick, limits applied, in [N m] or [N], shape (n,)."""
         row: Array = self._effort[0]
@@ -155,9 +162,8 @@ class Simulator:
             table = torque_table(control, ticks, self.n, self.dt)
             done = self._roll(self._stepper, table, trace, effort, errors)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
-        recording = record(
-            self.dynamics, self.dt, start, trace[:done], effort[:done], errors[:done]
-        )
+        motion = trace[:done], effort[:done], errors[:done]
+        recording = record(self.dynamics, self.dt, start, *motion, self.held_constraints)
         if done < ticks:
             error = self._diverged()
             error.recording = recording
@@ -174,11 +180,10 @@ class Simulator:
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
-        model = self.model
-        self._x = packed_state(model.q0 if q is None else q, model.v0 if v is None else v, self.n)
+        q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
+        self._x = held.placed(self, packed_state(q, v, self.n))
         self._step = 0
-        self._effort[:] = 0.0
-        self._error[:] = 0.0
+        self._effort[:] = self._error[:] = 0.0
         self._stepper.restart()
         self._controlled = None
         self._publish()
@@ -186,8 +191,8 @@ class Simulator:
 
     def set_state(self, q: Any = None, v: Any = None) -> State:
         """Put the robot somewhere else while time goes on; None keeps positions or velocities."""
-        state = self._state
-        self._x = packed_state(state.q if q is None else q, state.v if v is None else v, self.n)
+        q, v = self._state.q if q is None else q, self._state.v if v is None else v
+        self._x = held.placed(self, packed_state(q, v, self.n))
         self._publish()
         return self._state
 
@@ -247,6 +252,9 @@ class Simulator:
         x, command = packed_state(state.q, state.v, self.n), torque(tau, self.n)
         return self._linearizer(x, command, self._stepper.parameters_at(x, command), ticks)
 
+    multipliers, set_constraint = held.multipliers, held.set_constraint
+    contact_forces = contact_forces
+
     @cached_property
     def _linearizer(self) -> Linearizer:
         return Linearizer(self.plant, self.choice)
@@ -290,9 +298,4 @@ class Simulator:
         self._state = State(time, self._step, x[:n], x[n : 2 * n], x[2 * n :], error)
 
     def _diverged(self) -> SimulationDiverged:
-        state = self._state
-        return SimulationDiverged(
-            f"tick {self._step + 1} (t = {state.time:.6g} s) cannot be computed with "
-            f"{self.choice.method.name}{self.choice.remark}; the state before it is kept: "
-            f"largest |v| = {abs(state.v).max():.3g}"
-        )
+        return diverged(self._state, self.choice, held.hint(self) + trouble(self._stepper))

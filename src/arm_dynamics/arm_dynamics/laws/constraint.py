@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Bilateral constraints: what they demand of positions, velocities and accelerations.
 
-A constraint is written once, as a position residual φ(q), or as a speed w(q, v) that is linear in v
-where there is no position to hold (rolling). From it follow, by exact differentiation,
+A constraint is written once, as a position residual φ(q), or, where there is no position to hold
+(rolling), as a speed w(q, v) that is linear in v. From it follow, by exact differentiation,
 
     A(q) v = φ̇ = w = 0          and          A(q) a + γ(q, v) = 0,  γ = Ȧ v.
 
@@ -24,7 +24,7 @@ from arm_dynamics.laws.rigid_body import Rotation, placements
 from arm_dynamics.model import ArmModel
 from arm_dynamics.scene_constraint import (
     WORLD,
-    Constraint,
+    Bilateral,
     CouplingConstraint,
     DistanceConstraint,
     FrameBased,
@@ -45,11 +45,13 @@ class Rows:
     """Constraint equations of a scene; those with a position residual come first.
 
     Attributes:
-        residual: φ in [m] and [rad], shape (h,), of the first h rows.
+        every: φ of all constraints in [m] and [rad], for a look whether they hold.
+        residual: φ of those rows that imply all others, shape (h,): of the first h rows.
         jacobian: A, shape (m, n).
         drift: γ = Ȧ v, shape (m,).
     """
 
+    every: ca.SX
     residual: ca.SX
     jacobian: ca.SX
     drift: ca.SX
@@ -69,24 +71,29 @@ def rows(
             switched off vanish.
 
     Returns:
-        The rows, in the order of the scene, rolling last.
+        The rows that imply all others, in the order of the scene, rolling last.
     """
     kinematics = Kinematics(model, tree, q)
-    held: list[ca.SX] = []
-    rolling: list[ca.SX] = []
+    every, held, rolling = list[ca.SX](), list[ca.SX](), list[ca.SX]()
     for i, constraint in enumerate(model.scene.constraints):
         if isinstance(constraint, Contact):
             continue
+        if isinstance(constraint, Contact):
+            continue
+        kept = list(model.constraint_rows[i])
         if isinstance(constraint, RollingConstraint):
-            rolling.append(active(i) * _slip(constraint, kinematics, q, v))
+            rolling.append(active(i) * _slip(constraint, kinematics, q, v)[kept])
         else:
-            held.append(active(i) * _residual(constraint, model, kinematics, q))
+            whole = active(i) * _residual(constraint, model, kinematics, q)
+            every.append(whole)
+            held.append(whole[kept])
     residual = ca.sparsify(ca.vertcat(ca.SX(0, 1), *held))
     speed = ca.vertcat(ca.jtimes(residual, q, v), ca.SX(0, 1), *rolling)
     J = ca.jacobian(residual, q)
     if rolling:
         J = ca.vertcat(J, ca.jacobian(ca.vertcat(*rolling), v))
-    return Rows(residual, ca.sparsify(J), ca.jtimes(speed, q, v))
+    whole = ca.vertcat(ca.SX(0, 1), *every)
+    return Rows(whole, residual, ca.sparsify(J), ca.jtimes(speed, q, v))
 
 
 class Kinematics:
@@ -138,9 +145,7 @@ def _common(tree: Tree, i: int, j: int) -> int:
     return i
 
 
-def _residual(
-    constraint: Constraint, model: ArmModel, kinematics: Kinematics, q: ca.SX
-) -> ca.SX:
+def _residual(constraint: Bilateral, model: ArmModel, kinematics: Kinematics, q: ca.SX) -> ca.SX:
     if isinstance(constraint, CouplingConstraint):
         first, second = (q[model.joint_names.index(name)] for name in constraint.joints)
         return first - constraint.ratio * second - constraint.offset
@@ -169,9 +174,7 @@ def _turned(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
     return ca.sparsify(wanted @ axis / ca.sqrt(ca.fmax(1 + ca.trace(E), HALF_TURN)))
 
 
-def _slip(
-    constraint: RollingConstraint, kinematics: Kinematics, q: ca.SX, v: ca.SX
-) -> ca.SX:
+def _slip(constraint: RollingConstraint, kinematics: Kinematics, q: ca.SX, v: ca.SX) -> ca.SX:
     """Velocity along the plane of the material point that touches it in [m/s], shape (2,)."""
     R, u = kinematics.relative(constraint)
     R_dot, u_dot = ca.reshape(ca.jtimes(ca.vec(ca.densify(R)), q, v), 3, 3), ca.jtimes(u, q, v)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Constrained motion in the metric of M, for constraint rows of any rank.
+"""Motion under constraints in the metric of M, through singular positions too.
 
 Gauss' principle: of all accelerations that obey A a = b, nature takes the one that is nearest to
 the free one in the metric of M (Udwadia, Kalaba, Analytical Dynamics, 1996). With M = LᵀDL and
@@ -15,11 +15,15 @@ import casadi as ca
 
 from arm_dynamics.laws.rigid_body import eliminated, factored, substituted
 
-# A row of which less than this part is new counts as dependent; see docs/constraints.md.
-DEPENDENT = 1e-5
+# Under this part of the largest row what is new in a row is rounding.
+DEPENDENT = 1e-9
 # Entries of A under this, in m or 1, are rounding.
-NOTHING = 1e-12
+NOTHING = 1e-13
+# Under this part the robot passes a singular position, where rounding turns the directions along
+# which it can go on: what a row demands of accelerations fades out there, and velocities are kept.
+SINGULAR = 1e-5
 _TINY = 1e-200
+SHARP = 1e9
 
 
 class Metric:
@@ -49,55 +53,47 @@ class Held:
     Args:
         metric: Of the robot at its position.
         A: Rows, shape (m, n).
+        least: Rows that are new by less than this part of the largest are left out.
     """
 
-    def __init__(self, metric: Metric, A: ca.SX) -> None:
+    def __init__(self, metric: Metric, A: ca.SX, least: float = DEPENDENT) -> None:
         Y = metric.of_forces(A.T)
         self._metric, self._rows = metric, [Y[:, k] for k in range(A.shape[0])]
         sizes = [ca.sumsqr(y) for y in self._rows]
         largest = ca.SX(0)
         for size in sizes:
             largest = ca.fmax(largest, size)
-        threshold = DEPENDENT**2 * largest + NOTHING**2 * metric.mobility + _TINY
+        self._least = least**2 * largest + NOTHING**2 * metric.mobility + _TINY
+        self._singular = SINGULAR**2 * largest + _TINY
         self._overlap: list[list[ca.SX]] = []
-        self._weights: list[ca.SX] = []
+        self._sizes: list[ca.SX] = []
+        self._bars: list[ca.SX] = []
+        self._gains: list[ca.SX] = []
         for k in range(len(self._rows)):
-            self._orthogonalise(k, threshold)
+            self._orthogonalise(k)
 
     def nearest(self, x: ca.SX, b: ca.SX) -> ca.SX:
         """The vector nearest to ``x`` that obeys the first rows: y_k·x = b_k, shape (n,)."""
-        found, wanted = x, []
+        found, reached = x, list[ca.SX]()
         for k in range(b.shape[0]):
-            w = b[k] - sum((r * wanted[j] for j, r in enumerate(self._overlap[k])), ca.SX(0))
-            wanted.append(w)
-            found = found + self._rows[k] * (self._weights[k] * (w - ca.dot(self._rows[k], found)))
+            y, w = self._rows[k], b[k]
+            for j, r in enumerate(self._overlap[k]):
+                w = w - r * reached[j]
+            reached.append(self._gains[k] * self._sizes[k] * w)
+            found = found + y * (self._gains[k] * w - self._bars[k] * ca.dot(y, found))
         return found
 
-    def _orthogonalise(self, k: int, threshold: ca.SX) -> None:
-        y, overlap = self._rows[k], []
+    def _orthogonalise(self, k: int) -> None:
+        y, overlap = self._rows[k], list[ca.SX]()
         for j in range(k):
-            r = self._weights[j] * ca.dot(self._rows[j], y)
+            r = self._bars[j] * ca.dot(self._rows[j], y)
             y = y - r * self._rows[j]
             overlap.append(r)
-        size = ca.sumsqr(y)
-        # 0 below the threshold, 1 above twice it; no branches, so that vectors of arms can run it.
-        gate = ca.fmin(1, ca.fmax(0, (size - threshold) / threshold))
+        size, least = ca.sumsqr(y), self._least
+        # 0 under the threshold, else 1; no branches, so that vectors of arms can run it.
+        gate = ca.fmin(1, ca.fmax(0, SHARP * (size - least) / least))
         self._rows[k] = y
+        self._sizes.append(size)
         self._overlap.append(overlap)
-        self._weights.append(gate / ca.fmax(size, threshold))
-
-
-def acceleration(M: ca.SX, force: ca.SX, A: ca.SX, drift: ca.SX) -> ca.SX:
-    """Acceleration a of M a + Aᵀλ = force under A a + drift = 0.
-
-    Args:
-        M: Joint-space inertia in [kg m²] or [kg], shape (n, n).
-        force: Torques that act: command less Coriolis, gravity and friction, shape (n,).
-        A: Constraint rows, shape (m, n); dependent ones are allowed.
-        drift: Ȧ v, shape (m,).
-
-    Returns:
-        Accelerations, shape (n,).
-    """
-    metric = Metric(M)
-    return metric.motion(Held(metric, A).nearest(metric.of_forces(force), -drift))
+        self._bars.append(gate / ca.fmax(size, least))
+        self._gains.append(gate / ca.fmax(size, self._singular))
