@@ -111,6 +111,7 @@ class ContactStepper:
             return Trouble.INSIDE
         for _ in range(EVENTS):
             lost = self.modes.impact(x, u, p, impacts < MOST_REBOUNDS)
+            self.modes.still(x)
             if lost is None or not self.modes.settle(x, u, p):
                 return Trouble.UNDETERMINED
             self.memory.loss += lost

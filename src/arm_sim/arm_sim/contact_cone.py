@@ -10,49 +10,27 @@ contact and dry friction in finite freedom dynamics", CISM 302, 1988). The cone 
 pyramid: the direction of sliding is found as the root of a trigonometric polynomial (Bonnefon,
 Daviet, "Quartic formulation of Coulomb 3D frictional contact", INRIA, 2011). Several contacts are
 solved one after another until nothing changes (Jourdan, Alart, Jean, "A Gauss-Seidel like
-algorithm to solve frictional contact problems", Comput. Methods Appl. Mech. Eng. 155, 1998).
+algorithm to solve frictional contact problems", Comput. Methods Appl. Mech. Eng. 155, 1998), and
+where that takes long together by Newton's method (``contact_newton.py``).
 
 The same lines stand in C in ``native/cone.c``.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from enum import IntEnum
-
 import numpy as np
 
 from arm_dynamics.model import Array
+from arm_sim.contact_newton import AHEAD, Answer, Does, newton
 
-SWEEPS = 5000
+# Sweeps before Newton's method is tried, and tried again.
+SWEEPS = (20, 200)
+# Steps in which friction grows from nothing where that does not help.
+CONTINUED = 20
 SETTLED = 1e-15
 SAMPLES = 32
 ROOT_STEPS = 100
 DAMPING = 1e-8
-
-
-class Does(IntEnum):
-    """What a contact does."""
-
-    APART = 0
-    SLIDES = 1
-    STICKS = 2
-    UNSOLVABLE = 3
-
-
-@dataclass
-class Answer:
-    """Solution for one contact.
-
-    Attributes:
-        does: What it does.
-        force: Normal and tangential force, shape (3,).
-        direction: Of sliding, a unit vector, shape (2,).
-    """
-
-    does: Does
-    force: Array
-    direction: Array
 
 
 def single(W: Array, c: Array, mu: float, given: Array | None) -> Answer:
@@ -67,9 +45,9 @@ def single(W: Array, c: Array, mu: float, given: Array | None) -> Answer:
     Returns:
         The answer; unsolvable if no force keeps the contact from closing further.
     """
-    none, ahead = np.zeros(3), np.array([1.0, 0.0])
+    none = np.zeros(3)
     if c[0] >= 0.0:
-        return Answer(Does.APART, none, ahead if given is None else given)
+        return Answer(Does.APART, none, AHEAD if given is None else given)
     if given is not None:
         grip = W[0, 0] - mu * (W[0, 1] * given[0] + W[0, 2] * given[1])
         if not grip > 0.0:
@@ -78,7 +56,7 @@ def single(W: Array, c: Array, mu: float, given: Array | None) -> Answer:
     held = _held(W, c)
     size = float(np.hypot(held[1], held[2]))
     if size <= mu * held[0]:
-        return Answer(Does.STICKS, held, ahead)
+        return Answer(Does.STICKS, held, AHEAD)
     return _starts_to_slide(W, c, mu)
 
 
@@ -95,13 +73,36 @@ def several(
         allowed: Whether a contact may carry at all, shape (nc,).
 
     Returns:
-        An answer for each; the last one found if they do not settle.
+        An answer for each; all unsolvable if none is found.
     """
-    nc = len(mu)
-    r = np.zeros(3 * nc)
-    ahead = np.array([1.0, 0.0])
-    answers = [Answer(Does.APART, np.zeros(3), ahead) for _ in range(nc)]
-    for _ in range(SWEEPS):
+    r = np.zeros(3 * len(mu))
+    for sweeps in SWEEPS:
+        answers = _sweep(W, c, mu, given, allowed, r, sweeps)
+        if answers is None:
+            answers = newton(W, c, mu, given, allowed, r)
+        if answers is not None:
+            return answers
+    r[:] = 0.0
+    for part in range(CONTINUED + 1):
+        less = mu * part / CONTINUED
+        answers = _sweep(W, c, less, given, allowed, r, SWEEPS[0])
+        if answers is None:
+            answers = newton(W, c, less, given, allowed, r)
+    return answers or [Answer(Does.UNSOLVABLE, np.zeros(3), AHEAD) for _ in mu]
+
+
+def _sweep(
+    W: Array,
+    c: Array,
+    mu: Array,
+    given: list[Array | None],
+    allowed: Array,
+    r: Array,
+    sweeps: int,
+) -> list[Answer] | None:
+    """Solve one contact after the other; None, with the last forces in r, without end."""
+    answers = [Answer(Does.APART, np.zeros(3), AHEAD) for _ in mu]
+    for _ in range(sweeps):
         change = 0.0
         for k in np.flatnonzero(allowed):
             own = slice(3 * k, 3 * k + 3)
@@ -110,8 +111,8 @@ def several(
             change = max(change, float(abs(answers[k].force - r[own]).max()))
             r[own] = answers[k].force
         if change <= SETTLED * abs(r).max():
-            break
-    return answers
+            return answers
+    return None
 
 
 def _held(W: Array, c: Array) -> Array:
@@ -129,8 +130,7 @@ def _sliding_force(normal: float, mu: float, d: Array) -> Array:
 
 def _starts_to_slide(W: Array, c: Array, mu: float) -> Answer:
     """The direction d in which the point starts: w_t along d under the force that d means."""
-    best, ahead = -np.inf, np.array([1.0, 0.0])
-    answer = Answer(Does.UNSOLVABLE, np.zeros(3), ahead)
+    best, answer = -np.inf, Answer(Does.UNSOLVABLE, np.zeros(3), AHEAD)
     angle = [2.0 * np.pi * k / SAMPLES for k in range(SAMPLES + 1)]
     value = [_across(W, c, mu, a) for a in angle]
     for k in range(SAMPLES):

@@ -11,6 +11,7 @@ import casadi as ca
 from arm_dynamics.laws.contact import AT_REST
 from arm_sim import contact_cone as cone
 from arm_sim import contact_modes as modes
+from arm_sim import contact_newton as newton
 from arm_sim import contact_pieces as pieces
 from arm_sim import dry_friction as dry
 from arm_sim.adaptive import MAX_SUBSTEPS
@@ -69,7 +70,11 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         "FRICTION": _braces(point.friction for point in points),
         "RESTITUTION": _braces(point.restitution for point in points),
         "PIVOTS": str(modes.PIVOTS * (len(points) + model.n)),
-        "SWEEPS": str(cone.SWEEPS),
+        "SWEEPS": str(cone.SWEEPS[0]),
+        "MORE_SWEEPS": str(cone.SWEEPS[1]),
+        "CONTINUED": str(cone.CONTINUED),
+        "STEPS": str(newton.STEPS),
+        "HALVED": str(newton.HALVED),
         "SAMPLES": str(cone.SAMPLES),
         "ROOT_STEPS": str(cone.ROOT_STEPS),
         "MOST_REBOUNDS": str(modes.MOST_REBOUNDS),
@@ -80,6 +85,8 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
     numbers = {
         "SETTLED": cone.SETTLED,
         "DAMPING": cone.DAMPING,
+        "SOLVED": newton.SOLVED,
+        "REGULAR": newton.REGULAR,
         "GAP_ROUNDING": modes.GAP_ROUNDING,
         "HOP": modes.HOP,
         "SPEED_ROUNDING": modes.SPEED_ROUNDING,
@@ -99,7 +106,7 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         control = {"ORDER": str(choice.method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
         source = driver_source("adaptive.c", plant, {**control, "ADAPTIVE": "1"}, *functions)
     source += driver_source("cone.c", plant, defines, *functions)
-    for file in ("contact_modes.c", "contact.c"):
+    for file in ("cones.c", "contact_modes.c", "contact.c"):
         source += driver_source(file, plant, {}, *functions)
     return source
 

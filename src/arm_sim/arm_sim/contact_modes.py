@@ -18,7 +18,8 @@ import numpy as np
 from arm_dynamics.kernel import Kernel
 from arm_dynamics.laws.contact import AT_REST, MODE
 from arm_dynamics.model import Array
-from arm_sim.contact_cone import Answer, Does, several, single
+from arm_sim.contact_cone import several, single
+from arm_sim.contact_newton import Answer, Does
 from arm_sim.plant import Plant
 
 PIVOTS = 40
@@ -102,6 +103,11 @@ class Modes:
         if not (shut & (speed[::3] > self.calm(x))).any():
             return np.asarray(shut)
         return np.asarray(np.logical_and(shut, speed[::3] <= self.hop(x, u, p)))
+
+    def still(self, x: Array) -> None:
+        """Put joints with dry friction at rest that a closed contact keeps there, to rounding."""
+        v = self.velocity(x)
+        v[(self.static > 0.0) & (abs(v) <= self.calm(x))] = 0.0
 
     def hop(self, x: Array, u: Array, p: Array) -> Array:
         """Speeds of hops that would not rise above the rounding of the gap, shape (nc,)."""

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.exceptions import SceneError
 from arm_dynamics.laws.constraint import across
 from arm_dynamics.laws.links import Tree, sparse, turn
 from arm_dynamics.laws.rigid_body import placements, solve
@@ -101,6 +102,8 @@ def contact_points(model: ArmModel) -> list[ContactPoint]:
 
 def _contact_point(model: ArmModel, name: str, contact: Contact) -> ContactPoint:
     frame = model.pin.frames[model.pin.getFrameId(contact.frame)]
+    if frame.parentJoint == 0:
+        raise SceneError(f"contact '{name}': no joint moves its frame '{contact.frame}'")
     T, _ = turn(model.pin, frame.parentJoint)
     place = T.T @ frame.placement.act(np.array(contact.point))
     axes = np.vstack([contact.plane.normal, across(contact.plane.normal)])

@@ -1,9 +1,9 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Forces or impulses of contacts with Coulomb friction: the complementarity problem, solved. The same lines stand in
+ * Force or impulse of one contact with Coulomb friction: the complementarity problem, solved. The same lines stand in
  * Python in contact_cone.py, with the reasons and sources, for machines without a compiler; a test holds the two together.
  *
- * Before this file: NC (contacts), FRICTION (a brace list), SWEEPS, SETTLED, SAMPLES, ROOT_STEPS, DAMPING.
+ * Before this file: NC (contacts), FRICTION (a brace list), SAMPLES, ROOT_STEPS, DAMPING.
  */
 
 #include <math.h>
@@ -149,38 +149,4 @@ static answer_t single(const double W[3][3], const double* c, double mu, const d
   }
   start_to_slide(W, c, mu, &answer);
   return answer;
-}
-
-/* The contact's own part of W. */
-static void own_block(const double* W, int k, double block[3][3]) {
-  for (int i = 0; i < 3; ++i)
-    for (int j = 0; j < 3; ++j) block[i][j] = AT(W, MC, 3 * k + i, 3 * k + j);
-}
-
-/* Solve for several; slides[k] says that given[k] holds. The last answers found if they do not settle. */
-static void several(const double* W, const double* c, double given[NC][2], const int* slides, const int* allowed,
-                    answer_t* answers) {
-  double r[MC], block[3][3];
-  for (int i = 0; i < MC; ++i) r[i] = 0.0;
-  for (int k = 0; k < NC; ++k) answers[k] = (answer_t){APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
-  for (int sweep = 0; sweep < SWEEPS; ++sweep) {
-    double change = 0.0, largest = 0.0;
-    for (int k = 0; k < NC; ++k) {
-      if (!allowed[k]) continue;
-      double others[3];
-      own_block(W, k, block);
-      for (int i = 0; i < 3; ++i) {
-        others[i] = c[3 * k + i];
-        for (int j = 0; j < MC; ++j)
-          if (j / 3 != k) others[i] += AT(W, MC, 3 * k + i, j) * r[j];
-      }
-      answers[k] = single(block, others, friction[k], slides[k] ? given[k] : 0);
-      for (int i = 0; i < 3; ++i) {
-        change = fmax(change, fabs(answers[k].force[i] - r[3 * k + i]));
-        r[3 * k + i] = answers[k].force[i];
-      }
-    }
-    for (int i = 0; i < MC; ++i) largest = fmax(largest, fabs(r[i]));
-    if (change <= SETTLED * largest) return;
-  }
 }

@@ -234,6 +234,7 @@ static enum trouble contact_tick(real* x, piece_t* piece, double h, memory_t* me
     if (where.place[3 * k] < -DEEP) return INSIDE;
   for (long long event = 0; event < MOST_EVENTS; ++event) {
     const double lost = impact(now, piece, impacts < MOST_REBOUNDS);
+    still(now);
     if (lost < 0.0 || !settle(now, piece)) return UNDETERMINED;
     memory->loss += lost;
     memory->impacts += lost > 0.0;

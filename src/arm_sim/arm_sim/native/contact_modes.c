@@ -3,7 +3,7 @@
  * What contacts and joints with dry friction do next, and impacts. The same lines stand in Python in contact_modes.py,
  * with the reasons, for machines without a compiler; a test holds the two together.
  *
- * Before this file: cone.c; NX, NU, NP, ND (joints with directions in p: NU or 0), STATIC and RESTITUTION (brace lists),
+ * Before this file: cone.c, cones.c; NX, NU, NP, ND (joints with directions in p: NU or 0), STATIC and RESTITUTION (brace lists),
  * SZ_ARG, SZ_RES, SZ_IW, SZ_W (of the functions called), PIVOTS, GAP_ROUNDING, HOP, SPEED_ROUNDING, AT_REST, LEAST_REBOUND,
  * SLACK, HALVINGS, MOST_REBOUNDS; with error control also adaptive.c and ADAPTIVE.
  */
@@ -47,11 +47,7 @@ static const double restitution[NC] = RESTITUTION;
 #define DIRECTION(piece) ((piece)->p + NP)
 #define MODE(piece, k) ((piece)->p + NP + ND + 4 * (k))
 
-#define MEMORY                  \
-  real w[SZ_W];                 \
-  casadi_int iw[SZ_IW];         \
-  const real* arg[SZ_ARG];      \
-  real* res[SZ_RES]
+#define MEMORY real w[SZ_W]; casadi_int iw[SZ_IW]; const real* arg[SZ_ARG]; real* res[SZ_RES]
 
 static void find_geometry(const real* x, where_t* where) {
   MEMORY;
@@ -85,6 +81,13 @@ static double sign_of(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
 
 static double calm_speed(const real* x) { return SPEED_ROUNDING * (1.0 + largest_of(x + NU, NU)); }
 
+/* Put joints with dry friction at rest that a closed contact keeps there but for rounding. */
+static void still(real* x) {
+  const double limit = calm_speed(x);
+  for (int i = 0; i < ND; ++i)
+    if (static_level[i] > 0.0 && fabs(x[NU + i]) <= limit) x[NU + i] = 0.0;
+}
+
 /* Speeds of hops that would not rise above the rounding of the gap. */
 static void find_hops(const real* x, const piece_t* piece, const where_t* where, double* hop) {
   inertia_t inertia;
@@ -109,15 +112,15 @@ static void find_touching(const real* x, const piece_t* piece, const where_t* wh
 /* Impulse for rebound speeds; energy gained, or INFINITY if there is none. */
 static double find_impulse(const inertia_t* inertia, const real* before, const double* rebound, double part,
                            const int* touching, double* impulse) {
-  double c[MC], given[NC][2], gain = 0.0;
-  int slides[NC];
+  double c[MC], gain = 0.0;
   answer_t answers[NC];
+  cones_t cones = {.W = inertia->W, .c = c};
   for (int i = 0; i < MC; ++i) c[i] = before[i];
   for (int k = 0; k < NC; ++k) {
     c[3 * k] -= part * rebound[k];
-    slides[k] = 0;
+    cones.allowed[k] = touching[k];
   }
-  several(inertia->W, c, given, slides, touching, answers);
+  if (!several(&cones, answers)) return INFINITY;
   for (int k = 0; k < NC; ++k) {
     if (answers[k].does == UNSOLVABLE) return INFINITY;
     for (int i = 0; i < 3; ++i) impulse[3 * k + i] = answers[k].force[i];
@@ -289,8 +292,14 @@ static int settle(const real* x, piece_t* piece) {
     if (attempt == 0) {
       inertia_t inertia;
       answer_t answers[NC];
+      cones_t cones = {.W = inertia.W, .c = inertia.free};
       find_inertia(x, piece, &inertia);
-      several(inertia.W, inertia.free, piece->given, piece->slides, piece->touching, answers);
+      for (int k = 0; k < NC; ++k) {
+        cones.slides[k] = piece->slides[k];
+        cones.allowed[k] = piece->touching[k];
+        for (int i = 0; i < 2; ++i) cones.given[k][i] = piece->given[k][i];
+      }
+      several(&cones, answers);
       for (int k = 0; k < NC; ++k) put_mode(MODE(piece, k), answers + k);
     }
   }
