@@ -16,7 +16,7 @@ from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene_constraint import SCHEMAS, Constraint, label
-from arm_dynamics.scene_contact import Contact
+from arm_dynamics.scene_contact import Contact, Plane
 from arm_dynamics.scene_types import (
     Finite,
     Inertia6,
@@ -245,5 +245,7 @@ def _fields_at(path: tuple[int | str, ...]) -> list[str]:
         "sim": Sim,
         **SCHEMAS,
     }
+    if "contact" in path:
+        places["plane"] = Plane  # which is no constraint there, but what a contact may touch
     named = [places[key] for key in map(str, path) if key in places]
     return list((named[-1] if named else Scene).model_fields)
