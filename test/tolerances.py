@@ -49,6 +49,8 @@ instant within a tick a joint stopped or broke away. At 0.1 ms a hundred times l
 
 MOTOR: Final = 1e-9
 """Current and speed of a motor at 1 ms, by the method a scene gets without asking, relative."""
+CONTACT_EVENTS: Final = 1e-9
+"""Motion through many touch-downs against its closed form."""
 
 
 def assert_close(actual: ArrayLike, desired: ArrayLike, tolerance: float) -> None:

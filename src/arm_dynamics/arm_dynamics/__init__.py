@@ -12,6 +12,7 @@ if TYPE_CHECKING:
     from arm_dynamics.dynamics import Dynamics, Term
     from arm_dynamics.exceptions import (
         ArmError,
+        ConstraintError,
         InvalidInput,
         KernelError,
         ModelError,
@@ -25,6 +26,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ArmError",
     "ArmModel",
+    "ConstraintError",
     "Dynamics",
     "InvalidInput",
     "KernelError",

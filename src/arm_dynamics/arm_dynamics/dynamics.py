@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from enum import IntFlag
 from functools import cached_property
 from typing import Any
@@ -13,6 +13,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm_dynamics.command_map import CommandMap
+from arm_dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.scene import Scene
@@ -109,6 +110,8 @@ class Dynamics:
     def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Accelerations that torques produce: M⁻¹ (τ - C v - G - F).
 
+        Where the scene has bilateral constraints, they hold: see ``constrained_forward``.
+
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
             v: Joint velocities in [rad/s] or [m/s], likewise.
@@ -121,9 +124,34 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
         """
         q, v, tau = self._checked(q=q, v=v, tau=tau)
+        if self.model.scene.bilateral:
+            return self.constrained.forward(q, v, tau)[0]
         solve = self._forward_projected if self.model.has_followers else self._forward_tree
         free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
         return self._each(solve, self.model.configuration(q), self.model.spread(v), free)
+
+    @cached_property
+    def constrained(self) -> Constrained:
+        """The bilateral constraints as numbers: names, multipliers, closed states."""
+        return Constrained(self)
+
+    def constrained_forward(
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, active: Collection[str] | None = None
+    ) -> tuple[Array, Array]:
+        """Accelerations and λ of τ = M a + C v + G + F + Aᵀλ; see ``Constrained.forward``."""
+        q, v, tau = self._checked(q=q, v=v, tau=tau)
+        return self.constrained.forward(q, v, tau, active)
+
+    def constrained_inverse(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike
+    ) -> Array:
+        """Torques M a + C v + G + F + Aᵀλ; see ``Constrained.inverse``."""
+        q, v, a = self._checked(q=q, v=v, a=a)
+        return self.constrained.inverse(q, v, a, lam)
+
+    def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
+        """Torques Jᵀ f with which the arm pushes on the world; see ``constrained``."""
+        return contact_torque(self, self._checked(q=q)[0], wrench, frame)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""

@@ -26,6 +26,17 @@ class InvalidInput(ArmError, ValueError):
     """An argument has the wrong shape, an unknown name or a value that is not allowed."""
 
 
+class ConstraintError(SceneError, InvalidInput):
+    """Constraints that cannot hold from where the robot is.
+
+    ``residuals`` says how far each one stays open, in [m] or [rad].
+    """
+
+    def __init__(self, message: str, residuals: dict[str, float] | None = None) -> None:
+        super().__init__(message)
+        self.residuals = residuals or {}
+
+
 class Unreachable(ArmError):
     """A pose or a path that the arm cannot take; ``residual`` is what is missing, if known."""
 

@@ -49,6 +49,8 @@ class ArmModel:
         position_upper: Upper limits in [rad] or [m], shape (n,).
         q0: Initial positions, shape (n,).
         v0: Initial velocities, shape (n,).
+        constraint_rows: Rows of each bilateral constraint that imply all others, by the
+            constraint's place in the scene.
 
     Raises:
         ModelError: If Pinocchio cannot build the robot or no joint is left to move.
@@ -56,6 +58,7 @@ class ArmModel:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
+        self.constraint_rows: dict[int, tuple[int, ...]] = {}
         urdf = read_urdf(scene.robot.urdf)
         whole = _parse(scene.robot.urdf)
         rules = _resolved(urdf)
@@ -80,6 +83,8 @@ class ArmModel:
         self.q0 = _frozen([scene.initial.position.get(name, 0.0) for name in moving])
         self.v0 = _frozen([scene.initial.velocity.get(name, 0.0) for name in moving])
         self._continuous = _continuous(self.pin)
+        if scene.bilateral:
+            self._close()
 
     @property
     def n(self) -> int:
@@ -133,6 +138,14 @@ class ArmModel:
     def gather_matrix(self, matrix: Array) -> Array:
         """``Eᵀ X E`` of shape (…, n, n)."""
         return self.followers.T @ matrix @ self.followers if self.has_followers else matrix
+
+    def _close(self) -> None:
+        """Let the robot start where its constraints hold, and find out which of them matter."""
+        from arm_dynamics.closure import Closure  # which needs a model itself
+
+        closure = Closure(self)
+        self.q0, self.v0 = map(_frozen, closure.closed(self.q0, self.v0))
+        self.constraint_rows = closure.independent_rows()
 
     def _set_drives(self, settings: list[Joint], index: dict[str, int], whole: pin.Model) -> None:
         """Friction and armature from the scene, else from the URDF.

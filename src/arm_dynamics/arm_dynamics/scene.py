@@ -15,6 +15,8 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.scene_constraint import SCHEMAS, Constraint, label
+from arm_dynamics.scene_contact import Contact, Plane
 from arm_dynamics.scene_drive import Actuator, Hysteresis, Transmission, Wave
 from arm_dynamics.scene_friction import KINDS, Friction, Lugre, Sides, Table
 from arm_dynamics.scene_types import (
@@ -140,6 +142,7 @@ class Scene(Part):
         gravity: Gravity in the world frame in [m/s²].
         joints: Joint settings by name; ``"*"`` speaks for all and gives way to a name.
         payloads: Bodies welded to frames.
+        constraints: What ties the robot to itself or to the world.
         initial: Start of the motion.
         sim: Integration.
         tunable: What may differ between arms of a rollout or change while the simulator runs;
@@ -150,9 +153,21 @@ class Scene(Part):
     gravity: Vector3 = (0.0, 0.0, -9.81)
     joints: dict[str, Joint] = {}
     payloads: tuple[Payload, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
     initial: Initial = Initial()
     sim: Sim = Sim()
     tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether a constraint is not a contact."""
+        return len(self.constraints) > len(self.contacts)
+
+    @property
+    def contacts(self) -> tuple[tuple[str, Contact], ...]:
+        """The constraints that are contacts, with their names."""
+        numbered = enumerate(self.constraints)
+        return tuple((label(c, i), c) for i, c in numbered if isinstance(c, Contact))
 
     def joint(self, name: str) -> Joint:
         """What the scene says of the joint ``name``: its own entry laid over that of ``"*"``."""
@@ -228,6 +243,9 @@ def _fields_at(path: tuple[int | str, ...]) -> list[str]:
         "payloads": Payload,
         "initial": Initial,
         "sim": Sim,
+        **SCHEMAS,
     }
+    if "contact" in path:
+        places["plane"] = Plane  # which is no constraint there, but what a contact may touch
     named = [places[key] for key in map(str, path) if key in places]
     return list((named[-1] if named else Scene).model_fields)

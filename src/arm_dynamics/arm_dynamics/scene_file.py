@@ -13,6 +13,7 @@ import yaml
 
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene import Scene, validated
+from arm_dynamics.scene_constraint import check_constraints
 from arm_dynamics.urdf import Urdf, read_urdf
 
 
@@ -164,6 +165,7 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
                 f"scene: 'payloads.{i}.frame' = '{payload.frame}' does not exist; "
                 f"allowed: {known_names(urdf.frames)}"
             )
+    check_constraints(scene.constraints, urdf, set(scene.robot.lock))
     _check_followers(scene, urdf)
 
 

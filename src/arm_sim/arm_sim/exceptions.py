@@ -23,10 +23,10 @@ class SimulationDiverged(ArmError):
     recording: Recording | None = None
 
 
-def diverged(state: State, choice: Choice) -> SimulationDiverged:
+def diverged(state: State, choice: Choice, hint: str = "") -> SimulationDiverged:
     """What is said when the tick after a state cannot be computed with a choice of method."""
     return SimulationDiverged(
         f"tick {state.step + 1} (t = {state.time:.6g} s) cannot be computed with "
         f"{choice.method.name}{choice.remark}; the state before it is kept: "
-        f"largest |v| = {abs(state.v).max():.3g}"
+        f"largest |v| = {abs(state.v).max():.3g}{hint}"
     )

@@ -57,23 +57,30 @@ METHODS = {
 }
 
 
-def build_step(method: Method, rhs: ca.Function, n: int) -> ca.Function:
+def build_step(
+    method: Method, rhs: ca.Function, n: int, project: ca.Function | None = None
+) -> ca.Function:
     """Compose one step of fixed length.
 
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
         n: Degrees of freedom; x starts with q and v of n each.
+        project: What brings (q, v) back to the constraints, see ``Plant.project``.
 
     Returns:
         Function ``step`` (x, u, p, h) -> x at the end of the step.
     """
     x, u, p, h = _symbols(rhs)
     after, _ = _advance(method, rhs, n, x, u, p, h)
+    if project is not None:
+        after, *_ = _projected(project, n, x, after, p)
     return ca.Function("step", [x, u, p, h], [after], {"cse": True})
 
 
-def build_attempt(method: Method, rhs: ca.Function, n: int, scale: Array) -> ca.Function:
+def build_attempt(
+    method: Method, rhs: ca.Function, n: int, scale: Array, project: ca.Function | None = None
+) -> ca.Function:
     """Compose one step of a method that estimates its error.
 
     The error of a step is the largest over x of |error| / (scale + |x|); DOP853 mixes its
@@ -85,6 +92,8 @@ def build_attempt(method: Method, rhs: ca.Function, n: int, scale: Array) -> ca.
         rhs: Function (x, u, p) -> x'.
         n: Degrees of freedom.
         scale: Size that matters of each number of x, shape (nx,); 1 for q and v.
+        project: What brings (q, v) back to the constraints; how far a step has left them counts
+            as error too.
 
     Returns:
         Function ``attempt`` (x, u, p, h) -> (x at the end, scaled error, largest error of q).
@@ -95,6 +104,9 @@ def build_attempt(method: Method, rhs: ca.Function, n: int, scale: Array) -> ca.
     after, estimates = _advance(method, rhs, n, x, u, p, h)
     measure = _norms(scale, len(estimates), n)
     error, error_q = measure(x, after, *estimates)
+    if project is not None:
+        after, gap, gap_v = _projected(project, n, x, after, p)
+        error, error_q = ca.fmax(error, ca.fmax(gap, gap_v)), ca.fmax(error_q, gap)
     return ca.Function("attempt", [x, u, p, h], [after, error, error_q], {"cse": True})
 
 
@@ -110,6 +122,14 @@ def _advance(
     slopes = _slopes(method.tableau, lambda y: rhs(y, u, p), x, h)
     after = x + h * _combine(method.tableau.b, slopes)
     return after, [h * _combine(weights, slopes) for weights in method.tableau.errors]
+
+
+def _projected(
+    project: ca.Function, n: int, x: ca.MX, after: ca.MX, p: ca.MX
+) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """The state brought back to the constraints, and how far positions and speeds were off."""
+    found, gap, gap_v = project(x[: 2 * n], after[: 2 * n], p)
+    return ca.vertcat(found, after[2 * n :]), gap, gap_v
 
 
 def _symbols(rhs: ca.Function) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:

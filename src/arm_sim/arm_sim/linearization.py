@@ -28,7 +28,7 @@ class Linearizer:
 
     def __init__(self, plant: Plant, choice: Choice) -> None:
         self._plant, self._choice = plant, choice
-        step = build_step(choice.method, plant.rhs, plant.model.n)
+        step = build_step(choice.method, plant.rhs, plant.model.n, plant.project)
         tick = build_tick(step, actuation(plant))
         x, r, p, h = (
             ca.MX.sym(name, tick.size1_in(i)) for i, name in enumerate(("x", "r", "p", "h"))
@@ -54,7 +54,8 @@ class Linearizer:
         choice, plant = self._choice, self._plant
         if choice.tolerance is None:
             return [choice.dt]
-        attempt = build_attempt(choice.method, plant.rhs, plant.model.n, plant.scale)
+        scale, project = plant.scale, plant.project
+        attempt = build_attempt(choice.method, plant.rhs, plant.model.n, scale, project)
         kernel = Kernel([attempt], "vm")
         u = np.array(actuation(plant)(x, r)).ravel()
         control, taken = SubstepControl(choice.tolerance, choice.method.order), list[float]()

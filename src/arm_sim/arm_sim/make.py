@@ -7,6 +7,7 @@ from functools import partial
 
 from arm_sim.actuation import CompiledControl
 from arm_sim.choice import Choice
+from arm_sim.contact import ContactStepper
 from arm_sim.dry_friction import DryStepper
 from arm_sim.plant import Plant
 from arm_sim.stepper import AdaptiveStepper, FixedStepper, Stepper
@@ -53,6 +54,8 @@ def make_stepper(
     Returns:
         A stepper.
     """
+    if plant.contact is not None:
+        return ContactStepper(plant, choice, backend, control)
     if plant.reaction is not None:
         return DryStepper(plant, choice, backend, control)
     if choice.tolerance is None:

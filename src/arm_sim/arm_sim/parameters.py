@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.dynamics import vector
 from arm_dynamics.model import Array
+from arm_dynamics.scene_constraint import switches
 
 
 @dataclass(frozen=True)
@@ -19,10 +20,11 @@ class Parameter:
     """A quantity that the scene declares tunable.
 
     Attributes:
-        name: ``gravity``, ``payload``, ``friction`` or ``external``.
+        name: ``gravity``, ``payload``, ``friction``, ``external`` or ``constraints``.
         nominal: Its value in the scene: gravity, shape (3,); mass, com (3) and inertia (6) of
-            each payload; viscous coefficients, shape (n,); or joint torques from outside that
-            no effort limit cuts, shape (n,).
+            each payload; viscous coefficients, shape (n,); joint torques from outside that no
+            effort limit cuts, shape (n,); or 1 and 0 for switchable constraints that hold and do
+            not.
     """
 
     name: str
@@ -43,8 +45,9 @@ class Parameters:
             "payload": np.array(payloads, dtype=float).ravel(),
             "friction": model.viscous,
             "external": np.zeros(model.n),
+            "constraints": switches(model.scene.constraints),
         }
-        tunable = model.scene.tunable
+        tunable = {*model.scene.tunable, *(["constraints"] if nominal["constraints"].size else [])}
         self.items = tuple(
             Parameter(name, value) for name, value in nominal.items() if name in tunable
         )
@@ -58,6 +61,12 @@ class Parameters:
     def nominal(self) -> Array:
         """The vector p as the scene gives it, shape (np,)."""
         return np.concatenate([np.zeros(0), *(item.nominal for item in self.items)])
+
+    def of(self, name: str, p: Array) -> Array:
+        """Values of one quantity in ``p``, shape (size,); empty if it is not tunable."""
+        ends = np.cumsum([item.nominal.size for item in self.items])
+        parts = dict(zip(self.names, np.split(p, ends)[:-1], strict=True))
+        return parts.get(name, np.zeros(0))
 
     def symbols(self) -> dict[str, ca.SX]:
         """A symbol for each quantity, in the order of p."""

@@ -98,18 +98,24 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     model, scene, p = plant.model, plant.model.scene, plant.parameters.names
     gravity, viscous, dry, armature = scene.gravity, model.viscous, model.static, model.armature
     locked, loads = len(scene.robot.lock), len(scene.payloads)
+    contacts = len(scene.contacts)
     folded = f"{loads} bodies, folded into their links"
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
+    rows = sum(len(kept) for kept in model.constraint_rows.values())
     return (
         Part("rigid body", True, f"{model.n} joints"),
         _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
         _part("dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level"),
+        _part(
+            "contact", contacts, f"{contacts} points, solved by events", "no point touches a plane"
+        ),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
         _part("motors and transmissions", any(model.drives), _drives(plant), "no actuator"),
         _part("gear losses", model.friction.gears, _gears(model), "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
+        _part("constraints", rows, f"{rows} rows, {model.n - rows} freedoms left", "none"),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
         _part("locked joints", False, "", f"{locked} folded away" if locked else "none"),

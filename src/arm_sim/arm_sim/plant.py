@@ -12,15 +12,18 @@ from copy import copy
 import casadi as ca
 import numpy as np
 
-from arm_dynamics import ArmModel
+from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.kernel import operations
 from arm_dynamics.laws import articulated, rigid_body, sticking
 from arm_dynamics.laws.links import Tree, tree_of
 from arm_dynamics.model import Array
+from arm_dynamics.scene_constraint import switchable
 from arm_dynamics.scene_laws import laws_of
 from arm_dynamics.stateful import Ensemble
+from arm_sim.contact_plant import ContactPlant, contact_plant
 from arm_sim.driven import driven, driven_reaction, torques
 from arm_sim.parameters import Parameters
+from arm_sim.projection import Constrained
 
 # Above this many joints the mass matrix, of order n³ to factor, is never the shorter way.
 DENSE_AT_MOST = 16
@@ -32,7 +35,8 @@ class Plant:
     """Equation of motion of one scene.
 
     With dry friction the equation depends on what each joint does, -1 and 1 for sliding that way,
-    0 for sticking; these directions, one for each joint, follow the tunable quantities in p.
+    0 for sticking; these directions, one for each joint, follow the tunable quantities in p, and
+    after them what each contact does.
 
     Attributes:
         model: The robot.
@@ -40,7 +44,11 @@ class Plant:
         laws: Laws with states z of their own, or None if the scene asks for none.
         acceleration: CasADi function (q, v, tau, p) -> q̈ of vectors of n.
         reaction: CasADi function (q, w, u, p) -> torques that hold sticking joints, to be compared
-            with the level at rest, with w = (v, z); None without dry friction.
+            with the level at rest, with w = (v, z); None without dry friction. A scene with
+            contacts has it in ``contact`` instead.
+        contact: What contacts add, or None without any.
+        project: CasADi function ((q, v) before a step, after it, p) -> (q, v) after it, brought
+            back to the constraints, or None without bilateral ones.
         rhs: CasADi function (x, u, p) -> x' with x = (q, v, z).
         torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
             the links, or None where the command itself acts.
@@ -51,7 +59,18 @@ class Plant:
         self.model = model
         self.parameters = Parameters(model)
         self.reaction: ca.Function | None = None
-        if model.has_dry_friction:
+        self.contact: ContactPlant | None = None
+        self.project: ca.Function | None = None
+        if model.scene.bilateral:
+            held = Constrained(model, Symbols(model, self.parameters))
+            self.acceleration, self.project = held.acceleration, held.project
+            self.method = "composite bodies and LDLᵀ, constraints held"
+        elif model.scene.contacts:
+            symbols = Symbols(model, self.parameters)
+            self.contact = contact_plant(model, symbols, Joints(model, symbols))
+            self.acceleration = self.contact.acceleration
+            self.method = "composite bodies and LDLᵀ, contacts closed or apart"
+        elif model.has_dry_friction:
             self.method, self.acceleration, self.reaction = _stick_slip(model, self.parameters)
         else:
             self.method, self.acceleration = _shortest(model, self.parameters)
@@ -60,6 +79,11 @@ class Plant:
         self.rhs = state_space(self.acceleration, model.n)
         self._held = self.reaction
         laws = laws_of(model)
+        if laws and self.contact:
+            raise SceneError(
+                f"scene: contacts together with {laws[0].title} cannot be simulated; "
+                "leave one of them out"
+            )
         if laws:
             self._compose(Ensemble(laws, model.n))
 
@@ -119,9 +143,36 @@ class Symbols:
         self.p = ca.vertcat(ca.SX(0, 1), *p.values())
         self.tree = tree_of(model, ca.vertsplit(p["payload"], 10) if "payload" in p else None)
         self.gravity = p.get("gravity", constant(model.scene.gravity))
+        self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
+        self._switchable = switchable(model.scene.constraints)
         self.viscous = model.friction.smooth(self.v, p.get("friction"))
         if "external" in p:  # acts where friction does: on the link, behind limits and drives
             self.viscous -= p["external"]
+
+    def active(self, place: int) -> ca.SX | float:
+        """1 or 0 for the constraint at a place of the scene's list: does it hold?"""
+        places = self._switchable
+        return 1.0 if place not in places else self._switches[places.index(place)]
+
+
+class Joints:
+    """What joints with dry friction do.
+
+    Attributes:
+        direction: Symbols: -1 and 1 for sliding that way, 0 for sticking; empty without friction.
+        sliding: 1 for a joint that slides, 0 for one that sticks, shape (n,).
+        friction: Dry friction of those that slide in [N m] or [N], shape (n,).
+    """
+
+    def __init__(self, model: ArmModel, s: Symbols) -> None:
+        n = model.n
+        self.direction = ca.SX.sym("direction", n if model.has_dry_friction else 0)
+        self.sliding, self.friction = ca.SX.ones(n), ca.SX(n, 1)
+        if model.has_dry_friction:
+            levels = enumerate(model.friction.level)
+            moves = [self.direction[i] ** 2 if level else 1 for i, level in levels]
+            self.sliding = ca.vertcat(*moves)
+            self.friction = ca.sparsify(model.friction.dry(s.v, self.direction, s.q, s.tau))
 
 
 def state_space(acceleration: ca.Function, n: int) -> ca.Function:
@@ -148,15 +199,11 @@ def _shortest(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Function
 
 def _stick_slip(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Function, ca.Function]:
     s = Symbols(model, parameters)
-    direction = ca.SX.sym("direction", model.n)
-    sliding = ca.vertcat(
-        *[direction[i] ** 2 if level else 1 for i, level in enumerate(model.friction.level)]
-    )
-    dry = model.friction.dry(s.v, direction, s.q, s.tau)
+    joints = Joints(model, s)
     bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
     M = rigid_body.mass_matrix(s.tree, s.q)
-    a, reaction = sticking.forward(M, s.tau - bias - s.viscous - ca.sparsify(dry), sliding)
-    arguments = [s.q, s.v, s.tau, ca.vertcat(s.p, direction)]
+    a, reaction = sticking.forward(M, s.tau - bias - s.viscous - joints.friction, joints.sliding)
+    arguments = [s.q, s.v, s.tau, ca.vertcat(s.p, joints.direction)]
     acceleration = ca.Function("acceleration", arguments, [a], {"cse": True})
     relative = model.friction.relative_hold(reaction, s.q, s.tau)
     held = ca.Function("reaction", arguments, [ca.densify(relative)], {"cse": True})

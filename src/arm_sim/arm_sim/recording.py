@@ -32,6 +32,7 @@ class Recording:
         dynamics: The scene's dynamics, for the energies.
         audit: What keeps the energy account, when asked.
         p: Tunable quantities during the run, shape (np,).
+        held: Names of the constraints that held.
     """
 
     time: Array
@@ -44,6 +45,7 @@ class Recording:
     dynamics: Dynamics
     audit: Audit
     p: Array
+    held: tuple[str, ...] = ()
 
     def __len__(self) -> int:
         """Number of recorded states."""
@@ -84,6 +86,11 @@ class Recording:
         return self._flows[:, 1]
 
     @cached_property
+    def multipliers(self) -> Array:
+        """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
+        return self.dynamics.constrained_forward(self.q, self.v, self.tau, self.held)[1]
+
+    @cached_property
     def balance(self) -> Array:
         """Energy from nowhere in [J], shape (k+1,): E - E(0) - supplied + lost."""
         gained: Array = self.energy - self.energy[0]
@@ -109,6 +116,7 @@ def record(
     trace: Array,
     effort: Array,
     errors: Array,
+    held: tuple[str, ...] = (),
 ) -> Recording:
     """Put a recording together.
 
@@ -122,6 +130,7 @@ def record(
         trace: State (q, v, z) after each tick, shape (k, nx).
         effort: Command that acted in each tick, shape (k, n).
         errors: Estimated error after each tick, shape (k,).
+        held: Names of the constraints that hold.
 
     Returns:
         The recording; its arrays are read-only.
@@ -135,4 +144,4 @@ def record(
     for array in (x, command, tau, error, time):
         array.setflags(write=False)
     q, v, z = x[:, :n], x[:, n : 2 * n], x[:, 2 * n :]
-    return Recording(time, q, v, z, command, tau, error, dynamics, audit, p)
+    return Recording(time, q, v, z, command, tau, error, dynamics, audit, p, held)

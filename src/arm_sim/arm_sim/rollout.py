@@ -18,6 +18,7 @@ from arm_dynamics.kernel import generate
 from arm_dynamics.model import Array
 from arm_sim.actuation import actuation
 from arm_sim.choice import Choice
+from arm_sim.held import consistent_rows
 from arm_sim.inputs import whole
 from arm_sim.integrators import build_step
 from arm_sim.make import make_stepper
@@ -51,8 +52,9 @@ class Rollouts:
 
     def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
         self._plant, self._choice, self._backend = plant, choice, backend
-        # Error control and dry friction give every arm sub-steps of its own.
-        self._alike = choice.tolerance is None and plant.reaction is None and backend != "vm"
+        # Error control, dry friction and contacts give every arm sub-steps of its own.
+        eventful = plant.reaction is not None or plant.contact is not None
+        self._alike = choice.tolerance is None and not eventful and backend != "vm"
         self._libraries: dict[int, ctypes.CDLL] = {}
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
@@ -79,9 +81,9 @@ class Rollouts:
             if count != arms:
                 raise InvalidInput(f"{name}: {count} arms, but q0 has {arms}")
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
-        nx, x0 = self._plant.nx, np.hstack([q0, v0])
+        nx, x0 = self._plant.nx, consistent_rows(self._plant, np.hstack([q0, v0]), rows)
         if self._plant.nz:
-            z0 = [self._plant.initial(q, v) for q, v in zip(q0, v0, strict=True)]
+            z0 = [self._plant.initial(*np.split(x, 2)) for x in x0]
             x0 = np.hstack([x0, np.reshape(z0, (arms, -1))])
         out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
         return Batch(x0, self._torques(tau, arms, steps), rows, int(steps), out)
@@ -134,8 +136,9 @@ class Rollouts:
         return self._libraries[width], width
 
     def _source(self, width: int) -> str:
-        step = build_step(self._choice.method, self._plant.rhs, self._plant.model.n)
-        tick = build_tick(step, actuation(self._plant))
+        plant = self._plant
+        step = build_step(self._choice.method, plant.rhs, plant.model.n, plant.project)
+        tick = build_tick(step, actuation(plant))
         lanes = f'#define LANES {width}\n#include "lanes.hpp"\n'
         sizes = {"TICK": "tick", "NP": str(len(self._plant.parameters.nominal))}
         driver = driver_source("rollout.c", self._plant, sizes, tick)

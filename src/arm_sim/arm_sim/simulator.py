@@ -11,10 +11,12 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
 from arm_dynamics.model import Array
+from arm_sim import held
 from arm_sim.actuation import CompiledControl
 from arm_sim.audit import Audit
 from arm_sim.choice import Choice, choose
-from arm_sim.exceptions import diverged
+from arm_sim.contact_report import contact_forces, trouble
+from arm_sim.exceptions import SimulationDiverged, diverged
 from arm_sim.inputs import SaturationNotice, packed_state, tick_count, torque, torque_table, whole
 from arm_sim.linearization import Linearizer
 from arm_sim.make import Steppers
@@ -85,6 +87,11 @@ class Simulator:
         return self._state
 
     @property
+    def held_constraints(self) -> tuple[str, ...]:
+        """Names of the constraints that hold."""
+        return held.active(self.plant, self._stepper.p)
+
+    @property
     def effort(self) -> Array:
         """Torque that acted in the last tick, limits applied, in [N m] or [N], shape (n,).
 
@@ -134,7 +141,7 @@ class Simulator:
         """
         command = torque(tau, self.n)
         if self._roll(self._stepper, command, self._trace, self._effort, self._error) != 1:
-            raise diverged(self._state, self.choice)
+            raise self._diverged()
         self._saturation.look(command, self._effort)
         return self._state
 
@@ -170,9 +177,9 @@ class Simulator:
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
         motion = trace[:done], effort[:done], errors[:done]
         about = self.dynamics, self.plant, self.audit, self.parameters, self.dt
-        recording = record(*about, start, *motion)
+        recording = record(*about, start, *motion, self.held_constraints)
         if done < ticks:
-            error = diverged(self._state, self.choice)
+            error = self._diverged()
             error.recording = recording
             raise error
         return recording
@@ -190,7 +197,7 @@ class Simulator:
         """
         model = self.model
         q, v = model.q0 if q is None else q, model.v0 if v is None else v
-        self._x = packed_state(self.plant, q, v, z)
+        self._x = held.placed(self, q, v, z)
         self._step = 0
         self._effort[:] = self._error[:] = 0.0
         self._steppers.restart()
@@ -203,7 +210,7 @@ class Simulator:
         None keeps positions or velocities, and gives the laws the states that suit them.
         """
         q, v = self._state.q if q is None else q, self._state.v if v is None else v
-        self._x = packed_state(self.plant, q, v, z)
+        self._x = held.placed(self, q, v, z)
         self._publish()
         return self._state
 
@@ -262,6 +269,9 @@ class Simulator:
         x, command = packed_state(self.plant, state.q, state.v, state.z), torque(tau, self.n)
         return self._linearizer(x, command, self._stepper.parameters_at(x, command), ticks)
 
+    multipliers, set_constraint = held.multipliers, held.set_constraint
+    contact_forces = contact_forces
+
     @cached_property
     def _linearizer(self) -> Linearizer:
         return Linearizer(self.plant, self.choice)
@@ -295,3 +305,6 @@ class Simulator:
         x.setflags(write=False)
         time, error = self._step * self.dt, float(self._error[0])
         self._state = State(time, self._step, x[:n], x[n : 2 * n], x[2 * n :], error)
+
+    def _diverged(self) -> SimulationDiverged:
+        return diverged(self._state, self.choice, held.hint(self) + trouble(self._stepper))

@@ -14,6 +14,7 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.constrained import check_constrained
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.kernel import Kernel, check_forward
 from arm_dynamics.model import Array
@@ -75,7 +76,7 @@ class FixedStepper:
         backend: str,
         control: CompiledControl | None = None,
     ) -> None:
-        step = build_step(method, plant.rhs, plant.model.n)
+        step = build_step(method, plant.rhs, plant.model.n, plant.project)
         tick = build_tick(step, actuation(plant, control))
         self._dt = np.array([dt])
         driver = driver_source("roll.c", plant, {"TICK": "tick"}, tick)
@@ -138,7 +139,7 @@ class AdaptiveStepper:
         backend: str,
         control: CompiledControl | None = None,
     ) -> None:
-        attempt = build_attempt(method, plant.rhs, plant.model.n, plant.scale)
+        attempt = build_attempt(method, plant.rhs, plant.model.n, plant.scale, plant.project)
         actuate = actuation(plant, control)
         self._dt = dt
         order = {"ORDER": str(method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
@@ -248,4 +249,5 @@ def check_kernel(plant: Plant, kernel: Kernel) -> None:
         missing = tau - steady[1] - (acted - steady[0] + law.bent(v, np.sign(v)))
         return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
 
-    check_forward(dynamics, acceleration)
+    check = check_forward if plant.project is None else check_constrained
+    check(dynamics, acceleration)

@@ -15,7 +15,7 @@ from arm_dynamics.dynamics import vector
 from arm_dynamics.model import Array
 from arm_dynamics.scene import validated
 from arm_sim.audit import Audit
-from arm_sim.make import make_stepper
+from arm_sim.make import Steppers
 from arm_sim.plant import Plant
 from arm_sim.simulator import Simulator
 
@@ -96,14 +96,16 @@ def external_change(simulator: Simulator) -> Change:
         return lambda: None
     model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)}))
     plant = Plant(model)
-    stepper = make_stepper(plant, simulator.choice, simulator.backend)
+    steppers = Steppers(plant, simulator.choice, simulator.backend)
     audit = Audit(plant, simulator.dynamics, simulator.choice, simulator.backend)
     audit.prepare()
 
     def change() -> None:
-        stepper.p[: len(simulator._stepper.p)] = simulator._stepper.p
-        simulator.plant, simulator.model, simulator._stepper = plant, model, stepper
-        simulator._controlled, simulator.audit = None, audit
+        before, p = simulator.plant.parameters, simulator.parameters
+        values = {name: before.of(name, p) for name in before.names}
+        steppers.plain.p[:] = plant.parameters.merged(values, steppers.plain.p)
+        simulator.plant, simulator.model, simulator.audit = plant, model, audit
+        simulator._steppers, simulator._stepper = steppers, steppers.plain
         for name in _CACHED:
             simulator.__dict__.pop(name, None)
 

@@ -138,7 +138,7 @@ def moved(R: ca.SX, p: ca.SX, m: ca.SX, h: ca.SX, inertia: ca.SX) -> tuple[ca.SX
 
 def spread_map(tree: Tree) -> ca.SX:
     """The map E from independent joints to links."""
-    return _sparse(tree.followers)
+    return sparse(tree.followers)
 
 
 def turn_of(model: pin.Model, i: int) -> tuple[Array, bool]:
@@ -167,8 +167,8 @@ def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
         R=clean(T_parent.T @ place.rotation @ T),
         p=clean(T_parent.T @ place.translation),
         m=ca.SX(body.mass),
-        h=_sparse(body.mass * c),
-        I=_sparse((inertia + inertia.T) / 2),
+        h=sparse(body.mass * c),
+        I=sparse((inertia + inertia.T) / 2),
     )
 
 
@@ -179,7 +179,7 @@ def _load(
     if frame.parentJoint == 0:
         return
     T = turns[frame.parentJoint - 1][0]
-    R, p = _sparse(T.T @ frame.placement.rotation), _sparse(T.T @ frame.placement.translation)
+    R, p = sparse(T.T @ frame.placement.rotation), sparse(T.T @ frame.placement.translation)
     m, com, (xx, xy, xz, yy, yz, zz) = payload[0], payload[1:4], ca.vertsplit(payload[4:10])
     about_com = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
     h, inertia = moved(R, p, m, m * com, about_com - m * skew(com) @ skew(com))
@@ -205,7 +205,7 @@ def _regroup(links: list[Link], i: int) -> None:
 
 def _add(parent: Link, child: Link, m: ca.SX, h: ca.SX, inertia: ca.SX) -> None:
     """Add an inertia given in the child's frame at q = 0 to the parent (parallel axes)."""
-    h_moved, inertia_moved = moved(_sparse(child.R), _sparse(child.p), m, h, inertia)
+    h_moved, inertia_moved = moved(sparse(child.R), sparse(child.p), m, h, inertia)
     parent.m = parent.m + m
     parent.h = ca.sparsify(parent.h + h_moved)
     parent.I = ca.sparsify(parent.I + inertia_moved)
@@ -223,5 +223,6 @@ def clean(values: Array) -> Array:
     return cleaned
 
 
-def _sparse(values: Array) -> ca.SX:
+def sparse(values: Array) -> ca.SX:
+    """Numbers as an expression from which zeros, and dirt in their place, have vanished."""
     return ca.sparsify(ca.SX(ca.DM(clean(values))))

@@ -122,23 +122,45 @@ def solve(M: ca.SX, b: ca.SX) -> ca.SX:
     Eliminating leaves first keeps the zeros that branches leave in M (Featherstone, Rigid Body
     Dynamics Algorithms, 2008, section 6.5).
     """
-    n = M.shape[0]
-    A, x = ca.SX(M), ca.SX(b)
-    for k in reversed(range(n)):
+    F = factored(M)
+    x = eliminated(F, b)
+    for k in range(M.shape[0]):
+        x[k] = x[k] / F[k, k]
+    return substituted(F, x)
+
+
+def factored(M: ca.SX) -> ca.SX:
+    """L and D of M = LᵀDL in one matrix: D on the diagonal, L below it, its ones left out."""
+    F = ca.SX(M)
+    for k in reversed(range(M.shape[0])):
         for i in reversed(range(k)):
-            if not A.sparsity().has_nz(k, i):
+            if not F.sparsity().has_nz(k, i):
                 continue
-            factor = A[k, i] / A[k, k]
+            factor = F[k, i] / F[k, k]
             for j in range(i + 1):
-                if A.sparsity().has_nz(k, j):
-                    A[i, j] = A[i, j] - factor * A[k, j]
-            x[i] = x[i] - factor * x[k]
-            A[k, i] = factor
-    for k in range(n):
-        x[k] = x[k] / A[k, k]
+                if F.sparsity().has_nz(k, j):
+                    F[i, j] = F[i, j] - factor * F[k, j]
+            F[k, i] = factor
+    return F
+
+
+def eliminated(F: ca.SX, b: ca.SX) -> ca.SX:
+    """L^-ᵀ b for the factors of M and columns b of shape (n, k)."""
+    x = ca.SX(b)
+    for k in reversed(range(F.shape[0])):
+        for i in reversed(range(k)):
+            if F.sparsity().has_nz(k, i):
+                x[i, :] = x[i, :] - F[k, i] * x[k, :]
+    return x
+
+
+def substituted(F: ca.SX, b: ca.SX) -> ca.SX:
+    """L⁻¹ b for the factors of M and a vector b of shape (n,)."""
+    x = ca.SX(b)
+    for k in range(F.shape[0]):
         for i in range(k):
-            if A.sparsity().has_nz(k, i):
-                x[k] = x[k] - A[k, i] * x[i]
+            if F.sparsity().has_nz(k, i):
+                x[k] = x[k] - F[k, i] * x[i]
     return x
 
 
