@@ -9,7 +9,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.control import Array, Moving, checked, gain, gains
 from arm_dynamics.dynamics import Dynamics, vector
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.motion import Reference
+from arm_dynamics.motion import Reference, positive_limits
 from arm_dynamics.postures import postures
 from arm_dynamics.rigid_terms import RigidTerms
 
@@ -71,7 +71,7 @@ class PID:
         self._kp, self._ki, self._kd = gain("kp", kp, n), gain("ki", ki, n), gain("kd", kd, n)
         if np.any((self._kp == 0.0) & (self._ki > 0.0)):
             raise InvalidInput(f"kp is {self._kp}; allowed is more than zero where ki is")
-        self._limit = effort_limit(limit, n)
+        self._limit = positive_limits("limit", limit, n)
         self._return = np.divide(self._ki, self._kp, out=np.zeros(n), where=self._kp > 0.0)
         self._integral = np.zeros(n)
 
@@ -210,14 +210,6 @@ def tuned(
     inertia = dynamics.mass_matrix(np.atleast_2d(where)).diagonal(0, 1, 2).mean(0)
     kp, kd = gains(bandwidth, damping_ratio, dynamics.n)
     return kp * inertia, np.maximum(kd * inertia - dynamics.model.viscous, 0.0)
-
-
-def effort_limit(limit: ArrayLike, n: int) -> Array:
-    """Check torque limits: positive, inf for none, a number or shape (n,)."""
-    array = np.asarray(limit, float)
-    if array.shape not in ((), (n,)) or not np.all(array > 0.0):
-        raise InvalidInput(f"limit is {limit!r}; allowed are positive numbers, one or ({n},)")
-    return np.array(np.broadcast_to(array, (n,)))
 
 
 def positive(name: str, value: float) -> float:

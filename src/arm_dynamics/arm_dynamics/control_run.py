@@ -9,9 +9,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.control import Array, Measured, Moving, checked, gain
-from arm_dynamics.control_joint import effort_limit, positive
+from arm_dynamics.control_joint import positive
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.motion import positive_limits
 from arm_dynamics.rigid_terms import RigidTerms
 
 
@@ -39,7 +40,7 @@ class Saturated:
 
     def __init__(self, control: AnyController, limit: ArrayLike, n: int) -> None:
         """Set limits in [N m] or [N], positive, inf for none, a number or shape (n,)."""
-        self._control, self._limit = control, effort_limit(limit, n)
+        self._control, self._limit = control, positive_limits("limit", limit, n)
         self._asked = np.zeros(n)
 
     @property
@@ -96,7 +97,7 @@ class DisturbanceObserver:
             raise InvalidInput(
                 f"bandwidth = {bandwidth!r} with dt = {dt}: their product must stay below one"
             )
-        self._limit = effort_limit(limit, dynamics.n)
+        self._limit = positive_limits("limit", limit, dynamics.n)
         self.restart()
 
     @property

@@ -16,11 +16,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.cartesian import CartesianTrajectory, Path, Place
-from arm_dynamics.dynamics import Dynamics, vector
+from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.inverse_kinematics import InverseKinematics
 from arm_dynamics.model import Array
-from arm_dynamics.motion import Reference, Trajectory
+from arm_dynamics.motion import Reference, Trajectory, positive_limits
 from arm_dynamics.pacing import torque_stretch, velocity_stretch
 from arm_dynamics.quintic import segment_coefficients
 from arm_dynamics.task_algebra import pseudo_inverse, task_inertia
@@ -49,7 +49,7 @@ class JointPath:
     def sample(self, t: float) -> Reference:
         """Position, velocity and acceleration at the time ``t`` in [s], each of shape (n,)."""
         u, rate, rise = self.timing.at(t)
-        at = self.over.sample(min(max(u, 0.0), _LAST))
+        at = self.over.sample(min(max(u, 0.0), LAST))
         return Reference(at.q, at.v * rate, at.a * rate**2 + at.v * rise)
 
     def slower(self, stretch: float) -> JointPath:
@@ -59,14 +59,14 @@ class JointPath:
     def table(self, count: int) -> tuple[Array, Array, Array, Array]:
         """Times of shape (count,), positions, velocities and accelerations of shape (count, n)."""
         t, u, rate, rise = samples(self.timing, count)
-        along = [self.over.sample(min(float(x), _LAST)) for x in u]
+        along = [self.over.sample(min(float(x), LAST)) for x in u]
         q, first = np.array([x.q for x in along]), np.array([x.v for x in along])
         second = np.array([x.a for x in along])
         rate, rise = rate[:, None], rise[:, None]
         return t, q, first * rate, second * rate**2 + first * rise
 
 
-_LAST = 1.0 - 1e-15  # beyond its end a trajectory stands still, which a path over u does not
+LAST = 1.0 - 1e-15  # beyond its end a trajectory stands still, which a path over u does not
 
 
 def joint_path(
@@ -136,16 +136,16 @@ def paced(
         Unreachable: If the arm's own weight and dry friction exceed a limit at any pace.
     """
     _, q, v, a = motion.table(count)
-    given = dynamics.model.effort_limit if limit is None else vector_or_number(limit, dynamics.n)
+    given = (
+        dynamics.model.effort_limit
+        if limit is None
+        else positive_limits("limit", limit, dynamics.n)
+    )
     by_torque = torque_stretch(dynamics, q, v, a, given)
-    by_acceleration = float(np.sqrt(np.max(abs(a) / np.asarray(acceleration, float))))
+    by_acceleration = float(
+        np.sqrt(np.max(abs(a) / positive_limits("acceleration", acceleration, dynamics.n)))
+    )
     return motion.slower(max(by_torque, velocity_stretch(dynamics.model, v), by_acceleration))
-
-
-def vector_or_number(limit: ArrayLike, n: int) -> Array:
-    """Limits of shape (n,) from a number or a vector."""
-    array = np.asarray(limit, float)
-    return vector("limit", np.full(n, array) if array.ndim == 0 else array, n)
 
 
 def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array:

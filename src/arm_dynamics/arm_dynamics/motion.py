@@ -210,6 +210,29 @@ def numbers(what: str, values: ArrayLike) -> Array:
     return array
 
 
+def positive_limits(what: str, limit: ArrayLike, n: int) -> Array:
+    """Read limits from the outside.
+
+    Args:
+        what: Their name, for messages.
+        limit: Positive, inf for none, a number or shape (n,).
+        n: Degrees of freedom.
+
+    Returns:
+        Shape (n,).
+
+    Raises:
+        InvalidInput: If they are anything else.
+    """
+    try:
+        array = np.asarray(limit, float)
+    except (TypeError, ValueError):
+        array = np.zeros(())
+    if array.shape not in ((), (n,)) or not np.all(array > 0.0):
+        raise InvalidInput(f"{what} is {limit!r}; allowed are positive numbers, one or ({n},)")
+    return np.array(np.broadcast_to(array, (n,)))
+
+
 def hold(q: ArrayLike) -> Trajectory:
     """Stand still at ``q`` for ever, shape (n,)."""
     ends = np.stack([numbers("position", q)] * 2)
