@@ -12,6 +12,7 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, Unreachable
 from arm_dynamics.cartesian_goal import CartesianGoals, Pace
+from arm_dynamics.joint_path import JointPath
 from arm_dynamics.motion import Limits, Motion, Reference
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.task_terms import Pose
@@ -184,3 +185,18 @@ def test_an_arm_beyond_its_limits_is_not_made_to_jump() -> None:
     goal = moved(task("panda").pose(q), [0.0, 0.02, 0.0])
     with pytest.raises(Unreachable, match="panda_joint4"):
         goals("panda").line(Reference(q, here.v, here.a), goal)
+
+
+def test_motions_may_be_brought_within_limits_by_another_rule() -> None:
+    here, asked = resting("panda"), []
+
+    def within(path: JointPath, dynamics: object, acceleration: np.ndarray) -> JointPath:
+        asked.append(acceleration)
+        return path.slower(3.0)
+
+    pace = Pace(0.25, 1.0, Limits.of(models.dynamics("panda").model, 8.0))
+    planner = CartesianGoals(task("panda"), models.dynamics("panda"), pace, within)
+    goal = moved(task("panda").pose(here.q), [0.0, 0.1, 0.0])
+    plain = goals("panda").line(here, goal)
+    assert planner.line(here, goal).duration == pytest.approx(3.0 * plain.duration)
+    assert_close(asked[0], np.full(7, 8.0), ALGEBRA)

@@ -20,7 +20,6 @@ from arm_dynamics.task_terms import Pose
 from arm_dynamics.timing import Quintic
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
-
 pytestmark = pytest.mark.filterwarnings("ignore::SyntaxWarning")  # docstrings of toppra
 
 

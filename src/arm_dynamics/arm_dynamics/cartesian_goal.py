@@ -6,7 +6,7 @@ A reference that moves is brought to rest first.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from arm_dynamics.cartesian import CartesianTrajectory, line
@@ -40,15 +40,24 @@ class Pace:
 class CartesianGoals:
     """Plans motions of a task's frame; keep one instance per thread."""
 
-    def __init__(self, task: TaskSpace, dynamics: Dynamics, pace: Pace) -> None:
+    def __init__(
+        self,
+        task: TaskSpace,
+        dynamics: Dynamics,
+        pace: Pace,
+        within: Callable[..., JointPath] = paced,
+    ) -> None:
         """Choose what moves and how fast.
 
         Args:
             task: The task, in axes ``local_world_aligned``.
             dynamics: The model, for torque limits.
             pace: How fast.
+            within: Brings motions within the limits of the joints: ``joint_path.paced``, or
+                ``retiming.retimed``, which makes them as quick as these allow, whatever the
+                speed and acceleration of the frame.
         """
-        self._task, self._dynamics, self._pace = task, dynamics, pace
+        self._task, self._dynamics, self._pace, self._within = task, dynamics, pace, within
 
     def line(self, here: Reference, goal: Pose) -> Motion:
         """Straight to a pose, turning evenly.
@@ -89,5 +98,6 @@ class CartesianGoals:
         return braking.ends[1], braking
 
     def _after(self, begin: Motion | None, path: JointPath) -> Motion:
-        motion = paced(path, self._dynamics, acceleration=self._pace.limits.acceleration)
+        limits = self._pace.limits
+        motion = self._within(path, self._dynamics, acceleration=limits.acceleration)
         return motion if begin is None else InTurn(begin, motion)

@@ -20,13 +20,16 @@ from arm_dynamics.cartesian_goal import CartesianGoals, Pace
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.follower import Follower, Outset
+from arm_dynamics.joint_path import paced
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.motion import Limits, Motion, Reference, Trajectory
+from arm_dynamics.retiming import retimed
 from arm_dynamics.ros import convert
 from arm_dynamics.ros.params import ControllerParams, task_axes
 from arm_dynamics.ros.poses import in_world, path_of
 from arm_dynamics.task_space import TaskSpace
 
+_TIMINGS = {"smooth": paced, "time_optimal": retimed}
 _AT_ONCE = 10  # points that are planned within two ticks
 _LEAD = 50_000_000  # [ns] to plan in, while the arm moves
 _TRIES = 8  # each with twice the lead
@@ -120,7 +123,7 @@ class Goals:
         dynamics = Dynamics(self._model)
         task = TaskSpace(dynamics, params.task_frame, selection=task_axes(params))
         pace = Pace(params.cartesian_speed, params.cartesian_acceleration, self._limits)
-        return CartesianGoals(task, dynamics, pace)
+        return CartesianGoals(task, dynamics, pace, _TIMINGS[params.cartesian_timing])
 
     def _follow(self, goal: _Goal, at_once: bool = False, tries: int = 0) -> None:
         follower = self.follower

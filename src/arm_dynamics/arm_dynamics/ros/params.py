@@ -193,6 +193,12 @@ class ControllerParams(ThreadParams):
         1.0, "Acceleration of Cartesian goals along their way [m/s²]", low=1e-6, high=1e4,
         read_only=False,
     )  # fmt: skip
+    cartesian_timing: str = parameter(
+        "smooth",
+        "smooth, or time_optimal: as quick as joint limits allow (needs the library toppra)",
+        choices=("smooth", "time_optimal"),
+        read_only=False,
+    )
     force: float = parameter(
         0.0, "Force with which motion_force presses [N]", low=-1e4, high=1e4, read_only=False
     )
