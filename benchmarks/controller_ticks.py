@@ -11,6 +11,7 @@ import statistics
 import time
 from collections.abc import Callable, Iterator
 from importlib.resources import files
+from itertools import cycle
 from typing import Any
 
 import numpy as np
@@ -64,14 +65,14 @@ def _answers(scene: Any, name: str, observer: float | None) -> Iterator[Callable
     given = {"controller": name, "task_frame": FRAME, "observer": observer or 0.0}
     overrides = [Parameter(key, value=value) for key, value in given.items()]
     node = ControllerNode(scene, context=context, parameter_overrides=overrides)
-    raw = _state(node)
-    node.on_joint_states(raw)
+    states = cycle([_state(node, 0.02), _state(node, 0.03)])  # a state repeated is not computed
+    node.on_joint_states(next(states))
     node.on_joint_trajectory(_long_way(node))
     publisher = node._commands
     try:
         for send in (_Nowhere(), publisher):
             node._commands = send
-            yield lambda: node.on_joint_states(raw)
+            yield lambda: node.on_joint_states(next(states))
     finally:
         node._commands = publisher
         node.destroy_node()
@@ -85,10 +86,10 @@ class _Nowhere:
         """Take one."""
 
 
-def _state(node: ControllerNode) -> bytes:
+def _state(node: ControllerNode, off: float) -> bytes:
     dynamics = node._dynamics
     message = JointState(name=list(dynamics.joint_names))
-    message.position = (dynamics.model.q0 + 0.02).tolist()
+    message.position = (dynamics.model.q0 + off).tolist()
     message.velocity = [0.1] * dynamics.n
     return bytes(serialize_message(message))
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.linalg import expm
 
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
@@ -56,9 +57,33 @@ def test_pd_with_gravity_leaves_no_error(name: str) -> None:
     dyn = sim.dynamics
     goal = sim.state.q + 0.2
     control = PDGravity(dyn, *tuned(dyn, 12.0))
-    done = sim.run(6.0, lambda s: control.torque(s, at_rest(goal)))
+    done = sim.run(9.0, lambda s: control.torque(s, at_rest(goal)))
     assert abs(done.q[-1] - goal).max() < 1e-8
     assert abs(done.v[-1]).max() < 1e-8
+
+
+@pytest.mark.parametrize("omega", [15.0, 60.0, 400.0])
+@pytest.mark.parametrize("name", ["panda", "kinova", "ur10", "z1"])
+def test_tuned_gains_are_stable_when_held_for_a_tick(name: str, omega: float) -> None:
+    """The linear loop at rest, sampled, in postures the tuning did not look at."""
+    dyn, dt = models.dynamics(name), 1e-3
+    kp, kd = tuned(dyn, omega, dt=dt)
+    rng, n = np.random.default_rng(5), dyn.n
+    none, still = np.zeros((n, n)), np.zeros((n, 3 * n))
+    for M in dyn.mass_matrix(rng.uniform(-3.0, 3.0, (50, n))):
+        W = np.linalg.inv(M)
+        moving = np.hstack([none, np.eye(n), none]), np.hstack([none, -W * dyn.model.viscous, W])
+        tick = expm(dt * np.vstack([*moving, still]))[: 2 * n]
+        closed = tick[:, : 2 * n] - tick[:, 2 * n :] @ np.hstack([np.diag(kp), np.diag(kd)])
+        assert abs(np.linalg.eigvals(closed)).max() < 1.0 + 1e-9
+
+
+def test_gains_of_a_posture_are_those_of_its_inertia() -> None:
+    dyn, q = models.dynamics("two_link"), np.array([0.3, 0.8])
+    kp, kd = tuned(dyn, 10.0, 0.5, q)
+    inertia = dyn.mass_matrix(q).diagonal()
+    assert_close(kp, 100.0 * inertia, ALGEBRA)
+    assert_close(kd, 10.0 * inertia - dyn.model.viscous, ALGEBRA)
 
 
 def test_pd_alone_sags_by_weight_over_stiffness() -> None:

@@ -166,7 +166,7 @@ IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
 
 
 def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:
-    return tuned(dynamics, s.bandwidth, s.damping_ratio)
+    return tuned(dynamics, s.bandwidth, s.damping_ratio, dt=s.dt)
 
 
 def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:

@@ -14,6 +14,7 @@ from arm_dynamics.postures import postures
 from arm_dynamics.rigid_terms import RigidTerms
 
 _POSTURES = 200  # over which inertia is averaged
+_STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
 
 
 class PD:
@@ -190,15 +191,22 @@ def tuned(
     bandwidth: ArrayLike,
     damping_ratio: ArrayLike = 1.0,
     q: ArrayLike | None = None,
+    dt: float = 1e-3,
 ) -> tuple[Array, Array]:
-    """Gains in units of torque: K_p = ω² M_ii and K_d = 2 ζ ω M_ii, less viscous friction.
+    """Gains in units of torque: K_p = ω² m and K_d = 2 ζ ω m, less viscous friction.
+
+    The inertia m of a joint is M_ii averaged over postures: that of one posture may be next to
+    nothing, and its gains too weak for the weight elsewhere. Where joints are nearly aligned, the
+    arm is much lighter against some motions than M_ii says. So all gains are lowered together
+    until a torque that is held for dt cannot make it swing up in any of these postures: dt times
+    the greatest eigenvalue of M⁻¹ K_d is 1.5 at most; from 2 on it would.
 
     Args:
         dynamics: The model.
         bandwidth: ω in [rad/s], a number or shape (n,).
         damping_ratio: ζ, likewise.
-        q: Where M is taken, shape (n,); None for the mean of M_ii over postures within limits
-            (a posture in which a joint moves next to nothing would make it too weak elsewhere).
+        q: A posture of shape (n,) whose M_ii is to be m as it is; None for the above.
+        dt: Time in [s] for which a torque is held.
 
     Returns:
         K_p in [N m/rad] or [N/m] and K_d in [N m s/rad] or [N s/m], each of shape (n,).
@@ -206,10 +214,22 @@ def tuned(
     Raises:
         InvalidInput: If a number has a wrong shape or value.
     """
-    where = postures(dynamics.model, _POSTURES) if q is None else vector("q", q, dynamics.n)
-    inertia = dynamics.mass_matrix(np.atleast_2d(where)).diagonal(0, 1, 2).mean(0)
     kp, kd = gains(bandwidth, damping_ratio, dynamics.n)
+    if q is None:
+        inertia = _typical_inertia(dynamics, kd * positive("dt", dt))
+    else:
+        inertia = dynamics.mass_matrix(vector("q", q, dynamics.n)).diagonal()
     return kp * inertia, np.maximum(kd * inertia - dynamics.model.viscous, 0.0)
+
+
+def _typical_inertia(dynamics: Dynamics, damping: Array) -> Array:
+    """The inertia m of ``tuned`` for K_d dt = damping m, shape (n,)."""
+    M = dynamics.mass_matrix(postures(dynamics.model, _POSTURES))
+    m = np.asarray(M.diagonal(0, 1, 2).mean(0))
+    root = np.sqrt(damping * m)
+    scaled = root[:, None] * np.linalg.inv(M) * root
+    greatest = float(np.linalg.eigvalsh(scaled).max())
+    return m * min(1.0, _STABLE / greatest) if greatest > 0.0 else m
 
 
 def positive(name: str, value: float) -> float:
