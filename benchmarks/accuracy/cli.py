@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from arm_sim.integrators import METHODS
-from benchmarks.accuracy import sweep
+from benchmarks.accuracy import motors, sweep
 from benchmarks.accuracy.checks import checks
 from benchmarks.accuracy.page import write
 from benchmarks.accuracy.problems import ROOT, Problem, all_problems
@@ -83,6 +83,10 @@ def run(problems: list[Problem], gates: Any, console: Console) -> dict[str, Any]
             found["scipy"] += sweep.scipy_runs(problem)
             found["orders"] += sweep.orders(problem, found["fixed"])
             found["gates"] += sweep.gates(problem, found)
+        bar.stage("motors", 1)
+        found["motors"] = list(motors.rows())
+        found["gates"] += motors.gate(found["motors"], gates.MOTOR)
+        bar.advance()
         groups = checks(gates)
         bar.stage("checks", len(groups))
         for group in groups.values():

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 
+from benchmarks.accuracy import motors
 from benchmarks.accuracy.figure import draw
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
@@ -48,6 +49,7 @@ def page(results: Results) -> str:
         "shares": _spans(results),
         "steps": _steps(results),
         "asked": _asked(results),
+        "motors": motors.page(results["motors"]),
     }.items():
         text = text.replace("{{" + name + "}}", part)
     return re.sub(
