@@ -14,6 +14,21 @@ from benchmarks.robots import panda
 STEPS = 1000
 STEP = 1e-3
 Scene = dict[str, Any]
+DRY: Scene = {"coulomb": 1.0}
+TABLE: Scene = {"at": [-1.0, 0.0, 1.0], "factor": [1.0, 1.5, 1.0]}
+LOAD: Scene = {"at": [0.0, 20.0], "factor": [1.0, 2.0]}
+LUGRE: Scene = DRY | {"viscous": 0.5, "lugre": {"sigma0": 1e5, "sigma1": 316.0}}
+
+MOTOR: Scene = {
+    "resistance": 0.8, "torque_constant": 0.1, "rotor_inertia": 3e-5, "gear_ratio": 100.0,
+}  # fmt: skip
+VOLTAGE: Scene = MOTOR | {"command": "voltage"}
+BELT: Scene = {"stiffness": 3e3, "damping": 3.0}
+HARMONIC: Scene = BELT | {
+    "stiffening": 1e6,
+    "hysteresis": {"torque": 1.0, "deflection": 1e-3},
+    "kinematic_error": {"amplitude": 1e-4, "order": 2},
+}
 
 
 def scenes() -> dict[str, Scene]:
@@ -30,7 +45,18 @@ def scenes() -> dict[str, Scene]:
         "− six joints (locked)": {"robot": robot | {"lock": names[1:]}},
         "+ viscous friction": bare | _all(friction={"viscous": 0.5}),
         "+ dry friction, by events": bare | _all(friction={"coulomb": 1.0}),
+        "+ viscous friction by direction": bare
+        | _all(friction={"viscous": {"positive": 0.5, "negative": 0.3}}),
+        "+ dry friction by position": bare | _all(friction=DRY | {"position": TABLE}),
+        "+ dry friction by load": bare | _all(friction=DRY | {"load": LOAD}),
+        "+ LuGre friction, implicit, error control": bare | _all(friction=LUGRE),
         "+ motor inertia": bare | _all(armature=0.1),
+        "+ motors, torque commanded": bare | _all(actuator=MOTOR),
+        "+ motors, voltage commanded": bare | _all(actuator=VOLTAGE),
+        "+ motors with inductance, 7 states": bare | _all(actuator=VOLTAGE | {"inductance": 8e-4}),
+        "+ gears that lose power, by events": bare | _all(actuator=MOTOR | {"efficiency": 0.8}),
+        "+ flexible joints, 14 states": bare | _all(actuator=MOTOR, transmission=BELT),
+        "+ harmonic drives, 21 states": bare | _all(actuator=MOTOR, transmission=HARMONIC),
         "+ effort limits": bare | _all(limits={"effort": 87.0}),
         "+ payload": bare | {"payloads": [load]},
         "+ tunable gravity": bare | {"tunable": ["gravity"]},

@@ -182,3 +182,10 @@ def test_auto_sees_how_fast_a_coil_is(build: Build) -> None:
     assert quick.plan.integrator == "dop853" and quick.choice.tolerance
     plan = build(Motor((True, False), L=1e-6)).plan
     assert plan.integrator == "implicit" and "drive answers" in plan.reason
+
+
+def test_plan_tells_what_a_law_costs(build: Build) -> None:
+    plan = build(Motor((True, False))).plan
+    (law,) = plan.laws
+    assert law.states == ("joint0 current [A]",) and law.operations > 0 and law.nanoseconds > 0.0
+    assert "toy motor: 1 state, 6 operations" in str(plan)

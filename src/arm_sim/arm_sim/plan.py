@@ -13,6 +13,7 @@ from arm_dynamics import ArmModel
 from arm_dynamics.kernel import operations
 from arm_dynamics.model import Array
 from arm_sim.choice import Choice
+from arm_sim.law_cost import LawCost, cost_of
 from arm_sim.plant import Plant
 from arm_sim.stepper import Stepper
 
@@ -76,6 +77,13 @@ class Plan:
         self._stepper.restart()
         return best
 
+    @cached_property
+    def laws(self) -> tuple[LawCost, ...]:
+        """States and cost of each law that has states or stands in for the command, measured."""
+        laws, n = self._plant.laws, self._plant.model.n
+        backend = "auto" if self._stepper.kernel.native else "vm"
+        return tuple(cost_of(law, n, backend) for law in laws.laws) if laws else ()
+
     def __str__(self) -> str:
         """Lines for people."""
         choice = self._choice
@@ -89,6 +97,7 @@ class Plan:
             f"runs on     {self.backend}",
             f"cost        {cost}",
         ]
+        lines += [f"            {law}" for law in self.laws]
         lines += [f"computed    {part.name}: {part.why}" for part in self.parts if part.on]
         lines += [f"skipped     {part.name}: {part.why}" for part in self.parts if not part.on]
         return "\n".join(lines)
@@ -103,6 +112,9 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
     rows = sum(len(kept) for kept in model.constraint_rows.values())
+    bristles = model.friction.bristles.joints if model.friction.bristles else ()
+    by = zip(model.friction.position, model.friction.load, strict=True)
+    tables = sum(bool(place or load) for place, load in by)
     return (
         Part("rigid body", True, f"{model.n} joints"),
         _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),
@@ -111,6 +123,10 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part(
             "contact", contacts, f"{contacts} points, solved by events", "no point touches a plane"
         ),
+        _part(
+            "LuGre friction", bristles, f"{len(bristles)} joints, as many states", "no bristles"
+        ),
+        _part("friction by place or load", tables, f"{tables} joints", "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
         _part("motors and transmissions", any(model.drives), _drives(plant), "no actuator"),
         _part("gear losses", model.friction.gears, _gears(model), "every gear is ideal"),
