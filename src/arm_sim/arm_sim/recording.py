@@ -26,10 +26,9 @@ class Recording:
         z: States of the scene's laws, shape (k+1, nz).
         command: What was commanded from each time on, limits applied, shape (k+1, n): torques in
             [N m] or [N], or what a joint's drive takes; the last row repeats the last tick's.
-        tau: Torques that act on the joints from each time on in [N m] or [N], shape (k+1, n):
-            the command, or what a joint's drive makes of it by the end of the tick.
         error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
         dynamics: The scene's dynamics, for the energies.
+        plant: The scene's equation of motion.
         audit: What keeps the energy account, when asked.
         p: Tunable quantities during the run, shape (np,).
         held: Names of the constraints that held.
@@ -40,9 +39,9 @@ class Recording:
     v: Array
     z: Array
     command: Array
-    tau: Array
     error: Array
     dynamics: Dynamics
+    plant: Plant
     audit: Audit
     p: Array
     held: tuple[str, ...] = ()
@@ -50,6 +49,16 @@ class Recording:
     def __len__(self) -> int:
         """Number of recorded states."""
         return len(self.time)
+
+    @cached_property
+    def tau(self) -> Array:
+        """Torques that act on the joints from each time on in [N m] or [N], shape (k+1, n).
+
+        The command, or what a joint's drive makes of it by the end of the tick.
+        """
+        torque = self.plant.joint_torque(np.vstack([self._x[1:], self._x[-1:]]), self.command)
+        torque.setflags(write=False)
+        return torque
 
     @cached_property
     def _energies(self) -> tuple[Array, Array]:
@@ -138,10 +147,9 @@ def record(
     n = len(start.q)
     x = np.vstack([np.concatenate([start.q, start.v, start.z]), trace])
     command = np.vstack([effort, effort[-1:] if len(effort) else np.zeros(n)])
-    tau = plant.joint_torque(np.vstack([x[1:], x[-1:]]), command)
     error = np.concatenate([[start.error], errors])
     time = np.asarray((start.step + np.arange(len(x))) * dt, dtype=np.float64)
-    for array in (x, command, tau, error, time):
+    for array in (x, command, error, time):
         array.setflags(write=False)
     q, v, z = x[:, :n], x[:, n : 2 * n], x[:, 2 * n :]
-    return Recording(time, q, v, z, command, tau, error, dynamics, audit, p, held)
+    return Recording(time, q, v, z, command, error, dynamics, plant, audit, p, held)
