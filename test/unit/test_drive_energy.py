@@ -11,6 +11,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+import models
+from arm_sim import Simulator
 from models.driven import law, of_states, wheel
 from tolerances import ALGEBRA, assert_close
 
@@ -78,3 +80,21 @@ def test_constants_that_differ_are_counted_as_a_loss(rng: np.random.Generator) -
     for x in states(rng, 1, 20):
         i, speed = x[2][0], -60.0 * x[1][0]
         assert_close(float(lost(*x)), 0.8 * i**2 + 0.01 * i * speed, ALGEBRA)
+
+
+@pytest.mark.parametrize("scene", DRIVES.values(), ids=DRIVES)
+def test_energy_of_a_run_is_balanced(scene: Any) -> None:
+    """What the recording says came in, went out and stayed; a command that shakes the drive."""
+    sim = Simulator(scene, backend="vm", tolerance=1e-9)
+    recording = sim.run(0.05, 20.0 * np.cos(0.04 * np.arange(50))[:, None])
+    assert recording.supplied[-1] > 1e-3
+    assert abs(recording.balance).max() < 1e-8 * max(1.0, recording.supplied[-1])
+
+
+@pytest.mark.parametrize(("name", "amplitude"), [("motor_pendulum", 10.0), ("flexible_arm", 5.0)])
+def test_energy_of_the_ready_scenes(name: str, amplitude: float) -> None:
+    sim = models.simulator(name)
+    wave = amplitude * np.sin(0.005 * np.arange(1000))[:, None] * np.ones(sim.n)
+    recording = sim.run(1.0, wave)
+    assert recording.lost[-1] > 1.0
+    assert abs(recording.balance).max() < 1e-7
