@@ -13,7 +13,7 @@ import yaml
 from pydantic import BaseModel
 
 from arm_dynamics import scene as schema
-from arm_dynamics import scene_drive
+from arm_dynamics import scene_drive, scene_friction
 from arm_sim import Simulator
 
 ROOT = Path(__file__).parents[2]
@@ -51,7 +51,7 @@ def test_reference_names_every_key() -> None:
         for part in vars(schema).values()
         if isinstance(part, type)
         and issubclass(part, BaseModel)
-        and part.__module__ in (schema.__name__, scene_drive.__name__)
+        and part.__module__ in {m.__name__ for m in (schema, scene_drive, scene_friction)}
     ]
     keys = {key for part in parts for key in part.model_fields}
     table = REFERENCE.split("## Keys")[1].split("## What it costs")[0]
