@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import casadi as ca
 import numpy as np
 
 from arm_dynamics.joint_drive import JointDrive
 from arm_dynamics.laws import motor
+from arm_dynamics.laws.elementary import Quantity
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.scene import Scene
 
@@ -35,11 +37,11 @@ class CommandMap:
         self.rotor_damping: Array = np.array([d.rotor_damping if d else 0.0 for d in soft])
         """Of the same rotors, which F does not hold."""
 
-    def __call__(self, q: Array, v: Array, tau: Array) -> Array:
+    def __call__(self, q: Quantity, v: Quantity, tau: Quantity) -> Quantity:
         """Commands for torques.
 
         Args:
-            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n), or an expression.
             v: Joint velocities in [rad/s] or [m/s], likewise.
             tau: Wanted torques in [N m] or [N], likewise.
 
@@ -48,13 +50,15 @@ class CommandMap:
         """
         if self._idle:
             return tau
-        wanted = np.array(tau, dtype=float)
-        for i, m in self._poles:
+        symbolic = isinstance(tau, ca.SX)
+        wanted = ca.SX(tau) if symbolic else np.array(tau, dtype=float)
+        for joint, m in self._poles:
             assert m.cogging is not None
+            i = joint if symbolic else (..., joint)
             wave = m.cogging.amplitude, m.cogging.order, m.cogging.phase
-            wanted[..., i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[..., i], *wave)
-        command: Array = self._gain * wanted + self._back_emf * v
-        return command
+            wanted[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], *wave)
+        like = ca.DM if symbolic else np.asarray
+        return like(self._gain) * wanted + like(self._back_emf) * v
 
 
 def rigid_twin(scene: Scene) -> Scene:

@@ -105,7 +105,8 @@ class Dynamics:
         """
         tau, (q, v, a) = self.inverse(q, v, a), self._checked(q=q, v=v, a=a)
         rotors = self.command_map.rotor_inertia * a + self.command_map.rotor_damping * v
-        return self.command_map(q, v, tau + rotors)
+        command: Array = self.command_map(q, v, tau + rotors)
+        return command
 
     def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Accelerations that torques produce: M⁻¹ (τ - C v - G - F).

@@ -10,6 +10,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel
+from arm_dynamics.command_map import CommandMap
 from arm_dynamics.control import demanded_acceleration, halfway, held_gains
 from arm_dynamics.laws import rigid_body
 from arm_dynamics.laws.links import tree_of
@@ -23,7 +24,7 @@ class CompiledControl:
     """A controller that runs in compiled code, once a tick, on the state at the tick's beginning.
 
     Attributes:
-        law: CasADi function (x, r) -> torque of shape (n,), with x = (q, v).
+        law: CasADi function (x, r) -> command of shape (n,), with x = (q, v).
         reference: Rows r of references for times of shape (k,) in [s].
     """
 
@@ -48,7 +49,7 @@ def computed_torque(
         dt: Time in [s] for which a torque is held, 0 for none.
 
     Returns:
-        A controller for ``Simulator.run``.
+        A controller for ``Simulator.run``; it answers with what the model's drives take.
 
     Raises:
         InvalidInput: If a gain or dt is not allowed.
@@ -63,7 +64,8 @@ def computed_torque(
     tau = rigid_body.inverse(tree, middle, speed, a, constant(model.scene.gravity))
     sliding = ca.if_else(v == 0, v_d, v)  # as in arm_dynamics.control.ComputedTorque
     tau = model.friction.demanded(tau, speed, ca.sign(sliding), middle)
-    law = ca.Function("law", [x, r], [ca.densify(tau)], {"cse": True})
+    command = CommandMap(model)(q, v, tau)
+    law = ca.Function("law", [x, r], [ca.densify(command)], {"cse": True})
     return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
 
 
