@@ -15,7 +15,7 @@ from rich.markup import escape
 from rich.table import Table
 
 from arm_sim.integrators import METHODS
-from benchmarks.accuracy import motors, sweep
+from benchmarks.accuracy import friction, motors, sweep
 from benchmarks.accuracy.checks import checks
 from benchmarks.accuracy.page import write
 from benchmarks.accuracy.problems import ROOT, Problem, all_problems
@@ -86,6 +86,10 @@ def run(problems: list[Problem], gates: Any, console: Console) -> dict[str, Any]
         bar.stage("motors", 1)
         found["motors"] = list(motors.rows())
         found["gates"] += motors.gate(found["motors"], gates.MOTOR)
+        bar.advance()
+        bar.stage("friction", 1)
+        found["friction"] = list(friction.rows())
+        found["gates"] += friction.gate(found["friction"], gates.TRAJECTORY, gates.LUGRE)
         bar.advance()
         groups = checks(gates)
         bar.stage("checks", len(groups))

@@ -48,7 +48,7 @@ def rows() -> Iterator[Row]:
     errors |= {("MuJoCo", *key): motor.error() for key, motor in models.items()}
     jobs: dict[Any, Play] = {("this suite", n, 1e-3): _second(s) for n, s in sims.items()}
     jobs |= {("MuJoCo", *key): motor.second for key, motor in models.items()}
-    times = _timed(jobs)
+    times = timed(jobs)
     for key, error in errors.items():
         engine, method, step = key
         yield {
@@ -120,7 +120,7 @@ def _second(sim: Simulator) -> Play:
     return play
 
 
-def _timed(jobs: dict[Any, Play]) -> dict[Any, float]:
+def timed(jobs: dict[Any, Play]) -> dict[Any, float]:
     """Middle of some rounds, in each of which every job has its turn."""
     taken: dict[Any, list[float]] = {key: [] for key in jobs}
     for turn in range(REPEATS + 1):

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.accuracy import motors
+from benchmarks.accuracy import friction, motors
 from benchmarks.accuracy.figure import draw
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
@@ -50,6 +50,8 @@ def page(results: Results) -> str:
         "steps": _steps(results),
         "asked": _asked(results),
         "motors": motors.page(results["motors"]),
+        "dry": friction.page(results["friction"], "dry"),
+        "lugre": friction.page(results["friction"], "LuGre"),
     }.items():
         text = text.replace("{{" + name + "}}", part)
     return re.sub(
