@@ -117,6 +117,28 @@ def test_voltage_driven_with_a_lossy_gear() -> None:
     assert abs(state.z[-1, 0]) < 1e-5
 
 
+@pytest.mark.parametrize("torque", [2.0, -2.0])
+def test_behind_a_spring_its_torque_arrives_in_part(torque: float) -> None:
+    """Turning steadily against viscous friction: b v = η τ, with the balance of energy."""
+    scene = wheel(LINK, {"stiffness": 500.0, "damping": 5.0}, rotor_inertia=1e-5, **GEAR)
+    scene["joints"]["axle"]["friction"] = {"viscous": 0.5}
+    sim = Simulator(scene)
+    recording = sim.run(6.0, [torque])
+    assert_close(sim.state.v, [ETA * torque / 0.5], 1e-6)
+    assert abs(recording.balance).max() < 1e-7
+
+
+def test_behind_a_spring_it_holds() -> None:
+    """A load within what the gear holds does not move, whatever the rotor does meanwhile."""
+    scene = pendulum(rotor_inertia=1e-4)
+    scene["joints"]["swing"]["transmission"] = {"stiffness": 2e3, "damping": 20.0}
+    sim = Simulator(scene)
+    sim.set_state(z=[np.pi / 2 + 9.81 / 2e3, 0.0])
+    sim.run(1.0, [9.81 * 1.2])
+    assert sim.state.v[0] == 0.0 and sim.state.q[0] == np.pi / 2
+    assert abs(sim.state.z[0] - np.pi / 2 - 9.81 * 1.2 / 2e3) < 1e-4
+
+
 def test_an_ideal_gear_is_no_dry_friction() -> None:
     sim = Simulator(wheel(LINK, gear_ratio=50.0, efficiency=1.0), backend="vm")
     assert not sim.model.has_dry_friction and sim.plant.reaction is None

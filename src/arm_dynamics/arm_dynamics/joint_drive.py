@@ -202,9 +202,3 @@ def _check_coupling(where: str, coupling: Transmission, motor: Actuator) -> None
             f"order · |gear_ratio| = {error.amplitude * error.order * abs(motor.gear_ratio):g} "
             "must stay below 1, or the output would turn back while the motor goes on"
         )
-    if motor.efficiency < 1.0:
-        raise SceneError(
-            f"{where}.actuator.efficiency' = {motor.efficiency}: a flexible transmission allows "
-            "only 1; its losses are 'transmission.hysteresis' and 'transmission.damping', and "
-            "'actuator.rotor_damping'"
-        )
