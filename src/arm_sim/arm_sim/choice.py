@@ -23,10 +23,10 @@ STIFF = 1.4
 # on the average, 70 where a joint reverses, and half a second ends within 1e-5 rad of the truth.
 BRISTLES = 1e-6
 # Drives answer within a tick, so a step of fixed length is never sure of them: see
-# docs/friction-and-actuation.md for what this tolerance costs. With it the extrapolated implicit
-# method takes less time than DOP853 from about this rate on.
+# docs/friction-and-actuation.md for what these tolerances cost. From about this rate on the
+# extrapolated implicit method takes less time than DOP853.
 DRIVEN_TOLERANCE = 1e-10
-DRIVEN_STIFF = 50.0
+DRIVEN_STIFF, DRIVEN_STIFF_TOLERANCE = 50.0, 1e-8
 
 
 @dataclass(frozen=True)
@@ -84,8 +84,7 @@ def choose(
         return Choice(METHODS["implicit"], dt, tolerance or BRISTLES, reason)
     if name == "auto":
         if plant.nz:
-            method, reason = _driven(plant, dt)
-            return Choice(method, dt, tolerance or DRIVEN_TOLERANCE, reason)
+            return _driven(plant, dt, tolerance)
         method, reason = _automatic(plant, dt, tolerance is not None)
         return Choice(method, dt, tolerance, reason)
     method = METHODS[name]
@@ -107,11 +106,13 @@ def _automatic(plant: Plant, dt: float, error_control: bool) -> tuple[Method, st
     return METHODS["rk4"], "not stiff, fixed step: the least error for the time"
 
 
-def _driven(plant: Plant, dt: float) -> tuple[Method, str]:
+def _driven(plant: Plant, dt: float, tolerance: float | None) -> Choice:
     rate = fastest_rate(plant)
     if rate * dt > DRIVEN_STIFF:
-        return METHODS["implicit"], f"stiff, error control: a drive answers in {1 / rate:.2g} s"
-    return METHODS["dop853"], "drives with states: error control, the highest order"
+        reason = f"stiff, error control: a drive answers in {1 / rate:.2g} s"
+        return Choice(METHODS["implicit"], dt, tolerance or DRIVEN_STIFF_TOLERANCE, reason)
+    reason = "drives with states: error control, the highest order"
+    return Choice(METHODS["dop853"], dt, tolerance or DRIVEN_TOLERANCE, reason)
 
 
 def fastest_rate(plant: Plant) -> float:
