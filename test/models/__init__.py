@@ -18,6 +18,7 @@ SCENES = FOLDER.parents[1] / "src/arm_sim/arm_sim/scenes"
 
 REAL = ("panda", "ur10", "kinova", "z1")
 OWN = ("pendulum", "double_pendulum", "two_link", "puma560")
+DRIVEN = ("motor_pendulum", "flexible_arm")  # with motors: a command is no torque there
 MADE = tuple(sorted(path.stem for path in FOLDER.glob("*.urdf")))
 ROBOTS = (*REAL, *OWN, *MADE)
 

@@ -54,14 +54,20 @@ def pendulum(**drive: Any) -> Simulator:
     return Simulator(scene | {"joints": {"*": drive}}, tolerance=1e-9, backend="vm")
 
 
-def test_stiff_limit_is_the_rigid_drive() -> None:
+@pytest.mark.parametrize(
+    "extra",
+    [{}, {"hysteresis": {"torque": 0.5, "deflection": 1e-4}}, {"stiffening": 1e5}],
+    ids=["belt", "hysteresis", "stiffening"],
+)
+def test_stiff_limit_is_the_rigid_drive(extra: dict[str, Any]) -> None:
     """The distance from the rigid arm falls like 1/k."""
     motor = {"rotor_inertia": 1e-3, "gear_ratio": 20.0}
     rigid = pendulum(actuator=motor).run(0.3).q[-1]
     errors = []
     for k in (2e3, 4e3, 8e3):
         damping = 2.0 * np.sqrt(k * 0.4)  # so that the spring has come to rest
-        soft = pendulum(actuator=motor, transmission={"stiffness": k, "damping": damping})
+        belt = {"stiffness": k, "damping": damping}
+        soft = pendulum(actuator=motor, transmission=belt | extra)
         errors.append(abs(soft.run(0.3).q[-1] - rigid).max())
     np.testing.assert_allclose(np.divide(errors[:-1], errors[1:]), 2.0, rtol=0.2)
     assert errors[-1] < 5e-3
