@@ -15,6 +15,7 @@ import numpy as np
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.client import ArmClient
+from arm_dynamics.exceptions import Refused
 from arm_sim.cli.demo.processes import DemoFailed, Processes
 from benchmarks.soak.faults import FAULTS, Fault
 from benchmarks.soak.watch import Watcher, memory, processor_time
@@ -23,6 +24,7 @@ SETTLE, NOTICE, RECOVER = 2.0, 4.0, 12.0  # [s] before a fault, to be told of it
 MOVE_EVERY = 3.0  # [s]
 TRACKING = 5e-3  # [rad] that the arm may be off while nothing should disturb it
 LAST = 90.0  # [s] at the end for faults that start processes anew
+HISTORY = 12  # requests that the transport keeps the memory of, and some
 WARM = 0.15  # of the time before memory is looked at
 COMMANDS = {
     "sim": ("sim", "{scene}", "--with-parent", "--ros-args", "-p", "stale_policy:=gravity"),
@@ -101,8 +103,17 @@ class Suite:
         self._home = np.array([0.0, -0.6, 0.0, -2.0, 0.0, 1.6, 0.7])[: self.n]
         self._sign, self._moved = cycle((1.0, -1.0)), 0.0
         self.calls = 0
+        self._fill_pools()
         if not self.watcher.until(lambda: len(self.watcher.latest) >= 6, 30.0):
             raise DemoFailed(f"diagnostics of only {sorted(self.watcher.latest)} came")
+
+    def _fill_pools(self) -> None:
+        """Have the transport take all the memory that it keeps for large requests."""
+        for _ in range(HISTORY):
+            try:
+                self.client.inverse_dynamics(np.zeros((100_001, self.n)))
+            except Refused:
+                pass
 
     def close(self) -> None:
         """Leave the graph."""

@@ -49,6 +49,8 @@ class Watcher:
     """A node that listens; ``close`` takes it down.
 
     Attributes:
+        domain: ROS domain.
+        tracking: Whether to listen to the controller's state and the energy too.
         statuses: Latest diagnostics, oldest first.
         latest: Of every part.
         worst_error: Largest tracking error since it was last set to zero, in [rad].
@@ -56,6 +58,7 @@ class Watcher:
     """
 
     domain: int
+    tracking: bool = True
     statuses: list[Status] = field(default_factory=list)
     latest: dict[str, Status] = field(default_factory=dict)
     worst_error: float = 0.0
@@ -72,8 +75,9 @@ class Watcher:
         self._executor = make_executor(self.node)
         self._publishers: dict[str, Publisher] = {}
         self.node.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 50)
-        self.node.create_subscription(TrackingState, "controller/state", self._on_state, 10)
-        self.node.create_subscription(Energy, "sim/energy", self._on_energy, 10)
+        if self.tracking:
+            self.node.create_subscription(TrackingState, "controller/state", self._on_state, 10)
+            self.node.create_subscription(Energy, "sim/energy", self._on_energy, 10)
 
     def close(self) -> None:
         """Leave the graph."""

@@ -26,6 +26,7 @@ class LoopReport:
         missed: Ticks that began after the next one was due.
         dropped: Deadlines that nobody kept: given up, left out or put off.
         lateness: How long after their deadline ticks began.
+        bars: Upper edge in [s] and number of the ticks of every length of lateness that came.
     """
 
     ticks: int
@@ -33,6 +34,7 @@ class LoopReport:
     missed: int
     dropped: int
     lateness: Percentiles
+    bars: tuple[tuple[float, int], ...]
 
     @property
     def rate(self) -> float:
@@ -60,7 +62,7 @@ class RealtimeLoop:
         period: float,
         *,
         overrun: str = CATCH_UP,
-        closest: float = 0.5,
+        closest: float = 0.35,
         give_up: float = 1.0,
         prepare: Callable[[], None] = lambda: None,
     ) -> None:
@@ -108,11 +110,8 @@ class RealtimeLoop:
         """Say how well deadlines were kept."""
         lateness = self._lateness.percentiles()
         elapsed = 1e-9 * ((self._until or time.monotonic_ns()) - self._since)
-        return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness)
-
-    def histogram(self) -> Histogram:
-        """Lateness of every tick."""
-        return self._lateness
+        bars = self._lateness.bars()
+        return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness, bars)
 
     def _run(self) -> None:
         _ask_for_exact_timers()

@@ -10,6 +10,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.ros import convert
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.ros import interfaces
+from arm_sim.ros.standard_services import StandardServices
 from arm_sim.tuning import friction_change, payload_change
 
 if TYPE_CHECKING:
@@ -32,6 +33,7 @@ class SimServices:
             (interfaces.RESET_COUNTERS, self.on_reset_counters),
         ):
             node.create_service(service.type, service.name, answer)
+        self.standard = StandardServices(node, self)
 
     def on_reset(self, request: Any, response: Any) -> Any:
         """Answer ``~/reset``: back to the initial state and time zero, without a command."""

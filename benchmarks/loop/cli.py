@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of the loop's benchmark."""
+
+from __future__ import annotations
+
+import os
+from pathlib import Path
+from typing import Any
+
+import click
+from rich.console import Console
+from rich.table import Table
+
+from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
+
+ROOT = Path(__file__).parents[2]
+SCENE = str(ROOT / "src/arm_sim/arm_sim/scenes/panda.yaml")
+EXAMPLES = """\b
+Examples:
+  ./arm bench loop                     about five minutes
+  ./arm bench loop --quick             under a minute
+  ./arm bench loop --seconds 600       ten minutes of closed loop
+  ./arm bench loop --docs              also renew docs/performance-loop.md
+"""
+
+
+@click.command(epilog=EXAMPLES)
+@click.option("--seconds", type=click.FloatRange(5.0), help="Closed loop. [default: 60, quick 10]")
+@click.option("--quick", is_flag=True, help="Shorter runs.")
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False),
+              default=ROOT / "benchmarks/results", show_default="benchmarks/results",
+              help="Folder for loop.md, loop.json and figures/loop.png.")  # fmt: skip
+@click.option("--docs", is_flag=True, help="Also renew docs/performance-loop.md and its figure.")
+def main(seconds: float | None, quick: bool, out: Path, docs: bool) -> None:
+    """Measure the loop over ROS on a Panda, next to bare rclpy and a bare thread in the same run.
+
+    Rate, missed ticks, lateness, round trip, latency of the service, points per second of batches,
+    processor shares, and lockstep. The exit status does not depend on the figures: they are of
+    this machine and its load.
+    """
+    from benchmarks.loop.page import promises, write
+
+    domain = free_domain()
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    console = Console(stderr=True)
+    with interruptible():
+        try:
+            record = _measured(seconds or (10.0 if quick else 60.0), quick, out, domain, console)
+        except KeyboardInterrupt:
+            raise click.ClickException("interrupted; all processes have been ended") from None
+        except DemoFailed as error:
+            raise click.ClickException(error.message) from None
+    path = write(record, out, ROOT / "docs" if docs else None)
+    shown = Table("promise", "bound", "measured", "holds")
+    for text, bound, got, holds in promises(record):
+        shown.add_row(text, bound, got, "yes" if holds else "[red]no[/red]")
+    Console().print(shown)
+    click.echo(f"report: {path}")
+
+
+def _measured(
+    seconds: float, quick: bool, out: Path, domain: int, console: Console
+) -> dict[str, Any]:
+    from benchmarks.loop import stages
+    from benchmarks.loop.page import slim
+
+    logs = out / "loop_logs"
+    logs.mkdir(parents=True, exist_ok=True)
+    say = console.print
+    load = os.getloadavg()[0]
+    record: dict[str, Any] = {"loop": stages.closed_loop(SCENE, domain, seconds, logs, say)}
+    say("timer and ping-pong of rclpy")
+    record["timer"] = stages.timer(3.0 if quick else 10.0)
+    record["ping"] = stages.ping_pong(3.0 if quick else 10.0)
+    say("services and batches")
+    record["services"] = stages.services(SCENE, domain, 300 if quick else 2000, logs)
+    record["core"] = stages.core(SCENE)
+    say("lockstep")
+    record["lockstep"] = stages.together(SCENE, 3_000 if quick else 100_000, 100_000, logs, domain)
+    record["load"] = [load, os.getloadavg()[0]]
+    return slim(record)

@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lockstep: how fast, and whether two runs are the same to the bit."""
+
+from __future__ import annotations
+
+import hashlib
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import rclpy
+from rclpy.context import Context
+from rclpy.parameter import Parameter
+from rclpy.signals import SignalHandlerOptions
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from arm_dynamics.motion import Waypoint
+from arm_dynamics.ros.executor import make_executor
+from arm_dynamics.trajectory import quintic
+from arm_sim import Simulator
+from arm_sim.actuation import computed_torque
+from arm_sim.cli.demo.processes import DemoFailed, Processes
+from arm_sim.ros.sim_node import SimNode
+from arm_sim.together import Together
+
+START = 500_000_000  # [ns] of simulated time, when the motion begins
+POINTS, STEP = 5, 2.0  # points of the motion and time from one to the next in [s]
+SWING = 0.2  # [rad]
+
+
+def lockstep(
+    scene: str, ticks: int, compiled_ticks: int, logs: Path, domain: int
+) -> dict[str, Any]:
+    """Run everything twice.
+
+    Args:
+        scene: The arm.
+        ticks: Of the runs across processes and in one process.
+        compiled_ticks: Of the runs with the controller compiled in.
+        logs: Folder for logs of the controller.
+        domain: ROS domain.
+
+    Returns:
+        Ticks per second and digests of all states and torques.
+    """
+    across = [_across(scene, ticks, logs, domain) for _ in range(2)]
+    alone = [_alone(scene, ticks) for _ in range(2)]
+    compiled = _compiled(scene, compiled_ticks)
+    return {"ticks": ticks, "compiled ticks": compiled_ticks, "across": across, "alone": alone,
+            "compiled": compiled}  # fmt: skip
+
+
+class _Digest:
+    """Of every state and the torque that led to it."""
+
+    def __init__(self) -> None:
+        self._hash = hashlib.sha256()
+
+    def add(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> None:
+        for numbers in (q, v, tau):
+            self._hash.update(np.ascontiguousarray(numbers).tobytes())
+
+    def __str__(self) -> str:
+        return self._hash.hexdigest()[:16]
+
+
+def _points(q0: np.ndarray) -> list[Waypoint]:
+    return [Waypoint(STEP * k, q0 + SWING * (-1) ** k) for k in range(1, POINTS + 1)]
+
+
+def _across(scene: str, ticks: int, logs: Path, domain: int) -> dict[str, Any]:
+    """The sim node here, the controller in a process of its own."""
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain,
+               signal_handler_options=SignalHandlerOptions.NO)  # fmt: skip
+    overrides = [Parameter("lockstep", value=True), Parameter("paused", value=True)]
+    node = SimNode(scene, context=context, parameter_overrides=overrides)
+    executor = make_executor(node)
+    try:
+        with Processes(logs) as processes:
+            processes.start("controller", "controller", scene, "--with-parent")
+            return _led(node, executor, ticks)
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+
+
+def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
+    publisher = node.create_publisher(JointTrajectory, "controller/joint_trajectory", 10)
+    answers = lambda: node.report()[1].count  # noqa: E731
+    _spin(executor, lambda: publisher.get_subscription_count() and answers(), 30.0)
+    message = JointTrajectory(joint_names=list(node.simulator.joint_names))
+    message.header.stamp.nanosec = START
+    for point in _points(node.simulator.state.q):
+        entry = JointTrajectoryPoint(positions=point.q.tolist())
+        entry.time_from_start.sec = round(point.time)
+        message.points.append(entry)
+    publisher.publish(message)
+    settled = time.monotonic() + 2.0
+    _spin(executor, lambda: time.monotonic() > settled, 10.0)
+    digest, advance = _Digest(), node.advance
+
+    def noted(tau: np.ndarray) -> bool:
+        good = advance(tau)
+        state = node.simulator.state
+        digest.add(state.q, state.v, node.simulator.effort)
+        node.paused = state.step >= ticks
+        return good
+
+    node.advance = noted
+    node.requests.pause(False)
+    began = time.perf_counter()
+    _spin(executor, lambda: node.paused, 1e-2 * ticks + 60.0)
+    rate = ticks / (time.perf_counter() - began)
+    asked = node.lockstep.asked_again if node.lockstep else 0
+    return {"rate": rate, "digest": str(digest), "asked again": asked}
+
+
+def _spin(executor: Any, done: Any, timeout: float) -> None:
+    end = time.monotonic() + timeout
+    while not done():
+        if time.monotonic() > end:
+            raise DemoFailed("lockstep: the controller gave no answer in time")
+        executor.spin_once(timeout_sec=0.1)
+
+
+def _alone(scene: str, ticks: int) -> dict[str, Any]:
+    """The same in this process, without messages."""
+    pair, digest = Together(scene), _Digest()
+    pair.follow(_points(pair.simulator.state.q), START)
+    began = time.perf_counter()
+    motion = pair.run(ticks * pair.simulator.dt)
+    rate = ticks / (time.perf_counter() - began)
+    for q, v, tau in zip(motion.q[1:], motion.v[1:], motion.tau, strict=False):
+        digest.add(q, v, tau)
+    return {"rate": rate, "digest": str(digest)}
+
+
+def _compiled(scene: str, ticks: int) -> list[dict[str, Any]]:
+    """With computed torque compiled into the tick."""
+    simulator = Simulator(scene)
+    start = Waypoint(0.0, simulator.state.q)
+    path = quintic([start, *_points(simulator.state.q)])
+    control = computed_torque(simulator.model, path.sample)
+    simulator.run(0.01, control)
+    found = []
+    for _ in range(2):
+        simulator.reset()
+        digest = _Digest()
+        began = time.perf_counter()
+        motion = simulator.run(ticks * simulator.dt, control)
+        rate = ticks / (time.perf_counter() - began)
+        digest.add(motion.q, motion.v, motion.tau)
+        found.append({"rate": rate, "digest": str(digest)})
+    return found

@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The report of the loop: promises, tables, a figure."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchmarks.loop.figure import draw
+from benchmarks.markdown import table
+
+BEGIN, END = "<!-- loop: begin -->", "<!-- loop: end -->"
+Record = dict[str, Any]
+
+
+def promises(r: Record) -> list[tuple[str, str, str, bool]]:
+    """What must hold: text, bound, measured, whether it does."""
+    loop, service, lock = r["loop"], r["services"], r["lockstep"]
+    rate = loop["loop"]["ticks"] / loop["loop"]["elapsed"]
+    missed, bare = loop["loop"]["missed"], loop["thread"]["missed"]
+    trip, ping = loop["round_trip"]["p50"], r["ping"]["p50"]
+    across = min(run["rate"] for run in lock["across"])
+    alone = min(run["rate"] for run in lock["compiled"])
+    same = len({run["digest"] for run in [*lock["across"], *lock["alone"]]}) == 1
+    again = len({run["digest"] for run in lock["compiled"]}) == 1
+    big = service["batches"]["100000"]
+    share = loop["share"]["sim"]
+    core = r["core"]["compiled"]
+    shown = f"{1e3 * trip:.3f} ms, {trip / ping:.2f} of {1e3 * ping:.2f} ms"
+    return [
+        ("Rate of the closed loop across three processes", "1000.0 ± 0.1 Hz", f"{rate:.3f} Hz",
+         abs(rate - 1000.0) <= 0.1),
+        ("Missed ticks against a bare thread beside it", "≤ 2 ×",
+         f"{missed} against {bare} of {loop['loop']['ticks']:,}", missed <= 2 * max(bare, 1)),
+        ("Processor share of the sim node", "≤ 15 %", f"{100 * share:.1f} %", share <= 0.15),
+        ("Torque round trip, median", "≤ 0.35 ms and ≤ 0.4 of a bare ping-pong", shown,
+         trip <= 0.35e-3 and trip <= 0.4 * ping),
+        ("Inverse-dynamics service, median", "≤ 0.5 ms", f"{1e3 * service['p50']:.3f} ms",
+         service["p50"] <= 0.5e-3),
+        ("Batches of the core", "≥ 500 000 points/s", f"{core:,.0f} points/s", core >= 5e5),
+        ("Batches through the service", "≥ 200 000 points/s", f"{big:,.0f} points/s", big >= 2e5),
+        ("Lockstep across processes", "≥ 2000 ticks/s", f"{across:,.0f} ticks/s", across >= 2000),
+        ("Lockstep in one process, controller compiled in", "≥ 50 000 ticks/s",
+         f"{alone:,.0f} ticks/s", alone >= 5e4),
+        (f"Two runs of {lock['ticks']:,} ticks across processes and two in one process",
+         "equal to the bit", "equal" if same else "differ", same),
+        (f"Two runs of {lock['compiled ticks']:,} ticks with the compiled controller",
+         "equal to the bit", "equal" if again else "differ", again),
+    ]  # fmt: skip
+
+
+def page(r: Record, figure: str) -> str:
+    """The report in Markdown, without a heading of its own."""
+    loop, thread, timer = r["loop"], r["loop"]["thread"], r["timer"]
+    late = loop["loop"]["lateness"]
+    rows = [(text, bound, got, "yes" if holds else "**no**")
+            for text, bound, got, holds in promises(r)]  # fmt: skip
+    clocks = [
+        ("sim node in the closed loop", _rate(loop["loop"]["ticks"] / loop["loop"]["elapsed"]),
+         loop["loop"]["missed"], _us(late["p50"]), _us(late["p99"]), _us(late["max"]),
+         _share(loop["share"]["sim"])),
+        ("bare thread beside it, doing nothing", _rate(thread["rate"]), thread["missed"],
+         _us(thread["p50"]), _us(thread["p99"]), _us(thread["max"]), _share(thread["share"])),
+        ("timer of rclpy, default executor, alone", _rate(timer["rate"]), timer["missed"], "—",
+         "—", "—", _share(timer["share"])),
+    ]  # fmt: skip
+    trips = [
+        ("state out, torque back: `sim` and `controller`", *_spread(loop["round_trip"])),
+        ("joint state there and back, rclpy as it comes", *_spread(r["ping"])),
+        ("inverse dynamics of one point, `ArmClient`", *_spread(r["services"])),
+    ]
+    batches = [(f"{int(points):,} points a call", f"{rate:,.0f}")
+               for points, rate in r["services"]["batches"].items()]  # fmt: skip
+    core = r["core"]
+    batches += [("in Python, 100,000 points", f"{core['compiled']:,.0f}"),
+                ("in Python, one by one (Pinocchio)", f"{core['one by one']:,.0f}")]  # fmt: skip
+    shares = ", ".join(f"{name} {_share(value)}" for name, value in loop["share"].items())
+    lock = r["lockstep"]
+    steps = [
+        (f"{name}, {ticks:,} ticks", f"{run['rate']:,.0f}", f"`{run['digest']}`")
+        for name, ticks, runs in (
+            ("across two processes", lock["ticks"], lock["across"]),
+            ("in one process", lock["ticks"], lock["alone"]),
+            ("in one process, controller compiled in", lock["compiled ticks"], lock["compiled"]),
+        )
+        for run in runs
+    ]
+    return "\n\n".join([
+        f"Panda, {loop['seconds']:.0f} s of closed loop, two shared cores, load of the machine "
+        f"{r['load'][0]:.1f} at the start and {r['load'][1]:.1f} at the end. "
+        "Made by `./arm bench loop`.",
+        table(("promise", "bound", "measured", "holds"), rows),
+        "**Clock.** Deadlines every millisecond; missed means begun after the next one was due.",
+        table(("", "rate [Hz]", "missed", "p50 [µs]", "p99 [µs]", "max [µs]", "processor share"),
+              clocks),
+        f"Processor shares in the loop: {shares}.",
+        f"![Lateness]({figure})",
+        "**Latency.**", table(("", "p50 [ms]", "p99 [ms]", "max [ms]"), trips),
+        "**Batches** of inverse dynamics, points per second; they differ from Pinocchio by "
+        f"{core['difference']:.0e} of the largest torque.",
+        table(("through the service, or", "points/s"), batches),
+        "**Lockstep.** The digest is of all states and torques.",
+        table(("", "ticks/s", "digest"), steps),
+    ]) + "\n"  # fmt: skip
+
+
+def write(r: Record, out: Path, docs: Path | None) -> Path:
+    """Write loop.json, loop.md and the figure; with ``docs`` renew the part of performance.md."""
+    (out / "figures").mkdir(parents=True, exist_ok=True)
+    (out / "loop.json").write_text(json.dumps(r, indent=1) + "\n")
+    for folder in [out] if docs is None else [out, docs]:
+        draw(r, folder / "figures/loop.png")
+    path = out / "loop.md"
+    path.write_text("# The loop over ROS\n\n" + page(r, "figures/loop.png"))
+    if docs is not None:
+        target = docs / "performance-loop.md"
+        target.write_text("# The loop over ROS\n\n" + page(r, "figures/loop.png"))
+    return path
+
+
+def slim(r: Record) -> Record:
+    """The record with the bare thread's lateness as bars instead of every tick."""
+    late = np.array(r["loop"]["thread"].pop("lateness"))
+    edges = np.round(1e6 * late).astype(int)
+    values, counts = np.unique(edges, return_counts=True)
+    bars = [(1e-6 * int(v), int(c)) for v, c in zip(values, counts, strict=True)]
+    r["loop"]["thread"]["bars"] = bars
+    return r
+
+
+def _rate(value: float) -> str:
+    return f"{value:.2f}"
+
+
+def _us(seconds: float) -> str:
+    return f"{1e6 * seconds:,.0f}"
+
+
+def _share(value: float) -> str:
+    return f"{100 * value:.1f} %"
+
+
+def _spread(found: Record) -> tuple[str, ...]:
+    return tuple(f"{1e3 * found[name]:.3f}" for name in ("p50", "p99", "max"))

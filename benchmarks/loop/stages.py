@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is measured, a stage each."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from contextlib import ExitStack
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import Dynamics
+from arm_dynamics.client import ArmClient
+from arm_dynamics.ros.interfaces import MAX_POINTS
+from arm_sim.cli.demo.processes import Processes
+from benchmarks.loop.lockstep import lockstep
+from benchmarks.soak.watch import Watcher, processor_time
+
+WARM = 3.0  # [s]
+Say = Callable[[str], None]
+Record = dict[str, Any]
+
+
+class Bare:
+    """One of the processes of ``bare``, ended whatever happens."""
+
+    def __init__(self, name: str, seconds: float) -> None:
+        """Start it."""
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", "benchmarks.loop.bare", name, str(seconds)],
+            stdout=subprocess.PIPE, text=True,
+        )  # fmt: skip
+        self._patience = seconds + 60.0
+
+    def __enter__(self) -> Bare:
+        """Use it in a ``with`` statement."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End it."""
+        self._process.kill()
+        self._process.communicate()
+
+    def result(self) -> Record:
+        """Wait for what it measured."""
+        said, _ = self._process.communicate(timeout=self._patience)
+        found: Record = json.loads(said)
+        return found
+
+
+def closed_loop(scene: str, domain: int, seconds: float, logs: Path, say: Say) -> Record:
+    """Sim, controller and dynamics node for a while, a bare thread beside them."""
+    report = logs / "loop.json"
+    with ExitStack() as stack:
+        processes = stack.enter_context(Processes(logs))
+        processes.start("dynamics", "dynamics", scene, "--with-parent")
+        processes.start("controller", "controller", scene, "--with-parent")
+        processes.start("sim", "sim", scene, "--with-parent", "--report", str(report))
+        client = stack.enter_context(ArmClient(timeout=30.0, domain=domain))
+        client.model_info()
+        time.sleep(WARM)
+        bare = stack.enter_context(Bare("thread", seconds))
+        ids = processes.ids
+        client.reset_counters()
+        before = {name: processor_time(pid) for name, pid in ids.items()}
+        began = time.monotonic()
+        while (over := time.monotonic() - began) < seconds:
+            time.sleep(min(10.0, seconds - over))
+            say(f"closed loop, {time.monotonic() - began:.0f} of {seconds:.0f} s")
+        passed = time.monotonic() - began
+        share = {n: (processor_time(ids[n]) - used) / passed for n, used in before.items()}
+        told = _told(domain)
+        processes.stop("sim")
+        beside = bare.result()
+    found: Record = json.loads(report.read_text())
+    return {"seconds": seconds, "share": share, "thread": beside, "told": told, **found}
+
+
+def _told(domain: int) -> dict[str, str]:
+    """What the sim node says of its loop on ``/diagnostics``."""
+    watcher = Watcher(domain, tracking=False)
+    try:
+        watcher.until(lambda: "sim: loop" in watcher.latest, 20.0)
+        return dict(watcher.latest["sim: loop"].values)
+    finally:
+        watcher.close()
+
+
+def timer(seconds: float) -> Record:
+    """A timer of rclpy at 1 kHz."""
+    with Bare("timer", seconds) as bare:
+        return bare.result()
+
+
+def ping_pong(seconds: float) -> Record:
+    """A joint state there and back by rclpy with its default executor."""
+    with Bare("echo", seconds + 20.0), Bare("ping", seconds) as ping:
+        return ping.result()
+
+
+def services(scene: str, domain: int, calls: int, logs: Path) -> Record:
+    """Latency of one point, and points per second of batches."""
+    rng = np.random.default_rng(0)
+    with Processes(logs) as processes, ArmClient(timeout=60.0, domain=domain) as client:
+        processes.start("dynamics", "dynamics", scene, "--with-parent")
+        n = len(client.model_info().joint_names)
+        q, v, a = rng.uniform(-1.0, 1.0, (3, MAX_POINTS, n))
+        client.inverse_dynamics(q[0], v[0], a[0])
+        trips = [_timed(lambda: client.inverse_dynamics(q[0], v[0], a[0])) for _ in range(calls)]
+        found: Record = {"count": calls, "batches": {}}
+        p50, p99 = np.percentile(trips, [50, 99])
+        found |= {"p50": p50, "p99": p99, "max": max(trips)}
+        for points in (100, 1000, 10_000, MAX_POINTS):
+            rows = [x[:points] for x in (q, v, a)]
+            client.inverse_dynamics(*rows)
+            best = np.median([_timed(lambda r=rows: client.inverse_dynamics(*r)) for _ in "12345"])
+            found["batches"][str(points)] = points / float(best)
+        check = Dynamics(scene).inverse(q[:500], v[:500], a[:500])
+        found["difference"] = float(np.abs(client.inverse_dynamics(q, v, a)[:500] - check).max())
+    return found
+
+
+def core(scene: str) -> Record:
+    """Points per second of the core, compiled and by Pinocchio in a loop of Python."""
+    dynamics, rng = Dynamics(scene), np.random.default_rng(0)
+    q, v, a = rng.uniform(-1.0, 1.0, (3, MAX_POINTS, dynamics.n))
+    dynamics.inverse(q, v, a)
+    compiled = np.median([_timed(lambda: dynamics.inverse(q, v, a)) for _ in range(5)])
+    some = [x[:2000] for x in (q, v, a)]
+    rows = np.array([dynamics.inverse(*row) for row in zip(*some, strict=True)])
+    alone = _timed(lambda: [dynamics.inverse(*row) for row in zip(*some, strict=True)])
+    difference = np.abs(dynamics.inverse(*some) - rows).max() / np.abs(rows).max()
+    return {
+        "compiled": MAX_POINTS / float(compiled), "one by one": 2000 / alone,
+        "difference": float(difference),
+    }  # fmt: skip
+
+
+def together(scene: str, ticks: int, compiled_ticks: int, logs: Path, domain: int) -> Record:
+    """Lockstep across processes, in one process, and with the compiled controller; each twice."""
+    return lockstep(scene, ticks, compiled_ticks, logs, domain)
+
+
+def _timed(action: Callable[[], object]) -> float:
+    began = time.perf_counter()
+    action()
+    return time.perf_counter() - began
