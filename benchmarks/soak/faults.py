@@ -173,7 +173,7 @@ FAULTS = (
     Fault("bad robot description", _description, "other: services", "description was refused"),
     Fault("speeds beyond all numbers", _diverge, "sim: simulation", "last good state is kept",
           gentle=False),
-    Fault("time goes back to zero", _back, "controller: controller", "time went backwards",
+    Fault("time goes back to zero", _back, "controller: controller", "time jumped",
           gentle=False),
     Fault("processors taken away for two seconds", _hog, "sim: loop", "after the next one was due",
           gentle=False),

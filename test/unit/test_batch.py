@@ -57,6 +57,19 @@ def test_without_a_compiler_pinocchio_answers(
     np.testing.assert_array_equal(dyn.inverse(*batch), alone)
 
 
+def test_on_a_full_disk_pinocchio_answers(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(compiler, "build", full)
+    dyn = Dynamics(models.scene("two_link"))
+    batch = states(dyn, MANY, rng)
+    alone = np.array([dyn.inverse(*row) for row in zip(*batch, strict=True)])
+    np.testing.assert_array_equal(dyn.inverse(*batch), alone)
+
+
 def test_code_that_differs_from_pinocchio_is_refused() -> None:
     dyn = models.dynamics("two_link")
     right = compiled_inverse(dyn.model, dyn._inverse)

@@ -34,14 +34,14 @@ def compiled_inverse(model: ArmModel, reference: Inverse) -> Inverse | None:
 
     Returns:
         A function like ``reference`` that agrees with it to 1e-10 of the terms' size, or None
-        where there is no C compiler or the code does not agree.
+        where there is no C compiler or no space for its work, or the code does not agree.
     """
     if compiler.find_compiler() is None:
         return None
     try:
         inverse = _compiled(model)
         check_inverse(model, reference, inverse)
-    except KernelError as error:
+    except (KernelError, OSError) as error:
         _log.warning("%s; batches are answered by Pinocchio, slower", error)
         return None
     return inverse

@@ -20,7 +20,7 @@ class AnswerLog:
 
     Attributes:
         passed_over: States that could not be used.
-        jumps: How often time went backwards.
+        jumps: How often time went backwards, or on by too much.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class AnswerLog:
         if refused > refusals:
             found.complain(WARN, f"{refused - refusals} goals refused")
         if self.jumps > jumps:
-            found.complain(WARN, "time went backwards; holding where the arm is")
+            found.complain(WARN, "time jumped; held where the arm was")
         if cut:
             found.complain(WARN, f"torque cut at the effort limit: {', '.join(cut)}")
         self._before = self.passed_over, refused, self.jumps

@@ -219,11 +219,10 @@ class ControllerNode(Node):
         return command
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
-        goals = self._goals
-        if goals.follower is None or stamp < goals.stamp:
-            why = ""
-            if goals.follower is not None:
-                why = "time went backwards: "
+        goals, jump = self._goals, self._jump(stamp)
+        if goals.follower is None or jump:
+            why = f"time went {jump}: " if jump else ""
+            if jump:
                 self._log.jumps += 1
                 self._control.restart()
             self.get_logger().info(
@@ -232,6 +231,16 @@ class ControllerNode(Node):
             goals.hold(state.q)
             self._next_report = 0
         return goals.reference(stamp)
+
+    def _jump(self, stamp: int) -> str:
+        """How time jumped since the last state, if it did; the arm is not where it was led to."""
+        if self._goals.follower is None:
+            return ""
+        gap = 1e-9 * (stamp - self._goals.stamp)
+        if gap < 0.0:
+            return "backwards"
+        limit = self._params.gap_limit
+        return f"on by {gap:.3g} s between two states" if 0.0 < limit < gap else ""
 
     def _cut(self) -> list[str]:
         law = self._control.active

@@ -228,6 +228,14 @@ class ControllerParams(ThreadParams):
         high=1e6,
         read_only=True,
     )
+    gap_limit: float = parameter(
+        1.0,
+        "Time from one joint state to the next after which the arm is held where it is, instead "
+        "of being led to where it should have come meanwhile [s]; 0: any",
+        low=0.0,
+        high=1e6,
+        read_only=False,
+    )
     state_period: float = parameter(
         0.02, "Least time between messages on ~/state [s]", low=0.0, high=10.0
     )

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Nodes as processes: killed, flooded, without disk, with another arm; the others go on."""
+
+from __future__ import annotations
+
+import os
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from arm_msgs.srv import ModelInfo
+from diagnostic_msgs.msg import DiagnosticArray
+from harness import Ros
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import String
+
+import models
+from arm_dynamics.client import ArmClient
+from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import LATCHED, NEWEST
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+SCENE = str(models.SCENES / "two_link.yaml")
+NAMES = list(models.dynamics("two_link").joint_names)
+ROS_ARGS = {
+    "sim": ("-p", "stale_policy:=gravity"), "controller": (), "dynamics": (),
+}  # fmt: skip
+
+
+class Loop:
+    """A sim and a controller in processes of their own, and somebody who watches."""
+
+    def __init__(self, ros: Ros) -> None:
+        self.ros = ros
+        self._environment = {**os.environ, "ROS_DOMAIN_ID": str(ros.domain)}
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+        self.states: list[JointState] = []
+        self.levels: dict[str, tuple[int, str]] = {}
+        ros.peer.create_subscription(JointState, "joint_states", self._on_state, NEWEST)
+        ros.peer.create_subscription(DiagnosticArray, "/diagnostics", self._on_diagnostics, 10)
+
+    def start(self, *nodes: str, **streams: Any) -> None:
+        streams = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, **streams}
+        for node in nodes:
+            self.running[node] = subprocess.Popen(
+                [sys.executable, "-P", "-m", "arm_sim.cli", node, SCENE, "--with-parent",
+                 "--ros-args", *ROS_ARGS[node]],
+                env=self._environment, **streams,
+            )  # fmt: skip
+
+    def kill(self, node: str) -> None:
+        self.running[node].kill()
+        self.running.pop(node).wait()
+
+    def _on_state(self, message: JointState) -> None:
+        self.states.append(message)
+        del self.states[:-50]
+
+    def _on_diagnostics(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            self.levels[status.name] = ord(status.level), status.message
+
+    def until_said(self, part: str, words: str) -> None:
+        self.levels.pop(part, None)
+        self.ros.spin_until(lambda: words in self.levels.get(part, (0, ""))[1], timeout=20.0)
+
+    def until_well(self) -> None:
+        """Both nodes say that all is well, and the arm is led."""
+        parts = ("sim: commands", "controller: controller")
+        for part in parts:
+            self.levels.pop(part, None)
+        self.ros.spin_until(
+            lambda: all(self.levels.get(part, (9, ""))[0] == 0 for part in parts), timeout=30.0
+        )
+
+    def position(self) -> np.ndarray:
+        self.states.clear()
+        self.ros.spin_until(lambda: self.states, timeout=20.0)
+        return np.array(self.states[-1].position)
+
+    def time(self) -> float:
+        self.position()
+        stamp = self.states[-1].header.stamp
+        return stamp.sec + 1e-9 * stamp.nanosec
+
+    def close(self) -> None:
+        for node in list(self.running):
+            self.kill(node)
+
+
+@pytest.fixture
+def loop(ros: Ros) -> Iterator[Loop]:
+    """Processes in the domain of the test; none is left behind."""
+    made = Loop(ros)
+    yield made
+    made.close()
+
+
+def test_a_killed_controller_is_replaced_and_the_arm_stays(loop: Loop) -> None:
+    loop.start("sim", "controller")
+    loop.until_well()
+    before = loop.position()
+    loop.kill("controller")
+    loop.until_said("sim: commands", "the policy 'gravity' acts")
+    np.testing.assert_allclose(loop.position(), before, atol=1e-3)
+    loop.start("controller")
+    loop.until_well()
+    np.testing.assert_allclose(loop.position(), before, atol=5e-3)
+
+
+def test_a_killed_simulation_is_replaced_and_its_controller_goes_on(loop: Loop) -> None:
+    loop.start("sim", "controller")
+    loop.until_well()
+    loop.kill("sim")
+    loop.until_said("controller: controller", "no joint state")
+    loop.start("sim")
+    loop.until_well()
+    assert loop.running["controller"].poll() is None
+    # Before the first answer arrives the policy carries the arm.
+    np.testing.assert_allclose(loop.position(), models.dynamics("two_link").model.q0, atol=5e-3)
+
+
+def test_a_flood_of_commands_from_another_source_moves_nothing(loop: Loop) -> None:
+    loop.start("sim", "controller")
+    loop.until_well()
+    before, began = loop.position(), loop.time()
+    publisher = loop.ros.publisher(JointState, "joint_commands")
+    message = JointState(name=NAMES, effort=[50.0, 50.0])
+    message.header.frame_id = "intruder"
+    raw = serialize_message(message)
+    since, sent = time.monotonic(), 0
+    while (passed := time.monotonic() - since) < 1.5:
+        while sent < 10_000 * passed:
+            publisher.publish(raw)
+            sent += 1
+        time.sleep(1e-3)
+    assert sent > 5_000
+    loop.until_said("sim: commands", "two controllers")
+    np.testing.assert_allclose(loop.position(), before, atol=5e-3)
+    assert loop.time() > began
+
+
+def test_a_full_disk_stops_nobody(loop: Loop) -> None:
+    """What the nodes say goes to a device that has no space left."""
+    with Path("/dev/full").open("wb") as full:
+        loop.start("sim", "controller", "dynamics", stdout=full, stderr=full)
+    loop.until_well()
+    publisher = loop.ros.publisher(JointState, "joint_commands")
+    for _ in range(3):
+        publisher.publish(JointState(name=["nobody"], effort=[1.0]))  # makes the node log
+        time.sleep(0.05)
+    with ArmClient(timeout=30.0, domain=loop.ros.domain) as arm:
+        assert arm.inverse_dynamics(np.zeros((300, 2))).shape == (300, 2)
+        arm.pause()
+        assert arm.step(3) > 0.0
+        arm.resume()
+    assert all(process.poll() is None for process in loop.running.values())
+
+
+def test_a_publisher_that_vanishes_is_told_from_one_that_goes_on(ros: Ros) -> None:
+    node = ros.add(SimNode, models.scene("two_link"), realtime=False, command_timeout=0.01)
+    publisher = ros.publisher(JointState, "/joint_commands")
+    publisher.publish(JointState(name=NAMES, effort=[1.0, 1.0]))
+
+    def acts() -> bool:
+        node.tick()
+        return bool(node.simulator.effort.any())
+
+    ros.spin_until(acts)
+    ros.peer.destroy_publisher(publisher)
+    for _ in range(20):
+        node.tick()
+    np.testing.assert_array_equal(node.simulator.effort, [0.0, 0.0])
+    assert node.commands.stale_count == 1
+
+
+def test_another_arm_while_questions_come_in(ros: Ros) -> None:
+    """Each answer is about one of the arms as a whole, never about half of each."""
+    urdfs = {n: models.scene(n).robot.urdf for n in ("two_link", "pendulum")}
+    node = ros.add(DynamicsNode, robot_description=urdfs["two_link"])
+    description = ros.publisher(String, "robot_description", LATCHED)
+    seen = set()
+    for count in range(12):
+        name = ("pendulum", "two_link")[count % 2]
+        description.publish(String(data=urdfs[name]))
+        info = ros.call(ModelInfo, "/dynamics/model_info", ModelInfo.Request())
+        assert info.success
+        known = tuple(info.joint_names)
+        seen.add(known)
+        wanted = next(n for n in urdfs if models.dynamics(n).joint_names == known)
+        assert info.total_mass == pytest.approx(models.dynamics(wanted).model.total_mass)
+        ros.spin_until(lambda n=name: node.dynamics.joint_names == models.dynamics(n).joint_names)
+    assert len(seen) == 2
+
+
+def test_the_file_may_change_while_the_simulation_runs(ros: Ros, tmp_path: Path) -> None:
+    file = tmp_path / "arm.urdf"
+    file.write_text(models.scene("two_link").robot.urdf)
+    node = ros.add(SimNode, str(file), realtime=False)
+    node.tick()
+    first = node.simulator.state.q
+    file.write_text("<robot/>")
+    node.simulator.reset()
+    node.tick()
+    np.testing.assert_array_equal(node.simulator.state.q, first)
+    file.unlink()
+    node.tick()
+    assert node.simulator.step_count == 2
+
+
+def test_sigterm_in_the_middle_of_a_flood_ends_in_order(loop: Loop) -> None:
+    loop.start("sim", "controller")
+    loop.until_well()
+    publisher = loop.ros.publisher(JointState, "joint_commands")
+    raw = serialize_message(JointState(name=NAMES, effort=[0.0, 0.0]))
+    for node in ("sim", "controller"):
+        loop.running[node].send_signal(signal.SIGTERM)
+    for _ in range(2000):
+        publisher.publish(raw)
+    for node in ("sim", "controller"):
+        assert loop.running[node].wait(timeout=10.0) == 0
