@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import casadi as ca
@@ -72,7 +73,7 @@ class Parameters:
         """A symbol for each quantity, in the order of p."""
         return {item.name: ca.SX.sym(item.name, item.nominal.size) for item in self.items}
 
-    def merged(self, values: dict[str, ArrayLike], p: Array) -> Array:
+    def merged(self, values: Mapping[str, ArrayLike], p: Array) -> Array:
         """The vector p with some quantities replaced.
 
         Args:

@@ -18,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory
 from arm_dynamics.background import Background
 from arm_dynamics.command_map import rigid_twin
 from arm_dynamics.control import Measured
-from arm_dynamics.control_choice import IN_TASK_SPACE, Settings, make_controller
+from arm_dynamics.control_choice import IN_TASK_SPACE, make_controller
 from arm_dynamics.control_run import AnyController, Saturated, Switch
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
@@ -26,6 +26,7 @@ from arm_dynamics.follower import Follower
 from arm_dynamics.motion import Limits, Reference
 from arm_dynamics.ros import convert
 from arm_dynamics.ros.answer_log import AnswerLog
+from arm_dynamics.ros.control_settings import settings_of, task_of
 from arm_dynamics.ros.diagnosis import Diagnosis, Finding
 from arm_dynamics.ros.executor import run, surviving
 from arm_dynamics.ros.goals import Goals
@@ -46,13 +47,11 @@ from arm_dynamics.ros.joint_state_bytes import (
 from arm_dynamics.ros.params import (
     ControllerParams,
     declare,
-    one_or_all,
     privileges,
     task_axes,
     watch,
 )
 from arm_dynamics.scene_file import load_scene
-from arm_dynamics.task_axes import chosen_axes
 from arm_dynamics.task_kernel import build, is_built
 from arm_dynamics.task_space import TaskSpace
 
@@ -140,7 +139,7 @@ class ControllerNode(Node):
     def _made(self, params: ControllerParams) -> AnyController:
         if params.task_frame:  # refused at once, not when a law first needs it
             TaskSpace(self._dynamics, params.task_frame, selection=task_axes(params))
-        settings = _settings(params, self._dynamics.model.effort_limit)
+        settings = settings_of(params, self._dynamics.model.effort_limit)
         return make_controller(params.controller, self._dynamics, settings)
 
     def _apply(self, params: ControllerParams) -> None:
@@ -161,18 +160,18 @@ class ControllerNode(Node):
         self._log.forget()
         self._builder.give_up()
         if params.controller not in IN_TASK_SPACE or is_built(
-            self._dynamics.model, *_task(params)
+            self._dynamics.model, *task_of(params)
         ):
             put()
         else:  # the law before goes on meanwhile
-            job = partial(build, self._dynamics.model, *_task(params))
+            job = partial(build, self._dynamics.model, *task_of(params))
             self._builder.start(job, lambda built: self._put(built, put))
 
     def _build_ahead(self, params: ControllerParams) -> None:
         """Build what a law in task space needs: at once for the first law, else aside."""
         if not params.task_frame:
             return
-        job = partial(build, self._dynamics.model, *_task(params))
+        job = partial(build, self._dynamics.model, *task_of(params))
         if params.controller in IN_TASK_SPACE:
             job()
         else:
@@ -282,26 +281,6 @@ class ControllerNode(Node):
             message.goal = self._goals.outcome
             message.remaining = self._goals.follower.remaining(stamp)
             self._report.publish(message)
-
-
-def _task(params: ControllerParams) -> tuple[str, tuple[str, ...]]:
-    return params.task_frame, chosen_axes(task_axes(params))
-
-
-def _settings(params: ControllerParams, limit: Array) -> Settings:
-    return Settings(
-        dt=params.control_period,
-        bandwidth=one_or_all(params.bandwidth),
-        damping_ratio=one_or_all(params.damping_ratio),
-        frame=params.task_frame or None,
-        axes=task_axes(params),
-        direction=tuple(params.force_direction),
-        force=params.force,
-        friction=params.friction,
-        observer=params.observer or None,
-        limit=limit,
-        saturate=params.saturate,
-    )
 
 
 def main(args: list[str] | None = None) -> None:
