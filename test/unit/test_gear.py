@@ -10,6 +10,8 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, SceneError
+from arm_dynamics.control import RIGID_BODY
+from arm_dynamics.control_friction import ahead
 from arm_dynamics.laws import gear
 from arm_sim import Simulator
 from models.driven import wheel
@@ -105,6 +107,17 @@ def test_inverse_dynamics_overcomes_the_gear(rng: np.random.Generator) -> None:
         tau = dyn.inverse(q, v, a)
         assert_close(dyn.forward(q, v, tau), a, 1e-9)
         assert_close(dyn.command(q, v, a), tau, PINOCCHIO)
+
+
+def test_feed_forward_of_friction_overcomes_the_gear(rng: np.random.Generator) -> None:
+    """At a brisk speed the reference's friction, the gear's included, is what is added."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    scene["joints"] = {"*": {"actuator": GEAR, "friction": {"viscous": 0.2, "coulomb": 0.5}}}
+    dyn = Dynamics(scene)
+    q, v, a = models.random_state(rng, 2)
+    rigid = dyn.inverse(q, v, a, terms=RIGID_BODY)
+    assert_close(rigid + ahead(dyn.model, v, q, rigid), dyn.inverse(q, v, a), 1e-9)
+    assert_close(ahead(dyn.model, 0.0 * v, q, rigid), np.zeros(2), PINOCCHIO)
 
 
 def test_voltage_driven_with_a_lossy_gear() -> None:

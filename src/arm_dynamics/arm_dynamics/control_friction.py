@@ -31,7 +31,9 @@ def ahead(model: ArmModel, v: Array, q: Array, load: Array, viscous: bool = True
     law = model.friction
     tau = law.smooth(v) if viscous else np.zeros_like(v)
     if law.has_dry or law.bristles:
-        tau = tau + law.steady_dry(v, np.tanh(v / BAND), q, load)
+        way = np.tanh(v / BAND)
+        tau = tau + law.gearless.steady_dry(v, way, q, load)
+        tau = law.gear_input(load + tau, way) - load if law.gears else tau
     return np.asarray(tau)
 
 

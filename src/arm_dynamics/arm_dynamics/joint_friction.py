@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import casadi as ca
@@ -88,6 +89,11 @@ class JointFriction:
         """Scale of ``relative_hold``: ``static``, or 1 where only a gear's loss holds."""
         only_gear = (self.static == 0.0) & (self.efficiency < 1.0)
         return np.where(only_gear, 1.0, self.static)
+
+    @cached_property
+    def gearless(self) -> JointFriction:
+        """The same without the gears' losses."""
+        return replace(self, efficiency=np.ones_like(self.efficiency)) if self.gears else self
 
     @property
     def gears(self) -> tuple[int, ...]:
@@ -199,15 +205,24 @@ class JointFriction:
         Returns:
             Torques of the shape of ``rigid``.
         """
-        gearless = replace(self, efficiency=np.ones_like(self.efficiency)) if self.gears else self
-        tau = rigid + gearless.steady(v, direction, q, rigid)
+        tau = rigid + self.gearless.steady(v, direction, q, rigid)
         for _ in range(REPETITIONS if self.by_load else 0):
-            tau = rigid + gearless.steady(v, direction, q, tau)
-        driven = {
-            i: gear.motor_torque(_column(direction, i), _column(tau, i), self.efficiency[i])
-            for i in self.gears
-        }
-        return _replaced(tau, driven) if driven else tau
+            tau = rigid + self.gearless.steady(v, direction, q, tau)
+        return self.gear_input(tau, direction)
+
+    def gear_input(self, wanted: Quantity, direction: Quantity) -> Quantity:
+        """Torques of the motors of which ``wanted`` arrives behind the gears.
+
+        Args:
+            wanted: In [N m] or [N], shape (…, n).
+            direction: Which way joints slide, -1 to 1; a part of one takes that part of the loss.
+        """
+        motors = {}
+        for i in self.gears:
+            way, torque = _column(direction, i), _column(wanted, i)
+            lost = gear.motor_torque(way, torque, self.efficiency[i]) - torque
+            motors[i] = torque + size(way) * lost
+        return _replaced(wanted, motors) if motors else wanted
 
     def _times_factor(self, torque: Quantity, q: Quantity, load: Quantity) -> Quantity:
         factors = self._factors(q, load)
