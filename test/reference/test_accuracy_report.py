@@ -9,6 +9,7 @@ from functools import cache
 from io import StringIO
 from pathlib import Path
 from typing import Any
+from unittest.mock import patch
 
 import pytest
 from click.testing import CliRunner
@@ -16,7 +17,7 @@ from rich.console import Console
 
 import tolerances
 from arm_sim.integrators import METHODS
-from benchmarks.accuracy import cli, page, problems, sweep
+from benchmarks.accuracy import cli, friction, page, problems, sweep
 
 PENDULUM = problems.all_problems(tolerances.TRAJECTORY)[0]
 SMALL = replace(
@@ -28,7 +29,8 @@ SMALL = replace(
 
 @cache
 def results() -> dict[str, Any]:
-    return cli.run([SMALL], tolerances, Console(file=StringIO()))
+    with patch.object(friction, "STEPS", {"Euler": (1e-3,)}):
+        return cli.run([SMALL], tolerances, Console(file=StringIO()))
 
 
 def test_every_method_step_and_tolerance_is_there() -> None:
