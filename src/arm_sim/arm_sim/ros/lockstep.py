@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 import time
 from typing import TYPE_CHECKING
 
@@ -11,6 +12,9 @@ from arm_sim.ros import interfaces
 
 if TYPE_CHECKING:
     from arm_sim.ros.sim_node import SimNode
+
+_SOON = 300_000  # [ns] within which an answer is worth waiting for awake
+_STRETCH = 20_000_000  # [ns] after which others get their turn
 
 
 class Lockstep:
@@ -39,11 +43,23 @@ class Lockstep:
         self._asked = self._first = time.monotonic_ns()
         topic = interfaces.JOINT_COMMANDS
         answer = surviving(node, self.on_command)
-        node.create_subscription(topic.type, topic.name, answer, topic.subscribe, raw=True)
+        self._subscription = node.create_subscription(
+            topic.type, topic.name, answer, topic.subscribe, raw=True
+        )
         node.create_timer(self._glance, self.look)
 
     def on_command(self, raw: bytes) -> None:
-        """Take a command; the one that answers the present state makes the tick."""
+        """Take a command, and those that come soon after it, for ``_STRETCH`` at most.
+
+        To go to sleep and be woken again takes longer than most answers.
+        """
+        end = time.monotonic_ns() + _STRETCH
+        self._take(raw)
+        while time.monotonic_ns() < end and (soon := self._soon()) is not None:
+            self._take(soon)
+
+    def _take(self, raw: bytes) -> None:
+        """Make the tick if the command answers the present state."""
         stamp = self._node.on_joint_commands(raw, time.time_ns())
         if stamp is None:
             return
@@ -55,6 +71,15 @@ class Lockstep:
             self._node.get_logger().info("a partner answers again")
         self._node.tick_to_next_state()
         self.wait()
+
+    def _soon(self) -> bytes | None:
+        """A command that comes within ``_SOON``; the processor is left to whoever wants it."""
+        while self._waiting is not None and time.monotonic_ns() - self._asked < _SOON:
+            taken = self._subscription.handle.take_message(self._subscription.msg_type, True)
+            if taken is not None:
+                return bytes(taken[0])
+            os.sched_yield()
+        return None
 
     def wait(self) -> None:
         """Wait for the answer to the state published last, or for nothing while paused."""
