@@ -38,6 +38,15 @@ TRAJECTORY: Final = 1e-6
 ENERGY_DRIFT: Final = 1e-6
 """RK4 at 1 ms without losses, relative to the energy that moves, over a second."""
 
+MULTIPLIER: Final = 1e-8
+"""Forces of constraints against those of single bodies [N]."""
+
+CLOSURE: Final = 1e-12
+"""What a closed chain may be open by after any time [m, rad]."""
+
+CLOSURE_SPEED: Final = 1e-11
+"""The same of speeds [m/s, rad/s]."""
+
 DRY_BALANCE: Final = 5e-3
 """Energy balance of a recording with dry friction at 1 ms: the quadrature does not see at what
 instant within a tick a joint stopped or broke away. At 0.1 ms a hundred times less."""
