@@ -42,6 +42,14 @@ LINEAR_ERROR: Final = 1e-4
 """Error under computed torque at 1 kHz against the linear equation, relative to the step."""
 LUGRE: Final = 2e-5
 """LuGre friction at 1 ms with the default tolerance, half a second against Radau: [rad]."""
+MULTIPLIER: Final = 1e-8
+"""Forces of constraints against those of single bodies [N]."""
+
+CLOSURE: Final = 1e-12
+"""What a closed chain may be open by after any time [m, rad]."""
+
+CLOSURE_SPEED: Final = 1e-11
+"""The same of speeds [m/s, rad/s]."""
 
 DRY_BALANCE: Final = 5e-3
 """Energy balance of a recording with dry friction at 1 ms: the quadrature does not see at what

@@ -120,7 +120,7 @@ def test_impacts_of_an_arm_lose_energy_and_obey_their_law(
     modes, n = sim._stepper.modes, sim.n
     for _ in range(15):
         x = np.concatenate([rng.uniform(-2, 2, n), rng.normal(0, 1, n)])
-        W, B, _ = (value.copy() for value in modes.inertia(x, np.zeros(n), np.zeros(8)))
+        W, B, _ = (value.copy() for value in modes.inertia(x, np.zeros(n), np.zeros(10)))
         before = modes.geometry(x)[1].copy()
         rebound = np.maximum(-e * before[::3], 0.0)
         impulse, gain = modes._impulse(W, before, rebound, np.ones(2, bool))

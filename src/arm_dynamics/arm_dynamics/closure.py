@@ -177,7 +177,10 @@ class Closure:
         names = tuple(self.rows.names[i] for i in sorted(active))
         if not len(candidates):
             return []
-        bases = [self._metric_rows(q) for q in self._wander(self.model.q0, names)]
+        try:
+            bases = [self._metric_rows(q) for q in self._wander(self.model.q0, names)]
+        except ConstraintError:  # one that is off need not be within reach
+            return candidates.tolist()
         for k in taken:
             bases = [_without(Y, k) for Y in bases]
         chosen: list[int] = []

@@ -209,7 +209,9 @@ def check_constrained(
         a = np.array(acceleration(q, v, tau))
         if not np.isfinite(a).all():
             raise KernelError("generated forward dynamics is not finite: a joint moves no mass?")
-        open_ = abs(A @ a + drift) / (abs(A) @ abs(a) + abs(drift) + 1e-9)
+        free = np.linalg.solve(dynamics.mass_matrix(q), tau - dynamics.inverse(q, v, 0 * a))
+        terms = abs(A) @ (abs(a) + abs(free)) + abs(drift)
+        open_ = abs(A @ a + drift) / max(terms.max(initial=0.0), 1e-9)
         lacking = tau - dynamics.inverse(q, v, a)
         basis = np.linalg.qr(A.T)[0]
         size = abs(dynamics.mass_matrix(q)) @ abs(a) + abs(tau) + abs(lacking)

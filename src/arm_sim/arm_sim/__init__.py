@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from arm_sim.actuation import CompiledControl, computed_torque
+    from arm_sim.contact_report import contact_history
     from arm_sim.exceptions import SimulationDiverged
     from arm_sim.plan import Plan
     from arm_sim.recording import Recording
@@ -20,6 +21,7 @@ __all__ = [
     "Simulator",
     "State",
     "computed_torque",
+    "contact_history",
 ]
 _HOMES = {
     "CompiledControl": "actuation",
@@ -29,6 +31,7 @@ _HOMES = {
     "Simulator": "simulator",
     "State": "state",
     "computed_torque": "actuation",
+    "contact_history": "contact_report",
 }
 
 

@@ -114,6 +114,10 @@ class ContactStepper:
             self.modes.still(x)
             if lost is None or not self.modes.settle(x, u, p):
                 return Trouble.UNDETERMINED
+            slow = pieces.slow(x, u, p, self._dt)
+            if slow and not self.modes.settle(x, u, p, slow):
+                return Trouble.UNDETERMINED
+            x[:] = pieces.aligned(x, p, slow)
             self.memory.loss += lost
             self.memory.impacts += lost > 0.0
             impacts += lost > 0.0
@@ -123,12 +127,13 @@ class ContactStepper:
             if pieces.is_held(x, u, p):
                 self.modes.velocity(x)[:] = 0.0
                 return Trouble.NONE
-            length, calm = pieces.length(x, u, p, left)
+            reach = min(left, pieces.reach(x, u, p, self._dt))
+            length, calm = pieces.length(x, u, p, reach)
             if not self._advance(x, u, p, length, anchor):
                 return Trouble.NUMBERS
-            left -= length
-            if calm or left <= 0.0:
+            if (calm and reach == left) or left - length <= 0.0:
                 return Trouble.NONE
+            left -= length
         return Trouble.EVENTS
 
     def _advance(self, x: Array, u: Array, p: Array, length: float, anchor: Array) -> bool:

@@ -80,6 +80,7 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         "MOST_REBOUNDS": str(modes.MOST_REBOUNDS),
         "HALVINGS": str(modes.HALVINGS),
         "MOST_EVENTS": str(EVENTS),
+        "MOST_PARTS": str(pieces.MOST_PARTS),
         "BISECTIONS": str(dry.BISECTIONS),
     }
     numbers = {
@@ -98,6 +99,7 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         "SINKING": pieces.SINKING,
         "DEEP": INSIDE,
         "HELD": pieces.HELD,
+        "MUCH_TURN": pieces.MUCH_TURN,
         "INDEPENDENT": pieces.INDEPENDENT,
     }
     defines |= {name: repr(value) for name, value in numbers.items()}
@@ -106,7 +108,7 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         control = {"ORDER": str(choice.method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
         source = driver_source("adaptive.c", plant, {**control, "ADAPTIVE": "1"}, *functions)
     source += driver_source("cone.c", plant, defines, *functions)
-    for file in ("cones.c", "contact_modes.c", "contact.c"):
+    for file in ("cones.c", "contact_modes.c", "contact_pieces.c", "contact.c"):
         source += driver_source(file, plant, {}, *functions)
     return source
 

@@ -93,7 +93,7 @@ class Modes:
         return p[self._np : len(p) - MODE * self.nc]
 
     def modes(self, p: Array) -> Array:
-        """View of the contacts' entries in p: closed, sticks, direction; shape (nc, 4)."""
+        """View of the contacts' entries in p: closed, sticks, direction, fixed; shape (nc, 5)."""
         return p[len(p) - MODE * self.nc :].reshape(self.nc, MODE)
 
     def touching(self, x: Array, u: Array, p: Array) -> Array:
@@ -167,13 +167,16 @@ class Modes:
         impulse = np.concatenate([answer.force for answer in answers])
         return impulse, float(impulse @ (before + 0.5 * W @ impulse))
 
-    def settle(self, x: Array, u: Array, p: Array) -> bool:
-        """Find what every contact and joint does, and put it into p; False if there is nothing."""
+    def settle(self, x: Array, u: Array, p: Array, slow: frozenset[int] = frozenset()) -> bool:
+        """Find what every contact and joint does, and put it into p; False if there is nothing.
+
+        Contacts in ``slow`` count as at rest.
+        """
         directions = self.directions(p)
         if len(directions):
             directions[:] = np.where(self.static > 0.0, np.sign(self.velocity(x)), 1.0)
         touching = self.touching(x, u, p)
-        given = self._guess(x, p, touching)
+        given = self._guess(x, p, touching, slow)
         for attempt in range(3):
             for _ in range(PIVOTS * (self.nc + self.n)):
                 worst = self._worst(x, u, p, touching, given)
@@ -185,17 +188,19 @@ class Modes:
                 self._sweep(x, u, p, touching, given)
         return False
 
-    def _guess(self, x: Array, p: Array, touching: Array) -> list[Array | None]:
+    def _guess(
+        self, x: Array, p: Array, touching: Array, slow: frozenset[int]
+    ) -> list[Array | None]:
         """Take it that all that touch carry, and those at rest stick."""
         modes, given = self.modes(p), list[Array | None]()
         speed = self.geometry(x)[1].copy()
         for k in range(self.nc):
             s = speed[3 * k + 1 : 3 * k + 3]
             size = float(np.hypot(s[0], s[1]))
-            rests = self.mu[k] > 0.0 and size <= AT_REST
+            rests = self.mu[k] > 0.0 and (size <= AT_REST or k in slow)
             d = s / size if self.mu[k] > 0.0 and not rests else np.array([1.0, 0.0])
             given.append(None if rests else d)
-            modes[k] = [touching[k], touching[k] and rests, d[0], d[1]]
+            modes[k] = [touching[k], touching[k] and rests, d[0], d[1], rests]
         return given
 
     def _worst(
@@ -205,7 +210,7 @@ class Modes:
         force, rate, load, _ = self.look(x, u, p)
         heaviest, fastest = 1.0 + abs(force).max(), 1.0 + abs(rate).max()
         most, worst = 0.0, None
-        for k, (closed, sticks, d0, d1) in enumerate(self.modes(p)):
+        for k, (closed, sticks, d0, d1, _) in enumerate(self.modes(p)):
             r, w = force[3 * k : 3 * k + 3], rate[3 * k : 3 * k + 3]
             if not closed:
                 excess = -w[0] / fastest - SLACK if touching[k] else 0.0
@@ -261,7 +266,7 @@ class Modes:
             t = force[own][1:]
             answer = Answer(Does.SLIDES, force[own], -t / float(np.hypot(t[0], t[1])))
         elif answer.does == does == Does.APART:
-            answer = Answer(Does.STICKS, force[own], mode[2:].copy())
+            answer = Answer(Does.STICKS, force[own], mode[2:4].copy())
             if given[entry] is not None:
                 answer.does = Does.SLIDES
         self._put(mode, answer)
@@ -279,7 +284,7 @@ class Modes:
     def _put(self, mode: Array, answer: Answer) -> None:
         mode[0] = answer.does in (Does.SLIDES, Does.STICKS)
         mode[1] = answer.does == Does.STICKS
-        mode[2:] = answer.direction
+        mode[2:4] = answer.direction
 
     def _determined(self, x: Array, u: Array, p: Array) -> bool:
         """Whether every contact that slides opens when its normal force grows."""

@@ -9,15 +9,19 @@ from __future__ import annotations
 import numpy as np
 
 from arm_dynamics.kernel import Call
+from arm_dynamics.laws.contact import AT_REST
 from arm_dynamics.model import Array
 from arm_sim.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.contact_modes import GAP_ROUNDING, Modes
-from arm_sim.dry_friction import AT_REST, ROUNDING, first_positive
+from arm_sim.dry_friction import AT_REST as SUDDEN_STOP
+from arm_sim.dry_friction import ROUNDING, first_positive
 
 # Speed in [m/s] by which a contact that is apart may sink without being called an approach.
 SINKING = 1e-12
 # Speed of an arm, in [rad/s] or [m/s], all of whose joints are held, that is rounding.
 HELD = 1e-9
+# Parts into which slow sliding may divide a tick, and turn in [rad] a tick that is much.
+MOST_PARTS, MUCH_TURN = 32, 0.05
 # Part of the trace that a row of the rank's matrix must exceed to count.
 INDEPENDENT = 1e-10
 
@@ -52,6 +56,56 @@ class Pieces:
         if dip is None:
             return length, calm
         return first_positive(wrong, dip), False
+
+    def slow(self, x: Array, u: Array, p: Array, tick: float) -> frozenset[int]:
+        """Contacts that slide so slowly that an explicit method cannot follow their direction.
+
+        Friction turns a contact into its direction at the rate µ λ w / s, with w the acceleration
+        per force across it and s its speed. One that gets faster, or turns, is better given the
+        direction in which it would start from rest; one that stops straight on is found exactly.
+        """
+        rates, modes = self._rates(x, u, p), self._modes.modes(p)
+        a, found = self._modes.look(x, u, p)[1], set()
+        for k in np.flatnonzero(rates > MOST_PARTS / tick):
+            s, w = self._modes.geometry(x)[1][3 * k + 1 : 3 * k + 3], a[3 * k + 1 : 3 * k + 3]
+            d0, d1 = modes[k, 2:4]
+            turn = abs(d0 * w[1] - d1 * w[0]) * tick
+            if d0 * w[0] + d1 * w[1] >= 0.0 or turn > MUCH_TURN * float(np.hypot(s[0], s[1])):
+                found.add(int(k))
+        return frozenset(found)
+
+    def reach(self, x: Array, u: Array, p: Array, tick: float) -> float:
+        """How long a piece may be in [s] for slow sliding to be followed."""
+        return float(max(1.0 / max(1.0 / tick, *self._rates(x, u, p)), tick / MOST_PARTS))
+
+    def aligned(self, x: Array, p: Array, slow: frozenset[int]) -> Array:
+        """Stop slow contacts that move against the direction in which they are to start."""
+        place, speed = (row.copy() for row in self._modes.geometry(x)[:2])
+        halted, modes = p.copy(), self._modes.modes(p)
+        for k in slow:
+            s = speed[3 * k + 1 : 3 * k + 3]
+            if modes[k, 0] > 0.0 and modes[k, 2] * s[0] + modes[k, 3] * s[1] <= 0.0:
+                self._modes.modes(halted)[k, 1] = 1.0
+        if (halted == p).all():
+            return x
+        return self.closed(x, halted, place.reshape(-1, 3)[:, 1:].ravel())
+
+    def _rates(self, x: Array, u: Array, p: Array) -> Array:
+        """Rate in [1/s] at which friction turns each contact that slides, shape (nc,)."""
+        modes, mu = self._modes.modes(p), self._modes.mu
+        slides, rates = (modes[:, 0] > 0.0) & (modes[:, 1] == 0.0), np.zeros(len(mu))
+        if not (slides & (mu > 0.0)).any():
+            return rates
+        W = self._modes.inertia(x, u, p)[0].copy()
+        force, speed = self._modes.look(x, u, p)[0], self._modes.geometry(x)[1]
+        for k in np.flatnonzero(slides & (mu > 0.0)):
+            n = 3 * k
+            a, b = -modes[k, 3], modes[k, 2]
+            across = a * a * W[n + 1, n + 1] + b * b * W[n + 2, n + 2]
+            across += 2.0 * a * b * W[n + 1, n + 2]
+            size = float(np.hypot(speed[n + 1], speed[n + 2]))
+            rates[k] = mu[k] * force[n] * across / max(size, AT_REST)
+        return rates
 
     def flow(self, x: Array, u: Array, p: Array, h: float) -> Array | None:
         """Motion over ``h`` with every contact and joint doing as p says."""
@@ -124,7 +178,7 @@ class Pieces:
             return x
         v = self._modes.velocity(x)
         stopped = self._sticky & (v * direction <= 0.0)
-        if np.any(abs(v[stopped]) > AT_REST * (1.0 + abs(v).max())):
+        if np.any(abs(v[stopped]) > SUDDEN_STOP * (1.0 + abs(v).max())):
             return None
         v[stopped] = 0.0
         return x
@@ -156,7 +210,7 @@ class Pieces:
         v, mu = self._modes.velocity(x), self._modes.mu
         rounding = ROUNDING * (1.0 + float(abs(v).max()))
         worst = -np.inf
-        for k, (closed, sticks, d0, d1) in enumerate(self._modes.modes(p)):
+        for k, (closed, sticks, d0, d1, _) in enumerate(self._modes.modes(p)):
             r, s = force[3 * k : 3 * k + 3], speed[3 * k + 1 : 3 * k + 3]
             if not closed:
                 below = ground[k] - place[3 * k] - SINKING * t - GAP_ROUNDING * size[k]

@@ -63,6 +63,8 @@ def contact_plant(model: ArmModel, s: Symbols, joints: Joints) -> ContactPlant:
     where = contact.geometry(s.tree, points, s.q)
     A = ca.jacobian(where.place, s.q)
     speed = A @ s.v
+    # A joint that has turned many times rounds its own position, and the gap with it.
+    size = where.size + ca.fabs(A[::3, :]) @ ca.fabs(s.q)
     M = rigid_body.mass_matrix(s.tree, s.q)
     held = S @ M @ S + (ca.SX.eye(n) - S)
     bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
@@ -80,7 +82,7 @@ def contact_plant(model: ArmModel, s: Symbols, joints: Joints) -> ContactPlant:
     return ContactPlant(
         tuple(points),
         _function("acceleration", [s.q, s.v, s.tau, p], a),
-        _function("contact_geometry", [x], where.place, speed, where.size),
+        _function("contact_geometry", [x], where.place, speed, size),
         _function("contact_look", [x, s.tau, p], force, W @ force + free, reaction, grip),
         _function("contact_inertia", [x, s.tau, p], W, B, free),
         _function(

@@ -109,7 +109,7 @@ def _astray(correction: ca.SX, whole: ca.SX) -> ca.SX:
 
 
 def _largest(values: ca.SX) -> ca.SX:
-    return ca.mmax(ca.fabs(values))
+    return ca.mmax(ca.fabs(ca.vertcat(0, values)))
 
 
 def _function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:

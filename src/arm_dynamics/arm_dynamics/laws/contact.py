@@ -23,8 +23,9 @@ from arm_dynamics.laws.rigid_body import placements, solve
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.scene_contact import Contact
 
-# Entries of p for each contact: closed, sticks, direction in which it slides (two tangents).
-MODE = 4
+# Entries of p for each contact: closed, sticks, direction in which it slides (two tangents), and
+# whether it keeps that direction.
+MODE = 5
 # Redundant contacts make the equations of the forces singular. A small multiple of their trace on
 # the diagonal and two refinements give the solution of least norm, to rounding where there is but
 # one (proximal point iteration: Rockafellar, SIAM J. Control Optim. 14, 1976).
@@ -77,17 +78,19 @@ class Mode:
         closed: 1 if it carries, 0 if it is apart, shape (nc,).
         sticks: 1 if a closed one sticks, 0 if it slides, shape (nc,).
         direction: Of sliding in the two tangents, shape (2 nc,).
+        fixed: 1 if it keeps that direction, 0 if it slides as it moves, shape (nc,).
     """
 
     closed: ca.SX
     sticks: ca.SX
     direction: ca.SX
+    fixed: ca.SX
 
     @classmethod
     def of(cls, p: ca.SX) -> Mode:
-        """From its entries in p, shape (4 nc,)."""
+        """From its entries in p, shape (5 nc,)."""
         table = ca.reshape(p, MODE, p.shape[0] // MODE)
-        return cls(table[0, :].T, table[1, :].T, ca.vec(table[2:, :]))
+        return cls(table[0, :].T, table[1, :].T, ca.vec(table[2:4, :]), table[4, :].T)
 
     def rows(self) -> ca.SX:
         """1 for each of the 3 nc equations that holds, else 0."""
@@ -127,7 +130,7 @@ def geometry(tree: Tree, points: list[ContactPoint], q: ca.SX) -> Geometry:
     return Geometry(ca.densify(ca.vertcat(*places)), ca.densify(ca.vertcat(*sizes)))
 
 
-def sliding_direction(speed: ca.SX, given: ca.SX) -> ca.SX:
+def sliding_direction(speed: ca.SX, given: ca.SX, fixed: ca.SX) -> ca.SX:
     """Unit vector of sliding, continued through rest.
 
     A contact that comes to rest and would turn back keeps its direction until the event is found.
@@ -135,12 +138,13 @@ def sliding_direction(speed: ca.SX, given: ca.SX) -> ca.SX:
     Args:
         speed: Tangential velocity in [m/s], shape (2,).
         given: Direction at the beginning of the motion, a unit vector, shape (2,).
+        fixed: 1 to keep it.
 
     Returns:
         Shape (2,).
     """
     square = ca.sumsqr(speed)
-    resting = square <= AT_REST**2
+    resting = ca.logic_or(fixed > 0, square <= AT_REST**2)
     forward = ca.if_else(ca.dot(speed, given) < 0, -1, 1)
     return ca.if_else(resting, given, forward * speed / ca.sqrt(ca.if_else(resting, 1, square)))
 
@@ -153,7 +157,7 @@ def shares(points: list[ContactPoint], speed: ca.SX, mode: Mode) -> ca.SX:
     D = ca.SX(3 * len(points), 3 * len(points))
     for k, point in enumerate(points):
         along = slice(3 * k + 1, 3 * k + 3)
-        d = sliding_direction(speed[along], mode.direction[2 * k : 2 * k + 2])
+        d = sliding_direction(speed[along], mode.direction[2 * k : 2 * k + 2], mode.fixed[k])
         D[3 * k, 3 * k] = mode.closed[k]
         D[along, 3 * k] = -point.friction * mode.closed[k] * (1 - mode.sticks[k]) * d
         D[along, along] = mode.closed[k] * mode.sticks[k] * ca.SX.eye(2)

@@ -5,7 +5,7 @@
  *
  * Before this file: cone.c, cones.c; NX, NU, NP, ND (joints with directions in p: NU or 0), STATIC and RESTITUTION (brace lists),
  * SZ_ARG, SZ_RES, SZ_IW, SZ_W (of the functions called), PIVOTS, GAP_ROUNDING, HOP, SPEED_ROUNDING, AT_REST, LEAST_REBOUND,
- * SLACK, HALVINGS, MOST_REBOUNDS; with error control also adaptive.c and ADAPTIVE.
+ * SLACK, HALVINGS; with error control also adaptive.c and ADAPTIVE.
  */
 
 enum trouble { NONE, NUMBERS, EVENTS, UNDETERMINED, INSIDE };
@@ -20,32 +20,24 @@ typedef struct {
 
 typedef struct {
   const real* u;            /* torque that acts */
-  real p[NP + ND + 4 * NC]; /* parameters, directions of the joints, modes of the contacts */
+  real p[NP + ND + 5 * NC]; /* parameters, directions of the joints, modes of the contacts */
   double given[NC][2];      /* direction in which a contact slides already ... */
   int slides[NC];           /* ... where it does */
   int touching[NC];
+  int slow[NC];             /* counts as at rest */
 #ifdef ADAPTIVE
   control_t* control;
 #endif
 } piece_t;
 
-typedef struct {
-  real place[MC], speed[MC], size[NC]; /* of the contact points, in their planes' axes */
-} where_t;
-
-typedef struct {
-  real force[MC], rate[MC], load[NU], grip[NC];
-} loads_t;
-
-typedef struct {
-  real W[MC * MC], B[NU * MC], free[MC];
-} inertia_t;
-
+typedef struct { real place[MC], speed[MC], size[NC]; } where_t; /* contact points in their planes' axes */
+typedef struct { real force[MC], rate[MC], load[NU], grip[NC]; } loads_t;
+typedef struct { real W[MC * MC], B[NU * MC], free[MC]; } inertia_t;
 static const double static_level[NU] = STATIC;
 static const double restitution[NC] = RESTITUTION;
 
 #define DIRECTION(piece) ((piece)->p + NP)
-#define MODE(piece, k) ((piece)->p + NP + ND + 4 * (k))
+#define MODE(piece, k) ((piece)->p + NP + ND + 5 * (k))
 
 #define MEMORY real w[SZ_W]; casadi_int iw[SZ_IW]; const real* arg[SZ_ARG]; real* res[SZ_RES]
 
@@ -178,7 +170,7 @@ static void guess(const real* x, piece_t* piece) {
   for (int k = 0; k < NC; ++k) {
     const real* s = where.speed + 3 * k + 1;
     const double size = hypot(s[0], s[1]);
-    const int rests = friction[k] > 0.0 && size <= AT_REST, turns = friction[k] > 0.0 && !rests;
+    const int rests = friction[k] > 0.0 && (size <= AT_REST || piece->slow[k]), turns = friction[k] > 0.0 && !rests;
     real* mode = MODE(piece, k);
     piece->slides[k] = !rests;
     piece->given[k][0] = turns ? s[0] / size : 1.0;
@@ -187,6 +179,7 @@ static void guess(const real* x, piece_t* piece) {
     mode[1] = piece->touching[k] && rests;
     mode[2] = piece->given[k][0];
     mode[3] = piece->given[k][1];
+    mode[4] = rests;
   }
 }
 

@@ -1,0 +1,281 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Smooth pieces of a motion with contacts: how long one lasts, and what is set right at its ends. The same lines stand in
+ * Python in contact_pieces.py, with the reasons, for machines without a compiler; a test holds the two together.
+ *
+ * Before this file: contact_modes.c; MOST_PARTS, MUCH_TURN, BISECTIONS, ROUNDING, SUDDEN_STOP, SINKING, HELD, INDEPENDENT.
+ */
+
+/* Rate at which friction turns each contact that slides into its direction: 0 if none does. */
+static int find_rates(const real* x, const piece_t* piece, const loads_t* loads, const where_t* where, double* rate) {
+  inertia_t inertia;
+  int any = 0;
+  for (int k = 0; k < NC; ++k) {
+    rate[k] = 0.0;
+    any |= friction[k] > 0.0 && MODE(piece, k)[0] != 0.0 && MODE(piece, k)[1] == 0.0;
+  }
+  if (!any) return 0;
+  find_inertia(x, piece, &inertia);
+  for (int k = 0; k < NC; ++k) {
+    const int n = 3 * k;
+    const real* mode = MODE(piece, k);
+    if (!(friction[k] > 0.0 && mode[0] != 0.0 && mode[1] == 0.0)) continue;
+    const double a = -mode[3], b = mode[2], size = hypot(where->speed[n + 1], where->speed[n + 2]);
+    double across_it = a * a * AT(inertia.W, MC, n + 1, n + 1) + b * b * AT(inertia.W, MC, n + 2, n + 2);
+    across_it += 2.0 * a * b * AT(inertia.W, MC, n + 1, n + 2);
+    rate[k] = friction[k] * loads->force[n] * across_it / fmax(size, AT_REST);
+  }
+  return 1;
+}
+
+/* Contacts that slide so slowly that an explicit method cannot follow their direction: 1 if there are any. */
+static int find_slow(const real* x, piece_t* piece, double tick) {
+  double rate[NC];
+  loads_t loads;
+  where_t where;
+  int any = 0;
+  find_loads(x, piece, &loads);
+  find_geometry(x, &where);
+  if (!find_rates(x, piece, &loads, &where, rate)) return 0;
+  for (int k = 0; k < NC; ++k) {
+    const real *s = where.speed + 3 * k + 1, *a = loads.rate + 3 * k + 1, *mode = MODE(piece, k);
+    const double turn = fabs(mode[2] * a[1] - mode[3] * a[0]) * tick;
+    piece->slow[k] = rate[k] > MOST_PARTS / tick && (mode[2] * a[0] + mode[3] * a[1] >= 0.0 ||
+                                                     turn > MUCH_TURN * hypot(s[0], s[1]));
+    any |= piece->slow[k];
+  }
+  return any;
+}
+
+/* How long a piece may be for slow sliding to be followed. */
+static double find_reach(const real* x, const piece_t* piece, double tick) {
+  double rate[NC], fastest = 1.0 / tick;
+  loads_t loads;
+  where_t where;
+  find_loads(x, piece, &loads);
+  find_geometry(x, &where);
+  if (!find_rates(x, piece, &loads, &where, rate)) return tick;
+  for (int k = 0; k < NC; ++k) fastest = fmax(fastest, rate[k]);
+  return fmax(1.0 / fastest, tick / MOST_PARTS);
+}
+
+/* Motion over h in one piece: 1 if every number stayed finite. */
+static int flow(const real* x, piece_t* piece, real h, real* after) {
+#ifdef ADAPTIVE
+  for (int i = 0; i < NX; ++i) after[i] = x[i];
+  return controlled_tick(after, piece->u, piece->p, h, piece->control);
+#else
+  MEMORY;
+  arg[0] = x; arg[1] = piece->u; arg[2] = piece->p; arg[3] = &h;
+  res[0] = after;
+  step(arg, res, iw, w, 0);
+  for (int i = 0; i < NX; ++i)
+    if (BEYOND(after[i], 1e150)) return 0;
+  return 1;
+#endif
+}
+
+/* As flow(); error control does not learn from it. */
+static int try_flow(const real* x, piece_t* piece, real h, real* after) {
+#ifdef ADAPTIVE
+  const control_t kept = *piece->control;
+  const int ok = flow(x, piece, h, after);
+  *piece->control = kept;
+  return ok;
+#else
+  return flow(x, piece, h, after);
+#endif
+}
+
+/* Positive if a contact or joint does not obey its mode after a motion of length t. */
+static double wrongness(const real* x, const piece_t* piece, const double* ground, double t) {
+  const real *d = DIRECTION(piece), *v = x + NU;
+  const double rounding = ROUNDING * (1.0 + largest_of(v, NU));
+  double worst = -INFINITY;
+  where_t where;
+  loads_t loads;
+  find_geometry(x, &where);
+  find_loads(x, piece, &loads);
+  for (int k = 0; k < NC; ++k) {
+    const real *r = loads.force + 3 * k, *s = where.speed + 3 * k, *mode = MODE(piece, k);
+    if (mode[0] == 0.0) {
+      worst = fmax(worst, ground[k] - where.place[3 * k] - SINKING * t - GAP_ROUNDING * where.size[k]);
+      continue;
+    }
+    worst = fmax(worst, -r[0]);
+    if (mode[1] != 0.0) worst = fmax(worst, hypot(r[1], r[2]) - friction[k] * r[0]);
+    else if (friction[k] > 0.0) worst = fmax(worst, -(mode[2] * s[1] + mode[3] * s[2]) - rounding);
+  }
+  for (int i = 0; i < ND; ++i) {
+    if (!(static_level[i] > 0.0)) continue;
+    worst = fmax(worst, d[i] != 0.0 ? -v[i] * d[i] - rounding : fabs(loads.load[i]) - static_level[i]);
+  }
+  return worst;
+}
+
+/* What is looked for in a motion from x: a mode that is not obeyed, or (contact >= 0) a gap that begins to rise. */
+typedef struct {
+  const real* x;
+  piece_t* piece;
+  double ground[NC];
+  int contact;
+} search_t;
+
+static double value_at(const search_t* search, double t) {
+  real after[NX];
+  if (!try_flow(search->x, search->piece, t, after)) return INFINITY;
+  if (search->contact < 0) return wrongness(after, search->piece, search->ground, t);
+  where_t where;
+  find_geometry(after, &where);
+  return where.speed[3 * search->contact];
+}
+
+static double first_positive(const search_t* search, double h) {
+  double low = 0.0, high = h, f_low = value_at(search, 0.0), f_high = value_at(search, h);
+  int side = 0;
+  for (int k = 0; k < BISECTIONS && high - low > 4e-16 * h; ++k) {
+    const double secant = isfinite(f_high) ? high - f_high * (high - low) / (f_high - f_low) : low;
+    const double trial = low < secant && secant < high && k % 4 != 3 ? secant : 0.5 * (low + high);
+    const double value = value_at(search, trial);
+    if (value > 0.0) {
+      high = trial; f_high = value;
+      if (side > 0) f_low *= 0.5;
+      side = 1;
+    } else {
+      low = trial; f_low = value;
+      if (side < 0) f_high *= 0.5;
+      side = -1;
+    }
+  }
+  return high;
+}
+
+/* A time before `length` at which a contact is below its plane, on its way up again; 0 if there is none. */
+static double dip_before(search_t* search, double length) {
+  real after[NX];
+  where_t before, back;
+  double found = 0.0;
+  find_geometry(search->x, &before);
+  if (!try_flow(search->x, search->piece, length, after)) return 0.0;
+  find_geometry(after, &back);
+  for (int k = 0; k < NC && found == 0.0; ++k) {
+    if (MODE(search->piece, k)[0] != 0.0 || !(before.speed[3 * k] < 0.0 && back.speed[3 * k] > 0.0)) continue;
+    search->contact = k;
+    const double turn = first_positive(search, length);
+    search->contact = -1;
+    if (try_flow(search->x, search->piece, turn, after) &&
+        wrongness(after, search->piece, search->ground, turn) > 0.0)
+      found = turn;
+  }
+  return found;
+}
+
+/* How long the modes stay right; whether that is to the end, in `calm`. */
+static double piece_length(const real* x, piece_t* piece, double left, int* calm) {
+  search_t search = {x, piece, {0.0}, -1};
+  where_t where;
+  find_geometry(x, &where);
+  for (int k = 0; k < NC; ++k) search.ground[k] = fmin(where.place[3 * k], 0.0);
+  *calm = value_at(&search, left) <= 0.0;
+  const double length = *calm ? left : first_positive(&search, left);
+  const double dip = dip_before(&search, length);
+  if (dip == 0.0) return length;
+  *calm = 0;
+  return first_positive(&search, dip);
+}
+
+/* Whether a closed contact is not quite closed, or does not quite rest. */
+static int is_off(const real* x, const piece_t* piece) {
+  const double limit = calm_speed(x) / 10.0;
+  where_t where;
+  find_geometry(x, &where);
+  for (int k = 0; k < NC; ++k) {
+    const real *mode = MODE(piece, k), *s = where.speed + 3 * k;
+    if (mode[0] == 0.0) continue;
+    if (fabs(where.place[3 * k]) > GAP_ROUNDING * where.size[k] || fabs(s[0]) > limit) return 1;
+    if (mode[1] != 0.0 && (fabs(s[1]) > limit || fabs(s[2]) > limit)) return 1;
+  }
+  return 0;
+}
+
+/* Bring positions and velocities back to the closed contacts. */
+static void close_contacts(real* x, const piece_t* piece, const real* anchor) {
+  int any = 0;
+  real after[NX];
+  MEMORY;
+  for (int k = 0; k < NC; ++k) any |= MODE(piece, k)[0] != 0.0;
+  for (int turn = 0; any && turn < 2; ++turn) {
+    arg[0] = x; arg[1] = piece->p; arg[2] = anchor;
+    res[0] = after;
+    contact_close(arg, res, iw, w, 0);
+    for (int i = 0; i < 2 * NU; ++i) x[i] = after[i];
+  }
+}
+
+/* Stop slow contacts that move against the direction in which they are to start. */
+static void align(real* x, piece_t* piece) {
+  where_t where;
+  real anchor[2 * NC], was[NC];
+  int any = 0;
+  find_geometry(x, &where);
+  for (int k = 0; k < NC; ++k) {
+    const real* s = where.speed + 3 * k + 1;
+    real* mode = MODE(piece, k);
+    was[k] = mode[1];
+    anchor[2 * k] = where.place[3 * k + 1];
+    anchor[2 * k + 1] = where.place[3 * k + 2];
+    if (!piece->slow[k] || mode[0] == 0.0 || mode[2] * s[0] + mode[3] * s[1] > 0.0) continue;
+    mode[1] = 1.0;
+    any = 1;
+  }
+  if (any) close_contacts(x, piece, anchor);
+  for (int k = 0; k < NC; ++k) MODE(piece, k)[1] = was[k];
+}
+
+/* Rank of a symmetric matrix that is not negative, by elimination with diagonal pivots. */
+static int rank_of(real* W) {
+  double limit = 0.0;
+  int count = 0;
+  for (int i = 0; i < MC; ++i) limit += INDEPENDENT * AT(W, MC, i, i);
+  for (; count < MC; ++count) {
+    int k = 0;
+    real row[MC], pivot;
+    for (int i = 1; i < MC; ++i)
+      if (AT(W, MC, i, i) > AT(W, MC, k, k)) k = i;
+    pivot = AT(W, MC, k, k);
+    if (!(pivot > limit)) break;
+    for (int i = 0; i < MC; ++i) row[i] = AT(W, MC, i, k);
+    for (int i = 0; i < MC; ++i)
+      for (int j = 0; j < MC; ++j) AT(W, MC, i, j) -= row[i] * row[j] / pivot;
+  }
+  return count;
+}
+
+/* Whether the contacts leave no joint any motion. */
+static int is_held(const real* x, const piece_t* piece) {
+  if (largest_of(x + NU, NU) > HELD) return 0;
+  inertia_t inertia;
+  int free = NU;
+  for (int i = 0; i < ND; ++i) free -= DIRECTION(piece)[i] == 0.0;
+  find_inertia(x, piece, &inertia);
+  for (int i = 0; i < MC; ++i)
+    for (int j = 0; j < MC; ++j) {
+      const real *a = MODE(piece, i / 3), *b = MODE(piece, j / 3);
+      const double held = a[0] * b[0] * (i % 3 ? a[1] : 1.0) * (j % 3 ? b[1] : 1.0);
+      AT(inertia.W, MC, i, j) *= held;
+    }
+  return rank_of(inertia.W) == free;
+}
+
+/* 0 if a joint that is put at rest was still fast: the piece was no continuous motion. */
+static int rest(real* x, const piece_t* piece) {
+  const real* d = DIRECTION(piece);
+  const double fastest = largest_of(x + NU, NU);
+  for (int i = 0; i < ND; ++i)
+    if (static_level[i] > 0.0 && x[NU + i] * d[i] <= 0.0) {
+      if (fabs(x[NU + i]) > SUDDEN_STOP * (1.0 + fastest)) return 0;
+      x[NU + i] = 0.0;
+    }
+  return 1;
+}
+
