@@ -95,9 +95,9 @@ print(f"harmonic drive: {area * 1e3:.3g} mJ lost in a cycle of 30 N m")
 # --- harmonic drive: its error in position excites the arm -----------------------------------
 wave = {"kinematic_error": {"amplitude": 2e-4, "order": 2}, "stiffness": 4e3, "damping": 1.0}
 resonance = np.sqrt(4e3 * (1.0 / 1.0 + 1.0 / 0.3))  # rotor and link against each other
+sim = wheel(0.3, {"rotor_inertia": 1e-4, "gear_ratio": 100.0}, wave)
 speeds, shaking = np.linspace(0.2, 1.6, 29), []
 for speed in speeds:
-    sim = wheel(0.3, {"rotor_inertia": 1e-4, "gear_ratio": 100.0}, wave)
     sim.reset([0.0], [speed])
     shaking.append(np.std(sim.run(1.0).v[500:, 0]))
 axes[2].plot(speeds, 1e3 * np.array(shaking))
