@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.control import Array, Measured, Moving, checked, gain
-from arm_dynamics.control_joint import positive
+from arm_dynamics.control_joint import cut, positive
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import positive_limits
@@ -60,7 +60,7 @@ class Saturated:
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques within the limits in [N m] or [N], shape (n,)."""
         self._asked = self._control.torque(state, reference)
-        return np.clip(self._asked, -self._limit, self._limit)
+        return cut(self._asked, self._limit)
 
 
 class DisturbanceObserver:
@@ -115,7 +115,7 @@ class DisturbanceObserver:
         """Return joint torques in [N m] or [N], shape (n,)."""
         self._observe(*checked(state, self._n))
         tau = self._control.torque(state, reference) - self._r
-        self._last = np.clip(tau, -self._limit, self._limit)
+        self._last = cut(tau, self._limit)
         return self._last.copy()
 
     def _observe(self, q: Array, v: Array) -> None:

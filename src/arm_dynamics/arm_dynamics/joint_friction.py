@@ -79,12 +79,12 @@ class JointFriction:
     bristles: Bristles | None
     efficiency: Array
 
-    @property
+    @cached_property
     def has_dry(self) -> bool:
         """Whether a joint can stick."""
         return bool(self.level.any())
 
-    @property
+    @cached_property
     def level(self) -> Array:
         """Scale of ``relative_hold``: ``static``, or 1 where only a gear's loss holds."""
         only_gear = (self.static == 0.0) & (self.efficiency < 1.0)
@@ -95,17 +95,17 @@ class JointFriction:
         """The same without the gears' losses."""
         return replace(self, efficiency=np.ones_like(self.efficiency)) if self.gears else self
 
-    @property
+    @cached_property
     def gears(self) -> tuple[int, ...]:
         """Joints with a gear that loses power."""
         return tuple(np.flatnonzero(self.efficiency < 1.0).tolist())
 
-    @property
+    @cached_property
     def by_position(self) -> bool:
         """Whether it depends on the joints' positions."""
         return any(curve is not None for curve in self.position)
 
-    @property
+    @cached_property
     def by_load(self) -> bool:
         """Whether it depends on the drives' torques."""
         return any(curve is not None for curve in self.load)
