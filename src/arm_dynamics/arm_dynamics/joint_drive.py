@@ -85,6 +85,12 @@ class JointDrive:
         stall = (motor.voltage_limit or np.inf) / (motor.resistance or 1.0)
         return torque * min(motor.current_limit or np.inf, stall)
 
+    @property
+    def passes_torque(self) -> bool:
+        """Whether the command is the joint's torque and no current flows: all it has is inertia."""
+        plain = self.motor.command == "torque" and self.motor.torque_constant is None
+        return plain and self.motor.cogging is None and self.coupling is None
+
     def command_limit(self, effort: float) -> float:
         """Largest command, in the command's unit.
 

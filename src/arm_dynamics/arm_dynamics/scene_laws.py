@@ -11,7 +11,8 @@ from arm_dynamics.stateful import StatefulLaw
 
 def laws_of(model: ArmModel) -> tuple[StatefulLaw, ...]:
     """The laws of a scene, in the order of their states; none if it asks for none."""
-    drives = Drives(model) if any(model.drives) else None
+    passive = all(drive is None or drive.passes_torque for drive in model.drives)
+    drives = None if passive else Drives(model)
     bristles = model.friction.bristles
     friction = LugreFriction(model, bristles) if bristles else None
     candidates: tuple[StatefulLaw | None, ...] = (drives, friction)
