@@ -12,6 +12,7 @@ import models
 from arm_dynamics import InvalidInput, SceneError, load_scene
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.contact_cone import several, single
+from arm_sim.contact_impact import impulse_for
 from arm_sim.contact_newton import Does
 from arm_sim.contact_report import contact_forces, contact_history
 from models.touching import contact, rails
@@ -123,7 +124,7 @@ def test_impacts_of_an_arm_lose_energy_and_obey_their_law(
         W, B, _ = (value.copy() for value in modes.inertia(x, np.zeros(n), np.zeros(10)))
         before = modes.geometry(x)[1].copy()
         rebound = np.maximum(-e * before[::3], 0.0)
-        impulse, gain = modes._impulse(W, before, rebound, np.ones(2, bool))
+        impulse, gain = impulse_for(modes, W, before, rebound, np.ones(2, bool))
         if impulse is None:
             continue
         after = before + W @ impulse

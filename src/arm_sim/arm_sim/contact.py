@@ -22,7 +22,9 @@ from arm_sim.actuation import CompiledControl, actuation
 from arm_sim.adaptive import SubstepControl
 from arm_sim.choice import Choice
 from arm_sim.contact_driver import EVENTS, INSIDE, ContactMemory, contact_driver
-from arm_sim.contact_modes import MOST_REBOUNDS, Modes, Trouble
+from arm_sim.contact_impact import MOST_REBOUNDS, impact
+from arm_sim.contact_modes import Modes, Trouble
+from arm_sim.contact_newton import Answer
 from arm_sim.contact_pieces import Pieces
 from arm_sim.integrators import build_attempt, build_step
 from arm_sim.plant import Plant
@@ -107,15 +109,16 @@ class ContactStepper:
     def _tick(self, x: Array, u: Array) -> Trouble:
         """Bring x to the end of a tick."""
         left, p, pieces, impacts = self._dt, self._blank(), self._pieces, 0
+        ended = dict[int, Answer]()
         if self.modes.geometry(x)[0][::3].min() < -INSIDE:
             return Trouble.INSIDE
         for _ in range(EVENTS):
-            lost = self.modes.impact(x, u, p, impacts < MOST_REBOUNDS)
+            lost = impact(self.modes, x, u, p, impacts < MOST_REBOUNDS)
             self.modes.still(x)
-            if lost is None or not self.modes.settle(x, u, p):
+            if lost is None or not self.modes.settle(x, u, p, ended=ended):
                 return Trouble.UNDETERMINED
             slow = pieces.slow(x, u, p, self._dt)
-            if slow and not self.modes.settle(x, u, p, slow):
+            if slow and not self.modes.settle(x, u, p, slow, ended):
                 return Trouble.UNDETERMINED
             x[:] = pieces.aligned(x, p, slow)
             self.memory.loss += lost
@@ -129,18 +132,21 @@ class ContactStepper:
                 return Trouble.NONE
             reach = min(left, pieces.reach(x, u, p, self._dt))
             length, calm = pieces.length(x, u, p, reach)
-            if not self._advance(x, u, p, length, anchor):
+            after = pieces.flow(x, u, p, length)
+            if after is None:
+                return Trouble.NUMBERS
+            ended = {} if calm else self.modes.ended(after, u, p)
+            if not self._advance(x, u, p, length, anchor, after):
                 return Trouble.NUMBERS
             if (calm and reach == left) or left - length <= 0.0:
                 return Trouble.NONE
             left -= length
         return Trouble.EVENTS
 
-    def _advance(self, x: Array, u: Array, p: Array, length: float, anchor: Array) -> bool:
-        """Bring x to the end of a piece; False if it cannot be computed."""
-        after = self._pieces.flow(x, u, p, length)
-        if after is None:
-            return False
+    def _advance(
+        self, x: Array, u: Array, p: Array, length: float, anchor: Array, after: Array
+    ) -> bool:
+        """Put x to the end of a piece, set right; False if that was no continuous motion."""
         rested = self._pieces.rest(self._pieces.closed(after, p, anchor), p)
         if rested is None:
             return False

@@ -10,6 +10,7 @@ import casadi as ca
 
 from arm_dynamics.laws.contact import AT_REST
 from arm_sim import contact_cone as cone
+from arm_sim import contact_impact as impact
 from arm_sim import contact_modes as modes
 from arm_sim import contact_newton as newton
 from arm_sim import contact_pieces as pieces
@@ -23,6 +24,9 @@ from arm_sim.stepper import driver_source
 EVENTS = 5_000
 # How deep inside a plane in [m] a state may be and still be taken for touching it.
 INSIDE = 1e-9
+
+
+DRIVERS = ("cones.c", "contact_modes.c", "contact_impact.c", "contact_pieces.c", "contact.c")
 
 
 class ContactMemory(ctypes.Structure):
@@ -77,8 +81,8 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         "HALVED": str(newton.HALVED),
         "SAMPLES": str(cone.SAMPLES),
         "ROOT_STEPS": str(cone.ROOT_STEPS),
-        "MOST_REBOUNDS": str(modes.MOST_REBOUNDS),
-        "HALVINGS": str(modes.HALVINGS),
+        "MOST_REBOUNDS": str(impact.MOST_REBOUNDS),
+        "HALVINGS": str(impact.HALVINGS),
         "MOST_EVENTS": str(EVENTS),
         "MOST_PARTS": str(pieces.MOST_PARTS),
         "BISECTIONS": str(dry.BISECTIONS),
@@ -108,7 +112,7 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         control = {"ORDER": str(choice.method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
         source = driver_source("adaptive.c", plant, {**control, "ADAPTIVE": "1"}, *functions)
     source += driver_source("cone.c", plant, defines, *functions)
-    for file in ("cones.c", "contact_modes.c", "contact_pieces.c", "contact.c"):
+    for file in DRIVERS:
         source += driver_source(file, plant, {}, *functions)
     return source
 

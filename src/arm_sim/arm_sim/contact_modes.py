@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What contacts and joints with dry friction do next, and impacts.
+"""What contacts and joints with dry friction do next.
 
 A contact counts as touching where its gap is zero to rounding. Whether it carries, sticks, slides
 or lifts off is the solution of a complementarity problem, found by pivoting: the entry that
@@ -19,7 +19,7 @@ from arm_dynamics.kernel import Kernel
 from arm_dynamics.laws.contact import AT_REST, MODE
 from arm_dynamics.model import Array
 from arm_sim.contact_cone import several, single
-from arm_sim.contact_newton import Answer, Does
+from arm_sim.contact_newton import AHEAD, Answer, Does
 from arm_sim.plant import Plant
 
 PIVOTS = 40
@@ -31,12 +31,8 @@ GAP_ROUNDING, HOP = 4 * EPSILON, 64 * EPSILON
 SPEED_ROUNDING = 1e-13
 # Speed in [m/s] of a rebound that is taken for rest.
 LEAST_REBOUND = 1e-9
-# Impacts in one tick after which the contacts of that tick do not rebound any more.
-MOST_REBOUNDS = 500
 # Acceleration, relative to the largest, by which one that is about to move may go wrong.
 SLACK = 1e-9
-# Halvings that find the highest rebound that adds no energy.
-HALVINGS = 60
 
 
 class Trouble(IntEnum):
@@ -56,6 +52,7 @@ class Modes:
         n: Degrees of freedom.
         nc: Number of contacts.
         mu: Coefficients of friction, shape (nc,).
+        restitution: Coefficients of restitution, shape (nc,).
         static: Levels of dry friction of the joints at rest, shape (n,).
         length: How many entries of p belong to joints and contacts.
     """
@@ -65,7 +62,7 @@ class Modes:
         model, points = plant.model, plant.contact.points
         self.n, self.nc = model.n, len(points)
         self.mu = np.array([point.friction for point in points])
-        self._restitution = np.array([point.restitution for point in points])
+        self.restitution = np.array([point.restitution for point in points])
         self.static = model.friction.level if model.has_dry_friction else np.zeros(model.n)
         self.length = MODE * self.nc + (model.n if model.has_dry_friction else 0)
         self._geometry, self._look = kernel.call("contact_geometry"), kernel.call("contact_look")
@@ -118,65 +115,26 @@ class Modes:
         """Speed of a contact that is rounding."""
         return float(SPEED_ROUNDING * (1.0 + abs(self.velocity(x)).max()))
 
-    def impact(self, x: Array, u: Array, p: Array, rebounds: bool) -> float | None:
-        """Change the velocities in x where a touching contact approaches.
-
-        Newton's restitution with Coulomb's friction. Where that would add energy, which it can
-        with friction, the rebound is the highest that does not. A rebound that would not rise
-        above the rounding of the gap is none: the contact closes.
-
-        Args:
-            x: State, changed.
-            u: Torque that acts.
-            p: Parameters; what they say of joints and contacts is overwritten.
-            rebounds: Whether there is restitution at all.
-
-        Returns:
-            Energy lost in [J]; None if no impulse is found.
-        """
-        self.modes(p)[:, :2] = 0.0
-        self.directions(p)[:] = 1.0
-        touching, before = self.touching(x, u, p), self.geometry(x)[1].copy()
-        hits = np.logical_and(touching, before[::3] < -self.calm(x))
-        if not hits.any():
-            return 0.0
-        W, B, _ = (value.copy() for value in self.inertia(x, u, p))
-        rebound = np.where(hits, -self._restitution * before[::3], 0.0)
-        rebound[(rebound <= self.hop(x, u, p)) | (not rebounds)] = 0.0
-        impulse, gain = self._impulse(W, before, rebound, touching)
-        low, high = 0.0, 1.0
-        if gain > 0.0 and rebound.any():
-            for _ in range(HALVINGS):
-                middle = 0.5 * (low + high)
-                gain = self._impulse(W, before, middle * rebound, touching)[1]
-                low, high = (low, middle) if gain > 0.0 else (middle, high)
-            impulse, gain = self._impulse(W, before, low * rebound, touching)
-        if impulse is None:
-            return None
-        self.velocity(x)[:] += B @ impulse
-        return -gain
-
-    def _impulse(
-        self, W: Array, before: Array, rebound: Array, touching: Array
-    ) -> tuple[Array | None, float]:
-        c = before.copy()
-        c[::3] -= rebound
-        answers = several(W, c, self.mu, [None] * self.nc, touching)
-        if any(answer.does == Does.UNSOLVABLE for answer in answers):
-            return None, 0.0
-        impulse = np.concatenate([answer.force for answer in answers])
-        return impulse, float(impulse @ (before + 0.5 * W @ impulse))
-
-    def settle(self, x: Array, u: Array, p: Array, slow: frozenset[int] = frozenset()) -> bool:
+    def settle(
+        self,
+        x: Array,
+        u: Array,
+        p: Array,
+        slow: frozenset[int] = frozenset(),
+        ended: dict[int, Answer] | None = None,
+    ) -> bool:
         """Find what every contact and joint does, and put it into p; False if there is nothing.
 
-        Contacts in ``slow`` count as at rest.
+        Contacts in ``slow`` count as at rest; ``ended`` says with what to begin, see ``ended``.
         """
         directions = self.directions(p)
         if len(directions):
             directions[:] = np.where(self.static > 0.0, np.sign(self.velocity(x)), 1.0)
         touching = self.touching(x, u, p)
         given = self._guess(x, p, touching, slow)
+        for k, answer in (ended or {}).items():
+            if touching[k] and (answer.does == Does.APART or given[k] is None):
+                self._put(self.modes(p)[k], answer)
         for attempt in range(3):
             for _ in range(PIVOTS * (self.nc + self.n)):
                 worst = self._worst(x, u, p, touching, given)
@@ -187,6 +145,18 @@ class Modes:
             if attempt == 0:
                 self._sweep(x, u, p, touching, given)
         return False
+
+    def ended(self, x: Array, u: Array, p: Array) -> dict[int, Answer]:
+        """What contacts will do whose mode has just come to its end: lift off, or slip."""
+        force, found = self.look(x, u, p)[0].copy(), {}
+        for k, (closed, sticks, *_) in enumerate(self.modes(p)):
+            r = force[3 * k : 3 * k + 3]
+            size = float(np.hypot(r[1], r[2]))
+            if closed and r[0] <= 0.0:
+                found[k] = Answer(Does.APART, np.zeros(3), AHEAD)
+            elif closed and sticks and size >= self.mu[k] * r[0] > 0.0:
+                found[k] = Answer(Does.SLIDES, r, -r[1:] / size)
+        return found
 
     def _guess(
         self, x: Array, p: Array, touching: Array, slow: frozenset[int]

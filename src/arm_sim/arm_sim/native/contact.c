@@ -32,6 +32,7 @@ static enum trouble contact_tick(real* x, piece_t* piece, double h, memory_t* me
   find_geometry(now, &where);
   for (int k = 0; k < NC; ++k)
     if (where.place[3 * k] < -DEEP) return INSIDE;
+  for (int k = 0; k < NC; ++k) piece->ended[k] = STICKS;
   for (long long event = 0; event < MOST_EVENTS; ++event) {
     const double lost = impact(now, piece, impacts < MOST_REBOUNDS);
     still(now);
@@ -53,6 +54,7 @@ static enum trouble contact_tick(real* x, piece_t* piece, double h, memory_t* me
     }
     const double reach = fmin(left, find_reach(now, piece, h)), length = piece_length(now, piece, reach, &calm);
     if (!flow(now, piece, length, after)) return NUMBERS;
+    find_ended(after, piece, calm);
     close_contacts(after, piece, anchor);
     if (!rest(after, piece)) return NUMBERS;
     if (memory->audit) memory->friction += friction_work(now, piece, length);

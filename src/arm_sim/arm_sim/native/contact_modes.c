@@ -1,11 +1,11 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What contacts and joints with dry friction do next, and impacts. The same lines stand in Python in contact_modes.py,
+ * What contacts and joints with dry friction do next. The same lines stand in Python in contact_modes.py,
  * with the reasons, for machines without a compiler; a test holds the two together.
  *
  * Before this file: cone.c, cones.c; NX, NU, NP, ND (joints with directions in p: NU or 0), STATIC and RESTITUTION (brace lists),
  * SZ_ARG, SZ_RES, SZ_IW, SZ_W (of the functions called), PIVOTS, GAP_ROUNDING, HOP, SPEED_ROUNDING, AT_REST, LEAST_REBOUND,
- * SLACK, HALVINGS; with error control also adaptive.c and ADAPTIVE.
+ * SLACK; with error control also adaptive.c and ADAPTIVE.
  */
 
 enum trouble { NONE, NUMBERS, EVENTS, UNDETERMINED, INSIDE };
@@ -25,6 +25,8 @@ typedef struct {
   int slides[NC];           /* ... where it does */
   int touching[NC];
   int slow[NC];             /* counts as at rest */
+  int ended[NC];            /* how its last mode came to its end: APART, SLIDES, else STICKS ... */
+  double slips[NC][2];      /* ... and in which direction it will slide */
 #ifdef ADAPTIVE
   control_t* control;
 #endif
@@ -101,66 +103,6 @@ static void find_touching(const real* x, const piece_t* piece, const where_t* wh
   for (int k = 0; k < NC; ++k) touching[k] &= where->speed[3 * k] <= hop[k];
 }
 
-/* Impulse for rebound speeds; energy gained, or INFINITY if there is none. */
-static double find_impulse(const inertia_t* inertia, const real* before, const double* rebound, double part,
-                           const int* touching, double* impulse) {
-  double c[MC], gain = 0.0;
-  answer_t answers[NC];
-  cones_t cones = {.W = inertia->W, .c = c};
-  for (int i = 0; i < MC; ++i) c[i] = before[i];
-  for (int k = 0; k < NC; ++k) {
-    c[3 * k] -= part * rebound[k];
-    cones.allowed[k] = touching[k];
-  }
-  if (!several(&cones, answers)) return INFINITY;
-  for (int k = 0; k < NC; ++k) {
-    if (answers[k].does == UNSOLVABLE) return INFINITY;
-    for (int i = 0; i < 3; ++i) impulse[3 * k + i] = answers[k].force[i];
-  }
-  for (int i = 0; i < MC; ++i) {
-    double change = 0.0;
-    for (int j = 0; j < MC; ++j) change += AT(inertia->W, MC, i, j) * impulse[j];
-    gain += impulse[i] * (before[i] + 0.5 * change);
-  }
-  return gain;
-}
-
-/* Change the velocities where a touching contact approaches: energy lost, or -1 if no impulse is found. */
-static double impact(real* x, piece_t* piece, int rebounds) {
-  where_t where;
-  inertia_t inertia;
-  double rebound[NC], impulse[MC], hop[NC], gain;
-  int touching[NC], any = 0, any_rebound = 0;
-  for (int k = 0; k < NC; ++k) MODE(piece, k)[0] = MODE(piece, k)[1] = 0.0;
-  for (int i = 0; i < ND; ++i) DIRECTION(piece)[i] = 1.0;
-  find_geometry(x, &where);
-  find_touching(x, piece, &where, touching);
-  for (int k = 0; k < NC; ++k) any |= touching[k] && where.speed[3 * k] < -calm_speed(x);
-  if (!any) return 0.0;
-  find_inertia(x, piece, &inertia);
-  find_hops(x, piece, &where, hop);
-  for (int k = 0; k < NC; ++k) {
-    const int hits = touching[k] && where.speed[3 * k] < -calm_speed(x);
-    rebound[k] = hits ? -restitution[k] * where.speed[3 * k] : 0.0;
-    if (rebound[k] <= hop[k] || !rebounds) rebound[k] = 0.0;
-    any_rebound |= rebound[k] > 0.0;
-  }
-  gain = find_impulse(&inertia, where.speed, rebound, 1.0, touching, impulse);
-  if (gain > 0.0 && any_rebound) {
-    double low = 0.0, high = 1.0;
-    for (int k = 0; k < HALVINGS; ++k) {
-      const double middle = 0.5 * (low + high);
-      if (find_impulse(&inertia, where.speed, rebound, middle, touching, impulse) > 0.0) high = middle;
-      else low = middle;
-    }
-    gain = find_impulse(&inertia, where.speed, rebound, low, touching, impulse);
-  }
-  if (gain == INFINITY) return -1.0;
-  for (int i = 0; i < NU; ++i)
-    for (int j = 0; j < MC; ++j) x[NU + i] += AT(inertia.B, NU, i, j) * impulse[j];
-  return gain < 0.0 ? -gain : 0.0;
-}
-
 /* Take it that all that touch carry, and those at rest stick. */
 static void guess(const real* x, piece_t* piece) {
   where_t where;
@@ -180,6 +122,12 @@ static void guess(const real* x, piece_t* piece) {
     mode[2] = piece->given[k][0];
     mode[3] = piece->given[k][1];
     mode[4] = rests;
+    if (!piece->touching[k] || piece->ended[k] == STICKS) continue;
+    if (piece->ended[k] == APART) mode[0] = 0.0;
+    if (piece->ended[k] == SLIDES && !rests) continue;
+    mode[1] = 0.0;
+    mode[2] = piece->ended[k] == SLIDES ? piece->slips[k][0] : 1.0;
+    mode[3] = piece->ended[k] == SLIDES ? piece->slips[k][1] : 0.0;
   }
 }
 

@@ -212,6 +212,23 @@ static void close_contacts(real* x, const piece_t* piece, const real* anchor) {
   }
 }
 
+/* What contacts will do whose mode has just come to its end: lift off, or slip. */
+static void find_ended(const real* x, piece_t* piece, int calm) {
+  loads_t loads;
+  if (!calm) find_loads(x, piece, &loads);
+  for (int k = 0; k < NC; ++k) {
+    const real *r = loads.force + 3 * k, *mode = MODE(piece, k);
+    piece->ended[k] = STICKS;
+    if (calm || mode[0] == 0.0) continue;
+    const double size = hypot(r[1], r[2]);
+    if (r[0] <= 0.0) piece->ended[k] = APART;
+    else if (mode[1] != 0.0 && size >= friction[k] * r[0] && friction[k] > 0.0) {
+      piece->ended[k] = SLIDES;
+      for (int i = 0; i < 2; ++i) piece->slips[k][i] = -r[1 + i] / size;
+    }
+  }
+}
+
 /* Stop slow contacts that move against the direction in which they are to start. */
 static void align(real* x, piece_t* piece) {
   where_t where;

@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arms under random torques above a table: what must hold whatever they do."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import models
+from arm_sim import Simulator, contact_history
+from models.touching import contact
+from tolerances import ENERGY_DRIFT, ORDER
+
+TWO_LINK = {"robot": {"urdf": str(models.SCENES / "two_link.urdf")}}
+START = {"initial": {"position": {"shoulder": 0.4, "elbow": 0.5}}}
+
+
+@cache
+def arm(mu: float, e: float) -> Simulator:
+    """Two links; the tip and the elbow may touch a table 0.2 m below the shoulder."""
+    below = {"point": [0, 0, -0.2]}
+    touch = [
+        contact(frame, plane=below, friction=mu, restitution=e) for frame in ("tip", "forearm")
+    ]
+    return Simulator({**TWO_LINK, **START, "constraints": touch}, integrator="rk4", dt=1e-3)
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_never_inside_never_pulled_never_more_energy(seed: int) -> None:
+    """Ten seconds each: gaps, forces and the energy that the torques have not put in."""
+    rng = np.random.default_rng(seed)
+    sim = arm(float(rng.choice([0.0, 0.3, 0.5])), float(rng.choice([0.0, 0.4, 0.9])))
+    sim.reset()
+    ticks = 10_000
+    tau = np.repeat(rng.normal(0.0, [8.0, 3.0], (ticks // 100, 2)), 100, axis=0)
+    gaps = []
+    run = sim.run(ticks * sim.dt, tau)
+    modes = sim._stepper.modes
+    for q, v in zip(run.q[::3], run.v[::3], strict=True):
+        gaps.append(modes.geometry(np.concatenate([q, v]))[0][::3].min())
+    assert min(gaps) > -1e-12 and sim._stepper.memory.impacts > 0
+    assert np.diff(run.balance).max() < ENERGY_DRIFT * run.kinetic.max()
+    some = slice(0, 400)
+    history = contact_history(sim, type(run)(
+        **{name: getattr(run, name)[some] for name in ("time", "q", "v", "tau", "error")},
+        dynamics=run.dynamics,
+    ))  # fmt: skip
+    assert (history.force[:, :, 2] >= 0.0).all()
+
+
+def test_order_is_kept_through_touching_sliding_and_bouncing() -> None:
+    """RK4 with events located to rounding: order 4 as without contact."""
+    scene = {"constraints": [contact("tip", plane={"point": [0, 0, -0.2]}, friction=0.2,
+                                     restitution=0.5)]}  # fmt: skip
+    exact = Simulator({**TWO_LINK, **START, **scene}, tolerance=1e-13, dt=1e-2)
+    wanted = exact.run(0.7).q[-1]
+    impacts = exact._stepper.memory.impacts
+    errors = []
+    for dt in (5e-3, 2.5e-3, 1.25e-3):
+        sim = Simulator({**TWO_LINK, **START, **scene}, integrator="rk4", dt=dt)
+        errors.append(np.abs(sim.run(0.7).q[-1] - wanted).max())
+        assert sim._stepper.memory.impacts == impacts
+    assert impacts >= 2
+    assert np.log2(errors[0] / errors[1]) > 4 - ORDER
+    assert np.log2(errors[1] / errors[2]) > 4 - ORDER
