@@ -87,7 +87,7 @@ class JointDrive:
 
     @property
     def passes_torque(self) -> bool:
-        """Whether the command is the joint's torque and no current flows: all it has is inertia."""
+        """Whether the command is the joint's torque, and all that the motor has is inertia."""
         plain = self.motor.command == "torque" and self.motor.torque_constant is None
         return plain and self.motor.cogging is None and self.coupling is None
 
