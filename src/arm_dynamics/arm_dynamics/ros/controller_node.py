@@ -191,6 +191,8 @@ class ControllerNode(Node):
         Returns:
             The command that was published, or None when the state could not be used.
         """
+        self._builder.deliver()
+        self._goals.deliver()
         if (command := self._log.again(raw)) is not None:
             self._commands.publish(command)
             return command
@@ -200,7 +202,6 @@ class ControllerNode(Node):
             self._log.passed_over += 1
             self._say(f"joint state passed over: {error}")
             return None
-        self._builder.deliver()
         state = Measured(q, v)
         reference = self._reference(stamp, state)
         tau = self._control.torque(state, reference)

@@ -82,9 +82,8 @@ class Goals:
         self.follower = Follower(q, self._limits)
 
     def reference(self, stamp: int) -> Reference:
-        """Take what has been planned and give the reference at a stamp in [ns]."""
+        """The reference at a stamp in [ns]."""
         self.stamp = stamp
-        self.deliver()
         return self.follower.reference(stamp)
 
     def trajectory(self, message: JointTrajectory) -> None:
