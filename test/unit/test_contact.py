@@ -12,7 +12,7 @@ from scipy.integrate import solve_ivp
 import models
 from arm_sim import Simulator
 from models.touching import contact, rails
-from tolerances import CLOSED_FORM, CONTACT_EVENTS, assert_close
+from tolerances import CLOSED_FORM, CONTACT_EVENTS, FINITE_DIFF, assert_close
 
 G = 9.81
 OPTIONS: dict[str, dict[str, Any]] = {
@@ -140,6 +140,32 @@ def test_arm_slides_where_it_is_pushed_beyond_the_cone(options: dict[str, Any]) 
     assert_close(force.force, force.normal * np.array([-0.5, 0.0, 1.0]), CLOSED_FORM)
     assert run.v[1] @ jacobian(run.q[1])[0] > 0.0
     assert_close(height(run.q[1:]), np.full(len(run) - 1, -0.2), 1e-15)
+
+
+def test_linearize_keeps_to_the_table() -> None:
+    """Derivatives of a sliding tick along the table, against differences; none away from it."""
+    table = contact("tip", friction=0.5, plane={"point": [0, 0, -0.2]})
+    sim = touching({"robot": {"urdf": TWO_LINK}}, table)
+    q = elbow_up(0.6, -0.2)
+    tau = sim.dynamics.gravity(q) - jacobian(q).T @ [-15.0, 20.0]
+    sim.reset(q=q)
+    sim.run(0.05, tau)
+    state, h = sim.state, 1e-6
+    A, B = sim.linearize(state, tau)
+    across = jacobian(state.q)[1]
+    along = np.array([-across[1], across[0]])
+
+    def after(speed: float, push: np.ndarray) -> np.ndarray:
+        sim.set_state(state.q, state.v + speed * along)
+        end = sim.step(tau + push)
+        return np.concatenate([end.q, end.v])
+
+    still = np.zeros(2)
+    assert_close(A[:, 2:] @ along, (after(h, still) - after(-h, still)) / (2 * h), FINITE_DIFF)
+    for push in np.eye(2):
+        difference = (after(0.0, h * push) - after(0.0, -h * push)) / (2 * h)
+        assert_close(B @ push, difference, FINITE_DIFF)
+    assert np.abs(across @ A[:2, :2] @ across) < 1e-3 * (across @ across)
 
 
 def test_unbalanced_rotor_lifts_its_base_off() -> None:

@@ -98,6 +98,7 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         "AT_REST": AT_REST,
         "LEAST_REBOUND": modes.LEAST_REBOUND,
         "SLACK": modes.SLACK,
+        "EDGE": modes.EDGE,
         "ROUNDING": dry.ROUNDING,
         "SUDDEN_STOP": dry.AT_REST,
         "SINKING": pieces.SINKING,

@@ -33,6 +33,8 @@ SPEED_ROUNDING = 1e-13
 LEAST_REBOUND = 1e-9
 # Acceleration, relative to the largest, by which one that is about to move may go wrong.
 SLACK = 1e-9
+# Part of its cone that a force may lack and still be on the edge.
+EDGE = 1e-9
 
 
 class Trouble(IntEnum):
@@ -141,7 +143,7 @@ class Modes:
                 if worst is None:
                     return self._determined(x, u, p)
                 if not self._pivot(x, u, p, worst, given):
-                    return False
+                    break
             if attempt == 0:
                 self._sweep(x, u, p, touching, given)
         return False
@@ -246,9 +248,14 @@ class Modes:
         self, x: Array, u: Array, p: Array, touching: Array, given: list[Array | None]
     ) -> None:
         W, _, free = (value.copy() for value in self.inertia(x, u, p))
-        for mode, answer in zip(
-            self.modes(p), several(W, free, self.mu, given, touching), strict=True
-        ):
+        answers = several(W, free, self.mu, given, touching)
+        for mode, answer, mu in zip(self.modes(p), answers, self.mu, strict=True):
+            normal, *t = answer.force
+            size = float(np.hypot(*t))
+            # On the very edge of its cone: where contacts are redundant, the forces of least norm
+            # would leave it.
+            if answer.does == Does.STICKS and size >= (1.0 - EDGE) * mu * normal and size > 0.0:
+                answer = Answer(Does.SLIDES, answer.force, -np.array(t) / size)
             self._put(mode, answer)
 
     def _put(self, mode: Array, answer: Answer) -> None:

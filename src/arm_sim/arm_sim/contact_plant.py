@@ -43,6 +43,17 @@ class ContactPlant:
     inertia: ca.Function
     close: ca.Function
 
+    def closing(self, step: ca.Function) -> ca.Function:
+        """A step (x, u, p, h) -> x that ends at the closed contacts and where points stick."""
+        x, u, p, h = (step.mx_in(i) for i in range(4))
+        whole = self.close.size1_in(0)
+        place = ca.reshape(self.geometry(x[:whole])[0], 3, len(self.points))
+        after = step(x, u, p, h)
+        found = after[:whole]
+        for _ in range(2):
+            found = self.close(found, p, ca.vec(place[1:, :]))
+        return ca.Function("step", [x, u, p, h], [ca.vertcat(found, after[whole:])])
+
 
 def contact_plant(model: ArmModel, s: Symbols, joints: Joints) -> ContactPlant:
     """Compose the functions of a scene with contacts.

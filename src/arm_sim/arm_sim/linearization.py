@@ -29,6 +29,7 @@ class Linearizer:
     def __init__(self, plant: Plant, choice: Choice) -> None:
         self._plant, self._choice = plant, choice
         step = build_step(choice.method, plant.rhs, plant.model.n, plant.project)
+        step = plant.contact.closing(step) if plant.contact else step
         tick = build_tick(step, actuation(plant))
         x, r, p, h = (
             ca.MX.sym(name, tick.size1_in(i)) for i, name in enumerate(("x", "r", "p", "h"))

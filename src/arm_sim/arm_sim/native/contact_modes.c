@@ -5,7 +5,7 @@
  *
  * Before this file: cone.c, cones.c; NX, NU, NP, ND (joints with directions in p: NU or 0), STATIC and RESTITUTION (brace lists),
  * SZ_ARG, SZ_RES, SZ_IW, SZ_W (of the functions called), PIVOTS, GAP_ROUNDING, HOP, SPEED_ROUNDING, AT_REST, LEAST_REBOUND,
- * SLACK; with error control also adaptive.c and ADAPTIVE.
+ * SLACK, EDGE; with error control also adaptive.c and ADAPTIVE.
  */
 
 enum trouble { NONE, NUMBERS, EVENTS, UNDETERMINED, INSIDE };
@@ -228,7 +228,7 @@ static int settle(const real* x, piece_t* piece) {
           if (MODE(piece, i)[0] != 0.0 && MODE(piece, i)[1] == 0.0 && !(loads.grip[i] > 0.0)) return 0;
         return 1;
       }
-      if (!pivot(x, piece, &loads, worst)) return 0;
+      if (!pivot(x, piece, &loads, worst)) break;
     }
     if (attempt == 0) {
       inertia_t inertia;
@@ -241,7 +241,14 @@ static int settle(const real* x, piece_t* piece) {
         for (int i = 0; i < 2; ++i) cones.given[k][i] = piece->given[k][i];
       }
       several(&cones, answers);
-      for (int k = 0; k < NC; ++k) put_mode(MODE(piece, k), answers + k);
+      for (int k = 0; k < NC; ++k) {
+        const double *r = answers[k].force, size = hypot(r[1], r[2]);
+        if (answers[k].does == STICKS && size >= (1.0 - EDGE) * friction[k] * r[0] && size > 0.0) {
+          answers[k].does = SLIDES;
+          for (int i = 0; i < 2; ++i) answers[k].direction[i] = -r[1 + i] / size;
+        }
+        put_mode(MODE(piece, k), answers + k);
+      }
     }
   }
   return 0;
