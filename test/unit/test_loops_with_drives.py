@@ -28,7 +28,7 @@ def test_loop_stays_closed_and_the_account_closes(law: str) -> None:
     free = load_scene(models.SCENES / "four_bar.yaml")
     crank = Simulator(free).joint_names[0]
     scene = load_scene({**free.model_dump(exclude_unset=True), "joints": {crank: LAWS[law]}})
-    sim = Simulator(scene)
+    sim = Simulator(scene, tolerance=1e-9)
     run = sim.run(0.5, np.array([1.0, 0.0, 0.0]))
     rows = sim.dynamics.constrained.closure.rows.stacked(
         sim.state.q, sim.state.v, sim.held_constraints
