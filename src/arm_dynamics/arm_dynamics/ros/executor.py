@@ -71,6 +71,7 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
     except ExternalShutdownException:
         pass
     finally:
+        executor.remove_node(node)  # before what its callbacks point to is gone
         executor.shutdown()
 
 
