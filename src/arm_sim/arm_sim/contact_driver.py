@@ -26,7 +26,14 @@ EVENTS = 5_000
 INSIDE = 1e-9
 
 
-DRIVERS = ("cones.c", "contact_modes.c", "contact_impact.c", "contact_pieces.c", "contact.c")
+DRIVERS = (
+    "cones.c",
+    "contact_modes.c",
+    "contact_impact.c",
+    "contact_pieces.c",
+    "contact_slow.c",
+    "contact.c",
+)
 
 
 class ContactMemory(ctypes.Structure):

@@ -3,7 +3,7 @@
  * Ticks of a scene with contacts: smooth pieces between touch-downs, lift-offs, stops and starts. The same lines stand in
  * Python in contact.py, with the reasons, for machines without a compiler; a test holds the two together.
  *
- * Before this file: contact_pieces.c; MOST_EVENTS, MOST_REBOUNDS, DEEP.
+ * Before this file: contact_impact.c, contact_slow.c; MOST_EVENTS, MOST_REBOUNDS, DEEP.
  */
 
 /* Work of sliding contacts over a piece, by Simpson's rule. */
@@ -52,8 +52,8 @@ static enum trouble contact_tick(real* x, piece_t* piece, double h, memory_t* me
       for (int i = 0; i < NX; ++i) x[i] = i < NU || i >= 2 * NU ? now[i] : 0.0;
       return NONE;
     }
-    const double reach = fmin(left, find_reach(now, piece, h)), length = piece_length(now, piece, reach, &calm);
-    if (!flow(now, piece, length, after)) return NUMBERS;
+    const double reach = fmin(left, find_reach(now, piece, h)), length = advance(now, piece, reach, after, &calm);
+    if (length < 0.0) return NUMBERS;
     find_ended(after, piece, calm);
     close_contacts(after, piece, anchor);
     if (!rest(after, piece)) return NUMBERS;

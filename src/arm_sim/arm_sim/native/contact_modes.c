@@ -215,10 +215,19 @@ static int pivot(const real* x, piece_t* piece, const loads_t* loads, int entry)
   return 1;
 }
 
+/* Whether a contact touches or a joint with dry friction is at rest: else there is nothing to find. */
+static int anything_rests(const real* x, const piece_t* piece) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= piece->touching[k];
+  for (int i = 0; i < ND; ++i) any |= static_level[i] > 0.0 && x[NU + i] == 0.0;
+  return any;
+}
+
 /* Find what every contact and joint does: 0 if there is nothing that obeys, or no single one. */
 static int settle(const real* x, piece_t* piece) {
   loads_t loads;
   guess(x, piece);
+  if (!anything_rests(x, piece)) return 1;
   for (int attempt = 0; attempt < 3; ++attempt) {
     for (int k = 0; k < PIVOTS; ++k) {
       find_loads(x, piece, &loads);

@@ -3,61 +3,8 @@
  * Smooth pieces of a motion with contacts: how long one lasts, and what is set right at its ends. The same lines stand in
  * Python in contact_pieces.py, with the reasons, for machines without a compiler; a test holds the two together.
  *
- * Before this file: contact_modes.c; MOST_PARTS, MUCH_TURN, BISECTIONS, ROUNDING, SUDDEN_STOP, SINKING, HELD, INDEPENDENT.
+ * Before this file: contact_modes.c; BISECTIONS, ROUNDING, SUDDEN_STOP, SINKING, HELD, INDEPENDENT.
  */
-
-/* Rate at which friction turns each contact that slides into its direction: 0 if none does. */
-static int find_rates(const real* x, const piece_t* piece, const loads_t* loads, const where_t* where, double* rate) {
-  inertia_t inertia;
-  int any = 0;
-  for (int k = 0; k < NC; ++k) {
-    rate[k] = 0.0;
-    any |= friction[k] > 0.0 && MODE(piece, k)[0] != 0.0 && MODE(piece, k)[1] == 0.0;
-  }
-  if (!any) return 0;
-  find_inertia(x, piece, &inertia);
-  for (int k = 0; k < NC; ++k) {
-    const int n = 3 * k;
-    const real* mode = MODE(piece, k);
-    if (!(friction[k] > 0.0 && mode[0] != 0.0 && mode[1] == 0.0)) continue;
-    const double a = -mode[3], b = mode[2], size = hypot(where->speed[n + 1], where->speed[n + 2]);
-    double across_it = a * a * AT(inertia.W, MC, n + 1, n + 1) + b * b * AT(inertia.W, MC, n + 2, n + 2);
-    across_it += 2.0 * a * b * AT(inertia.W, MC, n + 1, n + 2);
-    rate[k] = friction[k] * loads->force[n] * across_it / fmax(size, AT_REST);
-  }
-  return 1;
-}
-
-/* Contacts that slide so slowly that an explicit method cannot follow their direction: 1 if there are any. */
-static int find_slow(const real* x, piece_t* piece, double tick) {
-  double rate[NC];
-  loads_t loads;
-  where_t where;
-  int any = 0;
-  find_loads(x, piece, &loads);
-  find_geometry(x, &where);
-  if (!find_rates(x, piece, &loads, &where, rate)) return 0;
-  for (int k = 0; k < NC; ++k) {
-    const real *s = where.speed + 3 * k + 1, *a = loads.rate + 3 * k + 1, *mode = MODE(piece, k);
-    const double turn = fabs(mode[2] * a[1] - mode[3] * a[0]) * tick;
-    piece->slow[k] = rate[k] > MOST_PARTS / tick && (mode[2] * a[0] + mode[3] * a[1] >= 0.0 ||
-                                                     turn > MUCH_TURN * hypot(s[0], s[1]));
-    any |= piece->slow[k];
-  }
-  return any;
-}
-
-/* How long a piece may be for slow sliding to be followed. */
-static double find_reach(const real* x, const piece_t* piece, double tick) {
-  double rate[NC], fastest = 1.0 / tick;
-  loads_t loads;
-  where_t where;
-  find_loads(x, piece, &loads);
-  find_geometry(x, &where);
-  if (!find_rates(x, piece, &loads, &where, rate)) return tick;
-  for (int k = 0; k < NC; ++k) fastest = fmax(fastest, rate[k]);
-  return fmax(1.0 / fastest, tick / MOST_PARTS);
-}
 
 /* Motion over h in one piece: 1 if every number stayed finite. */
 static int flow(const real* x, piece_t* piece, real h, real* after) {
@@ -87,6 +34,14 @@ static int try_flow(const real* x, piece_t* piece, real h, real* after) {
 #endif
 }
 
+/* Whether a contact is closed or a joint sticks. */
+static int anything_held(const piece_t* piece) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= MODE(piece, k)[0] != 0.0;
+  for (int i = 0; i < ND; ++i) any |= DIRECTION(piece)[i] == 0.0;
+  return any;
+}
+
 /* Positive if a contact or joint does not obey its mode after a motion of length t. */
 static double wrongness(const real* x, const piece_t* piece, const double* ground, double t) {
   const real *d = DIRECTION(piece), *v = x + NU;
@@ -95,7 +50,7 @@ static double wrongness(const real* x, const piece_t* piece, const double* groun
   where_t where;
   loads_t loads;
   find_geometry(x, &where);
-  find_loads(x, piece, &loads);
+  if (anything_held(piece)) find_loads(x, piece, &loads);
   for (int k = 0; k < NC; ++k) {
     const real *r = loads.force + 3 * k, *s = where.speed + 3 * k, *mode = MODE(piece, k);
     if (mode[0] == 0.0) {
@@ -151,37 +106,50 @@ static double first_positive(const search_t* search, double h) {
 }
 
 /* A time before `length` at which a contact is below its plane, on its way up again; 0 if there is none. */
-static double dip_before(search_t* search, double length) {
+static double dip_before(search_t* search, double length, const real* end) {
   real after[NX];
   where_t before, back;
-  double found = 0.0;
   find_geometry(search->x, &before);
-  if (!try_flow(search->x, search->piece, length, after)) return 0.0;
-  find_geometry(after, &back);
-  for (int k = 0; k < NC && found == 0.0; ++k) {
+  find_geometry(end, &back);
+  for (int k = 0; k < NC; ++k) {
     if (MODE(search->piece, k)[0] != 0.0 || !(before.speed[3 * k] < 0.0 && back.speed[3 * k] > 0.0)) continue;
     search->contact = k;
     const double turn = first_positive(search, length);
     search->contact = -1;
     if (try_flow(search->x, search->piece, turn, after) &&
         wrongness(after, search->piece, search->ground, turn) > 0.0)
-      found = turn;
+      return turn;
   }
-  return found;
+  return 0.0;
 }
 
-/* How long the modes stay right; whether that is to the end, in `calm`. */
-static double piece_length(const real* x, piece_t* piece, double left, int* calm) {
+/* Motion to where the modes stop being right, at most over `reach`: its length, -1 if it cannot be computed. */
+static double advance(const real* x, piece_t* piece, double reach, real* after, int* calm) {
   search_t search = {x, piece, {0.0}, -1};
   where_t where;
   find_geometry(x, &where);
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(where.place[3 * k], 0.0);
-  *calm = value_at(&search, left) <= 0.0;
-  const double length = *calm ? left : first_positive(&search, left);
-  const double dip = dip_before(&search, length);
+#ifdef ADAPTIVE
+  const control_t kept = *piece->control;
+#endif
+  const int reached = flow(x, piece, reach, after);
+  *calm = reached && wrongness(after, piece, search.ground, reach) <= 0.0;
+  double length = reach;
+  if (!*calm) {
+#ifdef ADAPTIVE
+    *piece->control = kept;
+#endif
+    length = first_positive(&search, reach);
+    if (!flow(x, piece, length, after)) return -1.0;
+  }
+  const double dip = dip_before(&search, length, after);
   if (dip == 0.0) return length;
+#ifdef ADAPTIVE
+  *piece->control = kept;
+#endif
   *calm = 0;
-  return first_positive(&search, dip);
+  length = first_positive(&search, dip);
+  return flow(x, piece, length, after) ? length : -1.0;
 }
 
 /* Whether a closed contact is not quite closed, or does not quite rest. */
@@ -227,26 +195,6 @@ static void find_ended(const real* x, piece_t* piece, int calm) {
       for (int i = 0; i < 2; ++i) piece->slips[k][i] = -r[1 + i] / size;
     }
   }
-}
-
-/* Stop slow contacts that move against the direction in which they are to start. */
-static void align(real* x, piece_t* piece) {
-  where_t where;
-  real anchor[2 * NC], was[NC];
-  int any = 0;
-  find_geometry(x, &where);
-  for (int k = 0; k < NC; ++k) {
-    const real* s = where.speed + 3 * k + 1;
-    real* mode = MODE(piece, k);
-    was[k] = mode[1];
-    anchor[2 * k] = where.place[3 * k + 1];
-    anchor[2 * k + 1] = where.place[3 * k + 2];
-    if (!piece->slow[k] || mode[0] == 0.0 || mode[2] * s[0] + mode[3] * s[1] > 0.0) continue;
-    mode[1] = 1.0;
-    any = 1;
-  }
-  if (any) close_contacts(x, piece, anchor);
-  for (int k = 0; k < NC; ++k) MODE(piece, k)[1] = was[k];
 }
 
 /* Rank of a symmetric matrix that is not negative, by elimination with diagonal pivots. */
