@@ -82,6 +82,7 @@ def _across(scene: str, ticks: int, logs: Path, domain: int) -> dict[str, Any]:
             processes.start("controller", "controller", scene, "--with-parent")
             return _led(node, executor, ticks)
     finally:
+        executor.remove_node(node)
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()

@@ -19,7 +19,6 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from arm_dynamics.exceptions import Refused
 from arm_dynamics.ros.interfaces import LATCHED
 
 if TYPE_CHECKING:
@@ -79,7 +78,7 @@ def _flood(suite: Suite) -> None:
 
 def _bare(suite: Suite) -> None:
     publisher = suite.watcher.publisher(Float64MultiArray, "sim/commands")
-    for data in ([0.0] * 100_000, [1.0], [float("nan")] * suite.n):
+    for data in ([0.0] * 1000, [1.0], [float("nan")] * suite.n):
         publisher.publish(Float64MultiArray(data=data))
         time.sleep(0.1)  # only the newest one is delivered
 
@@ -114,12 +113,8 @@ def _description(suite: Suite) -> None:
 
 
 def _requests(suite: Suite) -> None:
-    for bad in (np.full(suite.n, np.nan), np.zeros((100_001, suite.n))):
-        try:
-            suite.client.inverse_dynamics(bad)
-        except Refused:
-            continue
-        raise AssertionError("a bad request was answered")
+    suite.refused(np.full(suite.n, np.nan))
+    suite.refused(np.zeros(suite.n + 1))
 
 
 def _diverge(suite: Suite) -> None:
@@ -169,7 +164,8 @@ FAULTS = (
           "controller: controller", "trajectories refused"),
     Fault("joint states that are not finite", _states,
           "controller: controller", "joint states passed over"),
-    Fault("bad and giant requests", _requests, "dynamics: services", "requests refused"),
+    Fault("requests that are not finite or too long", _requests,
+          "dynamics: services", "requests refused"),
     Fault("bad robot description", _description, "other: services", "description was refused"),
     Fault("speeds beyond all numbers", _diverge, "sim: simulation", "last good state is kept",
           gentle=False),
@@ -177,8 +173,9 @@ FAULTS = (
           gentle=False),
     Fault("processors taken away for two seconds", _hog, "sim: loop", "after the next one was due",
           gentle=False),
-    Fault("controller stopped for 1.5 s", _freeze, "sim: commands", "no command", gentle=False),
-    Fault("controller killed", _kill("controller"), "sim: commands", "no command",
+    Fault("controller stopped for 1.5 s", _freeze, "sim: commands", "commands stopped",
+          gentle=False),
+    Fault("controller killed", _kill("controller"), "sim: commands", "commands stopped",
           gentle=False, last=True),
     Fault("simulation killed", _kill("sim"), "controller: controller", "no joint state",
           gentle=False, last=True),

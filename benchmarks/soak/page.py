@@ -73,6 +73,7 @@ def page(result: Result) -> str:
             ),
         ),
         "Growth compares the medians of the first and last tenth after warming up. Processes are "
-        "killed only in the last minute and a half, so memory is that of one life.",
+        "killed only in the last minute and a half, so memory is that of one life. Giant messages "
+        "are sent at the beginning: the transport keeps the buffers of the largest it has seen.",
     ]  # fmt: skip
     return "\n\n".join(lines).replace("\n\n- ", "\n- ") + "\n"

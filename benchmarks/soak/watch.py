@@ -81,6 +81,7 @@ class Watcher:
 
     def close(self) -> None:
         """Leave the graph."""
+        self._executor.remove_node(self.node)
         self._executor.shutdown()
         self.node.destroy_node()
         self.context.try_shutdown()

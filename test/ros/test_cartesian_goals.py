@@ -147,12 +147,47 @@ def test_a_goal_in_motion_takes_over_without_a_jump(node: ControllerNode) -> Non
     assert_close(HAND.pose(q[-1]).position - HERE.position, [0.0, -0.1, 0.0], 1e-8)
 
 
+@pytest.mark.filterwarnings("ignore::SyntaxWarning")  # docstrings of toppra
+def test_goals_may_be_as_quick_as_the_joints_allow(ros: Ros) -> None:
+    pytest.importorskip("toppra")
+    took = []
+    for timing in ("smooth", "time_optimal"):
+        node = ros.add(
+            ControllerNode, models.scene("panda"), task_frame=FRAME, cartesian_timing=timing,
+            cartesian_speed=9.0, cartesian_acceleration=100.0, acceleration_limit=10.0,
+        )  # fmt: skip
+        see(node, 0)
+        node.on_cartesian_goal(pose([0.0, 0.2, -0.1]))
+        planned(node, 0)
+        took.append(node.follower.remaining(0))
+        assert_close(hand(node, 10_000 * MS), [0.0, 0.2, -0.1], 1e-8)
+    assert took[1] < 0.9 * took[0]
+
+
 def test_the_newest_goal_counts(node: ControllerNode, capfd: pytest.CaptureFixture[str]) -> None:
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
     node.on_cartesian_goal(pose([0.0, 0.0, -0.2]))
     planned(node, 0)
     assert "a newer goal takes the place" in capfd.readouterr().err
     assert_close(hand(node, 10_000 * MS), [0.0, 0.0, -0.2], 1e-8)
+
+
+def test_a_short_trajectory_takes_the_place_of_a_goal_that_is_being_planned(
+    node: ControllerNode,
+) -> None:
+    node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
+    node.on_joint_trajectory(long_trajectory(2, 1.0))
+    assert not node.busy or node._builder.busy
+    time.sleep(0.3)
+    see(node, MS)
+    assert_close(node.follower.reference(5_000 * MS).q, HOME + 0.2, 1e-12)
+
+
+def test_a_refused_trajectory_leaves_a_goal_that_is_being_planned(node: ControllerNode) -> None:
+    node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
+    node.on_joint_trajectory(JointTrajectory())
+    planned(node, 0)
+    assert_close(hand(node, 10_000 * MS), [0.0, 0.2, 0.0], 1e-8)
 
 
 def test_poses_may_be_given_in_a_frame_that_stands(node: ControllerNode) -> None:

@@ -176,4 +176,4 @@ def test_a_lost_reply_is_asked_for_again(ros: Ros) -> None:
     finally:
         end.set()
         server.join()
-    assert len(asked) == 2
+    assert len(asked) >= 2

@@ -110,7 +110,7 @@ def test_a_killed_controller_is_replaced_and_the_arm_stays(loop: Loop) -> None:
     loop.until_well()
     before = loop.position()
     loop.kill("controller")
-    loop.until_said("sim: commands", "the policy 'gravity' acts")
+    loop.until_said("sim: commands", "commands stopped")
     np.testing.assert_allclose(loop.position(), before, atol=1e-3)
     loop.start("controller")
     loop.until_well()

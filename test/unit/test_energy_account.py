@@ -10,6 +10,7 @@ import pytest
 
 import models
 from arm_sim import Simulator
+from arm_sim.ros.energy_meter import EnergyMeter
 from tolerances import assert_close
 
 LUGRE = {
@@ -105,3 +106,18 @@ def test_tunable_quantities_are_those_of_the_run() -> None:
     sim.set_parameter("gravity", [0.0, 0.0, -9.81])
     kept = run.kinetic + run.stored + run.potential * 1.62 / 9.81
     assert_close(kept - kept[0] - run.supplied + run.lost, np.zeros(101), 1e-7)
+
+
+def test_the_meter_of_a_running_simulation_says_the_same(sim: Simulator) -> None:
+    sim.reset()
+    recorded = sim.run(0.02, U)
+    sim.reset()
+    meter = EnergyMeter(sim)
+    for _ in range(20):
+        sim.step(U)
+        meter.note(sim.command, sim.state)
+    account = meter.account()
+    assert_close(account.total, recorded.energy[-1], 1e-12)
+    assert_close(account.input, recorded.supplied[-1], 1e-7)
+    assert_close(account.dissipated, recorded.lost[-1], 1e-7)
+    assert_close(account.balance, recorded.balance[-1], 1e-7)

@@ -21,6 +21,7 @@ from arm_dynamics.joint_friction import JointFriction
 from arm_dynamics.model import Array
 from arm_dynamics.stateful import Ensemble, Flow
 from arm_sim.choice import Choice
+from arm_sim.contact_losses import ContactLosses
 from arm_sim.driven import split
 from arm_sim.energy import dissipated_work, input_work
 from arm_sim.make import make_stepper
@@ -87,12 +88,14 @@ class Audit:
     @property
     def makes_ticks_again(self) -> bool:
         """Whether ``flows`` costs as much as the ticks themselves."""
-        return self._plant.laws is not None
+        return self._plant.laws is not None or self._plant.contact is not None
 
     def prepare(self) -> None:
         """Build now what the first ``flows`` would have to build."""
-        if self.makes_ticks_again:
+        if self._plant.laws:
             self._stepper.restart()
+        elif self._plant.contact:
+            self._contacts  # noqa: B018 - building it is what is wanted
 
     def stored(self, x: Array) -> Array:
         """Energy that the laws store at states of shape (k, nx), in [J], shape (k,)."""
@@ -111,10 +114,12 @@ class Audit:
         Returns:
             Work and heat in [J], shape (k, 2); NaN if a tick cannot be made again.
         """
-        if self.makes_ticks_again:
+        if self._plant.laws:
             return self._made_again(x, u, p)
         q, v = np.split(x, 2, axis=1)
         heat = dissipated_work(self._dynamics, self._choice.dt, q, v, u)
+        if self._plant.contact:
+            heat = heat + self._contacts(x, u, p).sum(axis=1)
         return np.stack([input_work(q, u), heat], axis=1)
 
     def _made_again(self, x: Array, u: Array, p: Array) -> Array:
@@ -128,6 +133,10 @@ class Audit:
             if stepper.roll(now, np.ascontiguousarray(command), 1, trace, effort, error) == 1:
                 out[k] = now[-2:]
         return out
+
+    @cached_property
+    def _contacts(self) -> ContactLosses:
+        return ContactLosses(self._plant, self._choice, self._backend)
 
     @cached_property
     def _laws(self) -> Ensemble:

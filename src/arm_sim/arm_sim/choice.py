@@ -19,8 +19,8 @@ TOLERANCE_RANGE = (1e-14, 1e-1)
 # Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
 # Differential Equations II, figure IV.2.1); the rate grows as the arm folds, hence the margin.
 STIFF = 1.4
-# Error of a sub-step through stiff bristles unless the caller says: a tick is 1.1 to 1.6 sub-steps
-# on the average, 70 where a joint reverses, and half a second ends within 1e-5 rad of the truth.
+# Error of a sub-step through stiff bristles unless the caller says: a tick is 1.1 to 2.7 sub-steps
+# on the average, 150 where a joint reverses, and half a second ends within 1e-7 rad of the truth.
 BRISTLES = 1e-6
 # Drives answer within a tick, so a step of fixed length is never sure of them: see
 # docs/friction-and-actuation.md for what these tolerances cost. From about this rate on the

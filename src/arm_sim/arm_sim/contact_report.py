@@ -13,6 +13,7 @@ from arm_dynamics.exceptions import ConstraintError
 from arm_dynamics.model import Array
 from arm_sim.contact import ContactStepper
 from arm_sim.contact_driver import INSIDE
+from arm_sim.contact_losses import ContactLosses
 from arm_sim.contact_modes import Trouble
 from arm_sim.plant import Plant
 from arm_sim.recording import Recording
@@ -100,16 +101,11 @@ def contact_history(sim: Simulator, recording: Recording) -> ContactHistory:
     Raises:
         InvalidInput: If the scene has no contact.
     """
-    stepper, n = _contact_stepper(sim), sim.n
+    stepper = _contact_stepper(sim)
     x = np.hstack([recording.q, recording.v])
     forces = [_forces(stepper, *pair) for pair in zip(x, recording.tau, strict=True)]
-    again = ContactStepper(sim.plant, sim.choice, sim.backend)
-    again.p[:], again.memory.audit = stepper.p, 1
-    trace, effort, error = np.empty((1, 2 * n)), np.empty((1, n)), np.empty(1)
-    losses = np.zeros((len(x), 2))
-    for k in range(len(x) - 1):
-        again.roll(x[k].copy(), recording.tau[k].copy(), 1, trace, effort, error)
-        losses[k + 1] = again.memory.loss, again.memory.friction
+    losses = ContactLosses(sim.plant, sim.choice, sim.backend)(x, recording.tau[:-1], recording.p)
+    losses = np.vstack([np.zeros(2), np.cumsum(losses, axis=0)])
     arrays = (
         np.array([[f.gap for f in row] for row in forces]),
         np.array([[f.force for f in row] for row in forces]),

@@ -247,7 +247,11 @@ def check_kernel(plant: Plant, kernel: Kernel) -> None:
         acted, law = np.array(plant.torques(x, tau)[1]).ravel(), plant.model.friction
         steady = [law.steady(v, np.sign(v), q, load) for load in (acted, tau)]
         missing = tau - steady[1] - (acted - steady[0] + law.bent(v, np.sign(v)))
-        return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
+        if plant.project is None:
+            return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
+        still = np.zeros(n)
+        both = dynamics.forward(q, still, missing), dynamics.forward(q, still, still)
+        return a + both[0] - both[1]
 
     check = check_forward if plant.project is None else check_constrained
     check(dynamics, acceleration)

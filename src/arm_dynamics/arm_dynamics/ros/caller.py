@@ -50,6 +50,7 @@ class Caller:
     def close(self) -> None:
         """Leave the graph; calling it again does no harm."""
         if self._context.ok():
+            self._executor.remove_node(self._node)  # before what its callbacks point to is gone
             self._executor.shutdown()
             self._node.destroy_node()
             self._context.try_shutdown()

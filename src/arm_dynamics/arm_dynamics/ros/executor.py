@@ -15,7 +15,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.ros.privileges import freeze_garbage
 
+FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
 _GLANCE = 0.1  # [s] between looks at whether to end, when nothing happens
 _THROTTLE = 2.0  # [s] between messages of one kind
@@ -69,6 +71,7 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
     except ExternalShutdownException:
         pass
     finally:
+        executor.remove_node(node)  # before what its callbacks point to is gone
         executor.shutdown()
 
 
@@ -107,6 +110,8 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
     try:
         _initialize(context, args)
         node = make_node(context=context)
+        if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
+            freeze_garbage()
         spin(node, lambda: bool(asked))
     except ArmError as error:
         print(f"error: {error}", file=sys.stderr)

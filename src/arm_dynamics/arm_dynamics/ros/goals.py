@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
@@ -80,6 +81,8 @@ class Goals:
     def hold(self, q: Array) -> None:
         """Stand still at ``q``, shape (n,); what is being planned is given up."""
         self.follower = Follower(q, self._limits)
+        if self._background.give_up():
+            self.outcome = "given up, the arm is held where it is"
 
     def reference(self, stamp: int) -> Reference:
         """The reference at a stamp in [ns]."""
@@ -132,24 +135,33 @@ class Goals:
         moving = follower.remaining(self.stamp) > 0.0
         lead = 0 if at_once or not moving else _LEAD << tries
         outset = follower.outset(self.stamp, goal.start, lead)
-
-        def take(result: Callable[[], Motion]) -> None:
-            motion = self._result(goal, result)
-            if motion is None:
-                return
-            if follower is self.follower and follower.take(outset, motion, self.stamp):
-                self._accept(goal, motion)
-            elif follower is self.follower and tries < _TRIES:
-                self._follow(goal, tries=tries + 1)
-            else:
-                self._refuse(goal, ": the arm's reference changed faster than it was planned")
-
+        plan = partial(goal.plan, outset)
         if at_once:
-            take(lambda: goal.plan(outset))
+            self._take(goal, follower, outset, _TRIES, plan)
             return
         self.outcome = f"planning {goal.kind}: {goal.about}"
-        if self._background.start(lambda: goal.plan(outset), take):
+        if self._background.start(plan, partial(self._take, goal, follower, outset, tries)):
             self._log.info("a newer goal takes the place of one that was being planned")
+
+    def _take(
+        self,
+        goal: _Goal,
+        follower: Follower,
+        outset: Outset,
+        tries: int,
+        result: Callable[[], Motion],
+    ) -> None:
+        """Follow what has been planned, or plan it again where that came too late."""
+        motion = self._result(goal, result)
+        if motion is None:
+            return
+        if follower.take(outset, motion, self.stamp):
+            self._background.give_up()
+            self._accept(goal, motion)
+        elif tries < _TRIES:
+            self._follow(goal, tries=tries + 1)
+        else:
+            self._refuse(goal, ": the arm's reference changed faster than it was planned")
 
     def _result(self, goal: _Goal, result: Callable[[], Motion]) -> Motion | None:
         kept = ", the one before goes on: "

@@ -33,6 +33,8 @@ from trajectory_msgs.msg import JointTrajectory
 
 PUBLISH = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
+# Of several sources: all that come within a tick, so that one does not displace another.
+SOURCES = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
 EVERY = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
@@ -60,7 +62,7 @@ class Service(NamedTuple):
 
 
 JOINT_STATES = Topic("joint_states", JointState, subscribe=NEWEST)
-JOINT_COMMANDS = Topic("joint_commands", JointState, subscribe=NEWEST)
+JOINT_COMMANDS = Topic("joint_commands", JointState, subscribe=SOURCES)
 JOINT_TRAJECTORY = Topic("~/joint_trajectory", JointTrajectory)
 CARTESIAN_GOAL = Topic("~/cartesian_goal", PoseStamped)
 CARTESIAN_PATH = Topic("~/cartesian_path", Path)

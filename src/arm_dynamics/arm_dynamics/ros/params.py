@@ -139,7 +139,9 @@ class ThreadParams:
     cpus: str = parameter("", "Processors that the loop may run on, such as '0, 2'; empty: all")
     lock_memory: bool = parameter(False, "Keep the process's memory from being swapped")
     freeze_garbage: bool = parameter(
-        True, "Take what exists at the start out of the garbage collector's rounds"
+        True,
+        "Take what exists at the start out of the garbage collector's rounds, where the node has "
+        "a process of its own",
     )
 
 
@@ -150,7 +152,7 @@ def privileges(params: ThreadParams) -> Privileges:
         InvalidInput: If ``cpus`` cannot be read.
     """
     cpus = read_cpus(params.cpus)
-    return Privileges(params.priority, cpus, params.lock_memory, params.freeze_garbage)
+    return Privileges(params.priority, cpus, params.lock_memory)
 
 
 @dataclass(frozen=True)

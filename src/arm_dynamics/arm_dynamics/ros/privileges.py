@@ -21,13 +21,11 @@ class Privileges:
         priority: Real-time priority of the thread (SCHED_FIFO), 1 to 99; 0: an ordinary thread.
         cpus: Processors that the thread may run on; none: all.
         lock_memory: Keep the process's memory from being swapped.
-        freeze_garbage: Take what exists now out of the garbage collector's rounds.
     """
 
     priority: int = 0
     cpus: tuple[int, ...] = ()
     lock_memory: bool = False
-    freeze_garbage: bool = False
 
     def claim(self) -> list[str]:
         """Ask for all of it, for the calling thread and its process; nothing else stops working.
@@ -40,7 +38,6 @@ class Privileges:
             (self.priority > 0, self._rise),
             (bool(self.cpus), self._stay),
             (self.lock_memory, _lock),
-            (self.freeze_garbage, _freeze),
         ):
             try:
                 if wanted:
@@ -60,7 +57,6 @@ _WHAT = {
     "_rise": "no real-time priority (allow it by ulimit -r or CAP_SYS_NICE)",
     "_stay": "no processors of its own",
     "_lock": "memory is not locked (allow it by ulimit -l or CAP_IPC_LOCK)",
-    "_freeze": "garbage is not frozen",
 }
 
 
@@ -84,6 +80,7 @@ def _lock() -> None:
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 
 
-def _freeze() -> None:
+def freeze_garbage() -> None:
+    """Take what exists now out of the garbage collector's rounds; for a process of one's own."""
     gc.collect()
     gc.freeze()

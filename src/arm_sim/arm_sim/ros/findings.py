@@ -59,9 +59,10 @@ class Findings:
             "wrenches passed over": node.push.refused,
         }  # fmt: skip
         stopped = self._grown("stale", commands.stale_count)
-        if commands.stale or stopped:
-            now = f"the policy '{node.params.stale_policy}' acts"
-            found.complain(WARN, f"no command: {now}" if commands.stale else "commands stopped")
+        if commands.stale:
+            found.complain(WARN, f"commands stopped: the policy '{node.params.stale_policy}' acts")
+        elif stopped:
+            found.complain(WARN, "commands stopped, and are back")
         if passed := self._grown("passed", node.input.passed_over):
             found.complain(WARN, f"{passed} commands passed over")
         if pushes := self._grown("pushes", node.push.refused):

@@ -18,6 +18,7 @@ from arm_dynamics.ros.interfaces import (
     SET_FRICTION,
     SET_JOINT_STATE,
     SET_PAYLOAD,
+    SOURCES,
     STEP,
     Topic,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "ENERGY",
     "JOINT_COMMANDS",
     "JOINT_STATES",
+    "MAX_COMMANDS",
     "MAX_STEPS",
     "PAUSE",
     "RESET",
@@ -40,6 +42,7 @@ __all__ = [
 ]
 
 MAX_STEPS = 10_000  # of one service call
+MAX_COMMANDS = SOURCES.depth  # looked at in one tick
 
 COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
 ENERGY = Topic("~/energy", Energy)

@@ -31,7 +31,7 @@ from arm_sim.ros.services import SimServices
 from arm_sim.simulator import Simulator
 
 _PAUSED_PERIOD = 0.1  # [s] between joint states while time stands still
-_PATIENCE = 0.5  # [s] after which a silent source is gone, where commands never grow old
+_PATIENCE = 1.0  # [s] after which a silent source is gone; a busy machine may well silence one
 
 
 class SimNode(Node):
@@ -114,7 +114,7 @@ class SimNode(Node):
     def _apply(self, params: SimParams) -> None:
         timeout = self._ticks(params.command_timeout)
         self.commands.configure(timeout, params.stale_policy)
-        self.input.arbiter.patience = timeout or self._ticks(_PATIENCE)
+        self.input.arbiter.patience = max(timeout, self._ticks(_PATIENCE))
         self.params = params
 
     def _ticks(self, duration: float) -> int:
@@ -200,8 +200,6 @@ class SimNode(Node):
         while not self.paused and self.simulator.step_count % self.params.publish_every:
             self._tick_unattended()
 
-    # --- what others need ----------------------------------------------------------------------
-
     def changed(self) -> None:
         """Tell partners and the energy account of a jump of the simulation."""
         self._outputs.restart()
@@ -268,12 +266,12 @@ class SimNode(Node):
             )
         super().destroy_node()
 
-    # --- commands ------------------------------------------------------------------------------
-
     def look_for_command(self) -> None:
-        """Take the newest command if there is one."""
-        taken = None if self._newest is None else self._newest.take()
-        if taken is not None:
+        """Take the commands that came since the last tick; the newest that is admitted counts."""
+        for _ in range(interfaces.MAX_COMMANDS):
+            taken = None if self._newest is None else self._newest.take()
+            if taken is None:
+                return
             self.on_joint_commands(*taken)
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
