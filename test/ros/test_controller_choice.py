@@ -98,8 +98,8 @@ def test_every_law_closes_the_loop(ros: Ros, name: str) -> None:
         assert 1e-3 < error < 1.0
     elif name == "motion_force":  # along its direction it only brakes
         assert error < 0.1
-    else:
-        assert error < 1e-3
+    else:  # what pushes nothing ahead is still on its way
+        assert error < (5e-3 if name == "pd_gravity" else 1e-3)
 
 
 def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
@@ -179,11 +179,11 @@ def test_a_change_without_time_would_jump(ros: Ros) -> None:
 
 
 def test_gains_of_a_law_without_memory_act_at_once(ros: Ros) -> None:
-    node = controller_node(ros, controller="pd_gravity", bandwidth=[10.0])
+    node = controller_node(ros, controller="pd_gravity", bandwidth=[4.0])
     effort(node, 0)
     rest = effort(node, MS)
     pull = effort(node, 2 * MS, HOME + 0.01) - effort(node, 2 * MS, HOME)
-    assert change(node, bandwidth=20.0).successful
+    assert change(node, bandwidth=8.0).successful
     gravity = models.dynamics("panda").gravity(HOME + 0.01) - rest
     stronger = effort(node, 3 * MS, HOME + 0.01) - effort(node, 3 * MS, HOME)
     assert_close(stronger - gravity, 4.0 * (pull - gravity), ALGEBRA)
