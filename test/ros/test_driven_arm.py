@@ -30,7 +30,7 @@ def lead(sim: SimNode, controller: ControllerNode, goal: list[float], ticks: int
     for _ in range(ticks):
         sim.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
         sim.tick()
-        reference = controller._follower.reference(round(sim.simulator.state.time * 1e9))
+        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
         errors.append(sim.simulator.state.q - reference.q)
     return np.array(errors)
 

@@ -67,9 +67,9 @@ def watched(sim: SimNode) -> list[np.ndarray]:
 
 def motion(ros: Ros, sim: SimNode, controller: ControllerNode) -> np.ndarray:
     states = watched(sim)
-    ros.spin_until(lambda: controller._follower is not None)
+    ros.spin_until(lambda: controller.follower is not None)
     controller.on_joint_trajectory(trajectory(sim))
-    ros.spin_until(lambda: controller._follower.remaining(0) > 0.0)  # planned, if planning waits
+    ros.spin_until(lambda: controller.follower.remaining(0) > 0.0)  # planned, if planning waits
     sim.requests.pause(False)
     ros.spin_until(lambda: sim.simulator.step_count >= TICKS, timeout=60.0)
     return np.array(states)
