@@ -47,12 +47,23 @@ def task_inertia(A: Array, linear: int, threshold: float = THRESHOLD) -> Inertia
         The inertia.
     """
     scale = _scales(A, linear)
-    values, vectors = np.linalg.eigh(A / (scale[..., :, None] * scale[..., None, :]))
+    return regularized(A / (scale[..., :, None] * scale[..., None, :]), scale, threshold)
+
+
+def regularized(scaled: Array, scale: Array, threshold: float) -> Inertia:
+    """The rest of ``task_inertia`` for a mobility that is scaled already.
+
+    Args:
+        scaled: S⁻¹ A S⁻¹, shape (…, m, m).
+        scale: Diagonal of S, shape (…, m).
+        threshold: ε, dimensionless.
+    """
+    values, vectors = np.linalg.eigh(scaled)
     least = np.maximum(values[..., 0], 0.0)
     lack = np.maximum(1.0 - least / threshold, 0.0)
     regular = np.maximum(values, 0.0) + (threshold * lack * lack)[..., None]
-    scaled = vectors / scale[..., :, None]
-    matrix = (scaled / regular[..., None, :]) @ np.swapaxes(scaled, -1, -2)
+    axes = vectors / scale[..., :, None]
+    matrix = (axes / regular[..., None, :]) @ np.swapaxes(axes, -1, -2)
     return Inertia(matrix, least < threshold, least)
 
 

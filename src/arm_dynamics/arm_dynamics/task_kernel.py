@@ -19,7 +19,7 @@ from arm_dynamics.laws.frame import drift, frame_of, jacobian, placement
 from arm_dynamics.laws.links import tree_of
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.rigid_terms import FrameMotion, RigidTerms
-from arm_dynamics.task_algebra import task_inertia
+from arm_dynamics.task_algebra import regularized
 from arm_dynamics.task_axes import AXES, rows_of
 
 
@@ -68,18 +68,19 @@ class TaskKernel:
     def __init__(
         self, model: ArmModel, frame: str, axes: tuple[str, ...], threshold: float
     ) -> None:
-        self._linear = _linear(axes)
         self._threshold, self._bound = threshold, 1.0 / threshold
         kernel = build(model, frame, axes)
         self._state, self._meant = kernel.call("state"), kernel.call("meant")
         self._instant = _instant(self._state.outputs, model.n, len(axes))
+        self._scaled = self._state.outputs[-2].reshape((len(axes), -1), order="F")
 
     def look(self, q: Array, v: Array) -> Instant:
         """Everything at a state, vectors of shape (n,) that were checked already."""
-        bound, now = self._state(q, v)[-1], self._instant
+        *_, bound, _, scale = self._state(q, v)
         if bound[0] < self._bound:
-            return now
-        return now._replace(inertia=task_inertia(now.A, self._linear, self._threshold).matrix)
+            return self._instant
+        damped = regularized(self._scaled, scale, self._threshold)
+        return self._instant._replace(inertia=damped.matrix)
 
     def meant(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation, J v and J a + J̇ v of all six axes, for a joint reference.
@@ -127,8 +128,9 @@ def _functions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Fun
     B = _solved(M, part.T)
     A = part @ B
     inertia = _solved(A, ca.SX.eye(len(rows)))
-    bound = _largest(A, inertia, _linear(axes))
-    state = [*placed, part, part @ v, moving[rows], M, bias, B, A, inertia, bound]
+    scale = _scales(A, sum(axis in AXES[:3] for axis in axes))
+    bound, scaled = _largest(inertia, scale), A / (scale @ scale.T)
+    state = [*placed, part, part @ v, moving[rows], M, bias, B, A, inertia, bound, scaled, scale]
     meant = [*placed, J @ v, J @ a + moving]
     return [
         ca.Function("state", [q, v], [ca.densify(x) for x in state], {"cse": True}),
@@ -140,8 +142,7 @@ def _instant(outputs: tuple[Array, ...], n: int, m: int) -> Instant:
     """The memory of a kernel as matrices, those of one column too."""
     shapes = ((3,), (3, 3), (m, n), (m,), (m,), (n, n), (n,), (n, m), (m, m), (m, m))
     return Instant._make(
-        memory.reshape(shape, order="F")
-        for memory, shape in zip(outputs[:-1], shapes, strict=True)
+        memory.reshape(shape, order="F") for memory, shape in zip(outputs, shapes, strict=False)
     )
 
 
@@ -150,22 +151,24 @@ def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
     return ca.horzcat(*[rigid_body.solve(matrix, column) for column in ca.horzsplit(right)])
 
 
-def _linear(axes: tuple[str, ...]) -> int:
-    return sum(axis in AXES[:3] for axis in axes)
-
-
-def _largest(A: ca.SX, inertia: ca.SX, linear: int) -> ca.SX:
-    """Bound of the greatest eigenvalue of the scaled Λ; inf or NaN where Λ is no inertia at all.
-
-    That is its trace, see ``task_algebra.task_inertia`` for the scales.
-    """
-    mobility, mass = ca.diag(A), ca.diag(inertia)
-    trace = ca.SX(0)
+def _scales(A: ca.SX, linear: int) -> ca.SX:
+    """The scales of ``task_algebra.task_inertia``, shape (m,)."""
+    mobility, parts = ca.fmax(ca.diag(A), 0), []
     for first, end in ((0, linear), (linear, A.shape[0])):
         if first < end:
-            trace += ca.sum1(mobility[first:end]) / (end - first) * ca.sum1(mass[first:end])
+            scale = ca.sqrt(ca.sum1(mobility[first:end]) / (end - first))
+            parts.append(ca.repmat(ca.if_else(scale < 1e-9, 1, scale), end - first))
+    return ca.densify(ca.vertcat(*parts))
+
+
+def _largest(inertia: ca.SX, scale: ca.SX) -> ca.SX:
+    """Bound of the greatest eigenvalue of the scaled Λ; inf where Λ is no inertia at all.
+
+    That is its trace, for they are all positive where Λ is one.
+    """
+    mass = ca.diag(inertia)
     sound = ca.logic_and(ca.mmin(mass) > 0, ca.mmax(mass) < np.inf)
-    return ca.if_else(sound, trace, np.inf)
+    return ca.if_else(sound, ca.sum1(scale**2 * mass), np.inf)
 
 
 def _check(kernel: Kernel, model: ArmModel, frame: str, axes: tuple[str, ...]) -> None:
