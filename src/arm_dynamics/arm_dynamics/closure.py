@@ -180,7 +180,7 @@ class Closure:
         try:
             bases = [self._metric_rows(q) for q in self._wander(self.model.q0, names)]
         except ConstraintError:  # one that is off need not be within reach
-            return candidates.tolist()
+            return [int(k) for k in candidates]
         for k in taken:
             bases = [_without(Y, k) for Y in bases]
         chosen: list[int] = []
