@@ -38,12 +38,14 @@ def main(seconds: float | None, quick: bool, out: Path, docs: bool) -> None:
     processor shares, and lockstep. The exit status does not depend on the figures: they are of
     this machine and its load.
     """
+    from arm_dynamics.client import ArmClient
     from benchmarks.loop.page import promises, write
 
     domain = free_domain()
     os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
     console = Console(stderr=True)
-    with interruptible():
+    # A participant all the time, so that nobody else takes the domain between two stages.
+    with interruptible(), ArmClient(domain=domain):
         try:
             record = _measured(seconds or (10.0 if quick else 60.0), quick, out, domain, console)
         except KeyboardInterrupt:

@@ -242,6 +242,22 @@ def test_two_controllers_show_and_the_first_one_stays(
     assert "two controllers" in capfd.readouterr().err
 
 
+def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = by_hand(ros)
+    for _ in range(STREAM):
+        node.on_joint_commands(command("/controller:1"))
+        node.tick()
+    intruder = [(command("/controller:2", effort=[9.0, 9.0]), 0)] * 10
+    came = [(command("/controller:1", effort=[2.0, 1.0]), 0), *intruder]
+    monkeypatch.setattr(node._newest, "take", lambda: came.pop(0) if came else None)
+    node.tick()
+    np.testing.assert_array_equal(node.simulator.effort, [2.0, 1.0])
+    assert came == []
+    assert node.input.arbiter.refused == 10
+
+
 def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     node = by_hand(ros)
     node.simulator.set_state([0.0, 0.0], [1e160, 1e160])
