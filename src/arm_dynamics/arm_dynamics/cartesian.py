@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arguments import vector
 from arm_dynamics.control_task import TaskReference
-from arm_dynamics.dynamics import vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.inverse_kinematics import checked_pose
 from arm_dynamics.model import Array

@@ -11,7 +11,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from arm_dynamics.dynamics import Dynamics, vector
+from arm_dynamics.arguments import vector
+from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference, numbers
 from arm_dynamics.rigid_terms import RigidTerms

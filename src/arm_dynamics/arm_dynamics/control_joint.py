@@ -6,8 +6,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arguments import vector
 from arm_dynamics.control import Array, Moving, checked, gain, gains
-from arm_dynamics.dynamics import Dynamics, vector
+from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference, positive_limits
 from arm_dynamics.postures import postures

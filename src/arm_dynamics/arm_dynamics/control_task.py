@@ -13,9 +13,9 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arguments import vector
 from arm_dynamics.control import Array, Moving, checked, gain, gains
 from arm_dynamics.control_friction import ahead
-from arm_dynamics.dynamics import vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference
 from arm_dynamics.task_algebra import axis_masses

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from arm_dynamics.dynamics import vector
+from arm_dynamics.arguments import vector
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model import Array
 from arm_dynamics.postures import postures

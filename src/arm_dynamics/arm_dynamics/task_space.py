@@ -16,7 +16,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.dynamics import Dynamics, vector
+from arm_dynamics.arguments import vector
+from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.rigid_terms import FrameMotion, RigidTerms

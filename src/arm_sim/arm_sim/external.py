@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import Dynamics
-from arm_dynamics.dynamics import vector
+from arm_dynamics.arguments import vector
 from arm_dynamics.model import Array
 from arm_dynamics.task_space import TaskSpace
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import ArmModel, InvalidInput
-from arm_dynamics.dynamics import real_array, vector
+from arm_dynamics.arguments import real_array, vector
 from arm_dynamics.model import Array
 from arm_sim.plant import Plant
 

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import InvalidInput, compiler
-from arm_dynamics.dynamics import real_array, vector
+from arm_dynamics.arguments import real_array, vector
 from arm_dynamics.kernel import generate
 from arm_dynamics.model import Array
 from arm_sim.actuation import actuation

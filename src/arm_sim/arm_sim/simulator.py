@@ -175,8 +175,8 @@ class Simulator:
             table = torque_table(control, ticks, self.n, self.dt)
             done = self._roll(self._stepper, table, trace, effort, errors)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
-        motion = trace[:done], effort[:done], errors[:done]
         about = self.dynamics, self.plant, self.audit, self.parameters, self.dt
+        motion = trace[:done], effort[:done], errors[:done]
         recording = record(*about, start, *motion, self.held_constraints)
         if done < ticks:
             error = self._diverged()
@@ -195,11 +195,9 @@ class Simulator:
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
-        model = self.model
-        q, v = model.q0 if q is None else q, model.v0 if v is None else v
+        q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
         self._x = held.placed(self, q, v, z)
-        self._step = 0
-        self._effort[:] = self._error[:] = 0.0
+        self._step, self._effort[:], self._error[:] = 0, 0.0, 0.0
         self._steppers.restart()
         self._publish()
         return self._state
@@ -271,14 +269,8 @@ class Simulator:
 
     multipliers, set_constraint = held.multipliers, held.set_constraint
     contact_forces = contact_forces
-
-    @cached_property
-    def _linearizer(self) -> Linearizer:
-        return Linearizer(self.plant, self.choice)
-
-    @cached_property
-    def _rollouts(self) -> Rollouts:
-        return Rollouts(self.plant, self.choice, self.backend)
+    _linearizer = cached_property(lambda sim: Linearizer(sim.plant, sim.choice))
+    _rollouts = cached_property(lambda sim: Rollouts(sim.plant, sim.choice, sim.backend))
 
     def _roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, errors: Array
@@ -301,10 +293,7 @@ class Simulator:
         return len(trace)
 
     def _publish(self) -> None:
-        x, n = self._x.copy(), self.n
-        x.setflags(write=False)
-        time, error = self._step * self.dt, float(self._error[0])
-        self._state = State(time, self._step, x[:n], x[n : 2 * n], x[2 * n :], error)
+        self._state = State.of(self._x, self.n, self._step, self.dt, float(self._error[0]))
 
     def _diverged(self) -> SimulationDiverged:
         return diverged(self._state, self.choice, held.hint(self) + trouble(self._stepper))

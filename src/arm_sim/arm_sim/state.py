@@ -27,3 +27,10 @@ class State:
     v: Array
     z: Array
     error: float = 0.0
+
+    @classmethod
+    def of(cls, x: Array, n: int, step: int, dt: float, error: float) -> State:
+        """From x = (q, v, z), which is copied, after ``step`` ticks of ``dt`` in [s]."""
+        x = x.copy()
+        x.setflags(write=False)
+        return cls(step * dt, step, x[:n], x[n : 2 * n], x[2 * n :], error)

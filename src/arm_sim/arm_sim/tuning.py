@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
-from arm_dynamics.dynamics import vector
+from arm_dynamics.arguments import vector
 from arm_dynamics.model import Array
 from arm_dynamics.scene import validated
 from arm_sim.audit import Audit

@@ -11,7 +11,7 @@ import pinocchio as pin
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 
-from arm_dynamics.dynamics import vector
+from arm_dynamics.arguments import vector
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model import ArmModel
 from arm_dynamics.task_terms import Pose

@@ -62,7 +62,7 @@ class Question:
         return self.vectors.get(name)
 
     def points(self, values: np.ndarray, rank: int = 1) -> np.ndarray:
-        """Numbers of an answer, of ``rank`` dimensions a point, as one entry for each point."""
+        """Numbers of an answer, of ``rank`` dimensions a point, as one entry a point."""
         return values[None] if values.ndim == rank else values
 
     def plain(self, values: np.ndarray) -> Any:
