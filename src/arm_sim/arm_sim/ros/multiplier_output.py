@@ -21,6 +21,7 @@ class MultiplierOutput:
         if simulator.model.scene.bilateral:
             topic = interfaces.MULTIPLIERS
             self._publisher = node.create_publisher(topic.type, topic.name, topic.publish)
+            simulator.multipliers()  # what is found out only once is not left to the loop
 
     def publish(self, stamp: int) -> None:
         """Publish the present forces, stamped with the simulated time in [ns]."""
