@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.closure import Closure
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.model import Array
 from arm_dynamics.scene_constraint import label, switchable
@@ -35,7 +34,7 @@ def consistent(plant: Plant, x: Array, names: tuple[str, ...]) -> Array:
     if plant.project is None:
         return x
     n = plant.model.n
-    q, v = Closure(plant.model).closed(x[:n], x[n : 2 * n], names)
+    q, v = plant.closure.closed(x[:n], x[n : 2 * n], names)
     return np.concatenate([q, v, x[2 * n :]])
 
 
@@ -111,7 +110,7 @@ def hint(sim: Simulator) -> str:
     """What may be the matter with the constraints, for the message of a failed tick."""
     if sim.plant.project is None:
         return ""
-    closure, q, names = sim.dynamics.constrained.closure, sim.state.q, sim.held_constraints
+    closure, q, names = sim.plant.closure, sim.state.q, sim.held_constraints
     A = closure.rows.stacked(q, sim.state.v, names).jacobian
     rank = closure.rank(names, sim.model.q0)
     s = closure.factors(q, A, rank).s

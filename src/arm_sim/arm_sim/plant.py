@@ -8,11 +8,13 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from copy import copy
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel, SceneError
+from arm_dynamics.closure import Closure
 from arm_dynamics.kernel import operations
 from arm_dynamics.laws import articulated, rigid_body, sticking
 from arm_dynamics.laws.links import Tree, tree_of
@@ -97,6 +99,11 @@ class Plant:
         self.laws, self.torques = laws, torques(laws)
         self.rhs = driven(self.acceleration, laws)
         self.reaction = self._held and driven_reaction(self._held, laws)
+
+    @cached_property
+    def closure(self) -> Closure:
+        """States that obey the bilateral constraints; for one thread only."""
+        return Closure(self.model)
 
     @property
     def nz(self) -> int:

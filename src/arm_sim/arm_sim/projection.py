@@ -85,7 +85,7 @@ def _check_alone(model: ArmModel) -> None:
         SceneError: Saying what.
     """
     for present, what in (
-        (model.has_dry_friction, "dry friction (coulomb, static, or the URDF's friction)"),
+        (model.has_dry_friction, "dry friction by events (with lugre it goes)"),
         (bool(model.scene.contacts), "a contact"),
     ):
         if present:

@@ -12,6 +12,7 @@ from std_msgs.msg import String
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros import convert, interfaces
+from arm_dynamics.ros.constrained_answer import answer_constrained_dynamics
 from arm_dynamics.ros.diagnosis import Diagnosis
 from arm_dynamics.ros.executor import run, surviving
 from arm_dynamics.ros.params import DynamicsParams, declare, one_or_all, watch
@@ -60,6 +61,7 @@ class DynamicsNode(Node):
             (interfaces.INVERSE_DYNAMICS, self.on_inverse_dynamics),
             (interfaces.FORWARD_DYNAMICS, self.on_forward_dynamics),
             (interfaces.DYNAMICS_TERMS, self.on_dynamics_terms),
+            (interfaces.CONSTRAINED_DYNAMICS, self.on_constrained_dynamics),
             (interfaces.MODEL_INFO, self.on_model_info),
             (interfaces.TASK_SPACE, self.on_task_space),
             (interfaces.INVERSE_KINEMATICS, self.on_inverse_kinematics),
@@ -129,6 +131,13 @@ class DynamicsNode(Node):
             a = self.dynamics.forward(batch.q, v, tau)
             response.acceleration = batch.vectors(a)
             response.joint_names = batch.joint_names
+        return response
+
+    def on_constrained_dynamics(self, request: Any, response: Any) -> Any:
+        """Answer ``~/constrained_dynamics``."""
+        with convert.answering(response, self.get_logger()):
+            batch = self._batch(request, interfaces.MAX_TERMS_POINTS)
+            answer_constrained_dynamics(request, response, self.dynamics, batch)
         return response
 
     def on_dynamics_terms(self, request: Any, response: Any) -> Any:

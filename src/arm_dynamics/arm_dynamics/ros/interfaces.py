@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 
 from arm_msgs.msg import TrackingState
 from arm_msgs.srv import (
+    ConstrainedDynamics,
     DynamicsTerms,
     ForwardDynamics,
     InverseDynamics,
@@ -74,6 +75,7 @@ INVERSE_DYNAMICS = Service("~/inverse_dynamics", InverseDynamics)
 FORWARD_DYNAMICS = Service("~/forward_dynamics", ForwardDynamics)
 DYNAMICS_TERMS = Service("~/dynamics_terms", DynamicsTerms)
 MODEL_INFO = Service("~/model_info", ModelInfo)
+CONSTRAINED_DYNAMICS = Service("~/constrained_dynamics", ConstrainedDynamics)
 TASK_SPACE = Service("~/task_space", TaskSpace)
 INVERSE_KINEMATICS = Service("~/inverse_kinematics", InverseKinematics)
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from arm_msgs.msg import Energy
+from arm_msgs.msg import Energy, Multipliers
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
@@ -31,6 +31,7 @@ __all__ = [
     "JOINT_STATES",
     "MAX_COMMANDS",
     "MAX_STEPS",
+    "MULTIPLIERS",
     "PAUSE",
     "RESET",
     "RESET_COUNTERS",
@@ -46,5 +47,6 @@ MAX_COMMANDS = SOURCES.depth  # looked at in one tick
 
 COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
 ENERGY = Topic("~/energy", Energy)
+MULTIPLIERS = Topic("~/multipliers", Multipliers)
 CLOCK = Topic("clock", Clock)
 WRENCH = Topic("~/wrench", WrenchStamped)

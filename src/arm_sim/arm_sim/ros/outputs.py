@@ -16,6 +16,7 @@ from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state_bytes import JointStateWriter
 from arm_sim.ros import interfaces
 from arm_sim.ros.energy_meter import Account, EnergyMeter
+from arm_sim.ros.multiplier_output import MultiplierOutput
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.round_trip import RoundTrip
 from arm_sim.simulator import Simulator
@@ -40,6 +41,7 @@ class Outputs:
         self._writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
         self._states = _publisher(node, interfaces.JOINT_STATES)
         self._energy = _publisher(node, interfaces.ENERGY)
+        self._multipliers = MultiplierOutput(node, simulator)
         self._clock = _publisher(node, interfaces.CLOCK) if params.publish_clock else None
         self._clock_bytes = bytearray(serialize_message(interfaces.CLOCK.type()))
         self._meter: EnergyMeter | None = None
@@ -66,6 +68,7 @@ class Outputs:
             self.publish()
         if state.step % self._energy_every == 0:
             self._publish_energy()
+            self._multipliers.publish(self.stamp())
 
     def repeat(self, period: float, call: float) -> None:
         """Publish the same state again about every ``period``; ``call`` is the time between calls.
