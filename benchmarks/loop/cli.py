@@ -20,18 +20,21 @@ Examples:
   ./arm bench loop                     about five minutes
   ./arm bench loop --quick             under a minute
   ./arm bench loop --seconds 600       ten minutes of closed loop
+  ./arm bench loop --priority 50       sim and controller with real-time priority, where allowed
   ./arm bench loop --docs              also renew docs/performance-loop.md
 """
 
 
 @click.command(epilog=EXAMPLES)
 @click.option("--seconds", type=click.FloatRange(5.0), help="Closed loop. [default: 60, quick 10]")
+@click.option("--priority", default=0, show_default=True, type=click.IntRange(0, 99),
+              help="Real-time priority in the closed loop; 0: none.")  # fmt: skip
 @click.option("--quick", is_flag=True, help="Shorter runs.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for loop.md, loop.json and figures/loop.png.")  # fmt: skip
 @click.option("--docs", is_flag=True, help="Also renew docs/performance-loop.md and its figure.")
-def main(seconds: float | None, quick: bool, out: Path, docs: bool) -> None:
+def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: bool) -> None:
     """Measure the loop over ROS on a Panda, next to bare rclpy and a bare thread in the same run.
 
     Rate, missed ticks, lateness, round trip, latency of the service, points per second of batches,
@@ -47,7 +50,8 @@ def main(seconds: float | None, quick: bool, out: Path, docs: bool) -> None:
     # A participant all the time, so that nobody else takes the domain between two stages.
     with interruptible(), ArmClient(domain=domain):
         try:
-            record = _measured(seconds or (10.0 if quick else 60.0), quick, out, domain, console)
+            seconds = seconds or (10.0 if quick else 60.0)
+            record = _measured(seconds, priority, quick, out, domain, console)
         except KeyboardInterrupt:
             raise click.ClickException("interrupted; all processes have been ended") from None
         except DemoFailed as error:
@@ -61,7 +65,7 @@ def main(seconds: float | None, quick: bool, out: Path, docs: bool) -> None:
 
 
 def _measured(
-    seconds: float, quick: bool, out: Path, domain: int, console: Console
+    seconds: float, priority: int, quick: bool, out: Path, domain: int, console: Console
 ) -> dict[str, Any]:
     from benchmarks.loop import stages
     from benchmarks.loop.page import slim
@@ -70,7 +74,9 @@ def _measured(
     logs.mkdir(parents=True, exist_ok=True)
     say = console.print
     load = os.getloadavg()[0]
-    record: dict[str, Any] = {"loop": stages.closed_loop(SCENE, domain, seconds, logs, say)}
+    record: dict[str, Any] = {
+        "loop": stages.closed_loop(SCENE, domain, seconds, logs, say, priority)
+    }
     say("timer and ping-pong of rclpy")
     record["timer"] = stages.timer(3.0 if quick else 10.0)
     record["ping"] = stages.ping_pong(3.0 if quick else 10.0)

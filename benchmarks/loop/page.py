@@ -91,7 +91,7 @@ def page(r: Record, figure: str) -> str:
     return "\n\n".join([
         f"Panda, {loop['seconds']:.0f} s of closed loop, two shared cores, load of the machine "
         f"{r['load'][0]:.1f} at the start and {r['load'][1]:.1f} at the end. "
-        "Made by `./arm bench loop`.",
+        f"Made by `./arm bench loop`{_priority(loop['priority'])}.",
         table(("promise", "bound", "measured", "holds"), rows),
         "**Clock.** Deadlines every millisecond; missed means begun after the next one was due.",
         table(("", "rate [Hz]", "missed", "p50 [µs]", "p99 [µs]", "max [µs]", "processor share"),
@@ -129,6 +129,12 @@ def slim(r: Record) -> Record:
     bars = [(1e-6 * int(v), int(c)) for v, c in zip(values, counts, strict=True)]
     r["loop"]["thread"]["bars"] = bars
     return r
+
+
+def _priority(priority: int) -> str:
+    if not priority:
+        return ", ordinary threads"
+    return f", sim and controller with real-time priority {priority}, the bare thread with none"
 
 
 def _rate(value: float) -> str:

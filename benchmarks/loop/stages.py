@@ -53,14 +53,17 @@ class Bare:
         return found
 
 
-def closed_loop(scene: str, domain: int, seconds: float, logs: Path, say: Say) -> Record:
-    """Sim, controller and dynamics node for a while, a bare thread beside them."""
+def closed_loop(
+    scene: str, domain: int, seconds: float, logs: Path, say: Say, priority: int
+) -> Record:
+    """Sim, controller and dynamics node for a while, an ordinary bare thread beside them."""
     report = logs / "loop.json"
+    wanted = ("--ros-args", "-p", f"priority:={priority}")
     with ExitStack() as stack:
         processes = stack.enter_context(Processes(logs))
         processes.start("dynamics", "dynamics", scene, "--with-parent")
-        processes.start("controller", "controller", scene, "--with-parent")
-        processes.start("sim", "sim", scene, "--with-parent", "--report", str(report))
+        processes.start("controller", "controller", scene, "--with-parent", *wanted)
+        processes.start("sim", "sim", scene, "--with-parent", "--report", str(report), *wanted)
         client = stack.enter_context(ArmClient(timeout=30.0, domain=domain))
         client.model_info()
         time.sleep(WARM)
@@ -78,7 +81,14 @@ def closed_loop(scene: str, domain: int, seconds: float, logs: Path, say: Say) -
         processes.stop("sim")
         beside = bare.result()
     found: Record = json.loads(report.read_text())
-    return {"seconds": seconds, "share": share, "thread": beside, "told": told, **found}
+    return {
+        "seconds": seconds,
+        "priority": priority,
+        "share": share,
+        "thread": beside,
+        "told": told,
+        **found,
+    }
 
 
 def _told(domain: int) -> dict[str, str]:

@@ -20,7 +20,8 @@ from benchmarks.soak.suite import Outcome, Result
 
 GOOD: dict[str, Any] = {
     "loop": {
-        "seconds": 10.0, "share": {"sim": 0.1, "controller": 0.12, "dynamics": 0.001},
+        "seconds": 10.0, "priority": 0,
+        "share": {"sim": 0.1, "controller": 0.12, "dynamics": 0.001},
         "thread": {"rate": 1000.0, "missed": 3, "p50": 5e-5, "p99": 1e-4, "max": 2e-3,
                    "share": 0.03, "bars": [(5e-5, 9990), (2e-3, 10)]},
         "loop": {"ticks": 10_000, "elapsed": 10.0, "missed": 6,

@@ -7,6 +7,7 @@ import ctypes
 import gc
 import os
 from dataclasses import dataclass
+from pathlib import Path
 
 from arm_dynamics.exceptions import InvalidInput
 
@@ -18,7 +19,8 @@ class Privileges:
     """What is wanted.
 
     Attributes:
-        priority: Real-time priority of the thread (SCHED_FIFO), 1 to 99; 0: an ordinary thread.
+        priority: Real-time priority of the thread (SCHED_FIFO), 1 to 99, the process's other
+            threads one below; 0: ordinary threads.
         cpus: Processors that the thread may run on; none: all.
         lock_memory: Keep the process's memory from being swapped.
     """
@@ -47,6 +49,11 @@ class Privileges:
         return refused
 
     def _rise(self) -> None:
+        # The others one below: a thread that waits for the interpreter lock, or for a message,
+        # waits for whoever has it.
+        below = os.sched_param(max(1, self.priority - 1))
+        for task in Path("/proc/self/task").iterdir():
+            os.sched_setscheduler(int(task.name), os.SCHED_FIFO, below)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self.priority))
 
     def _stay(self) -> None:
