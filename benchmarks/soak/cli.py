@@ -9,6 +9,7 @@ from pathlib import Path
 
 import click
 
+from arm_dynamics.exceptions import ArmError
 from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
 
 ROOT = Path(__file__).parents[2]
@@ -51,7 +52,7 @@ def main(minutes: float, out: Path) -> None:
             with running(str(SCENE), domain, logs) as suite:
                 for result in soak(suite, minutes, progress):
                     write(result, out)  # a run that is cut short is not lost
-        except (DemoFailed, KeyboardInterrupt) as error:
+        except (DemoFailed, ArmError, KeyboardInterrupt) as error:
             result.ended = str(error) or type(error).__name__
     path = write(result, out)
     click.echo(page(result))

@@ -142,6 +142,31 @@ def test_commands_to_the_simulation(arm: ArmClient) -> None:
         arm.step()
 
 
+def test_a_node_that_was_started_anew_is_asked_again(ros: Ros) -> None:
+    """The reply to a node's first question may get lost, whoever answered before."""
+    silent: list[int] = []
+
+    def answer(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
+        response.success = True
+        return response
+
+    service = ros.peer.create_service(ModelInfo, "dynamics/model_info", answer)
+    send = service.send_response
+    service.send_response = lambda *reply: silent.pop() if silent else send(*reply)
+    end = threading.Event()
+    server = threading.Thread(target=lambda: ros.spin_until(end.is_set, 60.0))
+    server.start()
+    try:
+        with ArmClient(timeout=3.0, domain=ros.domain) as arm:
+            arm.model_info()
+            silent.append(1)
+            assert arm.model_info().joint_names == ()
+    finally:
+        end.set()
+        server.join()
+    assert silent == []
+
+
 def test_nobody_there(ros: Ros) -> None:
     with ArmClient("left/dynamics", timeout=0.5, domain=ros.domain) as arm:
         with pytest.raises(NoAnswer, match="no node offers /left/dynamics/model_info"):

@@ -56,7 +56,7 @@ class Caller:
             self._context.try_shutdown()
 
     def ask(self, node: str, service: Service, request: Any, repeatable: bool = True) -> Any:
-        """Call a service; a first request that brings no answer is repeated.
+        """Call a service; a request that brings no answer is repeated.
 
         Args:
             node: Name of the node to be asked, with its namespace if it has one.
@@ -78,7 +78,9 @@ class Caller:
         met = name in self._answered
         if not (met or repeatable):
             self._until(lambda: False, _SETTLE)
-        response = self._response(client, request, repeatable and not met)
+        # One that has answered before may have been started anew since; but give it time to work.
+        patience = self._timeout / 3.0 if met else _RETRY
+        response = self._response(client, request, patience if repeatable else self._timeout)
         if response is None:
             self._answered.discard(name)
             raise NoAnswer(self._silence(name, repeatable))
@@ -90,12 +92,11 @@ class Caller:
             self._clients[name] = self._node.create_client(service.type, name)
         return self._clients[name]
 
-    def _response(self, client: Client, request: Any, repeat: bool) -> Any | None:
-        end, futures, patience = time.monotonic() + self._timeout, [], _RETRY
+    def _response(self, client: Client, request: Any, patience: float) -> Any | None:
+        end, futures = time.monotonic() + self._timeout, []
         while (left := end - time.monotonic()) > 0.0:
             futures.append(client.call_async(request))
-            wait = min(patience, left) if repeat else left
-            if self._until(lambda: any(f.done() for f in futures), wait):
+            if self._until(lambda: any(f.done() for f in futures), min(patience, left)):
                 break
             patience *= 2.0
         done = next((f for f in futures if f.done()), None)
