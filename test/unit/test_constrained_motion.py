@@ -12,59 +12,19 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ConstraintError, Dynamics, InvalidInput, load_scene
+from arm_dynamics import load_scene
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.integrators import METHODS
-from arm_sim.recording import Recording
+from models.linkages import body, inline, interpreted, scene, worst_gaps
 from tolerances import (
-    BACKENDS,
     CLOSURE,
     CLOSURE_SPEED,
-    FINITE_DIFF,
     ORDER,
-    TRAJECTORY,
     assert_close,
 )
 
 SCENES = ("slider_crank", "four_bar", "five_bar", "parallel_gripper", "panda_pen", "bricard")
 STEPS = {1: (11, 12), 2: (8, 9), 4: (8, 9), 5: (8, 9), 8: (5, 6)}
-TIP = {"frames": ["tip", "world"]}
-
-
-def scene(name: str, **more: Any) -> Any:
-    return load_scene(
-        load_scene(models.SCENES / f"{name}.yaml").model_dump(exclude_unset=True) | more
-    )
-
-
-def inline(links: str, *constraints: dict[str, Any], **more: Any) -> dict[str, Any]:
-    return {"robot": {"urdf": f'<robot name="r"><link name="ground"/>{links}</robot>'},
-            "constraints": list(constraints), **more}  # fmt: skip
-
-
-def body(name: str, parent: str, kind: str, axis: str, mass: float, inertia: float) -> str:
-    return (
-        f'<link name="{name}"><inertial><mass value="{mass}"/><inertia ixx="{inertia}" ixy="0" '
-        f'ixz="0" iyy="{inertia}" iyz="0" izz="{inertia}"/></inertial></link>'
-        f'<joint name="{name}_joint" type="{kind}"><parent link="{parent}"/><child link="{name}"/>'
-        f'<axis xyz="{axis}"/><limit lower="-9" upper="9" effort="0" velocity="0"/></joint>'
-    )
-
-
-def interpreted(given: Any, **options: Any) -> Simulator:
-    """Without compiler: short motions are over before a compiler is."""
-    return Simulator(given, backend="vm", **options)
-
-
-def worst_gaps(sim: Simulator, run: Recording, every: int) -> tuple[float, float]:
-    """Largest residual of positions and speeds along a motion."""
-    rows = sim.dynamics.constrained.closure.rows
-    gaps = np.zeros(2)
-    for q, v in zip(run.q[::every], run.v[::every], strict=True):
-        row = rows.stacked(q, v, sim.held_constraints)
-        speed = abs(row.jacobian @ v).max()
-        gaps = np.maximum(gaps, [abs(row.residual).max(), speed])
-    return float(gaps[0]), float(gaps[1])
 
 
 @pytest.mark.parametrize("name", SCENES)
@@ -263,123 +223,3 @@ def test_the_slider_passes_its_dead_centres() -> None:
     assert_close(run.q[:, 2].max(), 0.55, 1e-3)
     assert_close(run.q[:, 2].min(), 0.25, 1e-3)
     assert np.ptp(run.energy) < 1e-6
-
-
-def pen(active: bool) -> Simulator:
-    sheet = {
-        "type": "plane",
-        "name": "sheet",
-        "height": -0.4,
-        "switchable": True,
-        "active": active,
-    }
-    pin = {"type": "point", "name": "pin", "switchable": True, "active": False,
-           "points": [[0, 0, 0], [2.0, 0, 0]]}  # fmt: skip
-    start = {"position": {"shoulder": -0.5, "elbow": -0.3}}
-    return interpreted({"robot": {"urdf": str(models.SCENES / "two_link.urdf")}, "initial": start,
-                      "constraints": [sheet | TIP, pin | TIP]})  # fmt: skip
-
-
-def test_switching() -> None:
-    sim = pen(active=True)
-    assert sim.held_constraints == ("sheet",)
-    held = sim.run(0.2)
-    assert sim.multipliers()[0] != 0.0
-    sim.set_constraint("sheet", False)
-    assert sim.held_constraints == ()
-    np.testing.assert_array_equal(sim.multipliers(), np.zeros(4))
-    free, plain = sim.run(0.1), interpreted(str(models.SCENES / "two_link.urdf"))
-    plain.reset(held.q[-1], held.v[-1])
-    assert_close(free.q[-1], plain.run(0.1).q[-1], BACKENDS)
-    state = sim.set_constraint("sheet", True)
-    assert state.time == free.time[-1]
-    gap, speed = worst_gaps(sim, sim.run(0.2), 1)
-    assert gap < CLOSURE
-    assert speed < CLOSURE_SPEED
-
-
-def test_switching_on_takes_the_velocity_across_only() -> None:
-    """As a blow without rebound: the impulse is Aᵀ times something."""
-    sim = pen(active=False)
-    sim.reset(v=[1.0, 2.0])
-    q, before = sim.state.q, sim.state.v
-    state = sim.set_constraint("sheet", True)
-    rows = sim.dynamics.constrained.closure.rows
-    A = rows.stacked(state.q, state.v, ("sheet",)).jacobian[0]
-    impulse = sim.dynamics.mass_matrix(state.q) @ (before - state.v)
-    assert abs(impulse[0] * A[1] - impulse[1] * A[0]) < 1e-10
-    assert abs(state.q - q).max() < 0.5
-
-
-def test_what_cannot_be_switched_loses_nothing() -> None:
-    sim = pen(active=True)
-    sim.run(0.1)
-    before = sim.state
-    with pytest.raises(ConstraintError, match="'pin' by"):
-        sim.set_constraint("pin", True)
-    with pytest.raises(InvalidInput, match="'roof' cannot be switched; switchable: sheet, pin"):
-        sim.set_constraint("roof", True)
-    assert sim.state is before
-    assert sim.held_constraints == ("sheet",)
-    sim.run(0.1)
-
-
-@pytest.mark.parametrize("name", ["four_bar"])
-def test_virtual_machine_and_lanes_agree(name: str) -> None:
-    sim, slow = Simulator(scene(name)), Simulator(scene(name), backend="vm")
-    q, v = sim.state.q, sim.state.v
-    torque = 0.01 * np.ones(sim.n)
-    ends = [s.run(0.05, torque).q[-1] for s in (sim, slow)]
-    assert_close(ends[1], ends[0], BACKENDS)
-    arms = sim.rollout(np.tile(q, (9, 1)), np.tile(v, (9, 1)), torque, 50, last_only=True)
-    assert_close(arms[:, : sim.n], np.tile(ends[0], (9, 1)), BACKENDS)
-
-
-def test_rollouts_close_what_they_are_given() -> None:
-    sim = interpreted(scene("four_bar"))
-    q = sim.state.q + np.array([[0.0, 0, 0], [0.01, 0, 0], [0.0, 0.02, -0.01]])
-    motion = sim.rollout(q, 0 * q, np.zeros(3), 5)
-    residuals = [sim.dynamics.constrained.closure.residuals(x[:3])["loop"] for x in motion[:, -1]]
-    assert max(residuals) < CLOSURE
-
-
-@pytest.mark.parametrize("name", ["four_bar", "panda_pen"])
-def test_derivatives_along_the_constraints(name: str, rng: np.random.Generator) -> None:
-    """A of a tick, against differences of motions that obey."""
-    sim = interpreted(scene(name))
-    sim.run(0.05)
-    state, tau, n = sim.state, np.zeros(sim.n), sim.n
-    A, B = sim.linearize(state, tau)
-    closure = sim.dynamics.constrained.closure
-    ends, starts = [], []
-    step = 1e-5 * rng.normal(size=(2, n))
-    for sign in (1.0, -1.0):
-        q, v = closure.closed(state.q + sign * step[0], state.v + sign * step[1])
-        starts.append(np.concatenate([q, v]))
-        sim.reset(q, v)
-        end = sim.step(tau)
-        ends.append(np.concatenate([end.q, end.v]))
-    wanted, change = ends[0] - ends[1], starts[0] - starts[1]
-    assert_close(A @ change / 1e-5, wanted / 1e-5, 10 * FINITE_DIFF)
-    assert B.shape == (2 * n, n)
-
-
-def test_a_scene_without_constraints_has_none_of_it() -> None:
-    sim = models.simulator("two_link")
-    assert sim.plant.project is None
-    assert [part.on for part in sim.plan.parts if part.name == "constraints"] == [False]
-    assert sim.plant.parameters.names == []
-    assert sim.multipliers().shape == (0,)
-
-
-def test_mimic_joints_in_a_loop() -> None:
-    """A gripper whose jaws follow each other, hung on a rod from the ceiling."""
-    urdf = str(models.FOLDER / "gripper.urdf")
-    dyn = Dynamics({"robot": {"urdf": urdf}})
-    place = dyn.model.pin.frames
-    assert len(place)
-    rod = {"type": "plane", "frames": ["left_jaw", "world"], "height": 0.0}
-    held = interpreted({"robot": {"urdf": urdf}, "constraints": [rod]}, integrator="dop853")
-    run = held.run(1.0)
-    assert worst_gaps(held, run, 10)[0] < CLOSURE
-    assert abs(run.balance).max() < TRAJECTORY

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulators of scenes with constraints: switches, rollouts, derivatives, what is refused."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ConstraintError, Dynamics, InvalidInput
+from arm_sim import Simulator
+from models.linkages import TIP, interpreted, scene, worst_gaps
+from tolerances import (
+    BACKENDS,
+    CLOSURE,
+    CLOSURE_SPEED,
+    FINITE_DIFF,
+    TRAJECTORY,
+    assert_close,
+)
+
+
+def pen(active: bool) -> Simulator:
+    sheet = {
+        "type": "plane",
+        "name": "sheet",
+        "height": -0.4,
+        "switchable": True,
+        "active": active,
+    }
+    pin = {"type": "point", "name": "pin", "switchable": True, "active": False,
+           "points": [[0, 0, 0], [2.0, 0, 0]]}  # fmt: skip
+    start = {"position": {"shoulder": -0.5, "elbow": -0.3}}
+    return interpreted({"robot": {"urdf": str(models.SCENES / "two_link.urdf")}, "initial": start,
+                      "constraints": [sheet | TIP, pin | TIP]})  # fmt: skip
+
+
+def test_switching() -> None:
+    sim = pen(active=True)
+    assert sim.held_constraints == ("sheet",)
+    held = sim.run(0.2)
+    assert sim.multipliers()[0] != 0.0
+    sim.set_constraint("sheet", False)
+    assert sim.held_constraints == ()
+    np.testing.assert_array_equal(sim.multipliers(), np.zeros(4))
+    free, plain = sim.run(0.1), interpreted(str(models.SCENES / "two_link.urdf"))
+    plain.reset(held.q[-1], held.v[-1])
+    assert_close(free.q[-1], plain.run(0.1).q[-1], BACKENDS)
+    state = sim.set_constraint("sheet", True)
+    assert state.time == free.time[-1]
+    gap, speed = worst_gaps(sim, sim.run(0.2), 1)
+    assert gap < CLOSURE
+    assert speed < CLOSURE_SPEED
+
+
+def test_switching_on_takes_the_velocity_across_only() -> None:
+    """As a blow without rebound: the impulse is Aᵀ times something."""
+    sim = pen(active=False)
+    sim.reset(v=[1.0, 2.0])
+    q, before = sim.state.q, sim.state.v
+    state = sim.set_constraint("sheet", True)
+    rows = sim.dynamics.constrained.closure.rows
+    A = rows.stacked(state.q, state.v, ("sheet",)).jacobian[0]
+    impulse = sim.dynamics.mass_matrix(state.q) @ (before - state.v)
+    assert abs(impulse[0] * A[1] - impulse[1] * A[0]) < 1e-10
+    assert abs(state.q - q).max() < 0.5
+
+
+def test_what_cannot_be_switched_loses_nothing() -> None:
+    sim = pen(active=True)
+    sim.run(0.1)
+    before = sim.state
+    with pytest.raises(ConstraintError, match="'pin' by"):
+        sim.set_constraint("pin", True)
+    with pytest.raises(InvalidInput, match="'roof' cannot be switched; switchable: sheet, pin"):
+        sim.set_constraint("roof", True)
+    assert sim.state is before
+    assert sim.held_constraints == ("sheet",)
+    sim.run(0.1)
+
+
+@pytest.mark.parametrize("name", ["four_bar"])
+def test_virtual_machine_and_lanes_agree(name: str) -> None:
+    sim, slow = Simulator(scene(name)), Simulator(scene(name), backend="vm")
+    q, v = sim.state.q, sim.state.v
+    torque = 0.01 * np.ones(sim.n)
+    ends = [s.run(0.05, torque).q[-1] for s in (sim, slow)]
+    assert_close(ends[1], ends[0], BACKENDS)
+    arms = sim.rollout(np.tile(q, (9, 1)), np.tile(v, (9, 1)), torque, 50, last_only=True)
+    assert_close(arms[:, : sim.n], np.tile(ends[0], (9, 1)), BACKENDS)
+
+
+def test_rollouts_close_what_they_are_given() -> None:
+    sim = interpreted(scene("four_bar"))
+    q = sim.state.q + np.array([[0.0, 0, 0], [0.01, 0, 0], [0.0, 0.02, -0.01]])
+    motion = sim.rollout(q, 0 * q, np.zeros(3), 5)
+    residuals = [sim.dynamics.constrained.closure.residuals(x[:3])["loop"] for x in motion[:, -1]]
+    assert max(residuals) < CLOSURE
+
+
+@pytest.mark.parametrize("name", ["four_bar", "panda_pen"])
+def test_derivatives_along_the_constraints(name: str, rng: np.random.Generator) -> None:
+    """A of a tick, against differences of motions that obey."""
+    sim = interpreted(scene(name))
+    sim.run(0.05)
+    state, tau, n = sim.state, np.zeros(sim.n), sim.n
+    A, B = sim.linearize(state, tau)
+    closure = sim.dynamics.constrained.closure
+    ends, starts = [], []
+    step = 1e-5 * rng.normal(size=(2, n))
+    for sign in (1.0, -1.0):
+        q, v = closure.closed(state.q + sign * step[0], state.v + sign * step[1])
+        starts.append(np.concatenate([q, v]))
+        sim.reset(q, v)
+        end = sim.step(tau)
+        ends.append(np.concatenate([end.q, end.v]))
+    wanted, change = ends[0] - ends[1], starts[0] - starts[1]
+    assert_close(A @ change / 1e-5, wanted / 1e-5, 10 * FINITE_DIFF)
+    assert B.shape == (2 * n, n)
+
+
+def test_a_scene_without_constraints_has_none_of_it() -> None:
+    sim = models.simulator("two_link")
+    assert sim.plant.project is None
+    assert [part.on for part in sim.plan.parts if part.name == "constraints"] == [False]
+    assert sim.plant.parameters.names == []
+    assert sim.multipliers().shape == (0,)
+
+
+def test_mimic_joints_in_a_loop() -> None:
+    """A gripper whose jaws follow each other, hung on a rod from the ceiling."""
+    urdf = str(models.FOLDER / "gripper.urdf")
+    dyn = Dynamics({"robot": {"urdf": urdf}})
+    place = dyn.model.pin.frames
+    assert len(place)
+    rod = {"type": "plane", "frames": ["left_jaw", "world"], "height": 0.0}
+    held = interpreted({"robot": {"urdf": urdf}, "constraints": [rod]}, integrator="dop853")
+    run = held.run(1.0)
+    assert worst_gaps(held, run, 10)[0] < CLOSURE
+    assert abs(run.balance).max() < TRAJECTORY
