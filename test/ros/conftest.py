@@ -9,6 +9,8 @@ from pathlib import Path
 import pytest
 from harness import Ros
 
+from arm_dynamics.ros.shared_memory import clear_dead
+
 
 def pytest_configure(config: pytest.Config) -> None:
     """The message parser that ROS brings along imports modules that Python is about to drop."""
@@ -25,6 +27,13 @@ def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
     for name in ("ROS_DOMAIN_ID", "ROS_NAMESPACE"):
         monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def shared_memory() -> Iterator[None]:
+    """Give back what nodes that tests have killed could not."""
+    yield
+    clear_dead()
 
 
 @pytest.fixture
