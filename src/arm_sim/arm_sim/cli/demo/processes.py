@@ -16,6 +16,8 @@ from typing import Any
 
 import click
 
+from arm_dynamics.ros.shared_memory import clear_dead
+
 _PATIENCE = 5.0  # [s] for an orderly end
 _TAIL = 12  # lines of a log in a message
 _DOMAINS = range(1, 100)
@@ -92,6 +94,8 @@ class Processes:
             except subprocess.TimeoutExpired:
                 process.kill()
                 process.wait()
+        if any(process.returncode == -signal.SIGKILL for process in asked):
+            clear_dead()
         for name in names:
             self._running.pop(name, None)
 
