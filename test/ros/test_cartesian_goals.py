@@ -11,28 +11,30 @@ import numpy as np
 import pytest
 from arm_msgs.msg import TrackingState
 from geometry_msgs.msg import PoseStamped
+from hand_goals import (
+    FRAME,
+    HAND,
+    HERE,
+    HOME,
+    MS,
+    hand,
+    long_trajectory,
+    path,
+    planned,
+    pose,
+    see,
+    state,
+)
 from harness import Ros
 from nav_msgs.msg import Path
-from rclpy.parameter import Parameter
-from rclpy.serialization import deserialize_message, serialize_message
-from sensor_msgs.msg import JointState
-from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from trajectory_msgs.msg import JointTrajectory
 
 import models
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.task_algebra import quaternions
-from arm_dynamics.task_space import TaskSpace
 from arm_sim.ros.sim_node import SimNode
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros
-
-FRAME = "panda_hand_tcp"
-HAND = TaskSpace(models.dynamics("panda"), FRAME)
-HOME = models.dynamics("panda").model.q0
-HERE = HAND.pose(HOME)
-NAMES = list(models.dynamics("panda").joint_names)
-MS = 1_000_000
 
 
 @pytest.fixture
@@ -41,47 +43,6 @@ def node(ros: Ros) -> ControllerNode:
     made = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
     see(made, 0)
     return made
-
-
-def state(stamp: int, q: Any = HOME, v: Any = (0.0,) * 7) -> bytes:
-    message = JointState(name=NAMES, position=list(q), velocity=list(v))
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-    return serialize_message(message)
-
-
-def see(node: ControllerNode, stamp: int, *where: Any) -> np.ndarray:
-    """Show the node a state; returns what it commands."""
-    command = node.on_joint_states(state(stamp, *where))
-    return np.array(deserialize_message(command, JointState).effort)
-
-
-def pose(step: Any = (0.0, 0.0, 0.0), frame_id: str = "") -> PoseStamped:
-    """Where the hand is at home, shifted."""
-    message = PoseStamped()
-    message.header.frame_id = frame_id
-    at, turn = message.pose.position, message.pose.orientation
-    at.x, at.y, at.z = (HERE.position + step).tolist()
-    turn.x, turn.y, turn.z, turn.w = quaternions(HERE.rotation).tolist()
-    return message
-
-
-def path(*steps: Any, frame_id: str = "") -> Path:
-    message = Path(poses=[pose(step) for step in steps])
-    message.header.frame_id = frame_id
-    return message
-
-
-def planned(node: ControllerNode, stamp: int) -> None:
-    """Show states at one instant until nothing is being planned any more."""
-    end = time.monotonic() + 20.0
-    while node._goals.busy and time.monotonic() < end:
-        time.sleep(2e-3)
-        see(node, stamp)
-    assert not node._goals.busy
-
-
-def hand(node: ControllerNode, stamp: int) -> np.ndarray:
-    return HAND.pose(node.follower.reference(stamp).q).position - HERE.position
 
 
 @pytest.mark.parametrize("law", ["computed_torque", "operational_space", "pd_gravity"])
@@ -272,76 +233,3 @@ def test_a_goal_over_the_wire_shows_in_the_state(ros: Ros) -> None:
     see(node, 60_010 * MS)
     ros.spin_until(lambda: "Cartesian path refused" in heard[-1].goal)
     assert heard[-1].remaining == 0.0
-
-
-def long_trajectory(points: int, seconds: float, late: float = 0.0) -> JointTrajectory:
-    message = JointTrajectory(joint_names=NAMES)
-    for k in range(1, points + 1):
-        s = k / points
-        point = JointTrajectoryPoint(
-            positions=(HOME + 0.2 * s**3 * (10 - 15 * s + 6 * s**2)).tolist()
-        )
-        at = round(1e9 * (late + seconds * s))
-        point.time_from_start.sec, point.time_from_start.nanosec = divmod(at, 10**9)
-        message.points.append(point)
-    return message
-
-
-def test_a_long_trajectory_is_planned_aside(node: ControllerNode) -> None:
-    node.on_joint_trajectory(long_trajectory(1000, 4.0))
-    assert node._goals.busy
-    planned(node, 3 * MS)
-    assert node.follower.remaining(3 * MS) == pytest.approx(4.0)
-    assert_close(node.follower.reference(3 * MS).q, HOME, 1e-12)
-    assert_close(node.follower.reference(2003 * MS).q, HOME + 0.1, 1e-6)
-    assert_close(node.follower.reference(4003 * MS).q, HOME + 0.2, 1e-12)
-
-
-def test_a_long_trajectory_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
-    node.on_joint_trajectory(long_trajectory(10, 1.0))
-    see(node, 300 * MS)
-    old = [node.follower._at((300 + k) * MS) for k in range(1000)]
-    node.on_joint_trajectory(long_trajectory(500, 2.0, late=0.7))
-    planned(node, 301 * MS)
-    new = [node.follower.reference((301 + k) * MS) for k in range(3000)]
-    assert_close(new[0].q, old[1].q, 1e-12)
-    q, v = (np.array([getattr(r, name) for r in new]) for name in "qv")
-    np.testing.assert_allclose(np.diff(q, axis=0), 0.5e-3 * (v[1:] + v[:-1]), atol=1e-6)
-    assert_close(q[-1], HOME + 0.2, 1e-12)
-
-
-def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
-    """States pass faster than planning allows for, as with a simulator that runs ahead."""
-    node.on_joint_trajectory(long_trajectory(10, 60.0))
-    see(node, 300 * MS)
-    node.on_joint_trajectory(long_trajectory(500, 2.0))
-    stamp = 300 * MS
-    end = time.monotonic() + 20.0
-    while node._goals.busy and time.monotonic() < end:
-        stamp += 20 * MS
-        time.sleep(2e-3)
-        see(node, stamp)
-    assert node.follower.remaining(stamp) < 10.0
-    assert_close(node.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
-
-
-def test_another_frame_is_built_aside_and_taken_when_it_is_ready(ros: Ros) -> None:
-    node = ros.add(
-        ControllerNode, models.scene("panda"), controller="operational_space", task_frame=FRAME,
-        switch_time=0.0,
-    )  # fmt: skip
-    see(node, 0)
-    law = node._control.active
-    wanted = [
-        Parameter("task_frame", value="panda_link6"),
-        Parameter("task_axes", value="position"),
-    ]
-    assert node.set_parameters_atomically(wanted).successful
-    assert node._params.task_frame == "panda_link6"
-    end = time.monotonic() + 20.0
-    while node.busy and time.monotonic() < end:
-        assert node._control.active is law
-        time.sleep(1e-3)
-        see(node, MS)
-    assert node._control.active is not law
-    assert np.isfinite(see(node, 2 * MS)).all()

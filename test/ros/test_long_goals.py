@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals that take long to plan: the loop goes on meanwhile, and late plans are made again."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+import pytest
+from hand_goals import FRAME, HOME, MS, long_trajectory, planned, see
+from harness import Ros
+from rclpy.parameter import Parameter
+
+import models
+from arm_dynamics.ros.controller_node import ControllerNode
+from tolerances import assert_close
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def node(ros: Ros) -> ControllerNode:
+    """Controls a Panda that has been seen at home."""
+    made = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
+    see(made, 0)
+    return made
+
+
+def test_a_long_trajectory_is_planned_aside(node: ControllerNode) -> None:
+    node.on_joint_trajectory(long_trajectory(1000, 4.0))
+    assert node._goals.busy
+    planned(node, 3 * MS)
+    assert node.follower.remaining(3 * MS) == pytest.approx(4.0)
+    assert_close(node.follower.reference(3 * MS).q, HOME, 1e-12)
+    assert_close(node.follower.reference(2003 * MS).q, HOME + 0.1, 1e-6)
+    assert_close(node.follower.reference(4003 * MS).q, HOME + 0.2, 1e-12)
+
+
+def test_a_long_trajectory_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
+    node.on_joint_trajectory(long_trajectory(10, 1.0))
+    see(node, 300 * MS)
+    old = [node.follower._at((300 + k) * MS) for k in range(1000)]
+    node.on_joint_trajectory(long_trajectory(500, 2.0, late=0.7))
+    planned(node, 301 * MS)
+    new = [node.follower.reference((301 + k) * MS) for k in range(3000)]
+    assert_close(new[0].q, old[1].q, 1e-12)
+    q, v = (np.array([getattr(r, name) for r in new]) for name in "qv")
+    np.testing.assert_allclose(np.diff(q, axis=0), 0.5e-3 * (v[1:] + v[:-1]), atol=1e-6)
+    assert_close(q[-1], HOME + 0.2, 1e-12)
+
+
+def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
+    """States pass faster than planning allows for, as with a simulator that runs ahead."""
+    node.on_joint_trajectory(long_trajectory(10, 60.0))
+    see(node, 300 * MS)
+    node.on_joint_trajectory(long_trajectory(500, 2.0))
+    stamp = 300 * MS
+    end = time.monotonic() + 20.0
+    while node._goals.busy and time.monotonic() < end:
+        stamp += 20 * MS
+        time.sleep(2e-3)
+        see(node, stamp)
+    assert node.follower.remaining(stamp) < 10.0
+    assert_close(node.follower.reference(stamp + 10_000 * MS).q, HOME + 0.2, 1e-12)
+
+
+def test_another_frame_is_built_aside_and_taken_when_it_is_ready(ros: Ros) -> None:
+    node = ros.add(
+        ControllerNode, models.scene("panda"), controller="operational_space", task_frame=FRAME,
+        switch_time=0.0,
+    )  # fmt: skip
+    see(node, 0)
+    law = node._control.active
+    wanted = [
+        Parameter("task_frame", value="panda_link6"),
+        Parameter("task_axes", value="position"),
+    ]
+    assert node.set_parameters_atomically(wanted).successful
+    assert node._params.task_frame == "panda_link6"
+    end = time.monotonic() + 20.0
+    while node.busy and time.monotonic() < end:
+        assert node._control.active is law
+        time.sleep(1e-3)
+        see(node, MS)
+    assert node._control.active is not law
+    assert np.isfinite(see(node, 2 * MS)).all()
