@@ -62,7 +62,7 @@ def scenes() -> dict[str, Scene]:
         "+ tunable gravity": bare | {"tunable": ["gravity"]},
         "+ tunable friction": bare | {"tunable": ["friction"]},
         "+ tunable payload": bare | {"payloads": [load], "tunable": ["payload"]},
-        "all of these on": bare
+        "viscous, inertia, limits, tunables": bare
         | {"payloads": [load], "tunable": ["gravity", "friction", "payload"]}
         | _all(friction={"viscous": 0.5}, armature=0.1, limits={"effort": 87.0}),
     }
