@@ -52,3 +52,25 @@ def real_array(name: str, value: ArrayLike) -> Array:
     if array.dtype.kind not in "fiu":
         raise InvalidInput(f"{name} = {value!r}: real numbers are wanted")
     return np.asarray(array, dtype=float)
+
+
+def vectors(n: int, **given: ArrayLike) -> list[Array]:
+    """Check arguments that belong together: each of shape (n,), or all batches of one length.
+
+    Args:
+        n: Degrees of freedom.
+        given: What was given, by the caller's names.
+
+    Returns:
+        The values; beside a batch all are of its shape (k, n).
+
+    Raises:
+        InvalidInput: If one is anything else, or batches differ in length.
+    """
+    arrays = [vector(name, value, n) for name, value in given.items()]
+    counts = {array.shape[0] for array in arrays if array.ndim == 2}
+    if len(counts) > 1:
+        raise InvalidInput(f"batches must be of one length, got {sorted(counts)}")
+    if not counts:
+        return arrays
+    return [np.broadcast_to(array, (*counts, n)) for array in arrays]

@@ -12,7 +12,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arguments import vector
+from arm_dynamics.arguments import vectors
 from arm_dynamics.command_map import CommandMap
 from arm_dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
@@ -87,7 +87,7 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
         """
         chosen = self._terms(terms)
-        q, v, a = self._checked(q=q, v=v, a=a)
+        q, v, a = vectors(self.n, q=q, v=v, a=a)
         gravity = np.array(self.model.scene.gravity if chosen & Term.GRAVITY else (0.0, 0.0, 0.0))
         moving = v if chosen & Term.CORIOLIS else np.zeros_like(v)
         pushed = a if chosen & Term.INERTIA else np.zeros_like(a)
@@ -104,7 +104,7 @@ class Dynamics:
 
         Args and errors as those of ``inverse``, whose sum of all terms it is without drives.
         """
-        tau, (q, v, a) = self.inverse(q, v, a), self._checked(q=q, v=v, a=a)
+        tau, (q, v, a) = self.inverse(q, v, a), vectors(self.n, q=q, v=v, a=a)
         rotors = self.command_map.rotor_inertia * a + self.command_map.rotor_damping * v
         command: Array = self.command_map(q, v, tau + rotors)
         return command
@@ -125,7 +125,7 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        q, v, tau = self._checked(q=q, v=v, tau=tau)
+        q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
         solve = self._forward_projected if self.model.has_followers else self._forward_tree
@@ -141,28 +141,28 @@ class Dynamics:
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
         """Accelerations and λ of τ = M a + C v + G + F + Aᵀλ; see ``Constrained.forward``."""
-        q, v, tau = self._checked(q=q, v=v, tau=tau)
+        q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         return self.constrained.forward(q, v, tau, active)
 
     def constrained_inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike
     ) -> Array:
         """Torques M a + C v + G + F + Aᵀλ; see ``Constrained.inverse``."""
-        q, v, a = self._checked(q=q, v=v, a=a)
+        q, v, a = vectors(self.n, q=q, v=v, a=a)
         return self.constrained.inverse(q, v, a, lam)
 
     def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
         """Torques Jᵀ f with which the arm pushes on the world; see ``constrained``."""
-        return contact_torque(self, self._checked(q=q)[0], wrench, frame)
+        return contact_torque(self, vectors(self.n, q=q)[0], wrench, frame)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
-        (q,) = self._checked(q=q)
+        (q,) = vectors(self.n, q=q)
         return self._each(self._mass_matrix, self.model.configuration(q))
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
-        q, v = self._checked(q=q, v=v)
+        q, v = vectors(self.n, q=q, v=v)
         return self._each(
             lambda qi, vi: self.model.gather_matrix(
                 pin.computeCoriolisMatrix(self._pin, self._data, qi, vi).copy()
@@ -173,7 +173,7 @@ class Dynamics:
 
     def gravity(self, q: ArrayLike) -> Array:
         """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
-        (q,) = self._checked(q=q)
+        (q,) = vectors(self.n, q=q)
         return self._each(
             lambda qi: self.model.gather(pin.computeGeneralizedGravity(self._pin, self._data, qi)),
             self.model.configuration(q),
@@ -203,7 +203,8 @@ class Dynamics:
         if q is None and law.by_position:
             raise InvalidInput("friction depends on the position in this scene: q is wanted")
         still = np.zeros(self.n)
-        v, direction, q, load = self._checked(
+        v, direction, q, load = vectors(
+            self.n,
             v=v,
             direction=v if direction is None else direction,
             q=still if q is None else q,
@@ -217,7 +218,7 @@ class Dynamics:
 
         The kinetic energy includes that of the armature.
         """
-        q, v = self._checked(q=q, v=v)
+        q, v = vectors(self.n, q=q, v=v)
         both = self._each(self._energies, self.model.configuration(q), self.model.spread(v))
         kinetic, potential = both[..., 0], both[..., 1]
         return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
@@ -272,15 +273,6 @@ class Dynamics:
         if vectors[0].ndim == 1:
             return np.array(law(*vectors))
         return np.array([law(*row) for row in zip(*vectors, strict=True)])
-
-    def _checked(self, **vectors: ArrayLike) -> list[Array]:
-        arrays = [vector(name, value, self.n) for name, value in vectors.items()]
-        counts = {a.shape[0] for a in arrays if a.ndim == 2}
-        if len(counts) > 1:
-            raise InvalidInput(f"batches must be of one length, got {sorted(counts)}")
-        if not counts:
-            return arrays
-        return [np.broadcast_to(a, (*counts, self.n)) for a in arrays]
 
     def _terms(self, terms: Term | int) -> Term:
         if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arguments import vector
+from arm_dynamics.arguments import vector, vectors
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model import ArmModel, Array
@@ -97,24 +97,24 @@ class TaskSpace:
 
     def pose(self, q: ArrayLike) -> Pose:
         """Where the frame is, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""
-        position, rotation = _each(self.motion.placement, *self._checked(q=q))
+        position, rotation = _each(self.motion.placement, *vectors(self.n, q=q))
         return Pose(_plain(position), _plain(rotation))
 
     def jacobian(self, q: ArrayLike) -> Array:
         """J of shape (m, n) or (k, m, n)."""
-        (J,) = _each(lambda qi: (self.motion.jacobian(qi)[self.rows],), *self._checked(q=q))
+        (J,) = _each(lambda qi: (self.motion.jacobian(qi)[self.rows],), *vectors(self.n, q=q))
         return J
 
     def jacobian_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ of shape (m, n) or (k, m, n)."""
         law = self.motion.moving
-        (J_dot,) = _each(lambda *s: (law(*s)[3][self.rows],), *self._checked(q=q, v=v))
+        (J_dot,) = _each(lambda *s: (law(*s)[3][self.rows],), *vectors(self.n, q=q, v=v))
         return J_dot
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ v in [m/s²] and [rad/s²], shape (m,) or (k, m)."""
         law = self.motion.moving
-        state = self._checked(q=q, v=v)
+        state = vectors(self.n, q=q, v=v)
         (bias,) = _each(lambda qi, vi: (law(qi, vi)[3][self.rows] @ vi,), *state)
         return bias
 
@@ -130,7 +130,7 @@ class TaskSpace:
             ModelError: If a joint moves no mass.
         """
         still = np.zeros(self.n) if v is None else v
-        q, v = self._checked(q=q, v=still)
+        q, v = vectors(self.n, q=q, v=still)
         position, rotation, J, J_dot, W, bias, gravity = _each(self._state, q, v)
         A, drift = self._mobility(J, W), _times(J_dot, v)
         inertia = task_inertia(A, self.linear, self.threshold)
@@ -166,7 +166,7 @@ class TaskSpace:
         Raises:
             InvalidInput: If a shape or value is not allowed.
         """
-        (q,), u = self._checked(q=q), self._unit(direction)
+        (q,), u = vectors(self.n, q=q), self._unit(direction)
         A = self._mobility(*_each(self._frozen, q))
         reference = np.trace(A, axis1=-2, axis2=-1) / self.m
         mobility, floor = (A @ u) @ u, self.threshold * np.maximum(reference, 1e-12)
@@ -187,7 +187,7 @@ class TaskSpace:
                 f"an ellipsoid over {self.axes} mixes kg and kg m²; allowed are tasks of linear "
                 "or of angular axes alone"
             )
-        A = self._mobility(*_each(self._frozen, *self._checked(q=q)))
+        A = self._mobility(*_each(self._frozen, *vectors(self.n, q=q)))
         values, axes = np.linalg.eigh(A)
         floor = self.threshold * np.maximum(values.mean(-1, keepdims=True), 1e-12)
         masses = 1.0 / np.maximum(values, floor)
@@ -220,15 +220,6 @@ class TaskSpace:
                 f"direction = {u}; a vector of shape ({self.m},) but zero is wanted"
             )
         return u / length
-
-    def _checked(self, **vectors: ArrayLike) -> list[Array]:
-        arrays = [vector(name, value, self.n) for name, value in vectors.items()]
-        counts = {a.shape[0] for a in arrays if a.ndim == 2}
-        if len(counts) > 1:
-            raise InvalidInput(f"batches must be of one length, got {sorted(counts)}")
-        if not counts:
-            return arrays
-        return [np.broadcast_to(a, (*counts, self.n)) for a in arrays]
 
 
 def _each(law: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
