@@ -15,25 +15,48 @@ from arm_sim import contact_modes as modes
 from arm_sim import contact_newton as newton
 from arm_sim import contact_pieces as pieces
 from arm_sim import dry_friction as dry
-from arm_sim.adaptive import MAX_SUBSTEPS
 from arm_sim.choice import Choice
+from arm_sim.events import event_driver
 from arm_sim.plant import Plant
-from arm_sim.stepper import driver_source
 
 # A tick with more events than this is not a motion any more.
 EVENTS = 5_000
 # How deep inside a plane in [m] a state may be and still be taken for touching it.
 INSIDE = 1e-9
 
-
 DRIVERS = (
+    "cone.c",
     "cones.c",
     "contact_modes.c",
+    "events.c",
     "contact_impact.c",
     "contact_pieces.c",
     "contact_slow.c",
     "contact.c",
 )
+"""Parts of the C driver, in their order."""
+
+NUMBERS = {
+    "SETTLED": cone.SETTLED,
+    "DAMPING": cone.DAMPING,
+    "SOLVED": newton.SOLVED,
+    "REGULAR": newton.REGULAR,
+    "GAP_ROUNDING": modes.GAP_ROUNDING,
+    "HOP": modes.HOP,
+    "SPEED_ROUNDING": modes.SPEED_ROUNDING,
+    "AT_REST": AT_REST,
+    "LEAST_REBOUND": modes.LEAST_REBOUND,
+    "SLACK": modes.SLACK,
+    "EDGE": modes.EDGE,
+    "ROUNDING": dry.ROUNDING,
+    "SUDDEN_STOP": dry.AT_REST,
+    "SINKING": pieces.SINKING,
+    "DEEP": INSIDE,
+    "HELD": pieces.HELD,
+    "MUCH_TURN": pieces.MUCH_TURN,
+    "INDEPENDENT": pieces.INDEPENDENT,
+}
+"""Tolerances that the C driver shares with its twin in Python."""
 
 
 class ContactMemory(ctypes.Structure):
@@ -71,11 +94,16 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
     Returns:
         Source to be compiled with them.
     """
+    defines = {**_scene(plant), **{name: repr(value) for name, value in NUMBERS.items()}}
+    return event_driver(plant, choice, functions, DRIVERS, defines)
+
+
+def _scene(plant: Plant) -> dict[str, str]:
+    """Sizes and coefficients of a scene, and how often at most something is tried in it."""
     assert plant.contact is not None
     model, points = plant.model, plant.contact.points
-    defines = {
+    return {
         "NC": str(len(points)),
-        "NP": str(len(plant.parameters.nominal)),
         "ND": str(model.n if model.has_dry_friction else 0),
         "STATIC": _braces(model.friction.level),
         "FRICTION": _braces(point.friction for point in points),
@@ -92,37 +120,7 @@ def contact_driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -
         "HALVINGS": str(impact.HALVINGS),
         "MOST_EVENTS": str(EVENTS),
         "MOST_PARTS": str(pieces.MOST_PARTS),
-        "BISECTIONS": str(dry.BISECTIONS),
     }
-    numbers = {
-        "SETTLED": cone.SETTLED,
-        "DAMPING": cone.DAMPING,
-        "SOLVED": newton.SOLVED,
-        "REGULAR": newton.REGULAR,
-        "GAP_ROUNDING": modes.GAP_ROUNDING,
-        "HOP": modes.HOP,
-        "SPEED_ROUNDING": modes.SPEED_ROUNDING,
-        "AT_REST": AT_REST,
-        "LEAST_REBOUND": modes.LEAST_REBOUND,
-        "SLACK": modes.SLACK,
-        "EDGE": modes.EDGE,
-        "ROUNDING": dry.ROUNDING,
-        "SUDDEN_STOP": dry.AT_REST,
-        "SINKING": pieces.SINKING,
-        "DEEP": INSIDE,
-        "HELD": pieces.HELD,
-        "MUCH_TURN": pieces.MUCH_TURN,
-        "INDEPENDENT": pieces.INDEPENDENT,
-    }
-    defines |= {name: repr(value) for name, value in numbers.items()}
-    source = ""
-    if choice.tolerance is not None:
-        control = {"ORDER": str(choice.method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
-        source = driver_source("adaptive.c", plant, {**control, "ADAPTIVE": "1"}, *functions)
-    source += driver_source("cone.c", plant, defines, *functions)
-    for file in DRIVERS:
-        source += driver_source(file, plant, {}, *functions)
-    return source
 
 
 def _braces(values: Iterable[float]) -> str:

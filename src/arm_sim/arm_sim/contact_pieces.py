@@ -11,10 +11,10 @@ import numpy as np
 from arm_dynamics.kernel import Call
 from arm_dynamics.laws.contact import AT_REST
 from arm_dynamics.model import Array
-from arm_sim.adaptive import SubstepControl, controlled_tick, within_reach
 from arm_sim.contact_modes import GAP_ROUNDING, Modes
 from arm_sim.dry_friction import AT_REST as SUDDEN_STOP
-from arm_sim.dry_friction import ROUNDING, first_positive
+from arm_sim.dry_friction import ROUNDING
+from arm_sim.events import Flow, first_positive
 
 # Speed in [m/s] by which a contact that is apart may sink without being called an approach.
 SINKING = 1e-12
@@ -31,15 +31,12 @@ class Pieces:
 
     Args:
         modes: What contacts and joints do.
-        smooth: Kernel function of a step, or of an attempt under error control.
+        flow: Smooth motion over a piece.
         close: Kernel function that brings a state back to its closed contacts.
-        control: Error control, if any.
     """
 
-    def __init__(
-        self, modes: Modes, smooth: Call, close: Call, control: SubstepControl | None
-    ) -> None:
-        self._modes, self._smooth, self._close, self._control = modes, smooth, close, control
+    def __init__(self, modes: Modes, flow: Flow, close: Call) -> None:
+        self._modes, self._flow, self._close = modes, flow, close
         self._n, self._sticky = modes.n, modes.static > 0.0
 
     def length(self, x: Array, u: Array, p: Array, left: float) -> tuple[float, bool]:
@@ -47,7 +44,7 @@ class Pieces:
         ground = np.minimum(self._modes.geometry(x)[0][::3], 0.0)
 
         def wrong(t: float) -> float:
-            after = self.tried(x, u, p, t)
+            after = self._flow.tried(x, u, p, t)
             return np.inf if after is None else self._wrong(after, u, p, ground, t)
 
         calm = wrong(left) <= 0.0
@@ -107,28 +104,11 @@ class Pieces:
             rates[k] = mu[k] * force[n] * across / max(size, AT_REST)
         return rates
 
-    def flow(self, x: Array, u: Array, p: Array, h: float) -> Array | None:
-        """Motion over ``h`` with every contact and joint doing as p says."""
-        if self._control is not None:
-            after = x.copy()
-            ok = controlled_tick(self._smooth, after, u, p, h, self._control)
-            return after if ok else None
-        after = self._smooth(x, u, p, h)[0].copy()
-        return after if within_reach(after) else None
-
-    def tried(self, x: Array, u: Array, p: Array, t: float) -> Array | None:
-        """Where ``t`` would lead; error control does not learn from it."""
-        kept = None if self._control is None else self._control.kept()
-        after = self.flow(x, u, p, t)
-        if self._control is not None and kept is not None:
-            self._control.put_back(kept)
-        return after
-
     def friction_work(self, x: Array, u: Array, p: Array, h: float) -> float:
         """Work that sliding contacts take out over a piece in [J], by Simpson's rule."""
         work = 0.0
         for part, weight in ((0.0, 1.0), (0.5, 4.0), (1.0, 1.0)):
-            there = self.tried(x, u, p, part * h)
+            there = self._flow.tried(x, u, p, part * h)
             if there is None:
                 return work
             speed = self._modes.geometry(there)[1].reshape(-1, 3)[:, 1:].copy()
@@ -186,7 +166,7 @@ class Pieces:
     def _dip(self, x: Array, u: Array, p: Array, ground: Array, length: float) -> float | None:
         """A time before ``length`` at which a contact is below its plane, on its way up again."""
         before = self._modes.geometry(x)[1][::3].copy()
-        after = self.tried(x, u, p, length)
+        after = self._flow.tried(x, u, p, length)
         if after is None:
             return None
         back = self._modes.geometry(after)[1][::3].copy()
@@ -194,11 +174,11 @@ class Pieces:
         for k in np.flatnonzero(apart & (before < 0.0) & (back > 0.0)):
 
             def rises(t: float, k: int = int(k)) -> float:
-                there = self.tried(x, u, p, t)
+                there = self._flow.tried(x, u, p, t)
                 return np.inf if there is None else float(self._modes.geometry(there)[1][3 * k])
 
             turn = first_positive(rises, length)
-            lowest = self.tried(x, u, p, turn)
+            lowest = self._flow.tried(x, u, p, turn)
             if lowest is not None and self._wrong(lowest, u, p, ground, turn) > 0.0:
                 return turn
         return None

@@ -9,38 +9,27 @@ Event-driven treatment of set-valued friction: Glocker, Set-Valued Force Laws, 2
 
 from __future__ import annotations
 
-import ctypes
-from collections.abc import Callable
-
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.kernel import Kernel
 from arm_dynamics.model import Array
-from arm_sim.actuation import CompiledControl, actuation
-from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick, within_reach
+from arm_sim.actuation import CompiledControl
 from arm_sim.choice import Choice
-from arm_sim.integrators import build_attempt, build_step
+from arm_sim.events import EventStepper, event_driver, first_positive
 from arm_sim.plant import Plant
-from arm_sim.stepper import (
-    check_kernel,
-    driver_source,
-    library_function,
-    pointer,
-    row_stride,
-)
+from arm_sim.stepper import check_kernel
 
+DRIVERS = ("dry_modes.c", "events.c", "dry.c")
 # A tick with more stops and starts than this for each joint is not a motion any more.
 EVENTS_PER_JOINT = 50
 LEAST_INDEX_FROM = 3
-BISECTIONS = 200
 # A joint that is let go at the very edge of sticking may leave by rounding in the wrong direction.
 ROUNDING = 1e-13
 # Speed, relative to the fastest joint's, that a joint which stops may have where it is found to.
 AT_REST = 1e-6
 
 
-class DryStepper:
+class DryStepper(EventStepper):
     """Event-driven steps; see ``Stepper`` for the interface.
 
     What follows in Python runs on machines without a compiler; ``native/dry.c`` is its twin.
@@ -50,51 +39,12 @@ class DryStepper:
         self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
     ) -> None:
         assert plant.reaction is not None
-        self._n, self._dt, self._model = plant.model.n, choice.dt, plant.model
-        smooth, name = _flow_function(plant, choice)
-        functions = [plant.rhs, plant.reaction, smooth, actuation(plant, control)]
-        self.kernel = Kernel(functions, backend, _driver(plant, choice, functions))
+        super().__init__(plant, choice, backend, control, [plant.reaction], _driver)
         check_kernel(plant, self.kernel)
-        self.p = plant.parameters.nominal
-        self.tick_operations = self.kernel.operations(name)
-        self._control: SubstepControl | None = None
-        if choice.tolerance is not None:
-            self._control = SubstepControl(choice.tolerance, choice.method.order)
-        self._smooth, self._actuate = self.kernel.call(name), self.kernel.call("actuate")
         self._rhs = self.kernel.call("rhs")
         self._reaction = self.kernel.call("reaction")
         self._level = plant.model.friction.level
         self._sticky = self._level > 0.0
-
-    def restart(self) -> None:
-        """Forget what was learned from earlier steps."""
-        if self._control is not None:
-            self._control.restart()
-
-    def roll(
-        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
-    ) -> int:
-        """See ``Stepper.roll``."""
-        if self.kernel.library is not None:
-            return self._by_library(x, command, ticks, trace, effort, errors)
-        for k in range(ticks):
-            effort[k] = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
-            after = self._tick(x, effort[k])
-            if after is None:
-                return k
-            x[:] = trace[k] = after
-            errors[k] = self._control.error if self._control is not None else 0.0
-        return ticks
-
-    def _by_library(
-        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
-    ) -> int:
-        control = None if self._control is None else ctypes.byref(self._control)
-        return library_function(self.kernel, "roll_dry")(
-            pointer(x), pointer(command), row_stride(command), pointer(self.p),
-            ctypes.c_double(self._dt), ctypes.c_longlong(ticks), pointer(trace), pointer(effort),
-            pointer(errors), control,
-        )  # fmt: skip
 
     def directions(self, x: Array, u: Array) -> Array:
         """What each joint does or is about to do: -1 and 1 slide, 0 sticks.
@@ -146,7 +96,7 @@ class DryStepper:
 
             calm = wrong(left) <= 0.0
             length = left if calm else first_positive(wrong, left)
-            after = self._flow(x, u, length, direction)
+            after = self._flow.over(x, u, self._with(direction), length)
             if after is None:
                 return None
             rested = self._rest(after, direction)
@@ -157,11 +107,8 @@ class DryStepper:
         return None
 
     def _wrong_after(self, x: Array, u: Array, t: float, direction: Array) -> float:
-        """How wrong it is after ``t``; tried only, so error control does not learn from it."""
-        kept = None if self._control is None else self._control.kept()
-        after = self._flow(x, u, t, direction)
-        if self._control is not None and kept is not None:
-            self._control.put_back(kept)
+        """How wrong it is after ``t``."""
+        after = self._flow.tried(x, u, self._with(direction), t)
         return np.inf if after is None else self._wrong(after, u, direction)
 
     def _rest(self, x: Array, direction: Array) -> Array | None:
@@ -188,15 +135,6 @@ class DryStepper:
         load = abs(self._reaction(x[: self._n], x[self._n :], u, self._with(direction))[0])
         return float(max(turned, np.max(load - self._level, where=stuck, initial=-np.inf)))
 
-    def _flow(self, x: Array, u: Array, h: float, direction: Array) -> Array | None:
-        """Motion over ``h`` with every joint doing as ``direction`` says."""
-        if self._control is not None:
-            after = x.copy()
-            ok = controlled_tick(self._smooth, after, u, self._with(direction), h, self._control)
-            return after if ok else None
-        after = self._smooth(x, u, self._with(direction), h)[0].copy()
-        return after if within_reach(after) else None
-
     def _velocity(self, x: Array) -> Array:
         return x[self._n : 2 * self._n]
 
@@ -204,55 +142,14 @@ class DryStepper:
         return np.concatenate([self.p, direction])
 
 
-def first_positive(f: Callable[[float], float], h: float) -> float:
-    """Locate a change of ``f`` from not positive to positive on (0, h], to rounding.
-
-    Regula falsi with the weights of Illinois (Dowell, Jarratt, BIT 11, 1971) and a bisection in
-    every fourth trial.
-
-    Args:
-        f: Continuous; not positive at 0, positive at h.
-        h: Right end.
-
-    Returns:
-        A time at which f is positive and just before which it is not.
-    """
-    low, high, f_low, f_high, side = 0.0, h, f(0.0), f(h), 0
-    for k in range(BISECTIONS):
-        if high - low <= 4e-16 * h:
-            break
-        secant = high - f_high * (high - low) / (f_high - f_low) if np.isfinite(f_high) else low
-        trial = secant if low < secant < high and k % 4 != 3 else 0.5 * (low + high)
-        value = f(trial)
-        if value > 0.0:
-            high, f_high, f_low = trial, value, 0.5 * f_low if side > 0 else f_low
-            side = 1
-        else:
-            low, f_low, f_high = trial, value, 0.5 * f_high if side < 0 else f_high
-            side = -1
-    return high
-
-
-def _flow_function(plant: Plant, choice: Choice) -> tuple[ca.Function, str]:
-    if choice.tolerance is None:
-        return build_step(choice.method, plant.rhs, plant.model.n), "step"
-    return build_attempt(choice.method, plant.rhs, plant.model.n, plant.scale), "attempt"
-
-
 def _driver(plant: Plant, choice: Choice, functions: list[ca.Function]) -> str:
     n = plant.model.n
     defines = {
-        "NP": str(len(plant.parameters.nominal)),
         "STATIC": "{" + ", ".join(map(repr, plant.model.friction.level.tolist())) + "}",
         "EVENTS": str(EVENTS_PER_JOINT * n),
         "WORST_FIRST": str(LEAST_INDEX_FROM * n),
         "PIVOTS": str(LEAST_INDEX_FROM * n + 2 ** min(n, 12)),
-        "BISECTIONS": str(BISECTIONS),
         "ROUNDING": repr(ROUNDING),
         "AT_REST": repr(AT_REST),
     }
-    if choice.tolerance is None:
-        return driver_source("dry.c", plant, defines, *functions)
-    control = {"ORDER": str(choice.method.order), "SUBSTEPS": str(MAX_SUBSTEPS), "ADAPTIVE": "1"}
-    adaptive = driver_source("adaptive.c", plant, control, *functions)
-    return adaptive + driver_source("dry.c", plant, defines, *functions)
+    return event_driver(plant, choice, functions, DRIVERS, defines)

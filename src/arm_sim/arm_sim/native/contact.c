@@ -69,29 +69,8 @@ static enum trouble contact_tick(real* x, piece_t* piece, double h, memory_t* me
   return EVENTS;
 }
 
-/* As roll() of roll.c, with the error estimate after each tick in `errors`. */
-__attribute__((visibility("default")))
-long long roll_contact(real* x, const real* command, long long stride, const real* p, double h, long long ticks,
-                       real* trace, real* effort, real* errors, void* control, memory_t* memory) {
-  MEMORY;
-  piece_t piece;
-  for (int i = 0; i < NP; ++i) piece.p[i] = p[i];
-#ifdef ADAPTIVE
-  piece.control = control;
-#endif
-  for (long long k = 0; k < ticks; ++k) {
-    arg[0] = x; arg[1] = command + k * stride;
-    res[0] = effort + k * NU;
-    actuate(arg, res, iw, w, 0);
-    piece.u = effort + k * NU;
-    memory->trouble = contact_tick(x, &piece, h, memory);
-    if (memory->trouble != NONE) return k;
-    for (int i = 0; i < NX; ++i) trace[k * NX + i] = x[i];
-#ifdef ADAPTIVE
-    errors[k] = piece.control->error;
-#else
-    errors[k] = 0.0;
-#endif
-  }
-  return ticks;
+static int event_tick(real* x, piece_t* piece, double h, void* remembered) {
+  memory_t* memory = remembered;
+  memory->trouble = contact_tick(x, piece, h, memory);
+  return memory->trouble == NONE;
 }

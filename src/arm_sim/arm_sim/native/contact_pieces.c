@@ -3,36 +3,8 @@
  * Smooth pieces of a motion with contacts: how long one lasts, and what is set right at its ends. The same lines stand in
  * Python in contact_pieces.py, with the reasons, for machines without a compiler; a test holds the two together.
  *
- * Before this file: contact_modes.c; BISECTIONS, ROUNDING, SUDDEN_STOP, SINKING, HELD, INDEPENDENT.
+ * Before this file: contact_modes.c, events.c; ROUNDING, SUDDEN_STOP, SINKING, HELD, INDEPENDENT.
  */
-
-/* Motion over h in one piece: 1 if every number stayed finite. */
-static int flow(const real* x, piece_t* piece, real h, real* after) {
-#ifdef ADAPTIVE
-  for (int i = 0; i < NX; ++i) after[i] = x[i];
-  return controlled_tick(after, piece->u, piece->p, h, piece->control);
-#else
-  MEMORY;
-  arg[0] = x; arg[1] = piece->u; arg[2] = piece->p; arg[3] = &h;
-  res[0] = after;
-  step(arg, res, iw, w, 0);
-  for (int i = 0; i < NX; ++i)
-    if (BEYOND(after[i], 1e150)) return 0;
-  return 1;
-#endif
-}
-
-/* As flow(); error control does not learn from it. */
-static int try_flow(const real* x, piece_t* piece, real h, real* after) {
-#ifdef ADAPTIVE
-  const control_t kept = *piece->control;
-  const int ok = flow(x, piece, h, after);
-  *piece->control = kept;
-  return ok;
-#else
-  return flow(x, piece, h, after);
-#endif
-}
 
 /* Whether a contact is closed or a joint sticks. */
 static int anything_held(const piece_t* piece) {
@@ -76,33 +48,14 @@ typedef struct {
   int contact;
 } search_t;
 
-static double value_at(const search_t* search, double t) {
+static double value_at(const void* asked, double t) {
+  const search_t* search = asked;
   real after[NX];
   if (!try_flow(search->x, search->piece, t, after)) return INFINITY;
   if (search->contact < 0) return wrongness(after, search->piece, search->ground, t);
   where_t where;
   find_geometry(after, &where);
   return where.speed[3 * search->contact];
-}
-
-static double first_positive(const search_t* search, double h) {
-  double low = 0.0, high = h, f_low = value_at(search, 0.0), f_high = value_at(search, h);
-  int side = 0;
-  for (int k = 0; k < BISECTIONS && high - low > 4e-16 * h; ++k) {
-    const double secant = isfinite(f_high) ? high - f_high * (high - low) / (f_high - f_low) : low;
-    const double trial = low < secant && secant < high && k % 4 != 3 ? secant : 0.5 * (low + high);
-    const double value = value_at(search, trial);
-    if (value > 0.0) {
-      high = trial; f_high = value;
-      if (side > 0) f_low *= 0.5;
-      side = 1;
-    } else {
-      low = trial; f_low = value;
-      if (side < 0) f_high *= 0.5;
-      side = -1;
-    }
-  }
-  return high;
 }
 
 /* A time before `length` at which a contact is below its plane, on its way up again; 0 if there is none. */
@@ -114,7 +67,7 @@ static double dip_before(search_t* search, double length, const real* end) {
   for (int k = 0; k < NC; ++k) {
     if (MODE(search->piece, k)[0] != 0.0 || !(before.speed[3 * k] < 0.0 && back.speed[3 * k] > 0.0)) continue;
     search->contact = k;
-    const double turn = first_positive(search, length);
+    const double turn = first_positive(value_at, search, length);
     search->contact = -1;
     if (try_flow(search->x, search->piece, turn, after) &&
         wrongness(after, search->piece, search->ground, turn) > 0.0)
@@ -139,7 +92,7 @@ static double advance(const real* x, piece_t* piece, double reach, real* after, 
 #ifdef ADAPTIVE
     *piece->control = kept;
 #endif
-    length = first_positive(&search, reach);
+    length = first_positive(value_at, &search, reach);
     if (!flow(x, piece, length, after)) return -1.0;
   }
   const double dip = dip_before(&search, length, after);
@@ -148,7 +101,7 @@ static double advance(const real* x, piece_t* piece, double reach, real* after, 
   *piece->control = kept;
 #endif
   *calm = 0;
-  length = first_positive(&search, dip);
+  length = first_positive(value_at, &search, dip);
   return flow(x, piece, length, after) ? length : -1.0;
 }
 
