@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from harness import Ros
+from harness import TRANSPORTS, Ros
 
 from arm_dynamics.ros.shared_memory import clear_dead
 
@@ -31,8 +32,14 @@ def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 
 @pytest.fixture(scope="session", autouse=True)
 def shared_memory() -> Iterator[None]:
-    """Give back what nodes that tests have killed could not."""
+    """Stay out of shared memory, and give back what nodes that tests have killed could not.
+
+    A node that is killed while it writes leaves a locked mutex in the memory of whoever listens.
+    Fast DDS 2.14 then maps that memory anew, and who is just leaving it crashes.
+    """
+    os.environ[TRANSPORTS] = "UDPv4"
     yield
+    del os.environ[TRANSPORTS]
     clear_dead()
 
 

@@ -18,7 +18,13 @@ from rclpy.parameter import Parameter
 
 DOMAINS = 100  # domains above 101 collide with ports that the system gives away
 RESERVATIONS = 22_119  # first of the ports that stand for domains in use
+TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"  # the tests' own; see conftest.py
 _turn = count(os.getpid())
+
+
+def surroundings(**more: str) -> dict[str, str]:
+    """Environment for a process that shall talk as it does for users."""
+    return {name: value for name, value in os.environ.items() if name != TRANSPORTS} | more
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
@@ -59,7 +65,7 @@ class Ros:
         self._executor.add_node(node)
         return node
 
-    def spin_until(self, done: Callable[[], Any], timeout: float = 10.0) -> None:
+    def spin_until(self, done: Callable[[], Any], timeout: float = 30.0) -> None:
         """Run callbacks until ``done`` is true."""
         end = time.monotonic() + timeout
         while not done():

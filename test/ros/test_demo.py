@@ -14,6 +14,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import pytest
+from harness import surroundings
 
 import models
 from arm_sim.cli.demo.report import Numbers, complaints, remarks
@@ -31,6 +32,7 @@ class Demo:
         self.process = subprocess.Popen(
             [sys.executable, "-P", "-m", "arm_sim.cli", "demo", "--output", str(folder), *words],
             stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, start_new_session=True,
+            env=surroundings(),
         )  # fmt: skip
         self.said = ""
 

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 import pytest
 from arm_msgs.srv import ModelInfo
-from harness import Ros
+from harness import Ros, surroundings
 from sensor_msgs.msg import JointState
 
 import models
@@ -32,7 +31,7 @@ class Processes:
     """Nodes started as their console scripts do."""
 
     def __init__(self, domain: int) -> None:
-        self._environment = {**os.environ, "ROS_DOMAIN_ID": str(domain)}
+        self._environment = surroundings(ROS_DOMAIN_ID=str(domain))
         self._started: list[subprocess.Popen[str]] = []
 
     def start(self, node: str, **parameters: Any) -> subprocess.Popen[str]:

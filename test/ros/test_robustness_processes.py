@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import os
 import signal
 import subprocess
 import sys
@@ -16,7 +15,7 @@ import numpy as np
 import pytest
 from arm_msgs.srv import ModelInfo
 from diagnostic_msgs.msg import DiagnosticArray
-from harness import Ros
+from harness import Ros, surroundings
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import String
@@ -41,7 +40,7 @@ class Loop:
 
     def __init__(self, ros: Ros) -> None:
         self.ros = ros
-        self._environment = {**os.environ, "ROS_DOMAIN_ID": str(ros.domain)}
+        self._environment = surroundings(ROS_DOMAIN_ID=str(ros.domain))
         self.running: dict[str, subprocess.Popen[bytes]] = {}
         self.states: list[JointState] = []
         self.levels: dict[str, tuple[int, str]] = {}

@@ -3,40 +3,53 @@
 
 from __future__ import annotations
 
-import os
-import signal
 import subprocess
 import sys
+from pathlib import Path
 
-from harness import Ros
+from harness import surroundings
 
 from arm_dynamics.ros.shared_memory import FOLDER, clear_dead
 
 NODE = """
 import rclpy
 rclpy.init()
-node = rclpy.create_node("doomed")
+node = rclpy.create_node("there")
 print("there", flush=True)
 input()
 """
 
 
-def segments() -> set[str]:
-    return {path.name for path in FOLDER.glob("fastrtps_*")}
-
-
-def test_only_the_dead_are_cleared(ros: Ros) -> None:
-    clear_dead()
-    living = segments()
+def node() -> subprocess.Popen[str]:
+    """A node in a process of its own, which ends with its standard input."""
     process = subprocess.Popen(
-        [sys.executable, "-c", NODE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True
-    )
-    with process:
-        assert process.stdout is not None and process.stdout.readline() == "there\n"
-        both = segments()
-        assert both > living
-        assert clear_dead() == 0
-        os.kill(process.pid, signal.SIGKILL)
-    assert segments() == both
-    assert clear_dead() > 0
-    assert segments() == living
+        [sys.executable, "-c", NODE], stdin=subprocess.PIPE, stdout=subprocess.PIPE, text=True,
+        env=surroundings(),
+    )  # fmt: skip
+    assert process.stdout is not None and process.stdout.readline() == "there\n"
+    return process
+
+
+def segments(process: subprocess.Popen[str]) -> set[str]:
+    """What a process has in shared memory."""
+    lines = Path(f"/proc/{process.pid}/maps").read_text().splitlines()
+    return {Path(line.split()[-1]).name for line in lines if f"{FOLDER}/fastrtps_" in line}
+
+
+def there() -> set[str]:
+    return {path.name for path in FOLDER.iterdir()}
+
+
+def test_only_the_dead_are_cleared() -> None:
+    with node() as living, node() as doomed:
+        of_both = segments(living), segments(doomed)
+        clear_dead()
+        assert there() >= of_both[0] | of_both[1]
+        doomed.kill()
+        doomed.wait()
+        left = of_both[1] - of_both[0]
+        assert left and there() >= left
+        assert clear_dead() > 0
+        assert not there() & left
+        assert there() >= segments(living)
+        living.communicate("")
