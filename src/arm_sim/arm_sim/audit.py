@@ -130,7 +130,7 @@ class Audit:
         stepper.restart()
         for k, command in enumerate(u):
             now = np.concatenate([x[k], [0.0, 0.0]])
-            if stepper.roll(now, np.ascontiguousarray(command), 1, trace, effort, error) == 1:
+            if stepper.roll(now, np.ascontiguousarray(command), trace, effort, error) == 1:
                 out[k] = now[-2:]
         return out
 

@@ -41,6 +41,6 @@ class ContactLosses:
         for i in range(k):
             stepper.restart()
             stepper.memory.audit = 1
-            if stepper.roll(x[i].copy(), u[i].copy(), 1, trace, effort, error) == 1:
+            if stepper.roll(x[i].copy(), u[i].copy(), trace, effort, error) == 1:
                 losses[i] = stepper.memory.loss, stepper.memory.friction
         return losses

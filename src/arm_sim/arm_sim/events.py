@@ -7,8 +7,9 @@ What an event is, and which mode follows, is for dry friction and for contact to
 from __future__ import annotations
 
 import ctypes
-from abc import ABC, abstractmethod
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
+from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -20,7 +21,7 @@ from arm_sim.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick, with
 from arm_sim.choice import Choice
 from arm_sim.integrators import build_attempt, build_step
 from arm_sim.plant import Plant
-from arm_sim.stepper import driver_source, library_function, pointer, row_stride
+from arm_sim.stepper import Stepper, driver_source, library_function, pointer, row_stride
 
 BISECTIONS = 200
 Driver = Callable[[Plant, Choice, list[ca.Function]], str]
@@ -55,7 +56,7 @@ class Flow:
         return after
 
 
-class EventStepper(ABC):
+class EventStepper(Stepper):
     """Event-driven steps; see ``Stepper`` for the interface.
 
     What follows in Python runs on machines without a compiler; ``native/events.c`` is its twin.
@@ -103,31 +104,32 @@ class EventStepper(ABC):
         if self._control is not None:
             self._control.restart()
 
-    def roll(
-        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
+    def bound(
+        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
+    ) -> Callable[[], int]:
+        """See ``Stepper.bound``."""
+        if self.kernel.library is None:
+            return partial(self._by_call, x, command, trace, effort, errors)
+        control = None if self._control is None else ctypes.byref(self._control)
+        memory = None if self.memory is None else ctypes.byref(self.memory)
+        return library_function(
+            self.kernel, "roll_events", pointer(x), pointer(command), row_stride(command),
+            pointer(self.p), ctypes.c_double(self._dt), ctypes.c_longlong(len(trace)),
+            pointer(trace), pointer(effort), pointer(errors), control, memory,
+        )  # fmt: skip
+
+    def _by_call(
+        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
     ) -> int:
-        """See ``Stepper.roll``."""
-        if self.kernel.library is not None:
-            return self._by_library(x, command, ticks, trace, effort, errors)
-        for k in range(ticks):
-            effort[k] = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
-            after = self._tick(x, effort[k])
+        for k in range(len(trace)):
+            acted = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
+            after = self._tick(x, acted)
             if after is None:
                 return k
             x[:] = trace[k] = after
+            effort[k] = acted
             errors[k] = self._control.error if self._control is not None else 0.0
-        return ticks
-
-    def _by_library(
-        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
-    ) -> int:
-        control = None if self._control is None else ctypes.byref(self._control)
-        memory = None if self.memory is None else ctypes.byref(self.memory)
-        return library_function(self.kernel, "roll_events")(
-            pointer(x), pointer(command), row_stride(command), pointer(self.p),
-            ctypes.c_double(self._dt), ctypes.c_longlong(ticks), pointer(trace), pointer(effort),
-            pointer(errors), control, memory,
-        )  # fmt: skip
+        return len(trace)
 
 
 def event_driver(

@@ -30,7 +30,7 @@ def torque(tau: Any, n: int) -> Array:
     Raises:
         InvalidInput: If the shape is another one or a number is not finite.
     """
-    command = np.ascontiguousarray(real_array("tau", tau))
+    command = tau if type(tau) is np.ndarray and tau.dtype == float else real_array("tau", tau)
     if command.shape != (n,):
         raise InvalidInput(f"tau has shape {command.shape}; ({n},) is wanted")
     # Several times faster than numpy for so few numbers; a sum that overflows is looked at again.

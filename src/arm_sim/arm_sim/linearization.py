@@ -6,6 +6,8 @@ CasADi differentiates the very step that is integrated.
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING, Any
+
 import casadi as ca
 import numpy as np
 
@@ -15,9 +17,28 @@ from arm_sim.actuation import actuation
 from arm_sim.adaptive import SubstepControl, controlled_tick
 from arm_sim.choice import Choice
 from arm_sim.exceptions import SimulationDiverged
+from arm_sim.inputs import packed_state, torque, whole
 from arm_sim.integrators import build_attempt, build_step
 from arm_sim.plant import Plant
+from arm_sim.state import State
 from arm_sim.stepper import build_tick
+
+if TYPE_CHECKING:
+    from arm_sim.simulator import Simulator
+
+
+def linearize(sim: Simulator, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
+    """Exact derivatives of the state after a tick (or several, torque held).
+
+    Returns:
+        A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z).
+
+    Raises:
+        InvalidInput: If an argument is not allowed.
+    """
+    whole("ticks", ticks, 1)
+    x, command = packed_state(sim.plant, state.q, state.v, state.z), torque(tau, sim.n)
+    return sim._linearizer(x, command, sim._stepper.parameters_at(x, command), ticks)
 
 
 class Linearizer:

@@ -72,7 +72,7 @@ class Plan:
             self._stepper.restart()
             x = np.concatenate([model.q0, model.v0, self._plant.initial(model.q0, model.v0)])
             start = time.perf_counter_ns()
-            done = self._stepper.roll(x, np.zeros(model.n), TIMED_TICKS, trace, effort, errors)
+            done = self._stepper.roll(x, np.zeros(model.n), trace, effort, errors)
             best = min(best, (time.perf_counter_ns() - start) / max(1, done))
         self._stepper.restart()
         return best

@@ -117,7 +117,7 @@ class Rollouts:
             stepper.restart()
             stepper.p[:] = batch.p[arm]
             x, tau = batch.x0[arm].copy(), np.ascontiguousarray(batch.tau[arm])
-            done = stepper.roll(x, tau, steps, trace, effort, errors)
+            done = stepper.roll(x, tau, trace, effort, errors)
             trace[done:] = np.nan
             motion = np.vstack([batch.x0[arm], trace])
             batch.out[arm] = motion[-1] if batch.out.ndim == 2 else motion

@@ -17,8 +17,8 @@ from arm_sim.audit import Audit
 from arm_sim.choice import Choice, choose
 from arm_sim.contact_report import contact_forces, trouble
 from arm_sim.exceptions import SimulationDiverged, diverged
-from arm_sim.inputs import SaturationNotice, packed_state, tick_count, torque, torque_table, whole
-from arm_sim.linearization import Linearizer
+from arm_sim.inputs import SaturationNotice, tick_count, torque, torque_table
+from arm_sim.linearization import Linearizer, linearize
 from arm_sim.make import Steppers
 from arm_sim.plan import Plan
 from arm_sim.plant import Plant
@@ -46,6 +46,7 @@ class Simulator:
         joint_names: Order of every vector.
         z_names: The states z of the scene's laws, with joint and unit.
         dt: Length of a tick in [s].
+        x: The state (q, v, z) as it is now, shape (nx,): a read-only view that steps change.
 
     Raises:
         InvalidInput: If the method is unknown, or dt or tolerance is out of range.
@@ -67,12 +68,12 @@ class Simulator:
         self.n, self.joint_names, self.dt = self.model.n, self.model.joint_names, self.choice.dt
         self.z_names = self.plant.laws.names if self.plant.laws else ()
         self.backend = backend
-        self._steppers = Steppers(self.plant, self.choice, backend)
-        self._stepper = self._steppers.plain
-        self._x = np.zeros(self.plant.nx)
-        self._effort = np.zeros((1, self.n))
-        self._trace, self._error = np.zeros((1, self.plant.nx)), np.zeros(1)
-        self._step = 0
+        self._x, self._command = np.zeros(self.plant.nx), np.zeros(self.n)
+        self._effort, self._error = np.zeros((1, self.n)), np.zeros(1)
+        self.x = self._x.view()
+        self.x.setflags(write=False)
+        self._state: State | None = None
+        self._use(Steppers(self.plant, self.choice, backend))
         self._saturation = SaturationNotice(self.model)
         self.reset()
 
@@ -84,6 +85,9 @@ class Simulator:
     @property
     def state(self) -> State:
         """Where the robot is; read-only arrays that later steps do not touch."""
+        if self._state is None:
+            error = float(self._error[0])
+            self._state = State.of(self._x, self.n, self._step, self.dt, error)
         return self._state
 
     @property
@@ -139,11 +143,13 @@ class Simulator:
             InvalidInput: If ``tau`` has the wrong shape or is not finite.
             SimulationDiverged: If the tick gives numbers that are not finite; the state stays.
         """
-        command = torque(tau, self.n)
-        if self._roll(self._stepper, command, self._trace, self._effort, self._error) != 1:
+        self.advance(tau)
+        return self.state
+
+    def advance(self, tau: Any) -> None:
+        """As ``step``, for a loop that looks at ``x``: no state is made."""
+        if not self._advance(tau):
             raise self._diverged()
-        self._saturation.look(command, self._effort)
-        return self._state
 
     def run(self, duration: float, control: Control | CompiledControl | Any = None) -> Recording:
         """Advance for a while and record every tick.
@@ -164,7 +170,7 @@ class Simulator:
         ticks = tick_count(duration, self.dt)
         trace = np.empty((ticks, self.plant.nx))
         effort, errors = np.empty((ticks, self.n)), np.empty(ticks)
-        start = self._state
+        start = self.state
         if isinstance(control, CompiledControl):
             times = np.asarray((self._step + np.arange(ticks)) * self.dt, dtype=np.float64)
             stepper = self._steppers.with_control(control)
@@ -196,21 +202,21 @@ class Simulator:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
-        self._x = held.placed(self, q, v, z)
+        self._x[:] = held.placed(self, q, v, z)
         self._step, self._effort[:], self._error[:] = 0, 0.0, 0.0
         self._steppers.restart()
-        self._publish()
-        return self._state
+        self._state = None
+        return self.state
 
     def set_state(self, q: Any = None, v: Any = None, z: Any = None) -> State:
         """Put the robot somewhere else while time goes on.
 
         None keeps positions or velocities, and gives the laws the states that suit them.
         """
-        q, v = self._state.q if q is None else q, self._state.v if v is None else v
-        self._x = held.placed(self, q, v, z)
-        self._publish()
-        return self._state
+        q, v = self.state.q if q is None else q, self.state.v if v is None else v
+        self._x[:] = held.placed(self, q, v, z)
+        self._state = None
+        return self.state
 
     def set_parameter(self, name: str, value: Any) -> None:
         """Change a tunable quantity of the scene (see ``Parameter``), or raise InvalidInput."""
@@ -254,46 +260,40 @@ class Simulator:
         batch = self._rollouts.batch(q0, v0, tau, steps, p, last_only)
         return self._rollouts.run(batch, threads, lanes)
 
-    def linearize(self, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
-        """Exact derivatives of the state after a tick (or several, torque held).
-
-        Returns:
-            A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z).
-
-        Raises:
-            InvalidInput: If an argument is not allowed.
-        """
-        whole("ticks", ticks, 1)
-        x, command = packed_state(self.plant, state.q, state.v, state.z), torque(tau, self.n)
-        return self._linearizer(x, command, self._stepper.parameters_at(x, command), ticks)
-
-    multipliers, set_constraint = held.multipliers, held.set_constraint
+    linearize, multipliers, set_constraint = linearize, held.multipliers, held.set_constraint
     contact_forces = contact_forces
     _linearizer = cached_property(lambda sim: Linearizer(sim.plant, sim.choice))
     _rollouts = cached_property(lambda sim: Rollouts(sim.plant, sim.choice, sim.backend))
 
+    def _use(self, steppers: Steppers) -> None:
+        self._steppers, self._stepper = steppers, steppers.plain
+        arrays = self._command, self._x[None].copy(), self._effort, self._error
+        self._tick = self._stepper.bound(self._x, *arrays)
+
+    def _advance(self, tau: Any) -> bool:
+        self._command[:] = torque(tau, self.n)
+        if self._tick() != 1:
+            return False
+        self._step, self._state = self._step + 1, None
+        self._saturation.look(self._command, self._effort)
+        return True
+
     def _roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, errors: Array
     ) -> int:
-        done = stepper.roll(self._x, command, len(trace), trace, effort, errors)
+        done = stepper.roll(self._x, command, trace, effort, errors)
         if done:
             self._step += done
-            self._effort[0] = effort[done - 1]
-            self._error[0] = errors[done - 1]
-            self._publish()
+            self._effort[0], self._error[0] = effort[done - 1], errors[done - 1]
+            self._state = None
         return done
 
     def _run_function(self, control: Control, trace: Array, effort: Array, errors: Array) -> int:
         for k in range(len(trace)):
-            command = torque(control(self._state), self.n)
-            row = slice(k, k + 1)
-            if self._roll(self._stepper, command, trace[row], effort[row], errors[row]) != 1:
+            if not self._advance(control(self.state)):
                 return k
-            self._saturation.look(command, effort[row])
+            trace[k], effort[k], errors[k] = self._x, self._effort[0], self._error[0]
         return len(trace)
 
-    def _publish(self) -> None:
-        self._state = State.of(self._x, self.n, self._step, self.dt, float(self._error[0]))
-
     def _diverged(self) -> SimulationDiverged:
-        return diverged(self._state, self.choice, held.hint(self) + trouble(self._stepper))
+        return diverged(self.state, self.choice, held.hint(self) + trouble(self._stepper))

@@ -7,9 +7,11 @@ It is one step of fixed length, or sub-steps under error control.
 from __future__ import annotations
 
 import ctypes
+from abc import ABC, abstractmethod
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
-from typing import Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -26,7 +28,7 @@ from arm_sim.plant import Plant
 NATIVE = Path(__file__).parent / "native"
 
 
-class Stepper(Protocol):
+class Stepper(ABC):
     """Advances a state by whole ticks.
 
     Attributes:
@@ -39,33 +41,42 @@ class Stepper(Protocol):
     p: Array
     tick_operations: int
 
-    def roll(
-        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
-    ) -> int:
-        """Advance ``ticks`` ticks, or fewer if a number stops being finite.
+    @abstractmethod
+    def bound(
+        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
+    ) -> Callable[[], int]:
+        """Make a function of k ticks, to be called as often as one likes.
+
+        Looking up where arrays are takes longer than a tick. All must be contiguous.
 
         Args:
             x: State of shape (nx,), overwritten by the last good one.
             command: What is commanded, held, or a row for each tick: torques of shape (n,), or a
                 compiled controller's references.
-            ticks: How many.
-            trace: Receives the state after each tick, shape (ticks, nx).
-            effort: Receives the torque that acted in each tick, shape (ticks, n).
-            errors: Receives the estimated error of q after each tick, shape (ticks,); zeros
-                without estimate.
+            trace: Receives the state after each tick, shape (k, nx).
+            effort: Receives the torque that acted in each tick, shape (k, n).
+            errors: Receives the estimated error of q after each tick, shape (k,); zeros without
+                estimate.
 
         Returns:
-            Number of good ticks.
+            Function that advances by k ticks, or fewer if a number stops being finite, and says
+            how many were good.
         """
 
+    def roll(self, x: Array, command: Array, trace: Array, effort: Array, errors: Array) -> int:
+        """Advance once, see ``bound``; return the number of good ticks."""
+        return self.bound(x, command, trace, effort, errors)()
+
+    @abstractmethod
     def restart(self) -> None:
         """Forget what was learned from earlier steps."""
 
     def parameters_at(self, x: Array, u: Array) -> Array:
         """The vector p of the plant's functions at a state under a torque."""
+        return self.p
 
 
-class FixedStepper:
+class FixedStepper(Stepper):
     """One step of the method per tick: bounded work, fit for real time."""
 
     def __init__(
@@ -90,33 +101,24 @@ class FixedStepper:
     def restart(self) -> None:
         """Nothing is remembered between ticks."""
 
-    def parameters_at(self, x: Array, u: Array) -> Array:
-        """See ``Stepper.parameters_at``."""
-        return self.p
-
-    def roll(
-        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
-    ) -> int:
-        """See ``Stepper.roll``."""
+    def bound(
+        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
+    ) -> Callable[[], int]:
+        """See ``Stepper.bound``."""
         errors[:] = 0.0
-        if self.kernel.library is None or ticks == 1:
-            return self._by_call(x, command, ticks, trace, effort)
-        return library_function(self.kernel, "roll")(
-            pointer(x),
-            pointer(command),
-            row_stride(command),
-            pointer(self.p),
-            pointer(self._dt),
-            ctypes.c_longlong(ticks),
-            pointer(trace),
+        if self.kernel.library is None:
+            return partial(self._by_call, x, command, trace, effort)
+        return library_function(
+            self.kernel, "roll", pointer(x), pointer(command), row_stride(command),
+            pointer(self.p), pointer(self._dt), ctypes.c_longlong(len(trace)), pointer(trace),
             pointer(effort),
-        )
+        )  # fmt: skip
 
-    def _by_call(self, x: Array, command: Array, ticks: int, trace: Array, effort: Array) -> int:
+    def _by_call(self, x: Array, command: Array, trace: Array, effort: Array) -> int:
         (x_in, r_in, p_in, _), (after, acted) = self._tick.inputs, self._tick.outputs
         if self.p.size:
             p_in[:] = self.p
-        for k in range(ticks):
+        for k in range(len(trace)):
             x_in[:] = x
             r_in[:] = command[k] if command.ndim == 2 else command
             self._tick.run()
@@ -124,10 +126,10 @@ class FixedStepper:
                 return k
             x[:] = after
             trace[k], effort[k] = after, acted
-        return ticks
+        return len(trace)
 
 
-class AdaptiveStepper:
+class AdaptiveStepper(Stepper):
     """Error-controlled sub-steps inside every tick."""
 
     def __init__(
@@ -155,38 +157,27 @@ class AdaptiveStepper:
         """Forget the length of the last sub-step and the error so far."""
         self._control.restart()
 
-    def parameters_at(self, x: Array, u: Array) -> Array:
-        """See ``Stepper.parameters_at``."""
-        return self.p
-
-    def roll(
-        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
-    ) -> int:
-        """See ``Stepper.roll``."""
+    def bound(
+        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
+    ) -> Callable[[], int]:
+        """See ``Stepper.bound``."""
         if self.kernel.library is None:
-            return self._by_call(x, command, ticks, trace, effort, errors)
-        return library_function(self.kernel, "roll_adaptive")(
-            pointer(x),
-            pointer(command),
-            row_stride(command),
-            pointer(self.p),
-            ctypes.c_double(self._dt),
-            ctypes.c_longlong(ticks),
-            pointer(trace),
-            pointer(effort),
-            pointer(errors),
-            ctypes.byref(self._control),
-        )
+            return partial(self._by_call, x, command, trace, effort, errors)
+        return library_function(
+            self.kernel, "roll_adaptive", pointer(x), pointer(command), row_stride(command),
+            pointer(self.p), ctypes.c_double(self._dt), ctypes.c_longlong(len(trace)),
+            pointer(trace), pointer(effort), pointer(errors), ctypes.byref(self._control),
+        )  # fmt: skip
 
     def _by_call(
-        self, x: Array, command: Array, ticks: int, trace: Array, effort: Array, errors: Array
+        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
     ) -> int:
-        for k in range(ticks):
-            effort[k] = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
-            if not controlled_tick(self._attempt, x, effort[k], self.p, self._dt, self._control):
+        for k in range(len(trace)):
+            acted = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
+            if not controlled_tick(self._attempt, x, acted, self.p, self._dt, self._control):
                 return k
-            trace[k], errors[k] = x, self._control.error
-        return ticks
+            trace[k], effort[k], errors[k] = x, acted, self._control.error
+        return len(trace)
 
 
 def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
@@ -218,17 +209,16 @@ def row_stride(command: Array) -> ctypes.c_longlong:
     return ctypes.c_longlong(command.shape[-1] if command.ndim == 2 else 0)
 
 
-def library_function(kernel: Kernel, name: str) -> Callable[..., int]:
-    """A function of the compiled driver; it answers with the number of good ticks."""
+def library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[], int]:
+    """A function of the compiled driver with its arguments; it says how many ticks were good."""
     entry = getattr(kernel.library, name)
     entry.restype = ctypes.c_longlong
-    function: Callable[..., int] = entry
-    return function
+    return partial(entry, *arguments)
 
 
 def pointer(array: Array) -> ctypes.c_void_p:
-    """Address of an array for a C function."""
-    return ctypes.c_void_p(array.ctypes.data)
+    """Address of an array for a C function; it keeps the array."""
+    return array.ctypes.data_as(ctypes.c_void_p)
 
 
 def check_kernel(plant: Plant, kernel: Kernel) -> None:

@@ -105,7 +105,7 @@ def external_change(simulator: Simulator) -> Change:
         values = {name: before.of(name, p) for name in before.names}
         steppers.plain.p[:] = plant.parameters.merged(values, steppers.plain.p)
         simulator.plant, simulator.model, simulator.audit = plant, model, audit
-        simulator._steppers, simulator._stepper = steppers, steppers.plain
+        simulator._use(steppers)
         for name in _CACHED:
             simulator.__dict__.pop(name, None)
 

@@ -12,7 +12,7 @@ import math
 import struct
 import sys
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, NoReturn
+from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
 from numpy.typing import NDArray
@@ -29,6 +29,7 @@ FIELDS = ("position", "velocity", "effort")
 _NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
 _STAMP = struct.Struct("=iI")
 _STAMP_AT = 4
+_FIRST = 3  # place in a record after the header and the stamp
 _GIGA = 1_000_000_000
 _KINDS = 4  # layouts kept at once, for several publishers on one topic
 
@@ -39,25 +40,33 @@ class Layout(NamedTuple):
     Attributes:
         size: Bytes up to the last number.
         arrays: Offset and length of position, velocity and effort.
-        pieces: Offset and bytes of all that is neither stamp nor numbers, padding included.
+        record: Takes a message apart: pieces of bytes, after the first one the two numbers of the
+            stamp, and the numbers of each array before the next piece.
+        pieces: Place in the record and bytes of all that is neither stamp nor numbers, padding
+            included.
+        numbers: Places in the record of position, velocity and effort.
         fixed: 1 for every bit that is the same in all messages of this layout, as one integer.
         expected: What these bits are.
     """
 
     size: int
     arrays: tuple[tuple[int, int], ...]
+    record: struct.Struct
     pieces: tuple[tuple[int, bytes], ...]
+    numbers: tuple[slice, ...]
     fixed: int
     expected: int
 
-    def fits(self, raw: bytes) -> bool:
-        """Tell whether ``raw`` has this layout, so that the arrays are where they should be."""
+    def read(self, raw: bytes) -> tuple[Any, ...] | None:
+        """Take ``raw`` apart by the record; None if it has another layout."""
         if len(raw) < self.size:
-            return False
-        for at, piece in self.pieces:
-            if not raw.startswith(piece, at):  # perhaps only other rubbish in the padding
-                return int.from_bytes(raw[: self.size], "little") & self.fixed == self.expected
-        return True
+            return None
+        found = self.record.unpack_from(raw)
+        for place, piece in self.pieces:
+            if found[place] != piece:  # perhaps only other rubbish in the padding
+                as_one = int.from_bytes(raw[: self.size], "little")
+                return found if as_one & self.fixed == self.expected else None
+        return found
 
     def array(self, raw: bytes | bytearray, field: int) -> Array:
         """View the numbers of one field in place."""
@@ -106,15 +115,15 @@ def layout_of(message: JointState, raw: bytes) -> Layout:
         arrays.append((walk.skip(8 * length, 8 if length else 1), length))
     fixed = int.from_bytes(walk.mask, "little")
     expected = int.from_bytes(raw[: walk.at], "little") & fixed
-    return Layout(walk.at, tuple(arrays), _pieces(raw, arrays), fixed, expected)
-
-
-def _pieces(raw: bytes, arrays: list[tuple[int, int]]) -> tuple[tuple[int, bytes], ...]:
-    """Cut out the stamp and the numbers."""
-    starts = [0, _STAMP_AT + _STAMP.size, *(at + 8 * length for at, length in arrays)]
-    ends = [_STAMP_AT, *(at for at, _ in arrays)]
-    cuts = zip(starts, ends, strict=False)
-    return tuple((start, bytes(raw[start:end])) for start, end in cuts if end > start)
+    form, at, place = f"={_STAMP_AT}siI", _STAMP_AT + _STAMP.size, _FIRST
+    pieces, numbers = [(0, bytes(raw[:_STAMP_AT]))], []
+    for start, length in arrays:
+        form += f"{start - at}s{length}d"
+        pieces.append((place, bytes(raw[at:start])))
+        numbers.append(slice(place + 1, place + 1 + length))
+        at, place = start + 8 * length, place + 1 + length
+    record = struct.Struct(form)
+    return Layout(walk.at, tuple(arrays), record, tuple(pieces), tuple(numbers), fixed, expected)
 
 
 def all_finite(array: Array) -> bool:
@@ -218,24 +227,25 @@ class JointStateReader:
             InvalidInput: If joints or numbers are missing, unknown, doubled or not finite.
         """
         for known in self._known:
-            if known.layout.fits(raw):
+            if (found := known.layout.read(raw)) is not None:
                 break
         else:
-            known, raw = self._learn(raw)
+            known, found = self._learn(raw)
         self._admit(known.source, known.joints)
         values = []
         for before, field in zip(self._values, self._fields, strict=True):
-            array = known.layout.array(raw, field).copy()
+            numbers = found[known.layout.numbers[field]]
+            array = np.array(numbers, np.float64)
             if known.places is not None:
                 source, to = known.places
-                array, numbers = before.copy(), array
-                array[to] = numbers[source]
-            if not all_finite(array):
+                array, given = before.copy(), array
+                array[to] = given[source]
+                numbers = array.tolist()
+            if not all(map(math.isfinite, numbers)):
                 self._refuse_infinite(field, array)
             values.append(array)
         self._values = values
-        seconds, nanoseconds = _STAMP.unpack_from(raw, _STAMP_AT)
-        return seconds * _GIGA + nanoseconds, values
+        return found[1] * _GIGA + found[2], values
 
     def _refuse_infinite(self, field: int, array: Array) -> NoReturn:
         joint = int(np.argmin(np.isfinite(array)))
@@ -244,7 +254,7 @@ class JointStateReader:
             "allowed are finite numbers"
         )
 
-    def _learn(self, raw: bytes) -> tuple[_Known, bytes]:
+    def _learn(self, raw: bytes) -> tuple[_Known, tuple[Any, ...]]:
         """Take the long way, check the message and remember where things stand in it."""
         self.slow_reads += 1
         try:
@@ -261,7 +271,7 @@ class JointStateReader:
             if known.layout.array(raw, field).tobytes() != getattr(message, name).tobytes():
                 raise InvalidInput(f"{name} of the message is not where CDR puts it")
         self._known = [known, *self._known[: _KINDS - 1]]
-        return known, raw
+        return known, known.layout.record.unpack_from(raw)
 
     def _places(self, message: JointState) -> tuple[Indices, Indices] | None:
         """Check names and lengths; say which numbers of the message go where."""

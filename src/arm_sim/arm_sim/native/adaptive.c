@@ -52,7 +52,7 @@ static int controlled_tick(real* x, const real* u, const real* p, double h, cont
   return 0;
 }
 
-/* As roll() of roll.c, with the error estimate after each tick in `errors` (or 0). */
+/* As roll() of roll.c, with the error estimate after each tick in `errors`. */
 __attribute__((visibility("default")))
 long long roll_adaptive(real* x, const real* command, long long stride, const real* p, double h, long long ticks,
                         real* trace, real* effort, real* errors, control_t* control) {
@@ -61,19 +61,18 @@ long long roll_adaptive(real* x, const real* command, long long stride, const re
   const real* arg[SZ_ARG];
   real* res[SZ_RES];
   for (long long k = 0; k < ticks; ++k) {
-    real* u = effort ? effort + k * NU : acted;
     arg[0] = x;
     arg[1] = command + k * stride;
-    res[0] = u;
+    res[0] = acted;
     actuate(arg, res, iw, w, 0);
     for (int i = 0; i < NX; ++i) before[i] = x[i];
-    if (!controlled_tick(x, u, p, h, control)) {
+    if (!controlled_tick(x, acted, p, h, control)) {
       for (int i = 0; i < NX; ++i) x[i] = before[i];
       return k;
     }
-    if (trace)
-      for (int i = 0; i < NX; ++i) trace[k * NX + i] = x[i];
-    if (errors) errors[k] = control->error;
+    for (int i = 0; i < NX; ++i) trace[k * NX + i] = x[i];
+    for (int i = 0; i < NU; ++i) effort[k * NU + i] = acted[i];
+    errors[k] = control->error;
   }
   return ticks;
 }

@@ -67,7 +67,7 @@ static int event_tick(real* x, piece_t* piece, double h, void* memory);
 __attribute__((visibility("default")))
 long long roll_events(real* x, const real* command, long long stride, const real* p, double h, long long ticks,
                        real* trace, real* effort, real* errors, void* control, void* memory) {
-  real w[SZ_W];
+  real acted[NU], w[SZ_W];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG];
   real* res[SZ_RES];
@@ -78,10 +78,11 @@ long long roll_events(real* x, const real* command, long long stride, const real
 #endif
   for (long long k = 0; k < ticks; ++k) {
     arg[0] = x; arg[1] = command + k * stride;
-    res[0] = effort + k * NU;
+    res[0] = acted;
     actuate(arg, res, iw, w, 0);
-    piece.u = effort + k * NU;
+    piece.u = acted;
     if (!event_tick(x, &piece, h, memory)) return k;
+    for (int i = 0; i < NU; ++i) effort[k * NU + i] = acted[i];
     for (int i = 0; i < NX; ++i) trace[k * NX + i] = x[i];
 #ifdef ADAPTIVE
     errors[k] = piece.control->error;

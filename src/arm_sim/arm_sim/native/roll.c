@@ -16,7 +16,7 @@ static int finite_state(const real* x) {
 /* Advance `ticks` ticks of fixed length h[0] from x, in place.
  *
  * command: what is commanded in the first tick; the next tick's is `stride` numbers further (0: held throughout).
- * trace:   state after every tick, or 0.      effort: torque that acted in every tick, or 0.
+ * trace:   state after every tick.            effort: torque that acted in every tick.
  * Returns the number of ticks after which every number was finite; x is the last such state.
  */
 __attribute__((visibility("default")))
@@ -32,12 +32,12 @@ long long roll(real* x, const real* command, long long stride, const real* p, co
     arg[2] = p;
     arg[3] = h;
     res[0] = next;
-    res[1] = effort ? effort + k * NU : acted;
+    res[1] = acted;
     TICK(arg, res, iw, w, 0);
     if (!finite_state(next)) return k;
     for (int i = 0; i < NX; ++i) x[i] = next[i];
-    if (trace)
-      for (int i = 0; i < NX; ++i) trace[k * NX + i] = next[i];
+    for (int i = 0; i < NX; ++i) trace[k * NX + i] = next[i];
+    for (int i = 0; i < NU; ++i) effort[k * NU + i] = acted[i];
   }
   return ticks;
 }

@@ -60,8 +60,11 @@ class Arbiter:
         """
         if len(self._heard) > 1 or source not in self._heard:
             self._contest(source, joints)
-        heard = self._heard.setdefault(source, _Heard(joints, self._now, 0))
-        heard.joints, heard.at, heard.count = joints, self._now, heard.count + 1
+        heard = self._heard.get(source)
+        if heard is None:
+            self._heard[source] = _Heard(joints, self._now)
+        else:
+            heard.joints, heard.at, heard.count = joints, self._now, heard.count + 1
 
     def _contest(self, source: str, joints: frozenset[int]) -> None:
         self._heard = {s: heard for s, heard in self._heard.items() if self._fresh(heard)}

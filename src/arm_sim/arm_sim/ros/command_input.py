@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from operator import gt
 from typing import Any
 
 import numpy as np
@@ -72,15 +73,19 @@ class CommandInput:
         self._put(tau)
 
     def _put(self, tau: np.ndarray) -> None:
-        for joint, (value, limit) in enumerate(zip(tau.tolist(), self._limit, strict=True)):
-            if abs(value) > limit:
-                self._log.warning(
-                    f"effort {value:.6g} of joint '{self._simulator.joint_names[joint]}' is "
-                    f"beyond its limit {limit:.6g} {self._simulator.model.command_unit[joint]} "
-                    "and is cut to it",
-                    throttle_duration_sec=_THROTTLE,
-                )
+        if any(map(gt, map(abs, tau.tolist()), self._limit)):
+            self._say_cut(tau)
         self._commands.put(tau)
+
+    def _say_cut(self, tau: np.ndarray) -> None:
+        simulator = self._simulator
+        joint = int(np.argmax(np.abs(tau) > self._limit))
+        self._log.warning(
+            f"effort {tau[joint]:.6g} of joint '{simulator.joint_names[joint]}' is beyond its "
+            f"limit {self._limit[joint]:.6g} {simulator.model.command_unit[joint]} and is cut "
+            "to it",
+            throttle_duration_sec=_THROTTLE,
+        )
 
     def _refuse(self, why: Any) -> None:
         self.passed_over += 1
@@ -133,8 +138,8 @@ class PushInput:
         """Put the pushes on the next tick; return their torques, None if nobody pushes."""
         if not (self._wrenches.active or self._pushing):
             return None
-        state = self._simulator.state
-        tau = self._wrenches.torque(state.q, state.step)
+        simulator = self._simulator
+        tau = self._wrenches.torque(simulator.x[: simulator.n], simulator.step_count)
         self._simulator.set_parameter(EXTERNAL, tau)
         self._pushing = bool(self._wrenches.active)
         return tau

@@ -9,7 +9,6 @@ import numpy as np
 
 from arm_dynamics.model import Array
 from arm_sim.simulator import Simulator
-from arm_sim.state import State
 
 
 class Account(NamedTuple):
@@ -32,22 +31,21 @@ class EnergyMeter:
     def __init__(self, simulator: Simulator) -> None:
         """Open the account at the simulator's present state."""
         self._simulator = simulator
-        self._states, self._commands = [_x(simulator.state)], list[Array]()
+        self._states, self._commands = [simulator.x.copy()], list[Array]()
         self._flows = np.zeros(2)
         self._start = sum(self._energies())
 
-    def note(self, command: Array, state: State, push: Array | None = None) -> None:
-        """Take in one tick.
+    def note(self, push: Array | None = None) -> None:
+        """Take in the tick that was just made.
 
         Args:
-            command: What acted, shape (n,).
-            state: What it led to.
-            push: Joint torques from outside that acted beside it, shape (n,).
+            push: Joint torques from outside that acted beside the command, shape (n,).
         """
+        x = self._simulator.x.copy()
         if push is not None:
-            self._flows[0] += push @ (state.q - self._states[-1][: len(push)])
-        self._commands.append(command)
-        self._states.append(_x(state))
+            self._flows[0] += push @ (x - self._states[-1])[: len(push)]
+        self._commands.append(self._simulator.command)
+        self._states.append(x)
         if self._simulator.audit.makes_ticks_again:
             self._add_up()
 
@@ -70,7 +68,3 @@ class EnergyMeter:
         x, n = self._states[-1], self._simulator.n
         kinetic, potential = self._simulator.dynamics.energy(x[:n], x[n : 2 * n])
         return kinetic, potential, float(self._simulator.audit.stored(x[None])[0])
-
-
-def _x(state: State) -> Array:
-    return np.concatenate([state.q, state.v, state.z])

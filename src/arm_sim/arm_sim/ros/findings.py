@@ -75,7 +75,7 @@ class Findings:
 
     def _simulation(self) -> Finding:
         node, found = self._node, Finding("simulation")
-        state, account = node.simulator.state, node.energy_account()
+        state, account = node.errands.run(lambda: node.simulator.state), node.energy_account()
         found.values = {
             "time [s]": state.time, "paused": node.paused, "diverged": bool(node.trouble),
             "method": node.simulator.choice.method.name, "error estimate": state.error,

@@ -7,12 +7,11 @@ import struct
 
 from arm_msgs.msg import Energy
 from rclpy.node import Node
-from rclpy.publisher import Publisher
 from rclpy.serialization import serialize_message
 
 from arm_dynamics.model import Array
 from arm_dynamics.ros.convert import to_time
-from arm_dynamics.ros.interfaces import Topic
+from arm_dynamics.ros.direct import sender
 from arm_dynamics.ros.joint_state_bytes import JointStateWriter
 from arm_sim.ros import interfaces
 from arm_sim.ros.energy_meter import Account, EnergyMeter
@@ -39,10 +38,13 @@ class Outputs:
         self._every = params.publish_every
         self._energy_every = max(1, round(params.energy_period / simulator.dt))
         self._writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
-        self._states = _publisher(node, interfaces.JOINT_STATES)
-        self._energy = _publisher(node, interfaces.ENERGY)
+        n, x = simulator.n, simulator.x
+        self._motion = x[:n], x[n : 2 * n]
+        self._send_state = sender(node, interfaces.JOINT_STATES)
+        topic = interfaces.ENERGY
+        self._energy = node.create_publisher(topic.type, topic.name, topic.publish)
         self._multipliers = MultiplierOutput(node, simulator)
-        self._clock = _publisher(node, interfaces.CLOCK) if params.publish_clock else None
+        self._send_clock = sender(node, interfaces.CLOCK) if params.publish_clock else None
         self._clock_bytes = bytearray(serialize_message(interfaces.CLOCK.type()))
         self._meter: EnergyMeter | None = None
         simulator.audit.prepare()
@@ -61,12 +63,12 @@ class Outputs:
         Args:
             push: Joint torques from outside that acted beside the effort, if any.
         """
-        state = self._simulator.state
+        step = self._simulator.step_count
         if self._meter is not None:
-            self._meter.note(self._simulator.command, state, push)
-        if state.step % self._every == 0:
+            self._meter.note(push)
+        if step % self._every == 0:
             self.publish()
-        if state.step % self._energy_every == 0:
+        if step % self._energy_every == 0:
             self._publish_energy()
             self._multipliers.publish(self.stamp())
 
@@ -82,17 +84,17 @@ class Outputs:
     def publish(self) -> None:
         """Publish the present state, and the clock."""
         self._idle = 0.0
-        state = self._simulator.state
         stamp = self.stamp()
         self.round_trip.sent(stamp)
-        self._states.publish(self._writer.write(stamp, state.q, state.v, self._simulator.effort))
-        if self._clock is not None:
+        q, v = self._motion
+        self._send_state(self._writer.write(stamp, q, v, self._simulator.effort))
+        if self._send_clock is not None:
             _STAMP.pack_into(self._clock_bytes, _STAMP_AT, *divmod(stamp, 1_000_000_000))
-            self._clock.publish(bytes(self._clock_bytes))
+            self._send_clock(bytes(self._clock_bytes))
 
     def stamp(self) -> int:
         """Simulated time in [ns], from the step counter."""
-        return round(1e9 * self._simulator.state.time)
+        return round(1e9 * (self._simulator.step_count * self._simulator.dt))
 
     def account(self) -> Account | None:
         """Energies since the account was opened, None while it is closed."""
@@ -111,7 +113,3 @@ class Outputs:
         message = Energy(**self._meter.account()._asdict())
         message.header.stamp = to_time(self.stamp())
         self._energy.publish(message)
-
-
-def _publisher(node: Node, topic: Topic) -> Publisher:
-    return node.create_publisher(topic.type, topic.name, topic.publish)

@@ -4,10 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
+from arm_dynamics import InvalidInput
 from arm_dynamics.ros.params import SCENE, ThreadParams, parameter
 from arm_sim.ros.commands import POLICIES, ZERO
 from arm_sim.ros.realtime_loop import CATCH_UP, OVERRUN
+from arm_sim.simulator import Simulator
 
 
 @dataclass(frozen=True)
@@ -75,3 +78,16 @@ class SimParams(ThreadParams):
         choices=POLICIES,
         read_only=False,
     )
+
+
+def simulator_of(scene: Any, params: SimParams) -> Simulator:
+    """The simulation of a scene, of that which the parameters name when it is None.
+
+    Raises:
+        ArmError: If there is none, or it cannot be used.
+    """
+    scene = scene if scene is not None else params.scene or None
+    if scene is None:
+        raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
+    chosen = {"integrator": params.integrator, "dt": params.dt, "tolerance": params.tolerance}
+    return Simulator(scene, **{name: value for name, value in chosen.items() if value})

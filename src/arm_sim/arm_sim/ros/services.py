@@ -56,7 +56,7 @@ class SimServices:
                     f"steps = {request.steps}; allowed are 1 to {interfaces.MAX_STEPS}"
                 )
             self._node.errands.run(lambda: self._step(request.steps))
-        response.time = self._node.simulator.state.time
+        response.time = self._node.simulator.step_count * self._node.simulator.dt
         return response
 
     def on_set_joint_state(self, request: Any, response: Any) -> Any:
@@ -120,7 +120,7 @@ class SimServices:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         node.look_for_command()
         for done in range(steps):
-            if not node.advance(node.commands.held(node.simulator.state.q)):
+            if not node.advance(node.commands.held(node.positions)):
                 raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
 
     def _set_joint_state(self, request: Any) -> None:

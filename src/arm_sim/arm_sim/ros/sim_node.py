@@ -10,10 +10,9 @@ import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from arm_dynamics import InvalidInput
 from arm_dynamics.ros.diagnosis import Diagnosis
+from arm_dynamics.ros.direct import Newest
 from arm_dynamics.ros.executor import run, surviving
-from arm_dynamics.ros.newest import Newest
 from arm_dynamics.ros.params import declare, privileges, watch
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.ros import interfaces
@@ -25,10 +24,9 @@ from arm_sim.ros.findings import Findings
 from arm_sim.ros.histogram import Percentiles
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.params import SimParams, simulator_of
 from arm_sim.ros.realtime_loop import LoopReport, RealtimeLoop
 from arm_sim.ros.services import SimServices
-from arm_sim.simulator import Simulator
 
 _PAUSED_PERIOD = 0.1  # [s] between joint states while time stands still
 _PATIENCE = 1.0  # [s] after which a silent source is gone; a busy machine may well silence one
@@ -43,6 +41,7 @@ class SimNode(Node):
 
     Attributes:
         simulator: The simulation.
+        positions: Its joint positions in [rad] or [m] as they are now, shape (n,).
         commands: The slot for torques.
         params: Parameters in force.
         paused: Whether time stands still.
@@ -62,7 +61,8 @@ class SimNode(Node):
         """
         super().__init__("sim", **node_kwargs)
         self.params = params = declare(self, SimParams)
-        self.simulator = _simulator(scene, params)
+        self.simulator = simulator_of(scene, params)
+        self.positions = self.simulator.x[: self.simulator.n]
         self.commands, self.errands = Commands(self.simulator.dynamics), Errands()
         self.paused, self.trouble, self._was_stale = params.paused, "", False
         self._privileges = privileges(params)
@@ -151,7 +151,7 @@ class SimNode(Node):
         if self.params.wait_for_command and self.commands.empty:
             self.repeat(self.simulator.dt)
             return
-        self.advance(self.commands.take(self.simulator.state.q))
+        self.advance(self.commands.take(self.positions))
         if self.commands.stale is not self._was_stale:
             self._say_stale()
 
@@ -166,7 +166,7 @@ class SimNode(Node):
         """Make a tick with a torque; on divergence stop at the last good state and say False."""
         push = self.push.before_tick()
         try:
-            self.simulator.step(tau)
+            self.simulator.advance(tau)
         except SimulationDiverged as error:
             self._stop(
                 f"paused, the last good state is kept; reset or set the joint state: {error}"
@@ -284,14 +284,6 @@ class SimNode(Node):
     def on_commands(self, message: Float64MultiArray) -> None:
         """Take efforts in model order."""
         self.input.bare_command(message)
-
-
-def _simulator(scene: Any, params: SimParams) -> Simulator:
-    scene = scene if scene is not None else params.scene or None
-    if scene is None:
-        raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
-    chosen = {"integrator": params.integrator, "dt": params.dt, "tolerance": params.tolerance}
-    return Simulator(scene, **{name: value for name, value in chosen.items() if value})
 
 
 def main(args: list[str] | None = None) -> None:

@@ -55,8 +55,7 @@ class StandardServices:
     def on_get_state(self, request: Any, response: Any) -> Any:
         """Say whether time goes on."""
         del request  # empty
-        state = self._node.simulator.state
-        at_start = STOPPED if state.step == 0 else PAUSED
+        at_start = STOPPED if self._node.simulator.step_count == 0 else PAUSED
         response.state.state = at_start if self._node.paused else PLAYING
         response.result.result = OK
         return response
