@@ -85,10 +85,10 @@ class Simulator:
     @property
     def state(self) -> State:
         """Where the robot is; read-only arrays that later steps do not touch."""
-        if self._state is None:
+        if (state := self._state) is None:
             error = float(self._error[0])
-            self._state = State.of(self._x, self.n, self._step, self.dt, error)
-        return self._state
+            self._state = state = State.of(self._x, self.n, self._step, self.dt, error)
+        return state
 
     @property
     def held_constraints(self) -> tuple[str, ...]:
