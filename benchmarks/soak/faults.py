@@ -161,7 +161,7 @@ FAULTS = (
     Fault("10 kHz of commands from a second source", _flood, "sim: commands", "two controllers"),
     Fault("wrench on an unknown frame", _wrench, "sim: commands", "wrenches passed over"),
     Fault("trajectory that is not finite", _trajectory,
-          "controller: controller", "trajectories refused"),
+          "controller: controller", "goals refused"),
     Fault("joint states that are not finite", _states,
           "controller: controller", "joint states passed over"),
     Fault("requests that are not finite or too long", _requests,
