@@ -19,6 +19,10 @@ def payload(**changes: Any) -> dict[str, Any]:
     return {"payloads": [{"frame": "link3", "mass": 1.0, **changes}]}
 
 
+def tied(**constraint: Any) -> dict[str, Any]:
+    return {"constraints": [{"frames": ["link3", "world"], **constraint}]}
+
+
 # What stands beside `robot` in the scene, and words that the error must contain.
 BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "unknown key": ({"gravitty": [0, 0, -9.81]}, ("gravitty", "gravity")),
@@ -57,6 +61,15 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("effort", "-3"),
     ),
     "effort limit NaN": ({"joints": {"joint1": {"limits": {"effort": NAN}}}}, ("effort", "nan")),
+    "line without direction": (
+        tied(type="line", direction=[0, 0, 0]),
+        ("direction", "not be zero"),
+    ),
+    "plane without normal": (tied(type="plane", normal=[0, 0, 1e-10]), ("normal", "not be zero")),
+    "axle without direction": (
+        tied(type="rolling", radius=1, axle=[0, 0, 0]),
+        ("axle", "not be zero"),
+    ),
     "negative mass": (payload(mass=-1.2), ("mass", "-1.2")),
     "mass infinite": (payload(mass=INF), ("mass", "inf")),
     "no mass": ({"payloads": [{"frame": "link3"}]}, ("mass",)),

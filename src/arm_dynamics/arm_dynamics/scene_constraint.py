@@ -15,7 +15,7 @@ from pydantic import Field, field_validator, model_validator
 
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene_contact import Contact, check_contact
-from arm_dynamics.scene_types import Finite, Part, Positive, Vector3
+from arm_dynamics.scene_types import Direction, Finite, Part, Positive, Vector3
 from arm_dynamics.urdf import Urdf
 
 Array = NDArray[np.float64]
@@ -24,13 +24,6 @@ WORLD = "world"
 Frames = tuple[str, str]
 ORIGIN = (0.0, 0.0, 0.0)
 UPWARD = (0.0, 0.0, 1.0)
-
-
-def _direction(value: Vector3) -> Vector3:
-    length = float(np.linalg.norm(value))
-    if length < 1e-9:
-        raise ValueError("a direction must not be zero")
-    return tuple(float(x) for x in np.array(value) / length)  # type: ignore[return-value]
 
 
 class _Constraint(Part):
@@ -97,9 +90,7 @@ class LineConstraint(_BetweenFrames):
     """
 
     type: Literal["line"]
-    direction: Vector3
-
-    _unit = field_validator("direction")(_direction)
+    direction: Direction
 
 
 class PlaneConstraint(_BetweenFrames):
@@ -111,10 +102,8 @@ class PlaneConstraint(_BetweenFrames):
     """
 
     type: Literal["plane"]
-    normal: Vector3 = UPWARD
+    normal: Direction = UPWARD
     height: Finite = 0.0
-
-    _unit = field_validator("normal")(_direction)
 
 
 class DistanceConstraint(_BetweenFrames):
@@ -142,13 +131,8 @@ class RollingConstraint(_BetweenFrames):
 
     type: Literal["rolling"]
     radius: Positive
-    normal: Vector3 = UPWARD
-    axle: Vector3 | None = None
-
-    @field_validator("normal", "axle")
-    @classmethod
-    def _unit(cls, value: Vector3 | None) -> Vector3 | None:
-        return None if value is None else _direction(value)
+    normal: Direction = UPWARD
+    axle: Direction | None = None
 
 
 class CouplingConstraint(_Constraint):

@@ -5,11 +5,10 @@ from __future__ import annotations
 
 from typing import Annotated, Literal
 
-import numpy as np
-from pydantic import Field, field_validator
+from pydantic import Field
 
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene_types import Finite, NonNegative, Part, Vector3
+from arm_dynamics.scene_types import Direction, Finite, NonNegative, Part, Vector3
 from arm_dynamics.urdf import Urdf
 
 Fraction = Annotated[Finite, Field(ge=0.0, le=1.0)]
@@ -24,15 +23,7 @@ class Plane(Part):
     """
 
     point: Vector3 = (0.0, 0.0, 0.0)
-    normal: Vector3 = (0.0, 0.0, 1.0)
-
-    @field_validator("normal")
-    @classmethod
-    def _unit(cls, value: Vector3) -> Vector3:
-        length = float(np.linalg.norm(value))
-        if length < 1e-9:
-            raise ValueError("a direction must not be zero")
-        return tuple(float(x) for x in np.array(value) / length)  # type: ignore[return-value]
+    normal: Direction = (0.0, 0.0, 1.0)
 
 
 class Contact(Part):

@@ -24,11 +24,21 @@ def _finite(value: float) -> float:
     return value
 
 
+def _unit(value: tuple[float, float, float]) -> tuple[float, float, float]:
+    """A direction of any length but zero, made of length one."""
+    length = float(np.linalg.norm(value))
+    if length < 1e-9:
+        raise ValueError("a direction must not be zero")
+    x, y, z = (float(x) for x in np.array(value) / length)
+    return x, y, z
+
+
 Finite = Annotated[float, BeforeValidator(_number), AfterValidator(_finite)]
 NonNegative = Annotated[Finite, Field(ge=0.0)]
 Positive = Annotated[Finite, Field(gt=0.0)]
 Limit = Annotated[float, BeforeValidator(_number), Field(ge=0.0)]
 Vector3 = tuple[Finite, Finite, Finite]
+Direction = Annotated[Vector3, AfterValidator(_unit)]
 Inertia6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
