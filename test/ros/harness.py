@@ -5,9 +5,13 @@ from __future__ import annotations
 
 import os
 import socket
+import subprocess
+import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 from itertools import count
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -39,6 +43,39 @@ def reserve_domain() -> tuple[int, socket.socket]:
         else:
             return domain, reservation
     raise RuntimeError("all domains are in use")
+
+
+@contextmanager
+def running(logs: Path, *commands: Sequence[str]) -> Iterator[int]:
+    """Nodes in processes of their own, killed in the end.
+
+    Args:
+        logs: Folder for what they log.
+        commands: What ``./arm`` is given to start each of them.
+
+    Yields:
+        Their domain.
+    """
+    domain, reservation = reserve_domain()
+    environment = {
+        **os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
+        "ROS_LOG_DIR": str(logs),
+    }  # fmt: skip
+    started = []
+    try:
+        for command, *rest in commands:
+            words = [sys.executable, "-P", "-m", "arm_sim.cli", command, "--with-parent", *rest]
+            started.append(
+                subprocess.Popen(
+                    words, env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+                )
+            )
+        yield domain
+    finally:
+        for process in started:
+            process.kill()
+            process.wait()
+        reservation.close()
 
 
 class Ros:

@@ -4,21 +4,18 @@
 from __future__ import annotations
 
 import json
-import os
 import re
-import subprocess
-import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 import pytest
-from harness import reserve_domain
+from harness import running
+from typist import Typist, answer
 
 import models
 from arm_dynamics.task_space import TaskSpace
-from arm_sim.cli.main import main
 
 pytestmark = pytest.mark.ros
 
@@ -29,53 +26,15 @@ NAMES = ["shoulder", "elbow"]
 @pytest.fixture(scope="module")
 def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
     """A domain in which a dynamics and a sim node run."""
-    number, reservation = reserve_domain()
-    logs = str(tmp_path_factory.mktemp("log"))
-    environment = {
-        **os.environ,
-        "ROS_DOMAIN_ID": str(number),
-        "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_LOG_DIR": logs,
-    }
-    started = [
-        subprocess.Popen(
-            [sys.executable, "-P", "-m", "arm_sim.cli", node, SCENE, "--with-parent"],
-            env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )
-        for node in ("dynamics", "sim")
-    ]  # fmt: skip
-    yield number
-    for process in started:
-        process.kill()
-        process.wait()
-    reservation.close()
-
-
-class Result(NamedTuple):
-    """What a command left behind."""
-
-    exit_code: int
-    output: str
+    logs = tmp_path_factory.mktemp("log")
+    with running(logs, ("dynamics", SCENE), ("sim", SCENE)) as number:
+        yield number
 
 
 @pytest.fixture
-def arm(
-    domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> Callable[..., Result]:
+def arm(domain: int, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Typist:
     """Types a command in the domain of the nodes."""
-    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
-
-    def type_command(*words: str, timeout: float = 20.0) -> Result:
-        with pytest.raises(SystemExit) as end:
-            main(["call", *words, "--timeout", str(timeout)])
-        return Result(int(end.value.code or 0), "".join(capfd.readouterr()))
-
-    return type_command
-
-
-def answer(result: Result) -> Any:
-    assert result.exit_code == 0, result.output
-    return json.loads(result.output)
+    return Typist(domain, monkeypatch, capfd)
 
 
 def test_inverse_dynamics(arm: Any) -> None:

@@ -3,16 +3,13 @@
 
 from __future__ import annotations
 
-import os
-import subprocess
-import sys
 import threading
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from arm_msgs.srv import ModelInfo
-from harness import Ros, reserve_domain
+from harness import Ros, running
 
 import models
 from arm_dynamics import InvalidInput, Term
@@ -31,24 +28,10 @@ JOINTS = ["elbow", "shoulder"]
 @pytest.fixture(scope="module")
 def arm(tmp_path_factory: pytest.TempPathFactory) -> Iterator[ArmClient]:
     """A client of two nodes in processes of their own, in a domain of their own."""
-    domain, reservation = reserve_domain()
-    environment = {
-        **os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_LOG_DIR": str(tmp_path_factory.mktemp("log")),
-    }  # fmt: skip
-    started = [
-        subprocess.Popen(
-            [sys.executable, "-P", "-m", "arm_sim.cli", node, SCENE, "--with-parent"],
-            env=environment, stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL,
-        )
-        for node in ("dynamics", "sim")
-    ]  # fmt: skip
-    with ArmClient(timeout=20.0, domain=domain) as client:
-        yield client
-    for process in started:
-        process.kill()
-        process.wait()
-    reservation.close()
+    logs = tmp_path_factory.mktemp("log")
+    with running(logs, ("dynamics", SCENE), ("sim", SCENE)) as domain:
+        with ArmClient(timeout=20.0, domain=domain) as client:
+            yield client
 
 
 def test_a_point(arm: ArmClient, rng: np.random.Generator) -> None:

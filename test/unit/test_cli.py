@@ -69,6 +69,15 @@ def test_help_loads_no_ros_and_no_plotting() -> None:
         (["call", "inverse-dynamics", "--position", "a"], "'a' is not a number"),
         (["call", "inverse-dynamics", "--position", "0", "--terms", "mass"], "allowed: all, or"),
         (["call", "set-joint-state"], "nothing to set"),
+        (["call", "inverse-kinematics", "--frame", "hand"], "Missing option '--pose'"),
+        (
+            ["call", "constrained-dynamics", "--position", "0", "--inverse", "--effort", "1"],
+            "--effort is what --inverse asks for",
+        ),
+        (
+            ["call", "constrained-dynamics", "--position", "0", "--multipliers", "1"],
+            "allowed with --inverse only",
+        ),
         (["call", "step", "0"], "0 is not in the range"),
         (["sim", PANDA, "-p", "paused:=true"], "'-p' is neither the scene nor behind --ros-args"),
     ],

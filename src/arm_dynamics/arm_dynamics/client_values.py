@@ -4,13 +4,14 @@
 from __future__ import annotations
 
 from array import array
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, Refused
 
 Array = NDArray[np.float64]
 
@@ -67,9 +68,55 @@ class Terms:
     potential_energy: Array
 
 
-def vectors(**given: ArrayLike | None) -> dict[str, array[float]]:
-    """Flat fields of a request; what is None is left out."""
-    return {name: flat(name, value) for name, value in given.items() if value is not None}
+@dataclass(frozen=True)
+class ConstrainedMotion:
+    """Motion under the scene's constraints; a batch has k in front of both shapes.
+
+    Attributes:
+        joint_names: Order of the accelerations.
+        constraint_names: The constraint that each multiplier belongs to, m names.
+        acceleration: In [rad/s²] or [m/s²], shape (n,).
+        multipliers: λ, what the arm exerts against the constraints, in [N] or [N m], shape (m,):
+            force and moment of a constraint's first frame upon its second, in axes of the second.
+    """
+
+    joint_names: tuple[str, ...]
+    constraint_names: tuple[str, ...]
+    acceleration: Array
+    multipliers: Array
+
+
+@dataclass(frozen=True)
+class Postures:
+    """Joint positions for poses; a batch has k in front of every shape.
+
+    Attributes:
+        joint_names: Order of the positions.
+        q: Within limits, in [rad] or [m], shape (n,); the nearest found where a pose is not
+            reached.
+        reached: Whether the pose is reached to 1e-9 m and 1e-9 rad, shape ().
+        distance: What is missing in [m], shape ().
+        angle: What is missing in [rad], shape ().
+    """
+
+    joint_names: tuple[str, ...]
+    q: Array
+    reached: NDArray[np.bool_]
+    distance: Array
+    angle: Array
+
+
+def agreed(answer: Any) -> Any:
+    """The answer of a node that did what it was asked; ``Refused`` if it did not."""
+    if not answer.success:
+        raise Refused(answer.message)
+    return answer
+
+
+def motion(joint_names: Sequence[str], **given: ArrayLike | None) -> dict[str, Any]:
+    """Fields of a request: the order of joints, and flat vectors; what is None is left out."""
+    vectors = {name: flat(name, value) for name, value in given.items() if value is not None}
+    return {"joint_names": words("joint_names", joint_names), **vectors}
 
 
 def flat(name: str, value: ArrayLike) -> array[float]:
@@ -88,12 +135,26 @@ def whole(name: str, value: int, most: int) -> int:
     return int(value)
 
 
+def words(name: str, value: str | Sequence[str]) -> list[str]:
+    """Names for a field, one or several; ``InvalidInput`` if they are none."""
+    listed = [value] if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
+    if not all(isinstance(word, str) for word in listed):
+        raise InvalidInput(f"{name} = {value!r}: names are wanted")
+    return listed
+
+
+def rows(name: str, value: ArrayLike, size: int) -> tuple[int, ...]:
+    """Shape of an argument of ``size`` numbers, or of ``size`` for each of k: (), or (k,)."""
+    shape = np.shape(value)
+    if len(shape) not in (1, 2) or shape[-1] != size:
+        raise InvalidInput(f"{name} has shape {shape}; ({size},) or (k, {size}) is wanted")
+    return shape[:-1]
+
+
 def points(answer: Any, q: ArrayLike) -> tuple[int, ...]:
     """Shape of the question: (n,) or (k, n)."""
-    shape, n = np.shape(q), len(answer.joint_names)
-    if len(shape) not in (1, 2) or shape[-1] != n:
-        raise InvalidInput(f"position has shape {shape}; ({n},) or (k, {n}) is wanted")
-    return shape
+    n = len(answer.joint_names)
+    return (*rows("position", q, n), n)
 
 
 def fixed(name: str, value: ArrayLike, size: int) -> Array:

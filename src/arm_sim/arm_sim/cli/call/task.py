@@ -8,15 +8,8 @@ from typing import Any
 import click
 import numpy as np
 
-from arm_sim.cli.answers import (
-    DYNAMICS,
-    SHOWN,
-    Question,
-    asking,
-    print_json,
-    readable,
-    say_more,
-)
+from arm_sim.cli.call.asking import SHOWN, Question, asking, print_json, readable, say_more
+from arm_sim.cli.call.options import DYNAMICS
 from arm_sim.cli.output import console, number, show, table
 from arm_sim.cli.vectors import Vector
 
@@ -29,7 +22,7 @@ def task_space(
     node: str, timeout: float, as_json: bool, joints: str, **vectors: Vector | None,
 ) -> None:  # fmt: skip
     """Ask and print."""
-    with asking(node, DYNAMICS, timeout, as_json) as client:
+    with asking(node, DYNAMICS.start, timeout, as_json) as client:
         question = Question(client, joints, vectors)
         found = client.task_space(
             frame, question.given("position"), question.given("velocity"), reference=reference,
