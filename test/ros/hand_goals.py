@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
+from harness import Ros
 from nav_msgs.msg import Path
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
@@ -36,6 +37,13 @@ def see(node: ControllerNode, stamp: int, *where: Any) -> np.ndarray:
     """Show the node a state; returns what it commands."""
     command = node.on_joint_states(state(stamp, *where))
     return np.array(deserialize_message(command, JointState).effort)
+
+
+def controller_at_home(ros: Ros) -> ControllerNode:
+    """Controls a Panda that has been seen at home."""
+    made = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
+    see(made, 0)
+    return made
 
 
 def pose(step: Any = (0.0, 0.0, 0.0), frame_id: str = "") -> PoseStamped:

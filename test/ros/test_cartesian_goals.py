@@ -17,6 +17,7 @@ from hand_goals import (
     HERE,
     HOME,
     MS,
+    controller_at_home,
     hand,
     long_trajectory,
     path,
@@ -40,9 +41,7 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def node(ros: Ros) -> ControllerNode:
     """Controls a Panda that has been seen at home."""
-    made = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
-    see(made, 0)
-    return made
+    return controller_at_home(ros)
 
 
 @pytest.mark.parametrize("law", ["computed_torque", "operational_space", "pd_gravity"])

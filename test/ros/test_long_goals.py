@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 import pytest
-from hand_goals import FRAME, HOME, MS, long_trajectory, planned, see
+from hand_goals import FRAME, HOME, MS, controller_at_home, long_trajectory, planned, see
 from harness import Ros
 from rclpy.parameter import Parameter
 
@@ -21,9 +21,7 @@ pytestmark = pytest.mark.ros
 @pytest.fixture
 def node(ros: Ros) -> ControllerNode:
     """Controls a Panda that has been seen at home."""
-    made = ros.add(ControllerNode, models.scene("panda"), task_frame=FRAME)
-    see(made, 0)
-    return made
+    return controller_at_home(ros)
 
 
 def test_a_long_trajectory_is_planned_aside(node: ControllerNode) -> None:
