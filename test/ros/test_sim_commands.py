@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from harness import Ros
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, TAU, by_hand, command, motion
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -18,26 +18,11 @@ from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
 
-NAMES = models.dynamics("two_link").joint_names
-TAU = [1.5, -0.5]
-
-
-def by_hand(ros: Ros, name: str = "two_link", **parameters: Any) -> SimNode:
-    return ros.add(SimNode, models.scene(name), realtime=False, **parameters)
-
 
 @pytest.fixture
 def node(ros: Ros) -> SimNode:
     """A two-link arm that ticks when told to."""
     return by_hand(ros)
-
-
-def command(**fields: Any) -> bytes:
-    return serialize_message(JointState(**fields))
-
-
-def motion(node: SimNode) -> np.ndarray:
-    return np.array([node.simulator.state.q, node.simulator.state.v])
 
 
 def acting(node: SimNode) -> np.ndarray:

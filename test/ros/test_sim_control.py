@@ -13,6 +13,7 @@ from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, TAU, by_hand, ticks
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -24,18 +25,6 @@ from arm_sim.ros.arbiter import STREAM
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
-
-NAMES = list(models.dynamics("two_link").joint_names)
-TAU = [1.5, -0.5]
-
-
-def by_hand(ros: Ros, scene: Any = None, **parameters: Any) -> SimNode:
-    return ros.add(SimNode, scene or models.scene("two_link"), realtime=False, **parameters)
-
-
-def ticks(node: SimNode, count: int) -> None:
-    for _ in range(count):
-        node.tick()
 
 
 def pushed(frame: str, *values: float) -> WrenchStamped:

@@ -8,58 +8,25 @@ from typing import Any
 import numpy as np
 import pytest
 from arm_msgs.msg import Energy
-from arm_msgs.srv import SetJointState, Step
+from arm_msgs.srv import Step
 from harness import Ros
 from rclpy.parameter import Parameter
-from rclpy.serialization import serialize_message
 from rosgraph_msgs.msg import Clock
 from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, by_hand, command, motion, ticks
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import SetBool, Trigger
 
 import models
 from arm_dynamics import ArmError
-from arm_sim import SimulationDiverged
-from arm_sim.ros.interfaces import MAX_STEPS
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
-
-NAMES = models.dynamics("two_link").joint_names
-TAU = [1.5, -0.5]
-
-
-def by_hand(ros: Ros, name: str = "two_link", **parameters: Any) -> SimNode:
-    return ros.add(SimNode, models.scene(name), realtime=False, **parameters)
 
 
 @pytest.fixture
 def node(ros: Ros) -> SimNode:
     """A two-link arm that ticks when told to."""
     return by_hand(ros)
-
-
-def command(**fields: Any) -> bytes:
-    return serialize_message(JointState(**fields))
-
-
-def ticks(node: SimNode, count: int) -> None:
-    for _ in range(count):
-        node.tick()
-
-
-def motion(node: SimNode) -> np.ndarray:
-    return np.array([node.simulator.state.q, node.simulator.state.v])
-
-
-def set_joint_state(node: SimNode, **fields: Any) -> Any:
-    return node.requests.on_set_joint_state(
-        SetJointState.Request(**fields), SetJointState.Response()
-    )
-
-
-def step(node: SimNode, steps: int) -> Any:
-    return node.requests.on_step(Step.Request(steps=steps), Step.Response())
 
 
 def test_ticks_equal_the_simulator_to_the_bit(ros: Ros, rng: np.random.Generator) -> None:
@@ -79,7 +46,7 @@ def test_publishes_each_state_with_the_torque_that_acted(ros: Ros, node: SimNode
         node.tick()
         ros.spin_until(lambda count=count: len(heard) >= count)
         message, state = heard[-1], node.simulator.state
-        assert tuple(message.name) == NAMES
+        assert list(message.name) == NAMES
         np.testing.assert_array_equal(message.position, state.q)
         np.testing.assert_array_equal(message.velocity, state.v)
         np.testing.assert_array_equal(message.effort, node.simulator.effort)
@@ -94,116 +61,6 @@ def test_policy_may_change_while_it_runs(ros: Ros, node: SimNode) -> None:
     np.testing.assert_array_equal(node.commands.take(q), node.simulator.dynamics.gravity(q))
     assert not node.set_parameters([Parameter("stale_policy", value="prayer")])[0].successful
     np.testing.assert_array_equal(node.commands.take(q), node.simulator.dynamics.gravity(q))
-
-
-def test_pause_stops_and_releases(node: SimNode) -> None:
-    ticks(node, 3)
-    assert node.requests.on_pause(SetBool.Request(data=True), SetBool.Response()).success
-    before = motion(node)
-    ticks(node, 3)
-    np.testing.assert_array_equal(motion(node), before)
-    assert node.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
-    ticks(node, 3)
-    assert node.simulator.step_count == 6
-
-
-def test_a_paused_arm_is_seen_now_and_then(ros: Ros) -> None:
-    node = by_hand(ros, paused=True)
-    heard = ros.listen(JointState, "/joint_states", 50)
-    ticks(node, 350)
-    ros.spin_until(lambda: len(heard) >= 3)
-    assert 3 <= len(heard) <= 4
-    assert all(message.header.stamp.nanosec == 0 for message in heard)
-
-
-def test_step_advances_a_paused_simulation_with_the_last_command(ros: Ros) -> None:
-    node, sim = by_hand(ros, paused=True, command_timeout=0.002), models.simulator("two_link")
-    node.on_commands(Float64MultiArray(data=TAU))
-    answer = step(node, 25)
-    assert answer.success, answer.message
-    assert answer.time == pytest.approx(0.025)
-    for _ in range(25):
-        sim.step(TAU)
-    np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
-
-
-@pytest.mark.parametrize("steps", [0, MAX_STEPS + 1, 2**32 - 1])
-def test_step_is_bounded(node: SimNode, steps: int) -> None:
-    answer = step(node, steps)
-    assert not answer.success
-    assert f"allowed are 1 to {MAX_STEPS}" in answer.message
-    assert node.simulator.step_count == 0
-
-
-def test_reset_goes_back_to_the_start_without_a_command(ros: Ros, node: SimNode) -> None:
-    start = motion(node)
-    node.on_commands(Float64MultiArray(data=TAU))
-    ticks(node, 10)
-    heard = ros.listen(JointState, "/joint_states")
-    assert node.requests.on_reset(Trigger.Request(), Trigger.Response()).success
-    np.testing.assert_array_equal(motion(node), start)
-    assert node.simulator.state.time == 0.0
-    np.testing.assert_array_equal(node.commands.take(node.simulator.state.q), [0.0, 0.0])
-    ros.spin_until(lambda: heard)
-    assert heard[-1].header.stamp.nanosec == 0
-
-
-def test_set_joint_state_by_name_while_time_goes_on(ros: Ros, node: SimNode) -> None:
-    ticks(node, 10)
-    moving = motion(node)
-    heard = ros.listen(JointState, "/joint_states")
-    answer = set_joint_state(node, joint_names=[NAMES[1]], position=[0.7])
-    assert answer.success, answer.message
-    np.testing.assert_array_equal(motion(node), [[moving[0, 0], 0.7], [moving[1, 0], 0.0]])
-    assert node.simulator.state.time == pytest.approx(0.01)
-    ros.spin_until(lambda: heard)
-    assert heard[-1].position[1] == 0.7
-    assert set_joint_state(node, velocity=[0.1, 0.2]).success
-    np.testing.assert_array_equal(motion(node), [[moving[0, 0], 0.7], [0.1, 0.2]])
-
-
-@pytest.mark.parametrize(
-    ("fields", "complaint"),
-    [
-        ({"position": [1.0]}, "position has 1 numbers; allowed is 2"),
-        ({"position": [1.0, np.nan]}, "only finite numbers are allowed"),
-        ({"velocity": [1.0] * 3}, "velocity has 3 numbers; allowed is 2"),
-        ({"joint_names": ["nobody"], "position": [1.0]}, "joint names are nobody; allowed are"),
-        ({"joint_names": [NAMES[0]] * 2, "position": [1.0] * 2}, "each once"),
-    ],
-)
-def test_bad_joint_states_are_refused(
-    node: SimNode, fields: dict[str, Any], complaint: str
-) -> None:
-    ticks(node, 5)
-    before = motion(node)
-    answer = set_joint_state(node, **fields)
-    assert not answer.success
-    assert complaint in answer.message
-    np.testing.assert_array_equal(motion(node), before)
-
-
-def test_divergence_pauses_and_keeps_the_last_good_state(
-    node: SimNode, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
-) -> None:
-    ticks(node, 4)
-    good = motion(node)
-
-    def diverge(_: Any) -> None:
-        raise SimulationDiverged("too fast")
-
-    with monkeypatch.context() as patch:
-        patch.setattr(node.simulator, "advance", diverge)
-        ticks(node, 3)
-        assert capfd.readouterr().err.count("too fast") == 1
-        answer = step(node, 2)
-        assert not answer.success
-        assert "after 0 of 2 steps" in answer.message
-    ticks(node, 3)
-    np.testing.assert_array_equal(motion(node), good)
-    assert node.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
-    ticks(node, 2)
-    assert node.simulator.step_count == 6
 
 
 def test_energy_account_balances(ros: Ros) -> None:
@@ -250,25 +107,6 @@ def test_publishes_every_so_many_ticks(ros: Ros) -> None:
     ros.spin_until(lambda: len(heard) >= 4)
     stamps = [message.header.stamp.nanosec // 1_000_000 for message in heard]
     assert stamps[-4:] == [5, 10, 15, 20]
-
-
-def test_by_the_clock_it_ticks_and_serves(ros: Ros) -> None:
-    node = ros.add(SimNode, models.scene("two_link"))
-    heard = ros.listen(JointState, "/joint_states")
-    ros.spin_until(lambda: len(heard) > 50)
-    running = ros.call(Step, "/sim/step", Step.Request(steps=1))
-    assert not running.success
-    assert "paused" in running.message
-    assert ros.call(SetBool, "/sim/pause", SetBool.Request(data=True)).success
-    count = node.simulator.step_count
-    answer = ros.call(Step, "/sim/step", Step.Request(steps=7))
-    assert answer.success, answer.message
-    assert node.simulator.step_count == count + 7
-    request = SetJointState.Request(position=[0.5, 0.5])
-    assert ros.call(SetJointState, "/sim/set_joint_state", request).success
-    np.testing.assert_array_equal(motion(node), [[0.5, 0.5], [0.0, 0.0]])
-    assert ros.call(Trigger, "/sim/reset", Trigger.Request()).success
-    assert node.simulator.step_count == 0
 
 
 def test_a_failure_in_the_loop_pauses_it(

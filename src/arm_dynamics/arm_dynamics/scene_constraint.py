@@ -2,7 +2,7 @@
 """Constraints of a scene: closed chains, an arm that touches the world, coupled joints.
 
 A frame is a link or joint of the URDF, or ``world``. What is measured in axes is measured in those
-of the *second* frame, except for ``point``, which is measured in the world's.
+of the *second* frame.
 """
 
 from __future__ import annotations

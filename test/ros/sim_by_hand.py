@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sim node that ticks when told to."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from harness import Ros
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+
+import models
+from arm_sim.ros.sim_node import SimNode
+
+NAMES = list(models.dynamics("two_link").joint_names)
+TAU = [1.5, -0.5]
+
+
+def by_hand(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
+    """The node for a scene, or for one of the robots by name."""
+    scene = models.scene(scene) if isinstance(scene, str) else scene
+    return ros.add(SimNode, scene, realtime=False, **parameters)
+
+
+def command(**fields: Any) -> bytes:
+    return serialize_message(JointState(**fields))
+
+
+def ticks(node: SimNode, count: int) -> None:
+    for _ in range(count):
+        node.tick()
+
+
+def motion(node: SimNode) -> np.ndarray:
+    return np.array([node.simulator.state.q, node.simulator.state.v])

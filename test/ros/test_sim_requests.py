@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sim node's services: pause, step, reset, joint states; what they refuse."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from arm_msgs.srv import SetJointState, Step
+from harness import Ros
+from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, TAU, by_hand, motion, ticks
+from std_msgs.msg import Float64MultiArray
+from std_srvs.srv import SetBool, Trigger
+
+import models
+from arm_sim import SimulationDiverged
+from arm_sim.ros.interfaces import MAX_STEPS
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+
+@pytest.fixture
+def node(ros: Ros) -> SimNode:
+    """A two-link arm that ticks when told to."""
+    return by_hand(ros)
+
+
+def set_joint_state(node: SimNode, **fields: Any) -> Any:
+    return node.requests.on_set_joint_state(
+        SetJointState.Request(**fields), SetJointState.Response()
+    )
+
+
+def step(node: SimNode, steps: int) -> Any:
+    return node.requests.on_step(Step.Request(steps=steps), Step.Response())
+
+
+def test_pause_stops_and_releases(node: SimNode) -> None:
+    ticks(node, 3)
+    assert node.requests.on_pause(SetBool.Request(data=True), SetBool.Response()).success
+    before = motion(node)
+    ticks(node, 3)
+    np.testing.assert_array_equal(motion(node), before)
+    assert node.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    ticks(node, 3)
+    assert node.simulator.step_count == 6
+
+
+def test_a_paused_arm_is_seen_now_and_then(ros: Ros) -> None:
+    node = by_hand(ros, paused=True)
+    heard = ros.listen(JointState, "/joint_states", 50)
+    ticks(node, 350)
+    ros.spin_until(lambda: len(heard) >= 3)
+    assert 3 <= len(heard) <= 4
+    assert all(message.header.stamp.nanosec == 0 for message in heard)
+
+
+def test_step_advances_a_paused_simulation_with_the_last_command(ros: Ros) -> None:
+    node, sim = by_hand(ros, paused=True, command_timeout=0.002), models.simulator("two_link")
+    node.on_commands(Float64MultiArray(data=TAU))
+    answer = step(node, 25)
+    assert answer.success, answer.message
+    assert answer.time == pytest.approx(0.025)
+    for _ in range(25):
+        sim.step(TAU)
+    np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
+
+
+@pytest.mark.parametrize("steps", [0, MAX_STEPS + 1, 2**32 - 1])
+def test_step_is_bounded(node: SimNode, steps: int) -> None:
+    answer = step(node, steps)
+    assert not answer.success
+    assert f"allowed are 1 to {MAX_STEPS}" in answer.message
+    assert node.simulator.step_count == 0
+
+
+def test_reset_goes_back_to_the_start_without_a_command(ros: Ros, node: SimNode) -> None:
+    start = motion(node)
+    node.on_commands(Float64MultiArray(data=TAU))
+    ticks(node, 10)
+    heard = ros.listen(JointState, "/joint_states")
+    assert node.requests.on_reset(Trigger.Request(), Trigger.Response()).success
+    np.testing.assert_array_equal(motion(node), start)
+    assert node.simulator.state.time == 0.0
+    np.testing.assert_array_equal(node.commands.take(node.simulator.state.q), [0.0, 0.0])
+    ros.spin_until(lambda: heard)
+    assert heard[-1].header.stamp.nanosec == 0
+
+
+def test_set_joint_state_by_name_while_time_goes_on(ros: Ros, node: SimNode) -> None:
+    ticks(node, 10)
+    moving = motion(node)
+    heard = ros.listen(JointState, "/joint_states")
+    answer = set_joint_state(node, joint_names=[NAMES[1]], position=[0.7])
+    assert answer.success, answer.message
+    np.testing.assert_array_equal(motion(node), [[moving[0, 0], 0.7], [moving[1, 0], 0.0]])
+    assert node.simulator.state.time == pytest.approx(0.01)
+    ros.spin_until(lambda: heard)
+    assert heard[-1].position[1] == 0.7
+    assert set_joint_state(node, velocity=[0.1, 0.2]).success
+    np.testing.assert_array_equal(motion(node), [[moving[0, 0], 0.7], [0.1, 0.2]])
+
+
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({"position": [1.0]}, "position has 1 numbers; allowed is 2"),
+        ({"position": [1.0, np.nan]}, "only finite numbers are allowed"),
+        ({"velocity": [1.0] * 3}, "velocity has 3 numbers; allowed is 2"),
+        ({"joint_names": ["nobody"], "position": [1.0]}, "joint names are nobody; allowed are"),
+        ({"joint_names": [NAMES[0]] * 2, "position": [1.0] * 2}, "each once"),
+    ],
+)
+def test_bad_joint_states_are_refused(
+    node: SimNode, fields: dict[str, Any], complaint: str
+) -> None:
+    ticks(node, 5)
+    before = motion(node)
+    answer = set_joint_state(node, **fields)
+    assert not answer.success
+    assert complaint in answer.message
+    np.testing.assert_array_equal(motion(node), before)
+
+
+def test_divergence_pauses_and_keeps_the_last_good_state(
+    node: SimNode, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    ticks(node, 4)
+    good = motion(node)
+
+    def diverge(_: Any) -> None:
+        raise SimulationDiverged("too fast")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(node.simulator, "advance", diverge)
+        ticks(node, 3)
+        assert capfd.readouterr().err.count("too fast") == 1
+        answer = step(node, 2)
+        assert not answer.success
+        assert "after 0 of 2 steps" in answer.message
+    ticks(node, 3)
+    np.testing.assert_array_equal(motion(node), good)
+    assert node.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    ticks(node, 2)
+    assert node.simulator.step_count == 6
+
+
+def test_by_the_clock_it_ticks_and_serves(ros: Ros) -> None:
+    node = ros.add(SimNode, models.scene("two_link"))
+    heard = ros.listen(JointState, "/joint_states")
+    ros.spin_until(lambda: len(heard) > 50)
+    running = ros.call(Step, "/sim/step", Step.Request(steps=1))
+    assert not running.success
+    assert "paused" in running.message
+    assert ros.call(SetBool, "/sim/pause", SetBool.Request(data=True)).success
+    count = node.simulator.step_count
+    answer = ros.call(Step, "/sim/step", Step.Request(steps=7))
+    assert answer.success, answer.message
+    assert node.simulator.step_count == count + 7
+    request = SetJointState.Request(position=[0.5, 0.5])
+    assert ros.call(SetJointState, "/sim/set_joint_state", request).success
+    np.testing.assert_array_equal(motion(node), [[0.5, 0.5], [0.0, 0.0]])
+    assert ros.call(Trigger, "/sim/reset", Trigger.Request()).success
+    assert node.simulator.step_count == 0
