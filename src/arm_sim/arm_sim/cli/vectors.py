@@ -93,6 +93,8 @@ def parse(text: str) -> Vector:
         raise ValueError("no numbers given")
     if "=" in text:
         return Vector((), dict(_pair(word) for line in lines for word in line))
+    if len({len(line) for line in lines}) > 1:
+        raise ValueError(f"{_short(text)} has not as many numbers on every line")
     return Vector(tuple(tuple(map(_number, line)) for line in lines), {}, len(lines) > 1)
 
 
