@@ -84,6 +84,7 @@ def test_a_batch_beyond_the_limit_is_refused_and_the_node_goes_on(arm: ArmClient
         ([0.0] * 4, InvalidInput, r"shape \(4,\)"),
         ([[[0.0, 0.0]]], InvalidInput, r"shape \(1, 1, 2\)"),
         ("here", InvalidInput, "numbers of one shape"),
+        ([0.0, 1.0j], InvalidInput, "real numbers of one shape"),
         ([[0.0], [0.0, 1.0]], InvalidInput, "numbers of one shape"),
     ],
 )

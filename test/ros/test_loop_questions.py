@@ -120,7 +120,7 @@ def test_without_constraints_the_tree_moves(domain: int) -> None:
         ({"q": np.zeros((MAX_TERMS_POINTS + 1, 3))}, Refused, f"up to {MAX_TERMS_POINTS}"),
         ({"joint_names": ["knee"]}, Refused, "allowed is each of crank_pivot, knee"),
         ({"q": np.zeros(6)}, InvalidInput, r"position has shape \(6,\)"),
-        ({"multipliers": "much"}, InvalidInput, "multipliers = 'much': numbers"),
+        ({"multipliers": "much"}, InvalidInput, "multipliers = 'much': real numbers"),
     ],
 )
 def test_bad_questions_about_the_loop(

@@ -120,12 +120,14 @@ def motion(joint_names: Sequence[str], **given: ArrayLike | None) -> dict[str, A
 
 
 def flat(name: str, value: ArrayLike) -> array[float]:
-    """Any numbers as a flat field; ``InvalidInput`` if they are none."""
+    """Any real numbers as a flat field; ``InvalidInput`` if they are none."""
     try:
-        numbers = np.ascontiguousarray(value, dtype=float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"{name} = {value!r}: numbers of one shape are wanted") from None
-    return array("d", numbers.tobytes())
+        numbers = np.asarray(value)
+    except ValueError:
+        numbers = np.asarray(None)
+    if numbers.dtype.kind not in "fiu":
+        raise InvalidInput(f"{name} = {value!r}: real numbers of one shape are wanted")
+    return array("d", np.ascontiguousarray(numbers, float).tobytes())
 
 
 def whole(name: str, value: int, most: int) -> int:
