@@ -57,10 +57,9 @@ def running(logs: Path, *commands: Sequence[str]) -> Iterator[int]:
         Their domain.
     """
     domain, reservation = reserve_domain()
-    environment = {
-        **os.environ, "ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST",
-        "ROS_LOG_DIR": str(logs),
-    }  # fmt: skip
+    environment = surroundings(
+        ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", ROS_LOG_DIR=str(logs)
+    )
     started = []
     try:
         for command, *rest in commands:
