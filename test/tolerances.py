@@ -40,9 +40,10 @@ ENERGY_DRIFT: Final = 1e-6
 
 LINEAR_ERROR: Final = 1e-4
 """Error under computed torque at 1 kHz against the linear equation, relative to the step."""
-LUGRE: Final = 2e-5
+
 LUGRE: Final = 1e-6
 """LuGre friction at 1 ms with the default tolerance, half a second against Radau: [rad]."""
+
 MULTIPLIER: Final = 1e-8
 """Forces of constraints against those of single bodies [N]."""
 
