@@ -3,22 +3,25 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 from enum import IntFlag
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arguments import vectors
 from arm_dynamics.command_map import CommandMap
 from arm_dynamics.constrained import Constrained, contact_torque
-from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
+from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model import ArmModel, Array
+from arm_dynamics.pointwise import Pointwise
 from arm_dynamics.scene import Scene
 from arm_dynamics.scene_file import load_scene
+
+if TYPE_CHECKING:
+    from arm_dynamics.batch import Batches
 
 # Rows from which on a batch is worth compiled code.
 MANY = 256
@@ -52,12 +55,7 @@ class Dynamics:
     def __init__(self, scene: Scene | ArmModel | Any) -> None:
         self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
         self.command_map = CommandMap(self.model)
-        self._pin = self.model.pin
-        self._weightless = self._pin.copy()
-        self._weightless.gravity.linear = np.zeros(3)
-        self._driveless = self._pin.copy()
-        self._driveless.armature = np.zeros(self._pin.nv)
-        self._data = self._pin.createData()
+        self._points = Pointwise(self.model)
 
     @property
     def n(self) -> int:
@@ -91,9 +89,7 @@ class Dynamics:
         gravity = np.array(self.model.scene.gravity if chosen & Term.GRAVITY else (0.0, 0.0, 0.0))
         moving = v if chosen & Term.CORIOLIS else np.zeros_like(v)
         pushed = a if chosen & Term.INERTIA else np.zeros_like(a)
-        many = q.ndim == 2 and len(q) >= MANY
-        rigid = (self._compiled_inverse if many else None) or self._inverse
-        tau = rigid(q, moving, pushed, gravity)
+        tau = self._rigid(q).inverse(q, moving, pushed, gravity)
         if not chosen & Term.FRICTION:
             return tau
         needed: Array = self.model.friction.demanded(tau, v, np.sign(v), q)
@@ -128,9 +124,8 @@ class Dynamics:
         q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
-        solve = self._forward_projected if self.model.has_followers else self._forward_tree
         free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
-        return self._each(solve, self.model.configuration(q), self.model.spread(v), free)
+        return self._rigid(q).forward(q, v, free)
 
     @cached_property
     def constrained(self) -> Constrained:
@@ -158,26 +153,17 @@ class Dynamics:
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
         (q,) = vectors(self.n, q=q)
-        return self._each(self._mass_matrix, self.model.configuration(q))
+        return self._rigid(q).mass_matrix(q)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
         q, v = vectors(self.n, q=q, v=v)
-        return self._each(
-            lambda qi, vi: self.model.gather_matrix(
-                pin.computeCoriolisMatrix(self._pin, self._data, qi, vi).copy()
-            ),
-            self.model.configuration(q),
-            self.model.spread(v),
-        )
+        return self._rigid(q).coriolis_matrix(q, v)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
         (q,) = vectors(self.n, q=q)
-        return self._each(
-            lambda qi: self.model.gather(pin.computeGeneralizedGravity(self._pin, self._data, qi)),
-            self.model.configuration(q),
-        )
+        return self._rigid(q).gravity(q)
 
     def friction(
         self,
@@ -219,60 +205,19 @@ class Dynamics:
         The kinetic energy includes that of the armature.
         """
         q, v = vectors(self.n, q=q, v=v)
-        both = self._each(self._energies, self.model.configuration(q), self.model.spread(v))
+        both = self._rigid(q).energies(q, v)
         kinetic, potential = both[..., 0], both[..., 1]
         return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
 
+    def _rigid(self, q: Array) -> Pointwise | Batches:
+        """What answers, without friction, for positions of this shape."""
+        return self._batches if q.ndim == 2 and len(q) >= MANY else self._points
+
     @cached_property
-    def _compiled_inverse(self) -> Callable[..., Array] | None:
-        from arm_dynamics.batch import compiled_inverse  # stands on this module
+    def _batches(self) -> Batches:
+        from arm_dynamics.batch import Batches  # stands on this module
 
-        return compiled_inverse(self.model, self._inverse)
-
-    def _inverse(self, q: Array, v: Array, a: Array, gravity: Array) -> Array:
-        model = self._pin if gravity.any() else self._weightless
-        return self._each(
-            lambda qi, vi, ai: self.model.gather(pin.rnea(model, self._data, qi, vi, ai)),
-            self.model.configuration(q),
-            self.model.spread(v),
-            self.model.spread(a),
-        )
-
-    def _forward_tree(self, q: Array, v: Array, tau: Array) -> Array:
-        a: Array = pin.aba(self._pin, self._data, q, v, tau, pin.Convention.WORLD)
-        if not np.isfinite(a).all():
-            raise self._unsolvable(q)
-        return a.copy()
-
-    def _forward_projected(self, q: Array, v: Array, tau: Array) -> Array:
-        bias = self.model.gather(pin.nonLinearEffects(self._pin, self._data, q, v))
-        try:
-            return np.linalg.solve(self._mass_matrix(q), tau - bias)
-        except np.linalg.LinAlgError:
-            raise self._unsolvable(q) from None
-
-    def _unsolvable(self, q: Array) -> ArmError:
-        inertia = np.diag(self._mass_matrix(q))
-        if inertia.min() > 0.0:
-            return InvalidInput("the acceleration overflows: velocities or torques are too large")
-        return ModelError(
-            f"joint '{self.joint_names[int(np.argmin(inertia))]}' moves no mass, so no torque "
-            "determines its acceleration; give a link inertia, the joint an armature, or lock it"
-        )
-
-    def _mass_matrix(self, q: Array) -> Array:
-        return self.model.gather_matrix(pin.crba(self._pin, self._data, q).copy())
-
-    def _energies(self, q: Array, v: Array) -> Array:
-        # Pinocchio 4.1 forgets the armature of joints whose axis is not a coordinate axis.
-        drives = 0.5 * np.sum(self._pin.armature * v**2)
-        kinetic = pin.computeKineticEnergy(self._driveless, self._data, q, v) + drives
-        return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q)])
-
-    def _each(self, law: Callable[..., Array], *vectors: Array) -> Array:
-        if vectors[0].ndim == 1:
-            return np.array(law(*vectors))
-        return np.array([law(*row) for row in zip(*vectors, strict=True)])
+        return Batches(self._points)
 
     def _terms(self, terms: Term | int) -> Term:
         if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:

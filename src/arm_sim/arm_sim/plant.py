@@ -6,7 +6,6 @@ It contains only the laws that the scene asks for.
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from copy import copy
 from functools import cached_property
 
@@ -16,8 +15,9 @@ import numpy as np
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.closure import Closure
 from arm_dynamics.kernel import operations
-from arm_dynamics.laws import articulated, rigid_body, sticking
-from arm_dynamics.laws.links import Tree, tree_of
+from arm_dynamics.laws import rigid_body, sticking
+from arm_dynamics.laws.forward import algorithms
+from arm_dynamics.laws.links import tree_of
 from arm_dynamics.model import Array
 from arm_dynamics.scene_constraint import switchable
 from arm_dynamics.scene_laws import laws_of
@@ -26,11 +26,6 @@ from arm_sim.contact_plant import ContactPlant, contact_plant
 from arm_sim.driven import driven, driven_reaction, torques
 from arm_sim.parameters import Parameters
 from arm_sim.projection import Constrained
-
-# Above this many joints the mass matrix, of order n³ to factor, is never the shorter way.
-DENSE_AT_MOST = 16
-
-Law = Callable[[Tree, ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 
 
 class Plant:
@@ -198,7 +193,7 @@ def _shortest(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Function
     s = Symbols(model, parameters)
     arguments = [s.q, s.v, s.tau, s.p]
     candidates = []
-    for name, law in _algorithms(s.tree, model.n):
+    for name, law in algorithms(s.tree, model.n):
         result = law(s.tree, s.q, s.v, s.tau - s.viscous, s.gravity)
         candidates.append((name, ca.Function("acceleration", arguments, [result], {"cse": True})))
     return min(candidates, key=lambda candidate: operations(candidate[1]))
@@ -215,11 +210,3 @@ def _stick_slip(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Functi
     relative = model.friction.relative_hold(reaction, s.q, s.tau)
     held = ca.Function("reaction", arguments, [ca.densify(relative)], {"cse": True})
     return "composite bodies and LDLᵀ, sticking joints held", acceleration, held
-
-
-def _algorithms(tree: Tree, n: int) -> list[tuple[str, Law]]:
-    dense = ("composite bodies and LDLᵀ", rigid_body.forward_dense)
-    recursive = ("articulated bodies", articulated.forward)
-    if tree.has_followers:
-        return [dense]
-    return [recursive] if n > DENSE_AT_MOST else [dense, recursive]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Rigid-body dynamics of a tree: inverse dynamics, M, gravity and forward dynamics.
+"""Rigid-body dynamics of a tree: inverse dynamics, M, C, gravity, energy and forward dynamics.
 
 Recursive Newton-Euler with the angular tensor of Khalil and Dombre (Modeling, Identification and
 Control of Robots, 2002, chapter 9) and composite rigid bodies (Featherstone, Rigid Body Dynamics
@@ -99,6 +99,38 @@ def mass_matrix(tree: Tree, q: ca.SX) -> ca.SX:
         M[i, i] = (f if link.prismatic else n)[2] + float(tree.armature[i])
         _project(tree, pose, M, i, ca.sparsify(f), ca.sparsify(n))
     return spread_map(tree).T @ M @ spread_map(tree) if tree.has_followers else M
+
+
+def coriolis_matrix(tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Coriolis matrix C(q, v) of Christoffel's symbols, with dM/dt - 2 C skew, shape (n, n).
+
+    Their sum over the velocities is C = (Ṁ + P - Pᵀ) / 2 with P = ∂(M v)/∂q (Siciliano and others,
+    Robotics: Modelling, Planning and Control, 2009, equation (7.45)).
+    """
+    M = mass_matrix(tree, q)
+    P = ca.jacobian(M @ v, q)
+    return ca.sparsify((ca.jtimes(M, q, v) + P - P.T) / 2)
+
+
+def potential_energy(tree: Tree, q: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Energy of the weight in [J], zero where every centre of mass is at the world's origin.
+
+    Args:
+        tree: The robot, its inertia not regrouped.
+        q: Joint positions in [rad] or [m], shape (n,).
+        gravity: Gravity in the world frame in [m/s²], shape (3,).
+    """
+    pose = placements(tree, q)
+    mass = [link.m for link in tree.links]
+    h = [link.h for link in tree.links]
+    grounded = ca.SX(3, 1)
+    for i in reversed(range(len(tree.links))):
+        carried, parent = pose[i].R @ h[i] + mass[i] * pose[i].p, tree.links[i].parent
+        if parent >= 0:
+            mass[parent], h[parent] = mass[parent] + mass[i], h[parent] + carried
+        else:
+            grounded += carried
+    return -ca.dot(gravity, grounded)
 
 
 def forward_dense(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX) -> ca.SX:
