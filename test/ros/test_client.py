@@ -15,7 +15,7 @@ import models
 from arm_dynamics import InvalidInput, Term
 from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import NoAnswer, Refused
-from arm_dynamics.ros.interfaces import MAX_POINTS
+from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
 from arm_dynamics.task_space import TaskSpace
 from tolerances import ALGEBRA
 
@@ -64,10 +64,32 @@ def test_terms_and_task_space_have_their_shapes(arm: ArmClient, rng: np.random.G
 def test_batches(arm: ArmClient, points: int, rng: np.random.Generator) -> None:
     dynamics = models.dynamics("two_link")
     q, v, a = rng.normal(size=(3, points, 2))
-    tau = arm.inverse_dynamics(q, v, a)
     some = rng.integers(points, size=20)
-    expected = np.array([dynamics.inverse(q[k], v[k], a[k]) for k in some])
-    np.testing.assert_allclose(tau[some], expected, rtol=ALGEBRA, atol=ALGEBRA)
+    for ask, core in (
+        (arm.inverse_dynamics, dynamics.inverse),
+        (arm.forward_dynamics, dynamics.forward),
+    ):
+        answer = ask(q, v, a)
+        expected = np.array([core(q[k], v[k], a[k]) for k in some])
+        np.testing.assert_allclose(answer[some], expected, rtol=ALGEBRA, atol=ALGEBRA)
+
+
+def test_batch_of_terms(arm: ArmClient, rng: np.random.Generator) -> None:
+    dynamics = models.dynamics("two_link")
+    q, v = rng.normal(size=(2, MAX_TERMS_POINTS, 2))
+    terms = arm.dynamics_terms(q, v, joint_names=("elbow", "shoulder"))
+    for k in rng.integers(MAX_TERMS_POINTS, size=20):
+        mine, speed = q[k, ::-1], v[k, ::-1]
+        kinetic, potential = dynamics.energy(mine, speed)
+        for made, expected in (
+            (terms.mass_matrix, dynamics.mass_matrix(mine)[::-1, ::-1]),
+            (terms.coriolis_matrix, dynamics.coriolis_matrix(mine, speed)[::-1, ::-1]),
+            (terms.gravity, dynamics.gravity(mine)[::-1]),
+            (terms.friction, dynamics.friction(speed)[::-1]),
+            (terms.kinetic_energy, kinetic),
+            (terms.potential_energy, potential),
+        ):
+            np.testing.assert_allclose(made[k], expected, rtol=ALGEBRA, atol=ALGEBRA)
 
 
 def test_a_batch_beyond_the_limit_is_refused_and_the_node_goes_on(arm: ArmClient) -> None:

@@ -15,6 +15,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.ros.core_log import core_log_of
 from arm_dynamics.ros.privileges import freeze_garbage
 
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
@@ -112,7 +113,8 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
         node = make_node(context=context)
         if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
             freeze_garbage()
-        spin(node, lambda: bool(asked))
+        with core_log_of(node):
+            spin(node, lambda: bool(asked))
     except ArmError as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
