@@ -16,7 +16,8 @@ import numpy as np
 
 from arm_dynamics import Dynamics
 from arm_dynamics.client import ArmClient
-from arm_dynamics.ros.interfaces import MAX_POINTS
+from arm_dynamics.model import Array
+from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
 from arm_sim.cli.demo.processes import Processes
 from benchmarks.loop.lockstep import lockstep
 from benchmarks.soak.watch import Watcher, processor_time
@@ -122,14 +123,19 @@ def services(scene: str, domain: int, calls: int, logs: Path) -> Record:
         q, v, a = rng.uniform(-1.0, 1.0, (3, MAX_POINTS, n))
         client.inverse_dynamics(q[0], v[0], a[0])
         trips = [_timed(lambda: client.inverse_dynamics(q[0], v[0], a[0])) for _ in range(calls)]
-        found: Record = {"count": calls, "batches": {}}
+        found: Record = {"count": calls}
         p50, p99 = np.percentile(trips, [50, 99])
         found |= {"p50": p50, "p99": p99, "max": max(trips)}
-        for points in (100, 1000, 10_000, MAX_POINTS):
-            rows = [x[:points] for x in (q, v, a)]
-            client.inverse_dynamics(*rows)
-            best = np.median([_timed(lambda r=rows: client.inverse_dynamics(*r)) for _ in "12345"])
-            found["batches"][str(points)] = points / float(best)
+        asked = {
+            "inverse": (client.inverse_dynamics, MAX_POINTS),
+            "forward": (client.forward_dynamics, MAX_POINTS),
+            "terms": (lambda q, v, _: client.dynamics_terms(q, v), MAX_TERMS_POINTS),
+        }
+        found["batches"] = {
+            name: {str(points): _rate(ask, q[:points], v[:points], a[:points])
+                   for points in (100, 1000, 10_000, MAX_POINTS) if points <= most}
+            for name, (ask, most) in asked.items()
+        }  # fmt: skip
         check = Dynamics(scene).inverse(q[:500], v[:500], a[:500])
         found["difference"] = float(np.abs(client.inverse_dynamics(q, v, a)[:500] - check).max())
     return found
@@ -139,16 +145,41 @@ def core(scene: str) -> Record:
     """Points per second of the core, compiled and by Pinocchio in a loop of Python."""
     dynamics, rng = Dynamics(scene), np.random.default_rng(0)
     q, v, a = rng.uniform(-1.0, 1.0, (3, MAX_POINTS, dynamics.n))
-    dynamics.inverse(q, v, a)
-    compiled = np.median([_timed(lambda: dynamics.inverse(q, v, a)) for _ in range(5)])
-    some = [x[:2000] for x in (q, v, a)]
-    rows = np.array([dynamics.inverse(*row) for row in zip(*some, strict=True)])
-    alone = _timed(lambda: [dynamics.inverse(*row) for row in zip(*some, strict=True)])
-    difference = np.abs(dynamics.inverse(*some) - rows).max() / np.abs(rows).max()
     return {
-        "compiled": MAX_POINTS / float(compiled), "one by one": 2000 / alone,
+        "inverse": _by_batch(dynamics.inverse, q, v, a),
+        "forward": _by_batch(dynamics.forward, q, v, a),
+        "terms": _by_batch(
+            lambda *state: _terms(dynamics, *state),
+            *(x[:MAX_TERMS_POINTS] for x in (q, v)),
+        ),
+    }
+
+
+def _terms(dynamics: Dynamics, q: Array, v: Array) -> Array:
+    """What ``~/dynamics_terms`` answers with, each state in a row."""
+    shape = (*q.shape[:-1], -1)
+    parts = (
+        dynamics.mass_matrix(q), dynamics.coriolis_matrix(q, v), dynamics.gravity(q),
+        dynamics.friction(v, q=q), *dynamics.energy(q, v),
+    )  # fmt: skip
+    return np.concatenate([np.reshape(part, shape) for part in parts], axis=-1)
+
+
+def _by_batch(answer: Callable[..., Array], *vectors: Array) -> Record:
+    some = [x[:2000] for x in vectors]
+    rows = np.array([answer(*row) for row in zip(*some, strict=True)])
+    alone = _timed(lambda: [answer(*row) for row in zip(*some, strict=True)])
+    difference = np.abs(answer(*some) - rows).max() / np.abs(rows).max()
+    return {
+        "compiled": _rate(answer, *vectors), "one by one": 2000 / alone,
         "difference": float(difference),
     }  # fmt: skip
+
+
+def _rate(answer: Callable[..., object], *vectors: Array) -> float:
+    """Points per second, once it has been asked."""
+    answer(*vectors)
+    return len(vectors[0]) / float(np.median([_timed(lambda: answer(*vectors)) for _ in "12345"]))
 
 
 def together(scene: str, ticks: int, compiled_ticks: int, logs: Path, domain: int) -> Record:
