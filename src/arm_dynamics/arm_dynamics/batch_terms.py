@@ -120,9 +120,12 @@ def _gravity_error(points: Pointwise, answer: Answer) -> float:
 
 def _energies(model: ArmModel) -> ca.Function:
     q, v = _symbols(model.n, "qv")
-    kinetic = ca.dot(v, rigid_body.mass_matrix(tree_of(model), q) @ v) / 2
+    still, none = ca.SX(model.n, 1), ca.SX(3, 1)
+    momentum = rigid_body.inverse(tree_of(model), q, still, v, none)  # M v, without all of M
     whole, gravity = tree_of(model, regroup=False), _expression(_weight(model))
-    return _function([q, v], ca.vertcat(kinetic, rigid_body.potential_energy(whole, q, gravity)))
+    return _function(
+        [q, v], ca.vertcat(ca.dot(v, momentum) / 2, rigid_body.potential_energy(whole, q, gravity))
+    )
 
 
 def _energy_error(points: Pointwise, answer: Answer) -> float:

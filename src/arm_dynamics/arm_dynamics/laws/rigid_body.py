@@ -105,7 +105,7 @@ def coriolis_matrix(tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
     """Coriolis matrix C(q, v) of Christoffel's symbols, with dM/dt - 2 C skew, shape (n, n).
 
     Their sum over the velocities is C = (Ṁ + P - Pᵀ) / 2 with P = ∂(M v)/∂q (Siciliano and others,
-    Robotics: Modelling, Planning and Control, 2009, equation (7.45)).
+    Robotics: Modelling, Planning and Control, 2009, section 7.2.1).
     """
     M = mass_matrix(tree, q)
     P = ca.jacobian(M @ v, q)
