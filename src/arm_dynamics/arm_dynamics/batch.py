@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
+from functools import partial
 from pathlib import Path
 
 import casadi as ca
@@ -67,6 +68,11 @@ class Batches:
         """Kinetic and potential energy in [J], shape (k, 2)."""
         return self._of(batch_terms.ENERGIES, self._points.energies)(q, v)
 
+    def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
+        """A and γ = Ȧ v of bilateral constraints side by side, shape (k, m, n + 1)."""
+        term = batch_terms.constraint_rows(names)
+        return self._of(term, partial(self._points.constraint_rows, names=names))(q, v)
+
     def _of(self, term: BatchTerm, one_by_one: Answer) -> Answer:
         if term.name not in self._built:
             self._built[term.name] = compiled(term, self._points) or one_by_one
@@ -89,7 +95,7 @@ def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
         return None
     _log.info("building code for batches: %s of %d joints", term.title, points.model.n)
     try:
-        answer = rows(term.expression(points.model), term.shape(points.model.n))
+        answer = rows(term.expression(points.model), term.shape(points.model))
         check(term, points, answer)
     except (KernelError, OSError) as error:
         _log.warning("%s; batches are answered by Pinocchio, slower", error)

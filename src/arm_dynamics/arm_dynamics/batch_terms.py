@@ -12,8 +12,10 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.constraint_rows import ConstraintRows
+from arm_dynamics.exceptions import known_names
 from arm_dynamics.kernel import CHECK_STATES, operations
-from arm_dynamics.laws import rigid_body
+from arm_dynamics.laws import constraint, rigid_body
 from arm_dynamics.laws.forward import algorithms
 from arm_dynamics.laws.links import tree_of
 from arm_dynamics.model import ArmModel, Array
@@ -29,7 +31,7 @@ class BatchTerm:
     Attributes:
         name: Name of its function.
         title: The same for people.
-        shape: Of one point's answer, from the number of joints.
+        shape: Of one point's answer.
         expression: From an arm to the function of one point's vectors, a matrix transposed.
         error: Largest difference of an answer from Pinocchio's on random states, relative to the
             size of what is added up, which does not vanish where the sum happens to.
@@ -37,7 +39,7 @@ class BatchTerm:
 
     name: str
     title: str
-    shape: Callable[[int], tuple[int, ...]]
+    shape: Callable[[ArmModel], tuple[int, ...]]
     expression: Callable[[ArmModel], ca.Function]
     error: Callable[[Pointwise, Answer], float]
 
@@ -137,15 +139,44 @@ def _energy_error(points: Pointwise, answer: Answer) -> float:
     return float(np.max([_relative(*pair) for pair in zip(differences, sizes, strict=True)]))
 
 
-def _vector(n: int) -> tuple[int, ...]:
-    return (n,)
+def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
+    """A and γ side by side of the constraints of these names."""
+
+    def expression(model: ArmModel) -> ca.Function:
+        q, v = _symbols(model.n, "qv")
+        named = ConstraintRows(model)
+        places = [i for i, name in zip(named.places, named.names, strict=True) if name in names]
+        sides = constraint.complete_rows(model, tree_of(model), q, v, places)
+        return _function([q, v], ca.horzcat(*sides).T)
+
+    def shape(model: ArmModel) -> tuple[int, ...]:
+        named = ConstraintRows(model)
+        pairs = zip(named.counts, named.names, strict=True)
+        return sum(count for count, name in pairs if name in names), model.n + 1
+
+    def error(points: Pointwise, answer: Answer) -> float:
+        q, v, _ = _states(points.model.n)
+        wanted = points.constraint_rows(q, v, names)
+        size = abs(wanted)
+        fastest = abs(v).max(axis=1)[:, None] ** 2
+        size[..., -1] += size[..., :-1].max(axis=2, initial=0.0) * fastest
+        difference = answer(q, v) - wanted
+        parts = (difference[..., :-1], size[..., :-1]), (difference[..., -1], size[..., -1])
+        return float(np.max([_relative(*part) for part in parts]))
+
+    title = f"rows of constraints {known_names(names)}"
+    return BatchTerm(f"constraint_rows {names}", title, shape, expression, error)
 
 
-def _square(n: int) -> tuple[int, ...]:
-    return (n, n)
+def _vector(model: ArmModel) -> tuple[int, ...]:
+    return (model.n,)
 
 
-def _pair(_: int) -> tuple[int, ...]:
+def _square(model: ArmModel) -> tuple[int, ...]:
+    return (model.n, model.n)
+
+
+def _pair(_: ArmModel) -> tuple[int, ...]:
     return (2,)
 
 
@@ -182,6 +213,6 @@ def _states(n: int) -> Array:
 def _relative(difference: Array, size: Array) -> float:
     """Largest difference of each point over the largest size there, then of all points."""
     count = len(difference)
-    worst = abs(difference).reshape(count, -1).max(axis=1)
-    scale = abs(size).reshape(count, -1).max(axis=1)
+    worst = abs(difference).reshape(count, -1).max(axis=1, initial=0.0)
+    scale = abs(size).reshape(count, -1).max(axis=1, initial=0.0)
     return float(np.max(worst / np.maximum(scale, np.finfo(float).tiny)))

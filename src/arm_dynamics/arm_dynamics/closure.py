@@ -114,12 +114,7 @@ class Closure:
 
     def factors(self, q: Array, A: Array, rank: int) -> Factors:
         """Factors of rows A of shape (m, n) with at most ``rank`` singular values."""
-        try:
-            C = np.linalg.cholesky(self._rigid.mass(q))
-        except np.linalg.LinAlgError:
-            raise ModelError(
-                "a joint moves no mass; give a link inertia, the joint an armature, or lock it"
-            ) from None
+        C = cholesky(self._rigid.mass(q))
         U, s, Vt = np.linalg.svd(np.linalg.solve(C, A.T).T, full_matrices=False)
         r = min(rank, int(np.sum(s > RANK * s[0]))) if s.size and s[0] > 0.0 else 0
         return Factors(C, U[:, :r], s[:r], Vt[:r])
@@ -250,6 +245,20 @@ class Closure:
             "Do they contradict one another, or is the position too far off?",
             left,
         )
+
+
+def cholesky(M: Array) -> Array:
+    """Lower factors C of mass matrices M = C Cᵀ, shape (…, n, n).
+
+    Raises:
+        ModelError: If one is not positive definite.
+    """
+    try:
+        return np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        raise ModelError(
+            "a joint moves no mass; give a link inertia, the joint an armature, or lock it"
+        ) from None
 
 
 def _without(Y: Array, k: int) -> Array:

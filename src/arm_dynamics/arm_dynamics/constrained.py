@@ -16,18 +16,21 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.closure import Closure
+from arm_dynamics.closure import RANK, Closure, cholesky
 from arm_dynamics.exceptions import InvalidInput, KernelError, known_names
 from arm_dynamics.model import Array
-from arm_dynamics.rigid_terms import FrameMotion, RigidTerms
+from arm_dynamics.rigid_terms import FrameMotion
 from arm_dynamics.scene_constraint import WORLD, CouplingConstraint
 from arm_dynamics.scene_contact import Contact
 
 if TYPE_CHECKING:
+    from arm_dynamics.batch import Batches
     from arm_dynamics.dynamics import Dynamics
+    from arm_dynamics.pointwise import Pointwise
 
 CHECK_TOLERANCE = 1e-10
 CHECK_STATES = 20
+AT_ONCE = 4096  # points: what is in memory at once
 
 
 class Constrained:
@@ -46,7 +49,7 @@ class Constrained:
     def __init__(self, dynamics: Dynamics) -> None:
         self._dynamics, self.model = dynamics, dynamics.model
         self.closure = Closure(self.model)
-        self._rigid = RigidTerms(self.model)
+        self._gravity = np.array(self.model.scene.gravity)
 
     @property
     def m(self) -> int:
@@ -77,12 +80,18 @@ class Constrained:
         Raises:
             InvalidInput: If a shape, value or name is not allowed.
         """
-        names, free = self.closure.chosen(active), tau - self._dynamics.friction(v)
         if q.ndim == 1:
-            return self._forward(q, v, free, names)
-        rows = [self._forward(*row, names) for row in zip(q, v, free, strict=True)]
-        a, multipliers = zip(*rows, strict=True)
-        return np.array(a), np.array(multipliers)
+            a, lam = self.forward(q[None], v[None], tau[None], active)
+            return a[0], lam[0]
+        names = self.closure.chosen(active)
+        free = tau - self._dynamics.friction(v, q=q, load=tau)
+        rigid = self._dynamics.rigid(q)
+        parts = [
+            self._solved(rigid, q[part], v[part], free[part], names)
+            for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE))
+        ]
+        accelerations, multipliers = zip(*parts, strict=True)
+        return np.concatenate(accelerations), np.concatenate(multipliers)
 
     def inverse(self, q: Array, v: Array, a: Array, lam: ArrayLike) -> Array:
         """Torques M a + C v + G + F + Aᵀλ for a motion and forces λ against the constraints.
@@ -100,25 +109,36 @@ class Constrained:
             InvalidInput: If a shape or value is not allowed.
         """
         multipliers = self._checked("lam", lam, self.m, q)
-        return self._dynamics.inverse(q, v, a) + _each(self._reaction, q, multipliers)
+        rigid = self._dynamics.rigid(q)
+        rows = rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
+        reaction = _times(_transposed(rows[..., :-1]), multipliers)
+        needed = rigid.inverse(q, v, a, self._gravity) + reaction
+        tau: Array = self.model.friction.demanded(needed, v, np.sign(v), q)
+        return tau
 
-    def _forward(
-        self, q: Array, v: Array, free: Array, active: tuple[str, ...]
+    def _solved(
+        self, rigid: Pointwise | Batches, q: Array, v: Array, free: Array, active: tuple[str, ...]
     ) -> tuple[Array, Array]:
-        closure = self.closure
-        row = closure.rows.stacked(q, v, active)
-        f = closure.factors(q, row.jacobian, closure.rank(active, q))
-        x = np.linalg.solve(f.C, free - self._rigid.bias(q, v))
-        lacking = (f.U.T @ -row.drift) / f.s - f.Vt @ x
-        multipliers = np.zeros(self.m)
-        multipliers[np.isin(self.names, active)] = -f.U @ (lacking / f.s)
-        return np.linalg.solve(f.C.T, x + f.Vt.T @ lacking), multipliers
+        """Accelerations and multipliers of a batch; see the singular values of ``Factors``."""
+        still = np.zeros_like(q)
+        rows, C = rigid.constraint_rows(q, v, active), cholesky(rigid.mass_matrix(q))
+        forces = free - rigid.inverse(q, v, still, self._gravity)
+        U, s, Vt = np.linalg.svd(_transposed(np.linalg.solve(C, _transposed(rows[..., :-1]))),
+                                 full_matrices=False)  # fmt: skip
+        counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < self._rank(active, q[0]))
+        inverted = np.divide(1.0, s, out=np.zeros_like(s), where=counted)
+        x = np.linalg.solve(C, forces[..., None])[..., 0]
+        wanted = inverted * _times(_transposed(U), -rows[..., -1])
+        lacking = wanted - counted * _times(Vt, x)
+        multipliers = np.zeros((len(q), self.m))
+        multipliers[:, np.isin(self.names, active)] = -_times(U, lacking * inverted)
+        a = np.linalg.solve(_transposed(C), (x + _times(_transposed(Vt), lacking))[..., None])
+        return a[..., 0], multipliers
 
-    def _reaction(self, q: Array, multipliers: Array) -> Array:
-        rows = self.closure.rows
-        A = rows.stacked(q, np.zeros_like(q), rows.names).jacobian
-        reaction: Array = A.T @ multipliers
-        return reaction
+    def _rank(self, active: tuple[str, ...], near: Array) -> int:
+        """Independent rows; those that hold at the start are closed at the initial position."""
+        closed = set(active) <= set(self.closure.initially_active)
+        return self.closure.rank(active, self.model.q0 if closed else near)
 
     def _checked(self, name: str, value: ArrayLike, size: int, like: Array) -> Array:
         array = np.asarray(value, dtype=float)
@@ -228,3 +248,12 @@ def _each(law: Callable[[Array, Array], Array], q: Array, x: Array) -> Array:
     if q.ndim == 1:
         return law(q, x)
     return np.array([law(*row) for row in zip(q, x, strict=True)])
+
+
+def _transposed(matrices: Array) -> Array:
+    return np.swapaxes(matrices, -1, -2)
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    product: Array = (matrices @ vectors[..., None])[..., 0]
+    return product

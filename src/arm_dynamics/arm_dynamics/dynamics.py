@@ -67,6 +67,10 @@ class Dynamics:
         """Order of every vector."""
         return self.model.joint_names
 
+    def rigid(self, q: Array) -> Pointwise | Batches:
+        """What answers, without friction and checks, for positions of the shape of ``q``."""
+        return self._batches if q.ndim == 2 and len(q) >= MANY else self._points
+
     def inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
     ) -> Array:
@@ -89,7 +93,7 @@ class Dynamics:
         gravity = np.array(self.model.scene.gravity if chosen & Term.GRAVITY else (0.0, 0.0, 0.0))
         moving = v if chosen & Term.CORIOLIS else np.zeros_like(v)
         pushed = a if chosen & Term.INERTIA else np.zeros_like(a)
-        tau = self._rigid(q).inverse(q, moving, pushed, gravity)
+        tau = self.rigid(q).inverse(q, moving, pushed, gravity)
         if not chosen & Term.FRICTION:
             return tau
         needed: Array = self.model.friction.demanded(tau, v, np.sign(v), q)
@@ -125,7 +129,7 @@ class Dynamics:
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
         free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
-        return self._rigid(q).forward(q, v, free)
+        return self.rigid(q).forward(q, v, free)
 
     @cached_property
     def constrained(self) -> Constrained:
@@ -153,17 +157,17 @@ class Dynamics:
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
         (q,) = vectors(self.n, q=q)
-        return self._rigid(q).mass_matrix(q)
+        return self.rigid(q).mass_matrix(q)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
         q, v = vectors(self.n, q=q, v=v)
-        return self._rigid(q).coriolis_matrix(q, v)
+        return self.rigid(q).coriolis_matrix(q, v)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
         (q,) = vectors(self.n, q=q)
-        return self._rigid(q).gravity(q)
+        return self.rigid(q).gravity(q)
 
     def friction(
         self,
@@ -205,13 +209,9 @@ class Dynamics:
         The kinetic energy includes that of the armature.
         """
         q, v = vectors(self.n, q=q, v=v)
-        both = self._rigid(q).energies(q, v)
+        both = self.rigid(q).energies(q, v)
         kinetic, potential = both[..., 0], both[..., 1]
         return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
-
-    def _rigid(self, q: Array) -> Pointwise | Batches:
-        """What answers, without friction, for positions of this shape."""
-        return self._batches if q.ndim == 2 and len(q) >= MANY else self._points
 
     @cached_property
     def _batches(self) -> Batches:

@@ -4,10 +4,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.constraint_rows import ConstraintRows
 from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
 from arm_dynamics.model import ArmModel, Array
 
@@ -75,6 +77,24 @@ class Pointwise:
     def energies(self, q: Array, v: Array) -> Array:
         """Kinetic energy, with that of the armature, and potential energy in [J], shape (…, 2)."""
         return _each(self._energies, self.model.configuration(q), self.model.spread(v))
+
+    def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
+        """A and γ = Ȧ v of bilateral constraints side by side, shape (…, m, n + 1).
+
+        Args:
+            q: Joint positions, shape (n,) or (k, n).
+            v: Joint velocities, likewise.
+            names: Which constraints.
+        """
+        return _each(lambda qi, vi: self._stacked(qi, vi, names), q, v)
+
+    @cached_property
+    def _constraints(self) -> ConstraintRows:
+        return ConstraintRows(self.model)
+
+    def _stacked(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
+        row = self._constraints.stacked(q, v, names)
+        return np.column_stack([row.jacobian, row.drift])
 
     def _tree(self, q: Array, v: Array, tau: Array) -> Array:
         a: Array = pin.aba(self._pin, self._data, q, v, tau, pin.Convention.WORLD)

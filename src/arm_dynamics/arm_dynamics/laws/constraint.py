@@ -96,6 +96,37 @@ def rows(
     return Rows(whole, residual, ca.sparsify(J), ca.jtimes(speed, q, v))
 
 
+def complete_rows(
+    model: ArmModel, tree: Tree, q: ca.SX, v: ca.SX, places: Sequence[int]
+) -> tuple[ca.SX, ca.SX]:
+    """A and γ of all rows of some constraints, also of those that others imply.
+
+    Args:
+        model: The robot.
+        tree: Its links.
+        q: Joint positions in [rad] or [m], shape (n,).
+        v: Joint velocities, shape (n,).
+        places: Places of the constraints in the scene's list.
+
+    Returns:
+        Shapes (m, n) and (m,), in the order of ``places``.
+    """
+    kinematics = Kinematics(model, tree, q)
+    jacobians, drifts = [ca.SX(0, model.n)], [ca.SX(0, 1)]
+    for place in places:
+        constraint = model.scene.constraints[place]
+        assert not isinstance(constraint, Contact)
+        if isinstance(constraint, RollingConstraint):
+            speed = _slip(constraint, kinematics, q, v)
+            jacobians.append(ca.jacobian(speed, v))
+        else:
+            residual = _residual(constraint, model, kinematics, q)
+            speed = ca.jtimes(residual, q, v)
+            jacobians.append(ca.jacobian(residual, q))
+        drifts.append(ca.jtimes(speed, q, v))
+    return ca.vertcat(*jacobians), ca.vertcat(*drifts)
+
+
 class Kinematics:
     """Placements of frames against one another, as expressions in q."""
 
