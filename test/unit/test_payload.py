@@ -85,3 +85,18 @@ def test_mass_of_zero_changes_nothing(rng: np.random.Generator) -> None:
     dyn = Dynamics({"robot": {"urdf": str(URDF)}, "payloads": [{"frame": "d", "mass": 0.0}]})
     q, v, a = models.random_state(rng, 4)
     assert_close(dyn.inverse(q, v, a), models.dynamics("skew_axes").inverse(q, v, a), PINOCCHIO)
+
+
+def test_a_tensor_that_is_negative_only_by_rounding_counts_as_it_is(
+    rng: np.random.Generator,
+) -> None:
+    """Tensors that were turned or shifted come out so."""
+    q, v, a = models.random_state(rng, 4)
+    flat = {"mass": 1.0, "com": [0.1, 0.0, 0.0]}
+    thin, turned = (
+        Dynamics({"robot": {"urdf": str(URDF)},
+                  "payloads": [{"frame": "d", **flat, "inertia": [xx, 0, 0, 0.02, 0, 0.02]}]})
+        for xx in (0.0, -1e-15)
+    )  # fmt: skip
+    assert_close(turned.inverse(q, v, a), thin.inverse(q, v, a), PINOCCHIO)
+    assert_close(turned.forward(q, v, a), thin.forward(q, v, a), PINOCCHIO)

@@ -235,7 +235,8 @@ def _locked(whole: pin.Model, scene: Scene, rules: dict[str, Mimic]) -> pin.Mode
 def _weld(model: pin.Model, scene: Scene) -> None:
     for payload in scene.payloads:
         frame = model.frames[model.getFrameId(payload.frame)]
-        body = pin.Inertia(payload.mass, np.array(payload.com), inertia_matrix(payload.inertia))
+        body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
+        body.inertia = inertia_matrix(payload.inertia)  # the scene has checked it, to rounding
         model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
 
 
