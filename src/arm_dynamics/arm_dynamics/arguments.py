@@ -73,4 +73,4 @@ def vectors(n: int, **given: ArrayLike) -> list[Array]:
         raise InvalidInput(f"batches must be of one length, got {sorted(counts)}")
     if not counts:
         return arrays
-    return [np.broadcast_to(array, (*counts, n)) for array in arrays]
+    return [x if x.ndim == 2 else np.broadcast_to(x, (*counts, n)) for x in arrays]

@@ -56,6 +56,10 @@ def answering(response: Any, log: RcutilsLogger) -> Iterator[None]:
         response.success = True
 
 
+_Order = NDArray[np.intp] | slice
+_ALL = slice(None)  # the order of the model, as most requests have it
+
+
 class Batch:
     """The vectors of one request: k points of n joints in the order that it names.
 
@@ -83,8 +87,11 @@ class Batch:
             InvalidInput: If joints are unknown, doubled or missing, or numbers do not fit.
         """
         self.joint_names = list(names) or list(model_names)
-        self._order = _order(self.joint_names, model_names)
-        self._back = np.argsort(self._order)
+        self._order: _Order = _ALL
+        self._back: _Order = _ALL
+        if self.joint_names != list(model_names):
+            self._order = _order(self.joint_names, model_names)
+            self._back = np.argsort(self._order)
         n, size = len(model_names), len(position)
         if size == 0 or size % n:
             raise InvalidInput(f"position has {size} numbers; allowed is a multiple of {n}")
@@ -115,14 +122,14 @@ class Batch:
 
     def by_joint(self, values: Array, axis: int) -> Array:
         """Put an axis that counts joints in model order into the order of the request."""
-        return np.take(values, self._order, axis)
+        return np.moveaxis(np.moveaxis(values, axis, 0)[self._order], 0, axis)
 
     def matrices(self, matrices: Array) -> array[float]:
         """Write (k, n, n) in model order as the flat vector of a response."""
         return to_array(finite_answer(matrices)[:, self._order][:, :, self._order])
 
     def _rows(self, what: str, values: Sequence[float]) -> Array:
-        rows = np.array(values, float).reshape(-1, len(self._order))
+        rows = np.array(values, float).reshape(-1, len(self.joint_names))
         finite = np.isfinite(rows)
         if not finite.all():
             point, joint = np.argwhere(~finite)[0]
