@@ -24,7 +24,7 @@ from arm_sim.plan import Plan
 from arm_sim.plant import Plant
 from arm_sim.recording import Recording, record
 from arm_sim.rollout import Rollouts
-from arm_sim.state import State
+from arm_sim.state import State, read_only
 from arm_sim.stepper import Stepper
 
 Control = Callable[[State], Any]
@@ -47,6 +47,7 @@ class Simulator:
         z_names: The states z of the scene's laws, with joint and unit.
         dt: Length of a tick in [s].
         x: The state (q, v, z) as it is now, shape (nx,): a read-only view that steps change.
+        acted: ``command`` as it is now, likewise.
 
     Raises:
         InvalidInput: If the method is unknown, or dt or tolerance is out of range.
@@ -70,8 +71,7 @@ class Simulator:
         self.backend = backend
         self._x, self._command = np.zeros(self.plant.nx), np.zeros(self.n)
         self._effort, self._error = np.zeros((1, self.n)), np.zeros(1)
-        self.x = self._x.view()
-        self.x.setflags(write=False)
+        self.x, self.acted = read_only(self._x), read_only(self._effort[0])
         self._state: State | None = None
         self._use(Steppers(self.plant, self.choice, backend))
         self._saturation = SaturationNotice(self.model)
@@ -106,8 +106,7 @@ class Simulator:
     @property
     def command(self) -> Array:
         """What was commanded in the last tick, limits applied, shape (n,)."""
-        row: Array = self._effort[0]
-        return row.copy()
+        return self.acted.copy()
 
     @property
     def parameters(self) -> Array:

@@ -8,6 +8,13 @@ from dataclasses import dataclass
 from arm_dynamics.model import Array
 
 
+def read_only(x: Array) -> Array:
+    """A view of numbers that may be looked at only."""
+    view = x.view()
+    view.setflags(write=False)
+    return view
+
+
 @dataclass(frozen=True, slots=True)
 class State:
     """Where the robot is; arrays are read-only.

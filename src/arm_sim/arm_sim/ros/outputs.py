@@ -86,8 +86,9 @@ class Outputs:
         self._idle = 0.0
         stamp = self.stamp()
         self.round_trip.sent(stamp)
-        q, v = self._motion
-        self._send_state(self._writer.write(stamp, q, v, self._simulator.effort))
+        simulator, (q, v) = self._simulator, self._motion
+        effort = simulator.acted if simulator.plant.torques is None else simulator.effort
+        self._send_state(self._writer.write(stamp, q, v, effort))
         if self._send_clock is not None:
             _STAMP.pack_into(self._clock_bytes, _STAMP_AT, *divmod(stamp, 1_000_000_000))
             self._send_clock(bytes(self._clock_bytes))
