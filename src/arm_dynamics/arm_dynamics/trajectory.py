@@ -32,7 +32,7 @@ __all__ = [
 
 Array = NDArray[np.float64]
 
-MAX_WAYPOINTS = 10_000
+MAX_WAYPOINTS = 10_001  # 10 000 after the start
 _STRETCH_TRIES = 60
 _BALANCE_ROUNDS = 8
 

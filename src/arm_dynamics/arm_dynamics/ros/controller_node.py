@@ -15,7 +15,7 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
-from arm_dynamics.background import Background
+from arm_dynamics.background import Background, take_short_turns
 from arm_dynamics.command_map import rigid_twin
 from arm_dynamics.control import Measured
 from arm_dynamics.control_choice import IN_TASK_SPACE, make_controller
@@ -26,6 +26,7 @@ from arm_dynamics.follower import Follower
 from arm_dynamics.motion import Limits, Reference
 from arm_dynamics.ros import convert
 from arm_dynamics.ros.answer_log import AnswerLog
+from arm_dynamics.ros.cdr import as_bytes
 from arm_dynamics.ros.control_settings import settings_of, task_of
 from arm_dynamics.ros.diagnosis import Diagnosis, Finding
 from arm_dynamics.ros.executor import run, surviving
@@ -56,7 +57,6 @@ from arm_dynamics.task_kernel import build, is_built
 from arm_dynamics.task_space import TaskSpace
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
-_TURN = 2e-4  # [s] for which a thread that plans may keep the others waiting
 _FREE = "float"  # the law under which the arm is led by hand, away from its reference
 
 
@@ -111,9 +111,9 @@ class ControllerNode(Node):
             CONTROLLER_STATE.type, CONTROLLER_STATE.name, CONTROLLER_STATE.publish
         )
         for topic, callback, raw in (
-            (JOINT_TRAJECTORY, self.on_joint_trajectory, False),
+            (JOINT_TRAJECTORY, self.on_joint_trajectory, True),
             (CARTESIAN_GOAL, self.on_cartesian_goal, False),
-            (CARTESIAN_PATH, self.on_cartesian_path, False),
+            (CARTESIAN_PATH, self.on_cartesian_path, True),
             (JOINT_STATES, self.on_joint_states, True),
         ):
             self.create_subscription(
@@ -256,20 +256,20 @@ class ControllerNode(Node):
     def _say(self, warning: str) -> None:
         self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
 
-    def on_joint_trajectory(self, message: JointTrajectory) -> None:
+    def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:
         """Follow a trajectory from the present reference on, or say why not."""
         self._log.forget()
-        self._goals.trajectory(message)
+        self._goals.trajectory(as_bytes(message))
 
     def on_cartesian_goal(self, message: PoseStamped) -> None:
         """Lead the frame of the task straight to a pose, or say why not."""
         self._log.forget()
         self._goals.pose(message, self._params)
 
-    def on_cartesian_path(self, message: Path) -> None:
+    def on_cartesian_path(self, message: bytes | Path) -> None:
         """Lead the frame of the task through poses, or say why not."""
         self._log.forget()
-        self._goals.path(message, self._params)
+        self._goals.path(as_bytes(message), self._params)
 
     def _publish_report(
         self, stamp: int, reference: Reference, state: Measured, tau: Array
@@ -286,5 +286,5 @@ class ControllerNode(Node):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
-    sys.setswitchinterval(_TURN)
+    take_short_turns()
     sys.exit(run(ControllerNode, args))

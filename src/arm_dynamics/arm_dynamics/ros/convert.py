@@ -13,12 +13,12 @@ from arm_msgs.msg import TrackingState
 from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
-from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.control import Moving
 from arm_dynamics.exceptions import ArmError, InvalidInput, known_names
 from arm_dynamics.model import ArmModel
 from arm_dynamics.motion import Reference, Waypoint
+from arm_dynamics.ros.goal_bytes import TrajectoryBytes
 
 Array = NDArray[np.float64]
 
@@ -195,7 +195,7 @@ def spread(what: str, values: Sequence[float], joints: NDArray[np.intp], rest: A
 
 
 def waypoints(
-    message: JointTrajectory, model_names: Sequence[str], here: Reference
+    message: TrajectoryBytes, model_names: Sequence[str], here: Reference
 ) -> list[Waypoint]:
     """Read a trajectory message.
 
@@ -208,7 +208,8 @@ def waypoints(
         Waypoints in model order.
 
     Raises:
-        InvalidInput: If joints are unknown or doubled, lengths differ or positions are missing.
+        InvalidInput: If joints are unknown or doubled, lengths differ or positions are missing, or
+            the message is damaged.
     """
     if not message.joint_names:
         raise InvalidInput(f"no joint names; allowed are some of {known_names(model_names)}")
@@ -220,12 +221,12 @@ def waypoints(
 
     return [
         Waypoint(
-            1e-9 * to_nanoseconds(point.time_from_start),
+            1e-9 * point.time,
             spread(f"positions of point {i}", point.positions, joints, here.q),
             derivative(f"velocities of point {i}", point.velocities),
             derivative(f"accelerations of point {i}", point.accelerations),
         )
-        for i, point in enumerate(message.points)
+        for i, point in enumerate(message.points())
     ]
 
 

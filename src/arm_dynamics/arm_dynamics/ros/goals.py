@@ -12,9 +12,7 @@ from dataclasses import dataclass
 from functools import partial
 
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
 from rclpy.impl.rcutils_logger import RcutilsLogger
-from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.background import Background
 from arm_dynamics.cartesian_goal import CartesianGoals, Pace
@@ -26,8 +24,9 @@ from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.motion import Limits, Motion, Reference, Trajectory
 from arm_dynamics.retiming import retimed
 from arm_dynamics.ros import convert
+from arm_dynamics.ros.goal_bytes import PathBytes, TrajectoryBytes
 from arm_dynamics.ros.params import ControllerParams, task_axes
-from arm_dynamics.ros.poses import in_world, path_of
+from arm_dynamics.ros.poses import goal_of, path_of
 from arm_dynamics.task_space import TaskSpace
 
 _TIMINGS = {"smooth": paced, "time_optimal": retimed}
@@ -89,34 +88,38 @@ class Goals:
         self.stamp = stamp
         return self.follower.reference(stamp)
 
-    def trajectory(self, message: JointTrajectory) -> None:
-        """Follow a trajectory from the present reference on, or say why not."""
+    def trajectory(self, raw: bytes) -> None:
+        """Follow a serialized JointTrajectory from the present reference on, or say why not."""
+        n = self._model.n
+        if (message := self._result("trajectory", lambda: TrajectoryBytes.of(raw, n))) is None:
+            return
 
         def plan(outset: Outset) -> Motion:
             points = convert.waypoints(message, self._model.joint_names, outset.here)
             return outset.through(points, self._limits)
 
-        count, start = len(message.points), convert.to_nanoseconds(message.header.stamp)
-        goal = _Goal("trajectory", f"{count} points", start or None, plan)
-        self._follow(goal, at_once=count <= _AT_ONCE)
+        goal = _Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
+        self._follow(goal, at_once=message.count <= _AT_ONCE)
 
     def pose(self, message: PoseStamped, params: ControllerParams) -> None:
         """Lead the task's frame straight to a pose, or say why not."""
 
         def plan(outset: Outset) -> Motion:
-            goal = in_world(message, self._model)
+            goal = goal_of(message, self._model)
             return self._planner(params).line(outset.here, goal)
 
         self._follow(_Goal("Cartesian goal", "a straight line", None, plan))
 
-    def path(self, message: Path, params: ControllerParams) -> None:
-        """Lead the task's frame through the poses of a path, or say why not."""
+    def path(self, raw: bytes, params: ControllerParams) -> None:
+        """Lead the task's frame through the poses of a serialized Path, or say why not."""
+        if (message := self._result("Cartesian path", lambda: PathBytes.of(raw))) is None:
+            return
 
         def plan(outset: Outset) -> Motion:
             poses = path_of(message, self._model)
             return self._planner(params).through(outset.here, poses)
 
-        self._follow(_Goal("Cartesian path", f"{len(message.poses)} poses", None, plan))
+        self._follow(_Goal("Cartesian path", f"{message.count} poses", None, plan))
 
     def _planner(self, params: ControllerParams) -> CartesianGoals:
         """One of its own for every plan: it works on the planner's thread."""
@@ -130,7 +133,7 @@ class Goals:
     def _follow(self, goal: _Goal, at_once: bool = False, tries: int = 0) -> None:
         follower = self.follower
         if follower is None:
-            self._refuse(goal, ": no joint state has been seen yet")
+            self._refuse(goal.kind, ": no joint state has been seen yet")
             return
         moving = follower.remaining(self.stamp) > 0.0
         lead = 0 if at_once or not moving else _LEAD << tries
@@ -152,7 +155,7 @@ class Goals:
         result: Callable[[], Motion],
     ) -> None:
         """Follow what has been planned, or plan it again where that came too late."""
-        motion = self._result(goal, result)
+        motion = self._result(goal.kind, result)
         if motion is None:
             return
         if follower.take(outset, motion, self.stamp):
@@ -161,16 +164,16 @@ class Goals:
         elif tries < _TRIES:
             self._follow(goal, tries=tries + 1)
         else:
-            self._refuse(goal, ": the arm's reference changed faster than it was planned")
+            self._refuse(goal.kind, ": the arm's reference changed faster than it was planned")
 
-    def _result(self, goal: _Goal, result: Callable[[], Motion]) -> Motion | None:
+    def _result[T](self, kind: str, result: Callable[[], T]) -> T | None:
         kept = ", the one before goes on: "
         try:
             return result()
         except ArmError as error:
-            self._refuse(goal, f"{kept}{error}")
+            self._refuse(kind, f"{kept}{error}")
         except Exception as error:
-            self._refuse(goal, f"{kept}unexpected failure: {error!r}")
+            self._refuse(kind, f"{kept}unexpected failure: {error!r}")
         return None
 
     def _accept(self, goal: _Goal, motion: Motion) -> None:
@@ -179,7 +182,7 @@ class Goals:
         self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
         self._log.info(self.outcome)
 
-    def _refuse(self, goal: _Goal, why: str) -> None:
-        self.outcome = f"{goal.kind} refused{why}"
+    def _refuse(self, kind: str, why: str) -> None:
+        self.outcome = f"{kind} refused{why}"
         self.refused += 1
         self._log.error(self.outcome)

@@ -44,6 +44,7 @@ LATCHED = QoSProfile(
 MAX_POINTS = 100_000  # of one service call
 MAX_TERMS_POINTS = 10_000  # where a point is answered with matrices
 MAX_POSES = 1000  # where joint positions are searched for
+MAX_GOAL_POINTS = 10_000  # of one trajectory or path
 
 
 class Topic(NamedTuple):

@@ -4,16 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 import pinocchio as pin
 from geometry_msgs.msg import PoseStamped
-from nav_msgs.msg import Path
 
 from arm_dynamics.arguments import vector
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model import ArmModel
+from arm_dynamics.ros.goal_bytes import PathBytes
 from arm_dynamics.task_terms import Pose
 
 _UNIT = 1e-3  # how far a quaternion's length may be from one
@@ -34,40 +33,51 @@ def pose_of(numbers: Sequence[float]) -> Pose:
     return Pose(seven[:3], pin.Quaternion(seven[3:] / length).toRotationMatrix())
 
 
-def in_world(message: PoseStamped, model: ArmModel, frame_id: str = "") -> Pose:
+def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
     """Read a pose that is given in the world or in a frame that does not move.
 
     Args:
-        message: The pose; its own frame counts before ``frame_id``.
+        numbers: x y z [m] and a quaternion x y z w.
+        frame_id: Their frame; empty for the world.
         model: The arm.
-        frame_id: Frame for a message that names none; empty for the world.
 
     Raises:
         InvalidInput: If the frame moves or does not exist, or the pose is none.
     """
-    at, turn = message.pose.position, message.pose.orientation
-    pose = pose_of((at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w))
-    name = message.header.frame_id or frame_id
-    if name in ("", "world"):
+    pose = pose_of(numbers)
+    if frame_id in ("", "world"):
         return pose
     fixed = {frame.name: frame for frame in model.pin.frames if frame.parentJoint == 0}
-    if name not in fixed:
+    if frame_id not in fixed:
         allowed = known_names(["world", *fixed])
-        raise InvalidInput(f"poses in frame '{name}': allowed are frames that stand, {allowed}")
-    base = fixed[name].placement
+        raise InvalidInput(
+            f"poses in frame '{frame_id}': allowed are frames that stand, {allowed}"
+        )
+    base = fixed[frame_id].placement
     return Pose(base.rotation @ pose.position + base.translation, base.rotation @ pose.rotation)
 
 
-def path_of(message: Path, model: ArmModel) -> list[Pose]:
-    """Read the poses of a path; their stamps say nothing.
+def goal_of(message: PoseStamped, model: ArmModel) -> Pose:
+    """Read a pose that stands alone; its stamp says nothing.
 
     Raises:
-        InvalidInput: As for a pose, with its number.
+        InvalidInput: As ``in_world``.
     """
-    poses: list[Any] = []
-    for i, stamped in enumerate(message.poses):
+    at, turn = message.pose.position, message.pose.orientation
+    numbers = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
+    return in_world(numbers, message.header.frame_id, model)
+
+
+def path_of(message: PathBytes, model: ArmModel) -> list[Pose]:
+    """Read the poses of a path; their stamps say nothing, their own frames come first.
+
+    Raises:
+        InvalidInput: As for a pose, with its number, or if the message is damaged.
+    """
+    poses: list[Pose] = []
+    for i, (frame_id, numbers) in enumerate(message.poses()):
         try:
-            poses.append(in_world(stamped, model, message.header.frame_id))
+            poses.append(in_world(numbers, frame_id or message.frame_id, model))
         except InvalidInput as error:
             raise InvalidInput(f"pose {i}: {error}") from None
     return poses

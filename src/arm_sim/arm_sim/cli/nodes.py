@@ -85,8 +85,10 @@ def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> N
     It listens to joint_states and controller/joint_trajectory and publishes joint_commands. It
     may be given another scene than the simulator: that is a model error.
     """
+    from arm_dynamics.background import take_short_turns
     from arm_dynamics.ros.controller_node import ControllerNode
 
+    take_short_turns()
     _run(ControllerNode, scene, rest, with_parent)
 
 
