@@ -30,6 +30,7 @@ from rich.table import Table
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.ros.direct import Newest
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_PATH,
     JOINT_COMMANDS,
@@ -37,10 +38,9 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
 )
 from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter
-from arm_dynamics.ros.newest import Newest
+from arm_dynamics.ros.privileges import Privileges
 from arm_dynamics.task_algebra import quaternions
 from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.ros.privileges import Privileges
 from arm_sim.cli.demo.processes import Processes, free_domain
 
 FRAME = "panda_hand_tcp"
@@ -178,7 +178,7 @@ def _measured(partner: Partner) -> dict[str, list[np.ndarray]]:
     goals = {
         "10 points": (JointTrajectory, trajectory(dynamics, 10, 0.7)),
         "1000 points": (JointTrajectory, trajectory(dynamics, 1000, 0.7)),
-        "10 000 points": (JointTrajectory, trajectory(dynamics, 10_000 - 1, 0.7)),
+        "10 000 points": (JointTrajectory, trajectory(dynamics, 10_000, 0.7)),
         "1000 poses": (PosePath, path(dynamics, 1000, 0.1)),
     }
     while not partner.found():

@@ -3,16 +3,34 @@
 
 from __future__ import annotations
 
+import sys
 import time
+from typing import Any
 
 import numpy as np
 import pytest
-from hand_goals import FRAME, HOME, MS, controller_at_home, long_trajectory, planned, see
+from cdr_writer import path_bytes, trajectory_bytes
+from hand_goals import (
+    FRAME,
+    HOME,
+    MS,
+    controller_at_home,
+    hand,
+    long_trajectory,
+    path,
+    planned,
+    see,
+)
 from harness import Ros
+from nav_msgs.msg import Path
 from rclpy.parameter import Parameter
+from trajectory_msgs.msg import JointTrajectory
 
 import models
+from arm_dynamics.ros import controller_node
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
+from arm_sim.cli import nodes as cli
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros
@@ -82,3 +100,76 @@ def test_another_frame_is_built_aside_and_taken_when_it_is_ready(ros: Ros) -> No
         see(node, MS)
     assert node._control.active is not law
     assert np.isfinite(see(node, 2 * MS)).all()
+
+
+@pytest.mark.parametrize("order", ["<", ">"])
+def test_a_long_trajectory_over_the_wire_is_followed(
+    ros: Ros, node: ControllerNode, order: str
+) -> None:
+    publisher = ros.publisher(JointTrajectory, "/controller/joint_trajectory")
+    publisher.publish(trajectory_bytes(long_trajectory(1000, 4.0), order))
+    ros.spin_until(lambda: node._goals.busy)
+    planned(node, MS)
+    assert_close(node.follower.reference(2001 * MS).q, HOME + 0.1, 1e-6)
+    assert_close(node.follower.reference(5000 * MS).q, HOME + 0.2, 1e-12)
+
+
+def test_a_path_over_the_wire_is_followed(ros: Ros, node: ControllerNode) -> None:
+    publisher = ros.publisher(Path, "/controller/cartesian_path")
+    publisher.publish(path([0, 0.1, 0], [0, 0.1, -0.1]))
+    ros.spin_until(lambda: node._goals.busy)
+    planned(node, MS)
+    assert_close(hand(node, 60_000 * MS), [0, 0.1, -0.1], 1e-8)
+
+
+def test_damaged_goals_are_refused_and_the_arm_holds(
+    ros: Ros, node: ControllerNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    before = see(node, MS)
+    for kind, name, raw in (
+        (JointTrajectory, "joint_trajectory", trajectory_bytes(long_trajectory(100, 1.0))),
+        (Path, "cartesian_path", path_bytes(path([0, 0.1, 0]))),
+    ):
+        publisher = ros.publisher(kind, f"/controller/{name}")
+        for damaged in (raw[: len(raw) // 2], raw[:10], b"\0\7\0\0" + raw[4:]):
+            node._goals.outcome = ""
+            publisher.publish(damaged)
+            ros.spin_until(lambda: node._goals.outcome)
+            planned(node, MS)
+            assert "refused, the one before goes on: the message" in node._goals.outcome
+            assert node._goals.outcome in capfd.readouterr().err
+    np.testing.assert_array_equal(see(node, 1000 * MS), before)
+
+
+def test_as_many_points_as_are_allowed_are_followed_and_not_one_more(
+    node: ControllerNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    message = long_trajectory(MAX_GOAL_POINTS, 40.0)
+    node.on_joint_trajectory(message)
+    planned(node, MS)
+    assert node.follower.remaining(MS) == pytest.approx(40.0)
+    message.points.append(message.points[-1])
+    node.on_joint_trajectory(message)
+    assert not node._goals.busy
+    wanted = f"{MAX_GOAL_POINTS + 1} points; allowed are up to {MAX_GOAL_POINTS}"
+    assert wanted in node._goals.outcome
+    assert wanted in capfd.readouterr().err
+
+
+def test_every_way_to_start_the_controller_takes_short_turns(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    before, found = sys.getswitchinterval(), []
+
+    def note(*_: Any) -> int:
+        found.append(sys.getswitchinterval())
+        sys.setswitchinterval(before)
+        return 0
+
+    monkeypatch.setattr(controller_node, "run", note)
+    monkeypatch.setattr(cli, "_run", note)
+    with pytest.raises(SystemExit, match="0"):
+        controller_node.main([])
+    cli.controller.callback("scene.yaml", (), False)
+    assert len(found) == 2
+    assert max(found) < 1e-3 < before

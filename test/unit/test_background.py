@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+import weakref
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -96,3 +97,34 @@ def test_given_up_jobs_are_not_delivered(background: Background) -> None:
     time.sleep(0.05)
     background.deliver()
     assert not got
+
+
+def test_jobs_that_were_given_up_are_not_kept_until_their_turn_comes(
+    background: Background,
+) -> None:
+    class Load:
+        """Stands for a long message."""
+
+    def job(load: Load) -> Callable[[], Load]:
+        return lambda: load
+
+    go, begun, got = threading.Event(), threading.Event(), []
+    background.start(lambda: begun.set() or go.wait(10.0), lambda result: None)
+    assert begun.wait(10.0)
+    loads = []
+    for _ in range(5):
+        load = Load()
+        loads.append(weakref.ref(load))
+        background.start(job(load), lambda result: got.append(result()))
+    del load
+    assert [load() is None for load in loads] == [True] * 4 + [False]
+    go.set()
+    wait(background)
+    assert got == [loads[-1]()]
+
+
+def test_the_thread_is_there_from_the_beginning() -> None:
+    """So it takes part in what its process is granted: priority, processors."""
+    made = Background("early")
+    assert any(thread.name == "early_0" for thread in threading.enumerate())
+    made.close()

@@ -6,7 +6,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from concurrent.futures import Future, ThreadPoolExecutor
-from typing import Any
+from typing import Any, NamedTuple
 
 _TURN = 5e-5  # [s]
 
@@ -17,6 +17,14 @@ def take_short_turns() -> None:
     Python's threads otherwise take turns of 5 ms. For a process of one's own.
     """
     sys.setswitchinterval(_TURN)
+
+
+class _Waiting(NamedTuple):
+    """A job that has not been delivered yet; ``job`` is empty once it runs."""
+
+    future: Future[Any]
+    then: Callable[[Callable[[], Any]], None]
+    job: list[Callable[[], Any]]
 
 
 class Background:
@@ -35,7 +43,7 @@ class Background:
         """
         self._pool = ThreadPoolExecutor(1, thread_name_prefix=name)
         self._pool.submit(lambda: None)
-        self._waiting: tuple[Future[Any], Callable[[Callable[[], Any]], None]] | None = None
+        self._waiting: _Waiting | None = None
 
     @property
     def busy(self) -> bool:
@@ -54,22 +62,24 @@ class Background:
             Whether another job, not delivered yet, was given up for it.
         """
         given_up = self.give_up()
-        self._waiting = self._pool.submit(job), then
+        once = [job]
+        self._waiting = _Waiting(self._pool.submit(lambda: once.pop()()), then, once)
         return given_up
 
     def give_up(self) -> bool:
         """Forget a job that was not delivered yet, and say whether there was one."""
         if self._waiting is None:
             return False
-        self._waiting[0].cancel()
+        if self._waiting.future.cancel():
+            self._waiting.job.clear()  # the pool keeps what it has for it until its turn comes
         self._waiting = None
         return True
 
     def deliver(self) -> None:
         """Hand over what is ready, if anything is."""
-        if self._waiting is not None and self._waiting[0].done():
-            (future, then), self._waiting = self._waiting, None
-            then(future.result)
+        if (ready := self._waiting) is not None and ready.future.done():
+            self._waiting = None
+            ready.then(ready.future.result)
 
     def close(self) -> None:
         """Give up what waits and end the thread."""

@@ -1,0 +1,226 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trajectories and paths as bytes, against the generated serializer and deserializer."""
+
+from __future__ import annotations
+
+import tracemalloc
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from cdr_writer import CdrWriter, path_bytes, trajectory_bytes
+from geometry_msgs.msg import PoseStamped
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from nav_msgs.msg import Path
+from rclpy.serialization import deserialize_message, serialize_message
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros.convert import to_nanoseconds
+from arm_dynamics.ros.goal_bytes import PathBytes, TrajectoryBytes
+from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
+
+pytestmark = pytest.mark.ros
+
+bounded = settings(max_examples=80, deadline=None, derandomize=True)
+texts = st.text(st.characters(codec="utf-8", exclude_characters="\0"), max_size=9)
+arrays = st.lists(st.floats(width=64), max_size=4)
+seconds, nanoseconds = st.integers(-(2**31), 2**31 - 1), st.integers(0, 2**32 - 1)
+times = st.tuples(seconds, nanoseconds)
+points = st.lists(st.tuples(times, arrays, arrays, arrays, arrays), max_size=5)
+orders = st.sampled_from("<>")
+MANY = 50
+
+
+FIELDS = ("positions", "velocities", "accelerations", "effort")
+
+
+@st.composite
+def trajectories(draw: Any) -> JointTrajectory:
+    message = JointTrajectory(joint_names=draw(st.lists(texts, max_size=4)))
+    message.header.frame_id = draw(texts)
+    message.header.stamp.sec, message.header.stamp.nanosec = draw(times)
+    for at, *values in draw(points):
+        fields = dict(zip(FIELDS, values, strict=True))
+        point = JointTrajectoryPoint(**fields)
+        point.time_from_start.sec, point.time_from_start.nanosec = at
+        message.points.append(point)
+    return message
+
+
+@st.composite
+def paths(draw: Any) -> Path:
+    message = Path()
+    message.header.frame_id = draw(texts)
+    for frame_id, seven in draw(
+        st.lists(st.tuples(texts, st.lists(st.floats(width=64), min_size=7, max_size=7)),
+                 max_size=4)
+    ):  # fmt: skip
+        stamped = PoseStamped()
+        stamped.header.frame_id = frame_id
+        at, turn = stamped.pose.position, stamped.pose.orientation
+        at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w = seven
+        message.poses.append(stamped)
+    return message
+
+
+def check_trajectory(raw: bytes, message: JointTrajectory) -> None:
+    """What is read is what the message says, to the bit."""
+    found = TrajectoryBytes.of(raw, MANY)
+    assert found.stamp == to_nanoseconds(message.header.stamp)
+    assert list(found.joint_names) == list(message.joint_names)
+    assert found.count == len(message.points)
+    for _ in range(2):  # a plan that came too late reads again
+        for point, wanted in zip(found.points(), message.points, strict=True):
+            assert point.time == to_nanoseconds(wanted.time_from_start)
+            for field in FIELDS[:-1]:
+                read = np.array(getattr(point, field), float)
+                assert read.tobytes() == getattr(wanted, field).tobytes()
+
+
+def check_path(raw: bytes, message: Path) -> None:
+    found = PathBytes.of(raw)
+    assert found.frame_id == message.header.frame_id
+    assert found.count == len(message.poses)
+    for placed, wanted in zip(found.poses(), message.poses, strict=True):
+        at, turn = wanted.pose.position, wanted.pose.orientation
+        assert placed.frame_id == wanted.header.frame_id
+        seven = np.array((at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w))
+        assert np.array(placed.pose, float).tobytes() == seven.tobytes()
+
+
+@bounded
+@given(trajectories(), orders)
+def test_a_trajectory_is_read_as_the_generated_deserializer_reads_it(
+    message: JointTrajectory, order: str
+) -> None:
+    raw = serialize_message(message)
+    check_trajectory(raw, deserialize_message(raw, JointTrajectory))
+    check_trajectory(trajectory_bytes(message, order), message)
+
+
+@bounded
+@given(paths(), orders)
+def test_a_path_is_read_as_the_generated_deserializer_reads_it(message: Path, order: str) -> None:
+    raw = serialize_message(message)
+    check_path(raw, deserialize_message(raw, Path))
+    check_path(path_bytes(message, order), message)
+
+
+@bounded
+@given(trajectories())
+def test_the_writer_of_these_tests_writes_what_the_generated_serializer_writes(
+    message: JointTrajectory,
+) -> None:
+    """What the padding and the rest of the buffer hold is left open."""
+    raw, twin = serialize_message(message), trajectory_bytes(message)
+    assert len(twin) <= len(raw)
+    found = deserialize_message(twin, JointTrajectory)
+    assert str(found) == str(deserialize_message(raw, JointTrajectory))
+
+
+def whole(raw: bytes) -> int:
+    """Read everything there is; returns how many points."""
+    message = TrajectoryBytes.of(raw, MANY)
+    return len([point._replace(time=0) for point in message.points()])
+
+
+def whole_path(raw: bytes) -> int:
+    return len(list(PathBytes.of(raw).poses()))
+
+
+def sample() -> JointTrajectory:
+    message = JointTrajectory(joint_names=["base", "elbow"])
+    for k in range(3):
+        point = JointTrajectoryPoint(positions=[0.1 * k, 0.2], velocities=[1.0, 2.0])
+        point.time_from_start.sec = k + 1
+        message.points.append(point)
+    return message
+
+
+def sample_path() -> Path:
+    return Path(poses=[PoseStamped() for _ in range(3)])
+
+
+SAMPLES = [
+    (trajectory_bytes(sample(), "<"), whole), (trajectory_bytes(sample(), ">"), whole),
+    (path_bytes(sample_path(), "<"), whole_path), (path_bytes(sample_path(), ">"), whole_path),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("raw", "read"), SAMPLES)
+def test_a_message_that_is_cut_off_anywhere_is_refused(
+    raw: bytes, read: Callable[[bytes], int]
+) -> None:
+    assert read(raw) == 3
+    for length in range(len(raw)):
+        with pytest.raises(InvalidInput, match="ends too early|begins with"):
+            read(raw[:length])
+
+
+@pytest.mark.parametrize(("raw", "read"), SAMPLES)
+def test_lengths_that_are_not_there_are_refused_and_nothing_is_made_for_them(
+    raw: bytes, read: Callable[[bytes], int]
+) -> None:
+    """Every place is written over by great numbers; most of them are lengths somewhere."""
+    tracemalloc.start()
+    try:
+        for at in range(0, len(raw) - 4):
+            for value in (b"\xff\xff\xff\xff", b"\x00\x00\x00\x7f", b"\x7f\x00\x00\x00"):
+                damaged = raw[:at] + value + raw[at + 4 :]
+                tracemalloc.reset_peak()
+                before = tracemalloc.get_traced_memory()[0]
+                try:
+                    assert read(damaged) <= MAX_GOAL_POINTS
+                except InvalidInput as refusal:
+                    assert len(str(refusal)) < 200
+                assert tracemalloc.get_traced_memory()[1] - before < 50_000
+    finally:
+        tracemalloc.stop()
+
+
+@bounded
+@given(st.binary(max_size=300), st.sampled_from([b"\0\1\0\0", b"\0\0\0\0", b""]))
+def test_any_bytes_are_read_or_refused(rubbish: bytes, header: bytes) -> None:
+    for read in (whole, whole_path):
+        try:
+            read(header + rubbish)
+        except InvalidInput:
+            continue
+
+
+@pytest.mark.parametrize("begin", [b"", b"\0\1", b"\0\x07\0\0", b"\1\0\0\0"])
+def test_other_encodings_are_refused(begin: bytes) -> None:
+    raw = begin + trajectory_bytes(sample())[4:]
+    with pytest.raises(InvalidInput, match="allowed is CDR version 1|ends too early"):
+        whole(raw if len(begin) == 4 else begin)
+
+
+def head(names: int = 1, points: int = 0, name: str = "base") -> bytes:
+    writer = CdrWriter()
+    writer.put("I", 0, 0)
+    writer.text("")
+    writer.put("I", names)
+    for _ in range(names):
+        writer.text(name)
+    writer.put("I", points)
+    return bytes(writer.raw)
+
+
+def test_limits_are_said_before_anything_is_read() -> None:
+    most = MAX_GOAL_POINTS
+    assert TrajectoryBytes.of(head(points=most), 1).count == most
+    with pytest.raises(InvalidInput, match=f"{most + 1} points; allowed are up to {most}"):
+        TrajectoryBytes.of(head(points=most + 1), 1)
+    with pytest.raises(InvalidInput, match="4 joint names; allowed are up to 3"):
+        TrajectoryBytes.of(head(names=4), 3)
+    with pytest.raises(InvalidInput, match="2001 bytes of a name; allowed are up to 1000"):
+        TrajectoryBytes.of(head(name="x" * 2000), 1)
+    writer = CdrWriter()
+    writer.put("I", 0, 0)
+    writer.text("")
+    writer.put("I", most + 1)
+    with pytest.raises(InvalidInput, match=f"{most + 1} poses; allowed are up to {most}"):
+        PathBytes.of(bytes(writer.raw))
