@@ -48,8 +48,7 @@ TICK = 1_000_000  # [ns]
 TRIALS = 8
 WARM = 2000  # ticks
 PRIORITY = 40
-WINDOWS = {"none": 1000, "10 points": 1000, "1000 points": 1000, "10 000 points": 4000,
-           "1000 poses": 1500}  # ticks  # fmt: skip
+WINDOW, PAUSE = 1000, 1000  # ticks
 
 
 class Partner:
@@ -185,12 +184,13 @@ def _measured(partner: Partner) -> dict[str, list[np.ndarray]]:
         time.sleep(0.05)
     Privileges(priority=PRIORITY).claim()
     partner.waits(WARM, lambda: None)
-    found: dict[str, list[np.ndarray]] = {what: [] for what in WINDOWS}
+    found: dict[str, list[np.ndarray]] = {what: [] for what in ("none", *goals)}
     for _ in range(TRIALS):
-        for what, ticks in WINDOWS.items():
+        for what, windows in found.items():
             goal = goals.get(what)
             begin = (lambda: None) if goal is None else lambda g=goal: partner.send(*g)
-            found[what].append(partner.waits(ticks, begin))
+            windows.append(partner.waits(WINDOW, begin))
+            partner.waits(PAUSE, lambda: None)
     return found
 
 

@@ -67,7 +67,7 @@ class InTurn:
         return self.first.sample(t) if left < 0.0 else self.then.sample(left)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, slots=True)
 class Waypoint:
     """A point to pass at a time.
 

@@ -96,7 +96,10 @@ class Goals:
 
         def plan(outset: Outset) -> Motion:
             points = convert.waypoints(message, self._model.joint_names, outset.here)
-            return outset.through(points, self._limits)
+            motion = outset.through(points, self._limits)
+            while points:  # given back one by one: all in one go would hold up the loop
+                points.pop()
+            return motion
 
         goal = _Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
         self._follow(goal, at_once=message.count <= _AT_ONCE)
