@@ -136,7 +136,7 @@ class PushInput:
 
     def before_tick(self) -> np.ndarray | None:
         """Put the pushes on the next tick; return their torques, None if nobody pushes."""
-        if not (self._wrenches.active or self._pushing):
+        if not self._ready or not (self._wrenches.active or self._pushing):
             return None
         simulator = self._simulator
         tau = self._wrenches.torque(simulator.x[: simulator.n], simulator.step_count)
