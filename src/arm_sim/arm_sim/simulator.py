@@ -147,8 +147,11 @@ class Simulator:
 
     def advance(self, tau: Any) -> None:
         """As ``step``, for a loop that looks at ``x``: no state is made."""
-        if not self._advance(tau):
+        self._command[:] = torque(tau, self.n)
+        if self._tick() != 1:
             raise self._diverged()
+        self._step, self._state = self._step + 1, None
+        self._saturation.look(self._command, self._effort)
 
     def run(self, duration: float, control: Control | CompiledControl | Any = None) -> Recording:
         """Advance for a while and record every tick.
@@ -269,14 +272,6 @@ class Simulator:
         arrays = self._command, self._x[None].copy(), self._effort, self._error
         self._tick = self._stepper.bound(self._x, *arrays)
 
-    def _advance(self, tau: Any) -> bool:
-        self._command[:] = torque(tau, self.n)
-        if self._tick() != 1:
-            return False
-        self._step, self._state = self._step + 1, None
-        self._saturation.look(self._command, self._effort)
-        return True
-
     def _roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, errors: Array
     ) -> int:
@@ -289,7 +284,10 @@ class Simulator:
 
     def _run_function(self, control: Control, trace: Array, effort: Array, errors: Array) -> int:
         for k in range(len(trace)):
-            if not self._advance(control(self.state)):
+            command = control(self.state)
+            try:
+                self.advance(command)
+            except SimulationDiverged:
                 return k
             trace[k], effort[k], errors[k] = self._x, self._effort[0], self._error[0]
         return len(trace)

@@ -93,7 +93,12 @@ class CommandInput:
 
 
 class PushInput:
-    """Reads wrenches, and puts their torques on the simulation while they act."""
+    """Reads wrenches, and puts their torques on the simulation while they act.
+
+    Attributes:
+        ready: Whether a wrench has ever come that could be used.
+        refused: How many wrenches were refused.
+    """
 
     def __init__(
         self, node: Node, simulator: Simulator, errands: Errands, timeout: int, reference: str
@@ -109,7 +114,7 @@ class PushInput:
         """
         self._log, self._simulator, self._errands = node.get_logger(), simulator, errands
         self._wrenches = ExternalWrenches(simulator.dynamics, reference)
-        self._timeout, self._ready, self._pushing = timeout, False, False
+        self._timeout, self.ready, self._pushing = timeout, False, False
         self.refused = 0
 
     @property
@@ -122,10 +127,10 @@ class PushInput:
         force, moment = message.wrench.force, message.wrench.torque
         values = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
         try:
-            if not self._ready:  # building takes a second, so not in the thread that ticks
+            if not self.ready:  # building takes a second, so not in the thread that ticks
                 ExternalWrenches(self._simulator.dynamics).push(message.header.frame_id, values, 0)
                 self._errands.run(external_change(self._simulator))
-                self._ready = True
+                self.ready = True
             self._errands.run(lambda: self._push(message.header.frame_id, values))
         except InvalidInput as error:
             self.refused += 1
@@ -136,7 +141,7 @@ class PushInput:
 
     def before_tick(self) -> np.ndarray | None:
         """Put the pushes on the next tick; return their torques, None if nobody pushes."""
-        if not self._ready or not (self._wrenches.active or self._pushing):
+        if not (self._wrenches.active or self._pushing):
             return None
         simulator = self._simulator
         tau = self._wrenches.torque(simulator.x[: simulator.n], simulator.step_count)

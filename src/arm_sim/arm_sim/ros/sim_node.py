@@ -164,7 +164,7 @@ class SimNode(Node):
 
     def advance(self, tau: np.ndarray) -> bool:
         """Make a tick with a torque; on divergence stop at the last good state and say False."""
-        push = self.push.before_tick()
+        push = self.push.before_tick() if self.push.ready else None
         try:
             self.simulator.advance(tau)
         except SimulationDiverged as error:
