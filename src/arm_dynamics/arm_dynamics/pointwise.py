@@ -12,6 +12,7 @@ import pinocchio as pin
 from arm_dynamics.constraint_rows import ConstraintRows
 from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
 from arm_dynamics.model import ArmModel, Array
+from arm_dynamics.rigid_terms import RigidTerms
 
 
 class Pointwise:
@@ -26,22 +27,16 @@ class Pointwise:
 
     def __init__(self, model: ArmModel) -> None:
         self.model = model
+        self._terms, self._weightless = RigidTerms(model), RigidTerms(model, weightless=True)
         self._pin = model.pin
-        self._weightless = self._pin.copy()
-        self._weightless.gravity.linear = np.zeros(3)
         self._driveless = self._pin.copy()
         self._driveless.armature = np.zeros(self._pin.nv)
         self._data = self._pin.createData()
 
     def inverse(self, q: Array, v: Array, a: Array, gravity: Array) -> Array:
         """M a + C v + G in [N m] or [N], shape (…, n); ``gravity``: the scene's, or zeros."""
-        model = self._pin if gravity.any() else self._weightless
-        return _each(
-            lambda qi, vi, ai: self.model.gather(pin.rnea(model, self._data, qi, vi, ai)),
-            self.model.configuration(q),
-            self.model.spread(v),
-            self.model.spread(a),
-        )
+        terms = self._terms if gravity.any() else self._weightless
+        return _each(terms.inverse, q, v, a)
 
     def forward(self, q: Array, v: Array, tau: Array) -> Array:
         """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], shape (…, n).
@@ -50,29 +45,19 @@ class Pointwise:
             ModelError: If a joint moves no mass.
             InvalidInput: If the answer overflows.
         """
-        solve = self._projected if self.model.has_followers else self._tree
-        return _each(solve, self.model.configuration(q), self.model.spread(v), tau)
+        return _each(self._projected if self.model.has_followers else self._tree, q, v, tau)
 
     def mass_matrix(self, q: Array) -> Array:
         """M in [kg m²] or [kg], armature included, shape (…, n, n)."""
-        return _each(self._mass_matrix, self.model.configuration(q))
+        return _each(self._terms.mass, q)
 
     def coriolis_matrix(self, q: Array, v: Array) -> Array:
         """C, with dM/dt - 2 C skew-symmetric, shape (…, n, n)."""
-        return _each(
-            lambda qi, vi: self.model.gather_matrix(
-                pin.computeCoriolisMatrix(self._pin, self._data, qi, vi).copy()
-            ),
-            self.model.configuration(q),
-            self.model.spread(v),
-        )
+        return _each(self._terms.coriolis, q, v)
 
     def gravity(self, q: Array) -> Array:
         """G in [N m] or [N], shape (…, n)."""
-        return _each(
-            lambda qi: self.model.gather(pin.computeGeneralizedGravity(self._pin, self._data, qi)),
-            self.model.configuration(q),
-        )
+        return _each(self._terms.gravity, q)
 
     def energies(self, q: Array, v: Array) -> Array:
         """Kinetic energy, with that of the armature, and potential energy in [J], shape (…, 2)."""
@@ -97,20 +82,20 @@ class Pointwise:
         return np.column_stack([row.jacobian, row.drift])
 
     def _tree(self, q: Array, v: Array, tau: Array) -> Array:
-        a: Array = pin.aba(self._pin, self._data, q, v, tau, pin.Convention.WORLD)
+        full = self.model.configuration(q), self.model.spread(v)
+        a: Array = pin.aba(self._pin, self._data, *full, tau, pin.Convention.WORLD)
         if not np.isfinite(a).all():
             raise self._unsolvable(q)
         return a.copy()
 
     def _projected(self, q: Array, v: Array, tau: Array) -> Array:
-        bias = self.model.gather(pin.nonLinearEffects(self._pin, self._data, q, v))
         try:
-            return np.linalg.solve(self._mass_matrix(q), tau - bias)
+            return np.linalg.solve(self._terms.mass(q), tau - self._terms.bias(q, v))
         except np.linalg.LinAlgError:
             raise self._unsolvable(q) from None
 
     def _unsolvable(self, q: Array) -> ArmError:
-        inertia = np.diag(self._mass_matrix(q))
+        inertia = np.diag(self._terms.mass(q))
         if inertia.min() > 0.0:
             return InvalidInput("the acceleration overflows: velocities or torques are too large")
         return ModelError(
@@ -118,9 +103,6 @@ class Pointwise:
             "torque determines its acceleration; give a link inertia, the joint an armature, or "
             "lock it"
         )
-
-    def _mass_matrix(self, q: Array) -> Array:
-        return self.model.gather_matrix(pin.crba(self._pin, self._data, q).copy())
 
     def _energies(self, q: Array, v: Array) -> Array:
         # Pinocchio 4.1 forgets the armature of joints whose axis is not a coordinate axis.

@@ -14,16 +14,19 @@ from arm_dynamics.model import ArmModel, Array
 
 
 class RigidTerms:
-    """Mass, bias and Jacobians of a model for single states of shape (n,), friction left out.
+    """Mass, bias and torques of a model for single states of shape (n,), friction left out.
 
     Args:
         model: The model; used from one thread only.
+        weightless: Whether gravity is left out.
     """
 
-    def __init__(self, model: ArmModel) -> None:
+    def __init__(self, model: ArmModel, weightless: bool = False) -> None:
         self.model = model
-        self._pin = model.pin
-        self._data = model.pin.createData()
+        self._pin = model.pin.copy() if weightless else model.pin
+        if weightless:
+            self._pin.gravity.linear = np.zeros(3)
+        self._data = self._pin.createData()
         self._plain = not model.has_followers
 
     def inverse(self, q: Array, v: Array, a: Array) -> Array:

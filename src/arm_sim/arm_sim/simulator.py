@@ -73,6 +73,7 @@ class Simulator:
         self._effort, self._error = np.zeros((1, self.n)), np.zeros(1)
         self.x, self.acted = read_only(self._x), read_only(self._effort[0])
         self._state: State | None = None
+        self._step = 0
         self._use(Steppers(self.plant, self.choice, backend))
         self._saturation = SaturationNotice(self.model)
         self.reset()
