@@ -38,6 +38,8 @@ def reserve_domain() -> tuple[int, socket.socket]:
         reservation = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
         try:
             reservation.bind(("127.0.0.1", RESERVATIONS + domain))
+            with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as discovery:
+                discovery.bind(("", 7410 + 250 * domain))  # nobody else's nodes are there
         except OSError:
             reservation.close()
         else:
