@@ -3,12 +3,11 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from harness import TRANSPORTS, Ros
+from harness import DISCOVERY, PROFILES, Ros
 
 from arm_dynamics.ros.shared_memory import clear_dead
 
@@ -23,23 +22,24 @@ def pytest_configure(config: pytest.Config) -> None:
 
 @pytest.fixture(autouse=True)
 def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    """Nobody outside this machine hears the tests, and their logs go away with them."""
-    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    """Tests meet nobody else, and their logs go away with them."""
     monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
     for name in ("ROS_DOMAIN_ID", "ROS_NAMESPACE"):
         monkeypatch.delenv(name, raising=False)
 
 
 @pytest.fixture(scope="session", autouse=True)
-def shared_memory() -> Iterator[None]:
-    """Stay out of shared memory, and give back what nodes that tests have killed could not.
+def transports() -> Iterator[None]:
+    """Nobody outside this machine hears the tests, and they stay out of shared memory.
 
-    A node that is killed while it writes leaves a locked mutex in the memory of whoever listens.
-    Fast DDS 2.14 then maps that memory anew, and who is just leaving it crashes.
+    Its ports are the whole machine's. Where a process is killed, or stopped for a second, Fast DDS
+    2.14 takes them for dead and maps them anew, and who is just leaving one crashes. What killed
+    nodes leave there is given back.
     """
-    os.environ[TRANSPORTS] = "UDPv4"
-    yield
-    del os.environ[TRANSPORTS]
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv(DISCOVERY, "SYSTEM_DEFAULT")  # leaves it to the profile
+        patch.setenv(PROFILES, str(Path(__file__).with_name("this_machine.xml")))
+        yield
     clear_dead()
 
 

@@ -22,13 +22,14 @@ from rclpy.parameter import Parameter
 
 DOMAINS = 100  # domains above 101 collide with ports that the system gives away
 RESERVATIONS = 22_119  # first of the ports that stand for domains in use
-TRANSPORTS = "FASTDDS_BUILTIN_TRANSPORTS"  # the tests' own; see conftest.py
+DISCOVERY, PROFILES = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"
 _turn = count(os.getpid())
 
 
 def surroundings(**more: str) -> dict[str, str]:
-    """Environment for a process that shall talk as it does for users."""
-    return {name: value for name, value in os.environ.items() if name != TRANSPORTS} | more
+    """Environment for a process that shall talk as it does for users, on this machine."""
+    ours = {name: value for name, value in os.environ.items() if name != PROFILES}
+    return {**ours, DISCOVERY: "LOCALHOST", **more}
 
 
 def reserve_domain() -> tuple[int, socket.socket]:
@@ -59,9 +60,7 @@ def running(logs: Path, *commands: Sequence[str]) -> Iterator[int]:
         Their domain.
     """
     domain, reservation = reserve_domain()
-    environment = surroundings(
-        ROS_DOMAIN_ID=str(domain), ROS_AUTOMATIC_DISCOVERY_RANGE="LOCALHOST", ROS_LOG_DIR=str(logs)
-    )
+    environment = surroundings(ROS_DOMAIN_ID=str(domain), ROS_LOG_DIR=str(logs))
     started = []
     try:
         for command, *rest in commands:

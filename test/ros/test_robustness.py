@@ -64,12 +64,9 @@ class Nodes:
 @pytest.fixture(scope="module")
 def nodes() -> Iterator[Nodes]:
     """Nodes for the whole module: what one example leaves behind meets the next."""
-    patch = pytest.MonkeyPatch()
-    patch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
     ros = Ros()
     yield Nodes(ros)
     ros.close()
-    patch.undo()
 
 
 def state(stamp: int = 0, **fields: Any) -> bytes:

@@ -3,11 +3,12 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
 
-from harness import surroundings
+from harness import Ros, surroundings
 
 from arm_dynamics.ros.shared_memory import FOLDER, clear_dead
 
@@ -30,9 +31,9 @@ def node() -> subprocess.Popen[str]:
     return process
 
 
-def segments(process: subprocess.Popen[str]) -> set[str]:
+def segments(pid: int) -> set[str]:
     """What a process has in shared memory."""
-    lines = Path(f"/proc/{process.pid}/maps").read_text().splitlines()
+    lines = Path(f"/proc/{pid}/maps").read_text().splitlines()
     return {Path(line.split()[-1]).name for line in lines if f"{FOLDER}/fastrtps_" in line}
 
 
@@ -42,9 +43,9 @@ def there() -> set[str]:
 
 def test_only_the_dead_are_cleared() -> None:
     with node() as living:
-        kept = segments(living)
+        kept = segments(living.pid)
         with node() as doomed:
-            left = segments(doomed) - kept
+            left = segments(doomed.pid) - kept
             clear_dead()
             assert kept and left and there() >= kept | left
             doomed.kill()
@@ -53,3 +54,7 @@ def test_only_the_dead_are_cleared() -> None:
         assert not there() & left
         assert there() >= kept
         living.communicate("")
+
+
+def test_the_tests_themselves_stay_out(ros: Ros) -> None:
+    assert not segments(os.getpid())
