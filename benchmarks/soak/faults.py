@@ -40,6 +40,7 @@ class Fault:
         gentle: Whether the arm must go on as if nothing had happened.
         last: Whether it is only for the end, as it starts a process anew.
         after: Whether the words count only once it is over.
+        or_else: Part and words that tell of it as well, where it has struck otherwise.
     """
 
     name: str
@@ -49,6 +50,12 @@ class Fault:
     gentle: bool = True
     last: bool = False
     after: bool = False
+    or_else: tuple[str, str] | None = None
+
+    @property
+    def tellers(self) -> list[tuple[str, str]]:
+        """Parts and words any of which tells of it."""
+        return [(self.part, self.words), *([self.or_else] if self.or_else else [])]
 
 
 def _command(suite: Suite, effort: list[float], names: list[str] | None = None) -> None:
@@ -173,8 +180,9 @@ FAULTS = (
           gentle=False),
     Fault("processors taken away for two seconds", _hog, "sim: loop", "after the next one was due",
           gentle=False),
+    # Stopped while it writes, or reads, it holds up the sim's publishing: time stands still.
     Fault("controller stopped for 1.5 s", _freeze, "sim: commands", "commands stopped",
-          gentle=False),
+          gentle=False, or_else=("sim: loop", "began after the next one was due")),
     Fault("controller killed", _kill("controller"), "sim: commands", "commands stopped",
           gentle=False, last=True),
     Fault("simulation killed", _kill("sim"), "controller: controller", "no joint state",

@@ -170,11 +170,9 @@ class Suite:
         if fault.after:
             since = time.monotonic()
         outcome.times += 1
-        told = watcher.until(lambda: watcher.said(since, fault.part, fault.words), NOTICE + 6.0)
-        said = watcher.said(since, fault.part, fault.words)
-        if told and said is not None:
+        if watcher.until(lambda: self._told(fault, since), NOTICE + 6.0):
             outcome.told += 1
-            outcome.words = said.message
+            outcome.words = self._told(fault, since)
         else:
             self._complain(outcome, f"not told; {fault.part} says: {self._says(fault.part)}")
         if fault.gentle:
@@ -182,6 +180,11 @@ class Suite:
             if watcher.worst_error > max(TRACKING, 3.0 * self._usual):
                 self._complain(outcome, f"tracking error {watcher.worst_error:.2e} rad")
         self._recover(outcome)
+
+    def _told(self, fault: Fault, since: float) -> str:
+        """What the diagnostics said of a fault since it began, empty if nothing."""
+        said = (self.watcher.said(since, *teller) for teller in fault.tellers)
+        return next((status.message for status in said if status is not None), "")
 
     def _recover(self, outcome: Outcome) -> None:
         end = time.monotonic() + RECOVER
