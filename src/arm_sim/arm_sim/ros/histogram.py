@@ -35,6 +35,10 @@ class Histogram:
     def __init__(self) -> None:
         """Start empty."""
         self._counts = array("q", bytes(8 * (_FINE + _COARSE)))
+        # Views and room that stay: large arrays that come and go every second leave holes in the
+        # memory of a process that runs for days.
+        self._bins = np.frombuffer(self._counts, np.int64)
+        self._below = np.zeros_like(self._bins)
         self._max = 0
 
     def add(self, nanoseconds: int) -> None:
@@ -47,8 +51,8 @@ class Histogram:
             self._max = nanoseconds
 
     def percentiles(self) -> Percentiles:
-        """Summarise what was counted so far."""
-        below = np.cumsum(np.frombuffer(bytes(self._counts), np.int64))
+        """Summarise what was counted so far; for one thread at a time."""
+        below = np.cumsum(self._bins, out=self._below)
         count = int(below[-1])
         p50, p99 = (_seconds(int(np.searchsorted(below, share * count))) for share in (0.5, 0.99))
         longest = 1e-9 * self._max
@@ -56,8 +60,8 @@ class Histogram:
 
     def bars(self) -> tuple[tuple[float, int], ...]:
         """Upper edge in [s] and number of the durations of every bin that has any."""
-        counts = np.frombuffer(bytes(self._counts), np.int64)
-        return tuple((_seconds(int(i) + 1), int(counts[i])) for i in np.flatnonzero(counts))
+        bins = self._bins
+        return tuple((_seconds(int(i) + 1), int(bins[i])) for i in np.flatnonzero(bins))
 
 
 def _seconds(bin_: int) -> float:
