@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from arm_dynamics.ros.executor import make_executor
 
 _GLANCE = 0.02  # [s]
+_MEET = 0.5  # [s] that the other side may take to find a publisher
 KEEP = 400  # messages of diagnostics
 PAGE = 4096
 
@@ -87,10 +88,11 @@ class Watcher:
         self.context.try_shutdown()
 
     def publisher(self, kind: Any, topic: str, qos: Any = 10) -> Publisher:
-        """A publisher that has found its subscriber, made once."""
+        """A publisher that has found its subscriber and was found by it, made once."""
         if topic not in self._publishers:
             self._publishers[topic] = self.node.create_publisher(kind, topic, qos)
             self.until(self._publishers[topic].get_subscription_count, 5.0)
+            self.until(lambda: False, _MEET)
         return self._publishers[topic]
 
     def has(self, topic: str) -> bool:
