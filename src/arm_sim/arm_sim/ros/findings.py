@@ -30,7 +30,7 @@ class Findings:
 
     def _loop(self) -> Finding:
         node = self._node
-        report, found = node.report()[0], Finding("loop")
+        report, found = node.loop.report(), Finding("loop")
         found.values = {
             "rate [Hz]": report.rate, "ticks": report.ticks, "missed": report.missed,
             "dropped": report.dropped, "lateness p50 [s]": report.lateness.p50,
@@ -48,7 +48,7 @@ class Findings:
 
     def _commands(self) -> Finding:
         node, found = self._node, Finding("commands")
-        arbiter, commands, trip = node.input.arbiter, node.commands, node.report()[1]
+        arbiter, commands, trip = node.input.arbiter, node.commands, node.round_trip()
         publishers = node.command_publishers()
         found.values = {
             "age [s]": commands.age * node.simulator.dt, "stale": commands.stale,

@@ -26,7 +26,6 @@ class LoopReport:
         missed: Ticks that began after the next one was due.
         dropped: Deadlines that nobody kept: given up, left out or put off.
         lateness: How long after their deadline ticks began.
-        bars: Upper edge in [s] and number of the ticks of every length of lateness that came.
     """
 
     ticks: int
@@ -34,7 +33,6 @@ class LoopReport:
     missed: int
     dropped: int
     lateness: Percentiles
-    bars: tuple[tuple[float, int], ...]
 
     @property
     def rate(self) -> float:
@@ -110,8 +108,11 @@ class RealtimeLoop:
         """Say how well deadlines were kept."""
         lateness = self._lateness.percentiles()
         elapsed = 1e-9 * ((self._until or time.monotonic_ns()) - self._since)
-        bars = self._lateness.bars()
-        return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness, bars)
+        return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness)
+
+    def bars(self) -> tuple[tuple[float, int], ...]:
+        """Upper edge in [s] and number of the ticks of every length of lateness that came."""
+        return self._lateness.bars()
 
     def _run(self) -> None:
         _ask_for_exact_timers()

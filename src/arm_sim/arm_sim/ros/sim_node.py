@@ -25,7 +25,7 @@ from arm_sim.ros.histogram import Percentiles
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams, simulator_of
-from arm_sim.ros.realtime_loop import LoopReport, RealtimeLoop
+from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.services import SimServices
 
 _PAUSED_PERIOD = 0.1  # [s] between joint states while time stands still
@@ -47,6 +47,7 @@ class SimNode(Node):
         paused: Whether time stands still.
         trouble: Why the simulation stopped by itself, else empty.
         lockstep: What waits for answers, or None.
+        loop: What ticks by the clock, and knows how well it was kept.
     """
 
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
@@ -73,7 +74,7 @@ class SimNode(Node):
         self._apply(params)
         self._outputs = Outputs(self, self.simulator, params)
         self.lockstep: Lockstep | None = None
-        self._loop = self._make_loop()
+        self.loop = self._make_loop()
         self._connect()
         watch(self, lambda: self.params, self._apply)
         self._start()
@@ -109,7 +110,7 @@ class SimNode(Node):
             self.lockstep.wait()
         elif self.params.realtime:
             self.errands.served = True
-            self._loop.start()
+            self.loop.start()
 
     def _apply(self, params: SimParams) -> None:
         timeout = self._ticks(params.command_timeout)
@@ -208,7 +209,7 @@ class SimNode(Node):
 
     def forget_counts(self) -> None:
         """Let all counters begin afresh."""
-        self._loop.forget()
+        self.loop.forget()
         self._outputs.round_trip.forget()
         self.commands.stale_count = self.input.passed_over = self.input.arbiter.refused = 0
         if self.lockstep is not None:
@@ -247,18 +248,18 @@ class SimNode(Node):
         account: Account | None = self.errands.run(self._outputs.account)
         return account
 
-    def report(self) -> tuple[LoopReport, Percentiles]:
-        """How well the clock has been kept, and how long commands took from state to effort."""
-        return self._loop.report(), self._outputs.round_trip.percentiles()
+    def round_trip(self) -> Percentiles:
+        """How long commands took from state to effort."""
+        return self._outputs.round_trip.percentiles()
 
     def destroy_node(self) -> None:
         """Stop ticking, say how it went, and take the node down."""
-        self._loop.stop()
+        self.loop.stop()
         self.errands.served = False
         if self._newest is not None:
             self._newest.close()
         if self.driven_by == "clock":
-            loop, round_trip = self.report()
+            loop, round_trip = self.loop.report(), self.round_trip()
             self.get_logger().info(
                 f"{loop.ticks} ticks, {loop.rate:.2f} per second, {loop.missed} late by more than "
                 f"a tick, {loop.dropped} dropped; lateness {loop.lateness}; "
