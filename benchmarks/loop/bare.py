@@ -81,7 +81,10 @@ def echo(seconds: float) -> dict[str, Any]:
 
 
 def ping(seconds: float) -> dict[str, Any]:
-    """Send a joint state, wait for it to come back, send the next one."""
+    """Send a joint state, wait for it to come back, send the next one a millisecond after it.
+
+    As in the loop: who sends in a row finds everything in the caches, and is quicker by half.
+    """
     node, executor = _spun("bare_ping")
     from sensor_msgs.msg import JointState
 
@@ -102,6 +105,7 @@ def ping(seconds: float) -> dict[str, Any]:
         publisher.publish(message)
         if _spin(executor, lambda: back, 1.0):
             trips.append(back[0] - sent)
+        time.sleep(max(0.0, 1e-9 * (sent + PERIOD - time.monotonic_ns())))
     return {"count": len(trips), **spread(np.array(trips))}
 
 

@@ -71,7 +71,7 @@ def page(r: Record, figure: str) -> str:
     ]  # fmt: skip
     trips = [
         ("state out, torque back: `sim` and `controller`", *_spread(loop["round_trip"])),
-        ("joint state there and back, rclpy as it comes", *_spread(r["ping"])),
+        ("joint state there and back, once a millisecond, rclpy as it comes", *_spread(r["ping"])),
         ("inverse dynamics of one point, `ArmClient`", *_spread(r["services"])),
     ]
     core = r["core"]
