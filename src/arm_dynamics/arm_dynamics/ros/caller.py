@@ -98,7 +98,8 @@ class Caller:
             futures.append(client.call_async(request))
             if self._until(lambda: any(f.done() for f in futures), min(patience, left)):
                 break
-            patience *= 2.0
+            # Twice as long, but three times at least: the first reply of a new server may be lost.
+            patience = min(2.0 * patience, max(patience, self._timeout / 3.0))
         done = next((f for f in futures if f.done()), None)
         for future in futures:
             if future is not done:
