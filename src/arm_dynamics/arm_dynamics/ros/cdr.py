@@ -39,8 +39,8 @@ class CdrReader:
 
     __slots__ = ("_count", "_double", "_raw", "_time", "at")
 
-    def __init__(self, raw: bytes) -> None:
-        """Begin after the header.
+    def __init__(self, raw: bytes, at: int = _HEADER) -> None:
+        """Begin at an offset; at first after the header.
 
         Raises:
             InvalidInput: If there is none, or one of another encoding.
@@ -51,7 +51,7 @@ class CdrReader:
                 f"the message begins with '{raw[:_HEADER].hex()}'; allowed is CDR version 1: "
                 "0000 or 0001"
             )
-        self._raw, self.at = raw, _HEADER
+        self._raw, self.at = raw, at
         self._count, self._time = struct.Struct(f"{order}I"), struct.Struct(f"{order}iI")
         self._double = np.dtype(f"{order}f8")
 

@@ -122,7 +122,7 @@ class Batch:
 
     def by_joint(self, values: Array, axis: int) -> Array:
         """Put an axis that counts joints in model order into the order of the request."""
-        return np.moveaxis(np.moveaxis(values, axis, 0)[self._order], 0, axis)
+        return values if self._order is _ALL else np.take(values, self._order, axis)
 
     def matrices(self, matrices: Array) -> array[float]:
         """Write (k, n, n) in model order as the flat vector of a response."""

@@ -83,8 +83,7 @@ class TrajectoryBytes:
         Raises:
             InvalidInput: If the message ends too early.
         """
-        cdr = CdrReader(self._raw)
-        cdr.at = self._begin
+        cdr = CdrReader(self._raw, self._begin)
         for _ in range(self.count):
             positions, velocities, accelerations = cdr.doubles(), cdr.doubles(), cdr.doubles()
             cdr.doubles()  # effort
@@ -123,8 +122,7 @@ class PathBytes:
         Raises:
             InvalidInput: If the message ends too early.
         """
-        cdr = CdrReader(self._raw)
-        cdr.at = self._begin
+        cdr = CdrReader(self._raw, self._begin)
         for _ in range(self.count):
             cdr.nanoseconds()
             yield Placed(cdr.text(), cdr.array(7))
