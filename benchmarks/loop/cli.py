@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+import numpy as np
 from rich.console import Console
 from rich.table import Table
 
@@ -68,18 +69,22 @@ def _measured(
     seconds: float, priority: int, quick: bool, out: Path, domain: int, console: Console
 ) -> dict[str, Any]:
     from benchmarks.loop import stages
+    from benchmarks.loop.bare import spread
     from benchmarks.loop.page import slim
 
     logs = out / "loop_logs"
     logs.mkdir(parents=True, exist_ok=True)
     say = console.print
-    load = os.getloadavg()[0]
+    load, bare_seconds = os.getloadavg()[0], 3.0 if quick else 10.0
+    say("ping-pong of rclpy, before the loop and after it: a shared machine changes its speed")
+    trips = stages.ping_pong(bare_seconds)
     record: dict[str, Any] = {
         "loop": stages.closed_loop(SCENE, domain, seconds, logs, say, priority)
     }
-    say("timer and ping-pong of rclpy")
-    record["timer"] = stages.timer(3.0 if quick else 10.0)
-    record["ping"] = stages.ping_pong(3.0 if quick else 10.0)
+    trips += stages.ping_pong(bare_seconds)
+    record["ping"] = {"count": len(trips), **spread(np.array(trips))}
+    say("timer of rclpy")
+    record["timer"] = stages.timer(bare_seconds)
     say("services and batches")
     record["services"] = stages.services(SCENE, domain, 300 if quick else 2000, logs)
     record["core"] = stages.core(SCENE)

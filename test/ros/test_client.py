@@ -4,12 +4,14 @@
 from __future__ import annotations
 
 import threading
+import time
 from collections.abc import Iterator
 
 import numpy as np
 import pytest
 from arm_msgs.srv import ModelInfo
 from harness import Ros, running
+from rclpy.service import Service
 
 import models
 from arm_dynamics import InvalidInput, Term
@@ -171,6 +173,41 @@ def test_a_node_that_was_started_anew_is_asked_again(ros: Ros) -> None:
         end.set()
         server.join()
     assert silent == []
+
+
+def test_who_comes_in_place_of_a_killed_node_is_asked_at_once(ros: Ros) -> None:
+    """A killed node counts as there for a while; only its patience bounds a client's wait."""
+    patience = 20.0  # [s], a third of the timeout
+
+    def answer(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
+        response.success = True
+        return response
+
+    def offer() -> Service:
+        return ros.peer.create_service(ModelInfo, "dynamics/model_info", answer)
+
+    def kill() -> None:
+        first.send_response = lambda *reply: None
+        heir.reset()
+
+    def follow() -> None:
+        heir.cancel()
+        offer()
+
+    first, end = offer(), threading.Event()
+    heir = ros.peer.create_timer(0.5, follow, autostart=False)
+    server = threading.Thread(target=lambda: ros.spin_until(end.is_set, 60.0))
+    server.start()
+    try:
+        with ArmClient(timeout=3.0 * patience, domain=ros.domain) as arm:
+            arm.model_info()
+            kill()
+            asked = time.monotonic()
+            arm.model_info()
+            assert time.monotonic() - asked < patience
+    finally:
+        end.set()
+        server.join()
 
 
 def test_nobody_there(ros: Ros) -> None:

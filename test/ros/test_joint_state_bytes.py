@@ -11,12 +11,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state_bytes import (
-    FIELDS,
-    JointStateReader,
-    JointStateWriter,
-    layout_of,
-)
+from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter
+from arm_dynamics.ros.joint_state_layout import FIELDS, layout_of
 
 pytestmark = pytest.mark.ros
 

@@ -88,16 +88,13 @@ def test_lost_messages_are_asked_for_again_and_change_nothing(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sim, controller = pair(ros, lockstep_retry=0.005)
-    publish, count = controller._commands.publish, iter(range(10**9))
+    send, count = controller._send, iter(range(10**9))
 
-    class Leaky:
-        """Loses every seventh command."""
+    def lose_every_seventh(command: bytes) -> None:
+        if next(count) % 7:
+            send(command)
 
-        def publish(self, command: bytes) -> None:
-            if next(count) % 7:
-                publish(command)
-
-    monkeypatch.setattr(controller, "_commands", Leaky())
+    monkeypatch.setattr(controller, "_send", lose_every_seventh)
     np.testing.assert_array_equal(motion(ros, sim, controller), expected())
     assert sim.lockstep.asked_again >= TICKS // 7 - 2
 

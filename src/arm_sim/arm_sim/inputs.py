@@ -17,7 +17,7 @@ from arm_sim.plant import Plant
 _log = logging.getLogger(__name__)
 
 
-def torque(tau: Any, n: int) -> Array:
+def torque(tau: Any, n: int) -> list[float]:
     """Check torques for one tick.
 
     Args:
@@ -25,7 +25,7 @@ def torque(tau: Any, n: int) -> Array:
         n: Degrees of freedom.
 
     Returns:
-        The torques as an array of shape (n,).
+        The torques as n plain numbers.
 
     Raises:
         InvalidInput: If the shape is another one or a number is not finite.
@@ -34,7 +34,8 @@ def torque(tau: Any, n: int) -> Array:
     if command.shape != (n,):
         raise InvalidInput(f"tau has shape {command.shape}; ({n},) is wanted")
     # Several times faster than numpy for so few numbers; a sum that overflows is looked at again.
-    return command if math.isfinite(sum(command.tolist())) else vector("tau", command, n)
+    numbers: list[float] = command.tolist()
+    return numbers if math.isfinite(sum(numbers)) else vector("tau", command, n).tolist()
 
 
 def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:

@@ -37,7 +37,7 @@ def linearize(sim: Simulator, state: State, tau: Any, ticks: int = 1) -> tuple[A
         InvalidInput: If an argument is not allowed.
     """
     whole("ticks", ticks, 1)
-    x, command = packed_state(sim.plant, state.q, state.v, state.z), torque(tau, sim.n)
+    x, command = packed_state(sim.plant, state.q, state.v, state.z), np.array(torque(tau, sim.n))
     return sim._linearizer(x, command, sim._stepper.parameters_at(x, command), ticks)
 
 

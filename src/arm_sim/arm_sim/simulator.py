@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import cached_property
+from struct import Struct
 from typing import Any
 
 import numpy as np
@@ -71,6 +72,7 @@ class Simulator:
         self.backend = backend
         self._x, self._command = np.zeros(self.plant.nx), np.zeros(self.n)
         self._effort, self._error = np.zeros((1, self.n)), np.zeros(1)
+        self._put = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only(self._x), read_only(self._effort[0])
         self._state: State | None = None
         self._step = 0
@@ -143,12 +145,12 @@ class Simulator:
             InvalidInput: If ``tau`` has the wrong shape or is not finite.
             SimulationDiverged: If the tick gives numbers that are not finite; the state stays.
         """
-        self.advance(tau)
+        self.advance(torque(tau, self.n))
         return self.state
 
-    def advance(self, tau: Any) -> None:
-        """As ``step``, for a loop that looks at ``x``: no state is made."""
-        self._command[:] = torque(tau, self.n)
+    def advance(self, tau: Sequence[float]) -> None:
+        """As ``step`` for n finite numbers, for a loop that looks at ``x``: no state is made."""
+        self._put(self._command, 0, *tau)
         if self._tick() != 1:
             raise self._diverged()
         self._step, self._state = self._step + 1, None
@@ -287,7 +289,7 @@ class Simulator:
         for k in range(len(trace)):
             command = control(self.state)
             try:
-                self.advance(command)
+                self.advance(torque(command, self.n))
             except SimulationDiverged:
                 return k
             trace[k], effort[k], errors[k] = self._x, self._effort[0], self._error[0]

@@ -13,6 +13,7 @@ from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
+from rclpy.task import Future
 
 from arm_dynamics.exceptions import NoAnswer
 from arm_dynamics.ros.executor import make_executor
@@ -80,7 +81,7 @@ class Caller:
             self._until(lambda: False, _SETTLE)
         # One that has answered before may have been started anew since; but give it time to work.
         patience = self._timeout / 3.0 if met else _RETRY
-        response = self._response(client, request, patience if repeatable else self._timeout)
+        response = self._response(client, request, patience if repeatable else None)
         if response is None:
             self._answered.discard(name)
             raise NoAnswer(self._silence(name, repeatable))
@@ -92,19 +93,33 @@ class Caller:
             self._clients[name] = self._node.create_client(service.type, name)
         return self._clients[name]
 
-    def _response(self, client: Client, request: Any, patience: float) -> Any | None:
-        end, futures = time.monotonic() + self._timeout, []
-        while (left := end - time.monotonic()) > 0.0:
+    def _response(self, client: Client, request: Any, patience: float | None) -> Any | None:
+        """What is answered; asked again after ``patience`` in [s], unless that is None."""
+        end, futures = time.monotonic() + self._timeout, list[Future]()
+        while (left := end - time.monotonic()) > 0.0 and not any(f.done() for f in futures):
             futures.append(client.call_async(request))
-            if self._until(lambda: any(f.done() for f in futures), min(patience, left)):
+            if patience is None:
+                self._until(futures[0].done, left)
                 break
-            # Twice as long, but three times at least: the first reply of a new server may be lost.
-            patience = min(2.0 * patience, max(patience, self._timeout / 3.0))
+            changed = self._changed(client.service_name, futures, min(patience, left))
+            # Later each time, but three times at least.
+            longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
+            patience = _RETRY if changed else longer
         done = next((f for f in futures if f.done()), None)
         for future in futures:
             if future is not done:
                 client.remove_pending_request(future)
         return None if done is None else done.result()
+
+    def _changed(self, service: str, futures: list[Future], patience: float) -> bool:
+        """Wait for an answer; say whether who offers the service changed meanwhile.
+
+        One that was killed still counts as there for up to 20 s: what was asked of it is lost.
+        """
+        count = self._node.count_services
+        servers = count(service)
+        self._until(lambda: any(f.done() for f in futures) or count(service) != servers, patience)
+        return count(service) != servers
 
     def _until(self, condition: Callable[[], bool], timeout: float) -> bool:
         end = time.monotonic() + timeout

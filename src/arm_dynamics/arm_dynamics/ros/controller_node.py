@@ -10,6 +10,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Any
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
 from rclpy.node import Node
@@ -29,6 +30,7 @@ from arm_dynamics.ros.answer_log import AnswerLog
 from arm_dynamics.ros.cdr import as_bytes
 from arm_dynamics.ros.control_settings import settings_of, task_of
 from arm_dynamics.ros.diagnosis import Diagnosis, Finding
+from arm_dynamics.ros.direct import sender
 from arm_dynamics.ros.executor import run, surviving
 from arm_dynamics.ros.goals import Goals
 from arm_dynamics.ros.interfaces import (
@@ -104,9 +106,7 @@ class ControllerNode(Node):
             self.get_logger().warning(f"not granted: {refusal}")
 
     def _connect(self) -> None:
-        self._commands = self.create_publisher(
-            JOINT_COMMANDS.type, JOINT_COMMANDS.name, JOINT_COMMANDS.publish
-        )
+        self._send = sender(self, JOINT_COMMANDS)
         self._report = self.create_publisher(
             CONTROLLER_STATE.type, CONTROLLER_STATE.name, CONTROLLER_STATE.publish
         )
@@ -194,7 +194,7 @@ class ControllerNode(Node):
         self._builder.deliver()
         self._goals.deliver()
         if (command := self._log.again(raw)) is not None:
-            self._commands.publish(command)
+            self._send(command)
             return command
         try:
             stamp, (q, v) = self._reader.read(raw)
@@ -202,17 +202,17 @@ class ControllerNode(Node):
             self._log.passed_over += 1
             self._say(f"joint state passed over: {error}")
             return None
-        state = Measured(q, v)
+        state = Measured(np.array(q), np.array(v))
         reference = self._reference(stamp, state)
         tau = self._control.torque(state, reference)
-        if not all_finite(tau):
+        if not all_finite(tau.tolist()):
             self._control.restart()
             self._say(f"no command, the torque would not be finite: {tau}")
             return None
         if cut := self._cut():
             self._say(f"torque cut at the effort limit: {', '.join(cut)}")
-        command = self._writer.write(stamp, self._dynamics.command_map(q, v, tau))
-        self._commands.publish(command)
+        command = self._writer.write(stamp, self._dynamics.command_map(state.q, state.v, tau))
+        self._send(command)
         self._log.note(raw, command)
         if stamp >= self._next_report:
             self._publish_report(stamp, reference, state, tau)

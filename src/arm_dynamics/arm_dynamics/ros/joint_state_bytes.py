@@ -2,137 +2,36 @@
 """JointState as bytes: written by patching a serialized message, read by looking at known places.
 
 A generated serializer takes 50 to 120 µs in Python; with names and lengths fixed, all that changes
-from message to message is the stamp and the numbers. The bytes are CDR version 1 (OMG RTPS 2.5,
-section 10): a header of 4 bytes, then fields aligned to their size, counted from after the header.
+from message to message is the stamp and the numbers.
 """
 
 from __future__ import annotations
 
 import math
-import struct
-import sys
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from itertools import chain
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.ros.joint_state_layout import FIELDS, NATIVE, STAMP, Array, Layout, layout_of
 
-Array = NDArray[np.float64]
+Numbers = tuple[float, ...]
 
-Indices = NDArray[np.intp]
-
-FIELDS = ("position", "velocity", "effort")
-_NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
-_STAMP = struct.Struct("=iI")
-_STAMP_AT = 4
-_FIRST = 3  # place in a record after the header and the stamp
 _GIGA = 1_000_000_000
 _KINDS = 4  # layouts kept at once, for several publishers on one topic
 
 
-class Layout(NamedTuple):
-    """Where things stand in a serialized JointState.
-
-    Attributes:
-        size: Bytes up to the last number.
-        arrays: Offset and length of position, velocity and effort.
-        record: Takes a message apart: pieces of bytes, after the first one the two numbers of the
-            stamp, and the numbers of each array before the next piece.
-        pieces: Place in the record and bytes of all that is neither stamp nor numbers, padding
-            included.
-        numbers: Places in the record of position, velocity and effort.
-        fixed: 1 for every bit that is the same in all messages of this layout, as one integer.
-        expected: What these bits are.
-    """
-
-    size: int
-    arrays: tuple[tuple[int, int], ...]
-    record: struct.Struct
-    pieces: tuple[tuple[int, bytes], ...]
-    numbers: tuple[slice, ...]
-    fixed: int
-    expected: int
-
-    def read(self, raw: bytes) -> tuple[Any, ...] | None:
-        """Take ``raw`` apart by the record; None if it has another layout."""
-        if len(raw) < self.size:
-            return None
-        found = self.record.unpack_from(raw)
-        for place, piece in self.pieces:
-            if found[place] != piece:  # perhaps only other rubbish in the padding
-                as_one = int.from_bytes(raw[: self.size], "little")
-                return found if as_one & self.fixed == self.expected else None
-        return found
-
-    def array(self, raw: bytes | bytearray, field: int) -> Array:
-        """View the numbers of one field in place."""
-        offset, length = self.arrays[field]
-        return np.frombuffer(raw, np.float64, length, offset)
-
-
-class _Walk:
-    """Walks over a serialized message and notes which bytes are the same in every one like it."""
-
-    def __init__(self) -> None:
-        self.at = 0
-        self.mask = bytearray()
-
-    def skip(self, size: int, align: int) -> int:
-        """Pass over padding and then ``size`` bytes that change; return where they begin."""
-        start = self.at + -(self.at - len(_NATIVE)) % align
-        self.at = start + size
-        self.mask.extend(bytes(self.at - len(self.mask)))
-        return start
-
-    def fixed(self, size: int, align: int) -> None:
-        """Pass over padding, which may hold anything, and then ``size`` bytes that stay."""
-        start = self.skip(size, align)
-        self.mask[start:] = b"\xff" * size
-
-    def text(self, text: str) -> None:
-        """Pass over a string: its length, its characters and a zero."""
-        self.fixed(4, 4)
-        self.fixed(len(text.encode()) + 1, 1)
-
-
-def layout_of(message: JointState, raw: bytes) -> Layout:
-    """Find out where things stand in ``raw``, the serialized ``message``."""
-    walk = _Walk()
-    walk.fixed(len(_NATIVE), 1)
-    walk.skip(_STAMP.size, 4)
-    walk.text(message.header.frame_id)
-    walk.fixed(4, 4)
-    for name in message.name:
-        walk.text(name)
-    arrays = []
-    for field in FIELDS:
-        length = len(getattr(message, field))
-        walk.fixed(4, 4)
-        arrays.append((walk.skip(8 * length, 8 if length else 1), length))
-    fixed = int.from_bytes(walk.mask, "little")
-    expected = int.from_bytes(raw[: walk.at], "little") & fixed
-    form, at, place = f"={_STAMP_AT}siI", _STAMP_AT + _STAMP.size, _FIRST
-    pieces, numbers = [(0, bytes(raw[:_STAMP_AT]))], []
-    for start, length in arrays:
-        form += f"{start - at}s{length}d"
-        pieces.append((place, bytes(raw[at:start])))
-        numbers.append(slice(place + 1, place + 1 + length))
-        at, place = start + 8 * length, place + 1 + length
-    record = struct.Struct(form)
-    return Layout(walk.at, tuple(arrays), record, tuple(pieces), tuple(numbers), fixed, expected)
-
-
-def all_finite(array: Array) -> bool:
-    """Tell whether all numbers are finite, for a few numbers in a third of NumPy's time."""
-    return all(map(math.isfinite, array.tolist()))
+def all_finite(numbers: Iterable[float]) -> bool:
+    """Tell whether all numbers are finite, for a few plain ones in a third of NumPy's time."""
+    return all(map(math.isfinite, numbers))
 
 
 class JointStateWriter:
-    """A serialized JointState whose stamp and numbers are patched in place.
+    """A serialized JointState of which only the stamp and the numbers change.
 
     Example:
         >>> writer = JointStateWriter(names, ("effort",))
@@ -147,40 +46,50 @@ class JointStateWriter:
         message.header.frame_id = frame_id
         for field in fields:
             setattr(message, field, [0.0] * len(names))
-        raw = serialize_message(message)
-        layout = layout_of(message, raw)
-        self._buffer = bytearray(layout.expected.to_bytes(layout.size, "little"))
-        self._arrays = [layout.array(self._buffer, FIELDS.index(field)) for field in fields]
+        layout = layout_of(message, serialize_message(message))
+        clean = layout.expected.to_bytes(layout.size, "little")  # no rubbish in the padding
+        header, *pieces = (piece for _, piece in layout_of(message, clean).pieces)
+        # What one call joins: the stamp comes after the header, numbers after each other piece.
+        self._parts: list[Any] = [header, b"", *chain(*((piece, b"") for piece in pieces))]
+        self._numbers = slice(3, 3 + 2 * len(fields), 2)
+        self._size = layout.size
 
     def write(self, stamp: int, *arrays: Array) -> bytes:
         """Return the message.
 
         Args:
             stamp: Time in [ns].
-            arrays: One array for each of the writer's fields, shape (n,).
+            arrays: One array for each of the writer's fields, contiguous, shape (n,).
+
+        Raises:
+            ValueError: If the number or the size of the arrays is another one.
         """
-        _STAMP.pack_into(self._buffer, _STAMP_AT, *divmod(stamp, _GIGA))
-        for place, array in zip(self._arrays, arrays, strict=True):
-            place[:] = array
-        return bytes(self._buffer)
+        parts = self._parts
+        parts[1] = STAMP.pack(*divmod(stamp, _GIGA))
+        parts[self._numbers] = arrays
+        raw = b"".join(parts)
+        if len(raw) != self._size:
+            raise ValueError(f"arrays of {sum(map(np.size, arrays))} numbers do not fit")
+        return raw
 
 
 class _Known(NamedTuple):
-    """A layout that was met, and which of its numbers go where; None: all of them as they are.
+    """A layout that was met.
 
     Attributes:
+        places: Where in the message each joint is, None for an absent one; None: all, in order.
         source: The header's frame_id.
         joints: Indices of the joints that it names.
     """
 
     layout: Layout
-    places: tuple[Indices, Indices] | None
+    places: tuple[int | None, ...] | None
     source: str
     joints: frozenset[int]
 
 
 class JointStateReader:
-    """Reads serialized JointStates into arrays in a given order of joints.
+    """Reads numbers in a given order of joints out of serialized JointStates.
 
     The first message of a kind is read by the generated deserializer and checked; the following
     ones with the same names and lengths are read by looking at the same places.
@@ -201,7 +110,7 @@ class JointStateReader:
         """Choose what to read.
 
         Args:
-            names: Joints, in the order of the arrays read.
+            names: Joints, in the order of the numbers read.
             fields: Those of position, velocity and effort that must be there.
             partial: Whether joints may be absent; those keep what was read before, at first zero.
             extra: Whether joints that are not in ``names`` are passed over.
@@ -210,18 +119,18 @@ class JointStateReader:
         """
         self._names, self._fields = list(names), [FIELDS.index(field) for field in fields]
         self._partial, self._extra, self._admit = partial, extra, admit
-        self._values = [np.zeros(len(self._names)) for _ in fields]
+        self._values: list[Numbers] = [(0.0,) * len(self._names) for _ in fields]
         self._known: list[_Known] = []
         self.slow_reads = 0
 
-    def read(self, raw: bytes) -> tuple[int, list[Array]]:
+    def read(self, raw: bytes) -> tuple[int, list[Numbers]]:
         """Read a message.
 
         Args:
             raw: The serialized JointState.
 
         Returns:
-            Its stamp in [ns] and a new array of shape (n,) for each of the fields.
+            Its stamp in [ns] and n numbers for each of the fields.
 
         Raises:
             InvalidInput: If joints or numbers are missing, unknown, doubled or not finite.
@@ -234,24 +143,20 @@ class JointStateReader:
         self._admit(known.source, known.joints)
         values = []
         for before, field in zip(self._values, self._fields, strict=True):
-            numbers = found[known.layout.numbers[field]]
-            array = np.array(numbers, np.float64)
+            numbers: Numbers = found[known.layout.numbers[field]]
             if known.places is not None:
-                source, to = known.places
-                array, given = before.copy(), array
-                array[to] = given[source]
-                numbers = array.tolist()
-            if not all(map(math.isfinite, numbers)):
-                self._refuse_infinite(field, array)
-            values.append(array)
+                there = zip(known.places, before, strict=True)
+                numbers = tuple(old if i is None else numbers[i] for i, old in there)
+            if not all_finite(numbers):
+                self._refuse_infinite(field, numbers)
+            values.append(numbers)
         self._values = values
         return found[1] * _GIGA + found[2], values
 
-    def _refuse_infinite(self, field: int, array: Array) -> NoReturn:
-        joint = int(np.argmin(np.isfinite(array)))
+    def _refuse_infinite(self, field: int, numbers: Numbers) -> NoReturn:
+        joint, bad = next((i, x) for i, x in enumerate(numbers) if not math.isfinite(x))
         raise InvalidInput(
-            f"{FIELDS[field]} of joint '{self._names[joint]}' is {array[joint]}; "
-            "allowed are finite numbers"
+            f"{FIELDS[field]} of joint '{self._names[joint]}' is {bad}; allowed are finite numbers"
         )
 
     def _learn(self, raw: bytes) -> tuple[_Known, tuple[Any, ...]]:
@@ -259,12 +164,13 @@ class JointStateReader:
         self.slow_reads += 1
         try:
             message = deserialize_message(raw, JointState)
-            if not raw.startswith(_NATIVE):  # from a machine of the other endianness
+            if not raw.startswith(NATIVE):  # from a machine of the other endianness
                 raw = serialize_message(message)
         except Exception as error:
             raise InvalidInput(f"{len(raw)} bytes are not a JointState: {error}") from error
         places = self._places(message)
-        joints = range(len(self._names)) if places is None else places[1].tolist()
+        all_of_them = range(len(self._names))
+        joints = [k for k in all_of_them if places is None or places[k] is not None]
         source = message.header.frame_id
         known = _Known(layout_of(message, raw), places, source, frozenset(joints))
         for field, name in enumerate(FIELDS):
@@ -273,8 +179,8 @@ class JointStateReader:
         self._known = [known, *self._known[: _KINDS - 1]]
         return known, known.layout.record.unpack_from(raw)
 
-    def _places(self, message: JointState) -> tuple[Indices, Indices] | None:
-        """Check names and lengths; say which numbers of the message go where."""
+    def _places(self, message: JointState) -> tuple[int | None, ...] | None:
+        """Check names and lengths; say where in the message each joint is."""
         names = list(message.name)
         if len(set(names)) != len(names):
             raise InvalidInput(f"joints {names} are not all different; allowed is each once")
@@ -295,5 +201,4 @@ class JointStateReader:
             raise InvalidInput(f"joints {known_names(missing)} are missing")
         if names == self._names:
             return None
-        source = np.array([names.index(name) for name in here], np.intp)
-        return source, np.array([self._names.index(name) for name in here], np.intp)
+        return tuple(names.index(name) if name in names else None for name in self._names)

@@ -48,6 +48,11 @@ class Arbiter:
         return tuple(source for source, heard in self._heard.items() if self._fresh(heard))
 
     @property
+    def alone(self) -> bool:
+        """Whether only one source is remembered."""
+        return len(self._heard) == 1
+
+    @property
     def conflict(self) -> bool:
         """Whether a command was refused within the last ``patience`` ticks."""
         return self.refused > 0 and self._now - self._refused_at <= self.patience

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state_bytes import JointStateReader
+from arm_dynamics.ros.joint_state_bytes import JointStateReader, Numbers
 from arm_sim.external import ExternalWrenches
 from arm_sim.ros.arbiter import Arbiter
 from arm_sim.ros.commands import Commands
@@ -70,16 +70,16 @@ class CommandInput:
         except InvalidInput as error:
             self._refuse(error)
             return
-        self._put(tau)
+        self._put(tuple(tau.tolist()))
 
-    def _put(self, tau: np.ndarray) -> None:
-        if any(map(gt, map(abs, tau.tolist()), self._limit)):
+    def _put(self, tau: Numbers) -> None:
+        if any(map(gt, map(abs, tau), self._limit)):
             self._say_cut(tau)
         self._commands.put(tau)
 
-    def _say_cut(self, tau: np.ndarray) -> None:
+    def _say_cut(self, tau: Numbers) -> None:
         simulator = self._simulator
-        joint = int(np.argmax(np.abs(tau) > self._limit))
+        joint = next(i for i, limit in enumerate(self._limit) if abs(tau[i]) > limit)
         self._log.warning(
             f"effort {tau[joint]:.6g} of joint '{simulator.joint_names[joint]}' is beyond its "
             f"limit {self._limit[joint]:.6g} {simulator.model.command_unit[joint]} and is cut "

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -27,13 +27,14 @@ class Commands:
     def __init__(self, dynamics: Dynamics) -> None:
         """Start without a command: the policy is in force."""
         zero = np.zeros(dynamics.n)
-        self._policies: dict[str, Callable[[Array], Array]] = {
-            ZERO: lambda q: zero,
-            HOLD: lambda q: zero if self._used is None else self._used,
-            GRAVITY: lambda q: dynamics.command_map(q, zero, dynamics.gravity(q)),
+        none: Sequence[float] = zero.tolist()
+        self._policies: dict[str, Callable[[Array], Sequence[float]]] = {
+            ZERO: lambda q: none,
+            HOLD: lambda q: none if self._used is None else self._used,
+            GRAVITY: lambda q: dynamics.command_map(q, zero, dynamics.gravity(q)).tolist(),
         }
-        self._newest: Array | None = None
-        self._used: Array | None = None
+        self._newest: Sequence[float] | None = None
+        self._used: Sequence[float] | None = None
         self._age = 0
         self.stale = False
         self.stale_count = 0
@@ -54,8 +55,8 @@ class Commands:
         """Ticks since the newest command was first used; 0 without one."""
         return self._age if self._used is not None else 0
 
-    def put(self, tau: Array) -> None:
-        """Make ``tau`` the newest command, shape (n,); it must not be changed afterwards."""
+    def put(self, tau: Sequence[float]) -> None:
+        """Make ``tau``, n numbers, the newest command; it must not be changed afterwards."""
         self._newest = tau
 
     def clear(self) -> None:
@@ -68,8 +69,8 @@ class Commands:
         """Whether no command has come yet."""
         return self._newest is None
 
-    def take(self, q: Array) -> Array:
-        """Return the torque for the next tick, shape (n,), and count that tick.
+    def take(self, q: Array) -> Sequence[float]:
+        """Return the torque for the next tick, n numbers, and count that tick.
 
         Args:
             q: Present positions in [rad], shape (n,).
@@ -86,7 +87,7 @@ class Commands:
         self.stale = True
         return self._policy(q)
 
-    def held(self, q: Array) -> Array:
+    def held(self, q: Array) -> Sequence[float]:
         """Return the torque for a tick that does not make the newest command older."""
         newest = self._newest
         return self._policy(q) if newest is None else newest

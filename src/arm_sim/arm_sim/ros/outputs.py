@@ -30,6 +30,7 @@ class Outputs:
     Attributes:
         round_trip: How long answers to joint states take.
         audited: Whether somebody besides the listeners of ``~/energy`` wants the energy account.
+        newest: Stamp of the state published last, in [ns].
     """
 
     def __init__(self, node: Node, simulator: Simulator, params: SimParams) -> None:
@@ -51,6 +52,7 @@ class Outputs:
         self._idle = 0.0
         self.round_trip = RoundTrip()
         self.audited = False
+        self.newest = 0
 
     def restart(self) -> None:
         """Publish the state after a jump and open a new energy account."""
@@ -84,7 +86,7 @@ class Outputs:
     def publish(self) -> None:
         """Publish the present state, and the clock."""
         self._idle = 0.0
-        stamp = self.stamp()
+        self.newest = stamp = self.stamp()
         self.round_trip.sent(stamp)
         simulator, (q, v) = self._simulator, self._motion
         effort = simulator.acted if simulator.plant.torques is None else simulator.effort

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Sequence
 from typing import Any
 
-import numpy as np
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
@@ -163,7 +163,7 @@ class SimNode(Node):
         except Exception as error:
             self._stop(f"paused after an unexpected failure: {error!r}")
 
-    def advance(self, tau: np.ndarray) -> bool:
+    def advance(self, tau: Sequence[float]) -> bool:
         """Make a tick with a torque; on divergence stop at the last good state and say False."""
         push = self.push.before_tick() if self.push.ready else None
         try:
@@ -268,12 +268,19 @@ class SimNode(Node):
         super().destroy_node()
 
     def look_for_command(self) -> None:
-        """Take the commands that came since the last tick; the newest that is admitted counts."""
+        """Take the commands that came since the last tick; the newest that is admitted counts.
+
+        No newer one is sought behind the answer to the newest state, unless others command too:
+        a look that finds nothing takes as long as one that finds something.
+        """
+        if self._newest is None:
+            return
         for _ in range(interfaces.MAX_COMMANDS):
-            taken = None if self._newest is None else self._newest.take()
-            if taken is None:
+            if (taken := self._newest.take()) is None:
                 return
-            self.on_joint_commands(*taken)
+            stamp = self.on_joint_commands(*taken)
+            if stamp and stamp == self._outputs.newest and self.input.arbiter.alone:
+                return
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
         """Take efforts by joint name from the JointState that came at ``arrival`` in [ns]."""
