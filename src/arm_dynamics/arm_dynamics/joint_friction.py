@@ -85,6 +85,11 @@ class JointFriction:
         return bool(self.level.any())
 
     @cached_property
+    def skewed(self) -> bool:
+        """Whether viscous friction depends on the direction."""
+        return bool(self.viscous_skew.any())
+
+    @cached_property
     def level(self) -> Array:
         """Scale of ``relative_hold``: ``static``, or 1 where only a gear's loss holds."""
         only_gear = (self.static == 0.0) & (self.efficiency < 1.0)
@@ -114,7 +119,7 @@ class JointFriction:
         """Viscous friction at v; another ``coefficient`` than the scene's, if given."""
         like = _like(v)
         mean = like(self.viscous) if coefficient is None else coefficient
-        return friction.viscous(v, mean, like(self.viscous_skew))
+        return friction.viscous(v, mean, like(self.viscous_skew) if self.skewed else None)
 
     def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Friction of joints that slide the way of ``direction`` and have no bristles.

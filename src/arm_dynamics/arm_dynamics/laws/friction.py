@@ -9,18 +9,18 @@ from __future__ import annotations
 from arm_dynamics.laws.elementary import Quantity, exponential, size
 
 
-def viscous(v: Quantity, coefficient: Quantity, skew: Quantity = 0.0) -> Quantity:
+def viscous(v: Quantity, coefficient: Quantity, skew: Quantity | None = None) -> Quantity:
     """Friction in proportion to speed: F = b v + s |v|, that is b + s forwards, b - s backwards.
 
     Args:
         v: Joint velocities in [rad/s] or [m/s], shape (…, n).
         coefficient: b in [N m s/rad] or [N s/m], shape (n,).
-        skew: s, half the difference of the two directions, at most b in size.
+        skew: s, half the difference of the two directions, at most b in size; None: zero.
 
     Returns:
         Torques in [N m] or [N], of the sign of ``v``.
     """
-    return coefficient * v + skew * size(v)
+    return coefficient * v if skew is None else coefficient * v + skew * size(v)
 
 
 def dry(

@@ -6,6 +6,7 @@ from __future__ import annotations
 import os
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import rclpy
@@ -47,6 +48,7 @@ class Caller:
         self._executor = make_executor(self._node)
         self._clients: dict[str, Client] = {}
         self._answered: set[str] = set()
+        self._offering: dict[str, int] = {}
 
     def close(self) -> None:
         """Leave the graph; calling it again does no harm."""
@@ -96,12 +98,13 @@ class Caller:
     def _response(self, client: Client, request: Any, patience: float | None) -> Any | None:
         """What is answered; asked again after ``patience`` in [s], unless that is None."""
         end, futures = time.monotonic() + self._timeout, list[Future]()
-        while (left := end - time.monotonic()) > 0.0 and not any(f.done() for f in futures):
+        answered = partial(_any_done, futures)
+        while (left := end - time.monotonic()) > 0.0 and not answered():
             futures.append(client.call_async(request))
             if patience is None:
-                self._until(futures[0].done, left)
+                self._until(answered, left)
                 break
-            changed = self._changed(client.service_name, futures, min(patience, left))
+            changed = self._changed(client.service_name, answered, min(patience, left))
             # Later each time, but three times at least.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
             patience = _RETRY if changed else longer
@@ -111,15 +114,20 @@ class Caller:
                 client.remove_pending_request(future)
         return None if done is None else done.result()
 
-    def _changed(self, service: str, futures: list[Future], patience: float) -> bool:
-        """Wait for an answer; say whether who offers the service changed meanwhile.
+    def _changed(self, service: str, answered: Callable[[], bool], patience: float) -> bool:
+        """Wait for an answer; say whether who offers the service has changed before it came.
 
         One that was killed still counts as there for up to 20 s: what was asked of it is lost.
         """
-        count = self._node.count_services
-        servers = count(service)
-        self._until(lambda: any(f.done() for f in futures) or count(service) != servers, patience)
-        return count(service) != servers
+        count = partial(self._node.count_services, service)
+        if service not in self._offering:
+            self._offering[service] = count()
+        before = self._offering[service]
+        if self._until(answered, min(_GLANCE, patience)):  # most answers; the rest takes time
+            return False
+        self._until(lambda: answered() or count() != before, patience - _GLANCE)
+        self._offering[service] = count()
+        return self._offering[service] != before
 
     def _until(self, condition: Callable[[], bool], timeout: float) -> bool:
         end = time.monotonic() + timeout
@@ -149,3 +157,7 @@ class Caller:
             "stopped?"
             + ("" if repeatable else " The request may have been carried out all the same")
         )
+
+
+def _any_done(futures: list[Future]) -> bool:
+    return any(future.done() for future in futures)
