@@ -2,8 +2,7 @@
 """Reading serialized messages piece by piece, where a loop must go on meanwhile.
 
 A generated deserializer makes objects of a whole message in one call: no other thread gets on. The
-bytes are CDR version 1 (OMG RTPS 2.5, section 10): a header of 4 bytes, then fields aligned to
-their size, counted from after the header.
+bytes are CDR version 1 (OMG RTPS 2.5, section 10), see ``aligned``.
 """
 
 from __future__ import annotations
@@ -19,10 +18,21 @@ from arm_dynamics.exceptions import InvalidInput
 
 Array = NDArray[np.float64]
 
-_HEADER = 4
+HEADER = 4  # bytes that say how the others are encoded
+GIGA = 1_000_000_000
+TIME = struct.Struct("=iI")  # a Time in the byte order of this machine
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 _LONGEST = 1000  # bytes of a name
-_GIGA = 1_000_000_000
+
+
+def aligned(at: int, align: int) -> int:
+    """Where a field of that alignment begins, from ``at`` on: counted from after the header."""
+    return at + -(at - HEADER) % align
+
+
+def time_bytes(nanoseconds: int) -> bytes:
+    """Serialize a Time."""
+    return TIME.pack(*divmod(nanoseconds, GIGA))
 
 
 def as_bytes(message: Any) -> bytes:
@@ -39,16 +49,16 @@ class CdrReader:
 
     __slots__ = ("_count", "_double", "_raw", "_time", "at")
 
-    def __init__(self, raw: bytes, at: int = _HEADER) -> None:
+    def __init__(self, raw: bytes, at: int = HEADER) -> None:
         """Begin at an offset; at first after the header.
 
         Raises:
             InvalidInput: If there is none, or one of another encoding.
         """
         order = _ORDERS.get(raw[:2])
-        if order is None or len(raw) < _HEADER:
+        if order is None or len(raw) < HEADER:
             raise InvalidInput(
-                f"the message begins with '{raw[:_HEADER].hex()}'; allowed is CDR version 1: "
+                f"the message begins with '{raw[:HEADER].hex()}'; allowed is CDR version 1: "
                 "0000 or 0001"
             )
         self._raw, self.at = raw, at
@@ -61,7 +71,7 @@ class CdrReader:
         Raises:
             InvalidInput: If the message ends before, as with all that follows.
         """
-        start = self.at + -(self.at - _HEADER) % align
+        start = aligned(self.at, align)
         if start + size > len(self._raw):
             raise InvalidInput(f"the message ends too early, after {len(self._raw)} bytes")
         self.at = start + size
@@ -85,7 +95,7 @@ class CdrReader:
     def nanoseconds(self) -> int:
         """Read a Time or a Duration in [ns]."""
         seconds, nanoseconds = self._time.unpack_from(self._raw, self.skip(8, 4))
-        return int(seconds) * _GIGA + int(nanoseconds)
+        return int(seconds) * GIGA + int(nanoseconds)
 
     def text(self) -> str:
         """Read a name, up to its first zero.

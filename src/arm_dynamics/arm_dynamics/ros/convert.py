@@ -18,22 +18,21 @@ from arm_dynamics.control import Moving
 from arm_dynamics.exceptions import ArmError, InvalidInput, known_names
 from arm_dynamics.model import ArmModel
 from arm_dynamics.motion import Reference, Waypoint
+from arm_dynamics.ros.cdr import GIGA
 from arm_dynamics.ros.goal_bytes import TrajectoryBytes
 
 Array = NDArray[np.float64]
 
-_GIGA = 1_000_000_000
-
 
 def to_time(stamp: int) -> Time:
     """Write a stamp in [ns] as a message."""
-    seconds, nanoseconds = divmod(stamp, _GIGA)
+    seconds, nanoseconds = divmod(stamp, GIGA)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def to_nanoseconds(message: Any) -> int:
     """Read a Time or Duration message in [ns]."""
-    return int(message.sec) * _GIGA + int(message.nanosec)
+    return int(message.sec) * GIGA + int(message.nanosec)
 
 
 def to_array(values: Any) -> array[float]:

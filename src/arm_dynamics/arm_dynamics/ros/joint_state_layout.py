@@ -1,9 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where things stand in a serialized JointState.
-
-The bytes are CDR version 1 (OMG RTPS 2.5, section 10): a header of 4 bytes, then fields aligned to
-their size, counted from after the header.
-"""
+"""Where things stand in a serialized JointState (CDR version 1)."""
 
 from __future__ import annotations
 
@@ -15,12 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
+from arm_dynamics.ros.cdr import HEADER, TIME, aligned
+
 Array = NDArray[np.float64]
 
 FIELDS = ("position", "velocity", "effort")
 NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
-STAMP = struct.Struct("=iI")
-_STAMP_AT = 4
 _FIRST = 3  # place in a record after the header and the stamp
 
 
@@ -73,7 +69,7 @@ class _Walk:
 
     def skip(self, size: int, align: int) -> int:
         """Pass over padding and then ``size`` bytes that change; return where they begin."""
-        start = self.at + -(self.at - len(NATIVE)) % align
+        start = aligned(self.at, align)
         self.at = start + size
         self.mask.extend(bytes(self.at - len(self.mask)))
         return start
@@ -92,8 +88,8 @@ class _Walk:
 def layout_of(message: JointState, raw: bytes) -> Layout:
     """Find out where things stand in ``raw``, the serialized ``message``."""
     walk = _Walk()
-    walk.fixed(len(NATIVE), 1)
-    walk.skip(STAMP.size, 4)
+    walk.fixed(HEADER, 1)
+    walk.skip(TIME.size, 4)
     walk.text(message.header.frame_id)
     walk.fixed(4, 4)
     for name in message.name:
@@ -105,8 +101,8 @@ def layout_of(message: JointState, raw: bytes) -> Layout:
         arrays.append((walk.skip(8 * length, 8 if length else 1), length))
     fixed = int.from_bytes(walk.mask, "little")
     expected = int.from_bytes(raw[: walk.at], "little") & fixed
-    form, at, place = f"={_STAMP_AT}siI", _STAMP_AT + STAMP.size, _FIRST
-    pieces, numbers = [(0, bytes(raw[:_STAMP_AT]))], []
+    form, at, place = f"={HEADER}siI", HEADER + TIME.size, _FIRST
+    pieces, numbers = [(0, bytes(raw[:HEADER]))], []
     for start, length in arrays:
         if not length and message.name:  # that it is empty is part of the next piece
             numbers.append(slice(0, 0))

@@ -3,13 +3,12 @@
 
 from __future__ import annotations
 
-import struct
-
 from arm_msgs.msg import Energy
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
 from arm_dynamics.model import Array
+from arm_dynamics.ros.cdr import HEADER, time_bytes
 from arm_dynamics.ros.convert import to_time
 from arm_dynamics.ros.direct import sender
 from arm_dynamics.ros.joint_state_bytes import JointStateWriter
@@ -19,9 +18,6 @@ from arm_sim.ros.multiplier_output import MultiplierOutput
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.round_trip import RoundTrip
 from arm_sim.simulator import Simulator
-
-_STAMP = struct.Struct("=iI")
-_STAMP_AT = 4  # after the header of the serialized message
 
 
 class Outputs:
@@ -46,7 +42,7 @@ class Outputs:
         self._energy = node.create_publisher(topic.type, topic.name, topic.publish)
         self._multipliers = MultiplierOutput(node, simulator)
         self._send_clock = sender(node, interfaces.CLOCK) if params.publish_clock else None
-        self._clock_bytes = bytearray(serialize_message(interfaces.CLOCK.type()))
+        self._clock_header = bytes(serialize_message(interfaces.CLOCK.type()))[:HEADER]
         self._meter: EnergyMeter | None = None
         simulator.audit.prepare()
         self._idle = 0.0
@@ -92,8 +88,7 @@ class Outputs:
         effort = simulator.acted if simulator.plant.torques is None else simulator.effort
         self._send_state(self._writer.write(stamp, q, v, effort))
         if self._send_clock is not None:
-            _STAMP.pack_into(self._clock_bytes, _STAMP_AT, *divmod(stamp, 1_000_000_000))
-            self._send_clock(bytes(self._clock_bytes))
+            self._send_clock(self._clock_header + time_bytes(stamp))
 
     def stamp(self) -> int:
         """Simulated time in [ns], from the step counter."""
