@@ -3,17 +3,20 @@
 
 from __future__ import annotations
 
+from collections import deque
 from typing import Any
 
 import numpy as np
 import pytest
 from harness import Ros
+from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, TAU, by_hand, command, motion
+from sim_by_hand import NAMES, TAU, by_hand, command, motion, ticks
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 import models
+from arm_dynamics.ros.convert import to_time
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -60,6 +63,57 @@ def test_only_the_newest_command_counts(ros: Ros, node: SimNode) -> None:
 
     ros.spin_until(last_acts)
     assert acted == sorted(acted)
+
+
+class Waiting:
+    """Commands that have come since the last tick, in place of the middleware."""
+
+    def __init__(self) -> None:
+        self._messages: deque[bytes] = deque()
+
+    def put(self, stamp: int, source: str, joint: int, effort: float) -> None:
+        message = JointState(name=[NAMES[joint]], effort=[effort])
+        message.header.frame_id = source
+        message.header.stamp = to_time(stamp)
+        self._messages.append(serialize_message(message))
+
+    def take(self) -> tuple[bytes, int] | None:
+        return (self._messages.popleft(), 0) if self._messages else None
+
+    def close(self) -> None:
+        pass
+
+
+@pytest.fixture
+def waiting(node: SimNode, monkeypatch: pytest.MonkeyPatch) -> Waiting:
+    """What waits for a node that has made some ticks."""
+    pending = Waiting()
+    node._newest.close()
+    monkeypatch.setattr(node, "_newest", pending)
+    ticks(node, 3)
+    return pending
+
+
+def test_two_sources_lead_joints_of_their_own_in_every_tick(
+    node: SimNode, waiting: Waiting
+) -> None:
+    acted = []
+    for k in range(1, 6):
+        for joint, source in enumerate(("left", "right")):
+            waiting.put(node.stamp, source, joint, float(k))
+        node.tick()
+        acted.append(node.simulator.effort.tolist())
+    assert acted[0][0] == 1.0
+    assert acted[1:] == [[k, k] for k in range(2, 6)], "a new source is heard a tick later at most"
+
+
+def test_the_answer_to_the_newest_state_acts_whatever_waits_before_it(
+    node: SimNode, waiting: Waiting
+) -> None:
+    for stamp in (0, 1_000_000, 2_000_000, node.stamp):
+        waiting.put(stamp, "one", 0, 1e-6 * stamp)
+    node.tick()
+    assert node.simulator.effort[0] == 3.0
 
 
 def test_commands_go_by_name(node: SimNode) -> None:

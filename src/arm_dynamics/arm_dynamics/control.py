@@ -100,9 +100,9 @@ class ComputedTorque:
         desired = (reference.q, reference.v, reference.a)
         a = demanded_acceleration(q, v, desired, self._kp, self._kd)
         middle, speed = halfway(q, v, a, self._dt)
-        tau = self._rigid.inverse(middle, speed, a)
-        sliding = np.sign(np.where(v == 0.0, reference.v, v))
-        return np.asarray(self._rigid.model.friction.demanded(tau, speed, sliding, middle))
+        tau, friction = self._rigid.inverse(middle, speed, a), self._rigid.model.friction
+        sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.directional else v
+        return np.asarray(friction.demanded(tau, speed, sliding, middle))
 
 
 def halfway(q: Any, v: Any, a: Any, dt: float) -> tuple[Any, Any]:

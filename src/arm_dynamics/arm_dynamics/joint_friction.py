@@ -85,6 +85,11 @@ class JointFriction:
         return bool(self.level.any())
 
     @cached_property
+    def directional(self) -> bool:
+        """Whether it depends on the direction of sliding by more than the sign of the speed."""
+        return self.has_dry or self.bristles is not None or bool(self.gears)
+
+    @cached_property
     def skewed(self) -> bool:
         """Whether viscous friction depends on the direction."""
         return bool(self.viscous_skew.any())
@@ -204,8 +209,8 @@ class JointFriction:
         Args:
             rigid: M a + C v + G in [N m] or [N], shape (…, n).
             v: Joint velocities in [rad/s] or [m/s].
-            direction: Which way joints slide.
-            q: Joint positions in [rad] or [m].
+            direction: Which way joints slide; used only if ``directional``.
+            q: Joint positions in [rad] or [m]; used only if ``by_position``.
 
         Returns:
             Torques of the shape of ``rigid``.
