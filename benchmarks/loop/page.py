@@ -97,7 +97,8 @@ def page(r: Record, figure: str) -> str:
               clocks),
         f"Processor shares in the loop: {shares}.",
         f"![Lateness]({figure})",
-        "**Latency.**", table(("", "p50 [ms]", "p99 [ms]", "max [ms]"), trips),
+        "**Latency.** Half of the bare trips were made before the loop, half after it.",
+        table(("", "p50 [ms]", "p99 [ms]", "max [ms]"), trips),
         "**Batches**, points per second; they differ from Pinocchio by "
         f"{difference:.0e} of the largest number. Terms are M, C, G, F and the energies.",
         table(("", "inverse dynamics", "forward dynamics", "terms"), _batches(r)),
