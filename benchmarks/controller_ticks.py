@@ -29,6 +29,7 @@ from arm_dynamics.control import Measured
 from arm_dynamics.control_choice import NAMES, Settings, make_controller
 from arm_dynamics.motion import Reference
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.transport import as_usual
 
 FRAME = "panda_hand_tcp"
 CALLS = 3000
@@ -37,7 +38,7 @@ WARM_UP = 300
 
 def main() -> None:
     """Print least and median time of every law."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ |= as_usual()
     scene = load_scene(files("arm_sim") / "scenes/panda.yaml")
     dynamics = Dynamics(scene)
     heads = "law: least", "median", "node: least", "median", "sent: least", "median"

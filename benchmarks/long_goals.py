@@ -39,6 +39,7 @@ from arm_dynamics.ros.interfaces import (
 )
 from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter
 from arm_dynamics.ros.privileges import Privileges
+from arm_dynamics.ros.transport import as_usual
 from arm_dynamics.task_algebra import quaternions
 from arm_dynamics.task_space import TaskSpace
 from arm_sim.cli.demo.processes import Processes, free_domain
@@ -155,7 +156,7 @@ def path(dynamics: Dynamics, poses: int, length: float) -> bytes:
 
 def main() -> None:
     """Print how long states waited, for every kind of goal."""
-    os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
+    os.environ |= as_usual()
     os.environ["ROS_DOMAIN_ID"] = str(free_domain())
     scene = str(files("arm_sim") / "scenes/panda.yaml")
     wanted = [f"priority:={PRIORITY}", f"task_frame:={FRAME}", "cartesian_speed:=1.0"]

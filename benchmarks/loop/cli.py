@@ -12,6 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
+from arm_dynamics.ros.transport import as_usual
 from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
 
 ROOT = Path(__file__).parents[2]
@@ -46,7 +47,7 @@ def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: boo
     from benchmarks.loop.page import promises, write
 
     domain = free_domain()
-    os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
     console = Console(stderr=True)
     # A participant all the time, so that nobody else takes the domain between two stages.
     with interruptible(), ArmClient(domain=domain):

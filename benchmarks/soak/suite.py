@@ -192,10 +192,10 @@ class Suite:
             self.watcher.drop("joint_commands")
         while time.monotonic() < end:
             self.live(1.0)
-            if not self.watcher.errors():
+            if not self.watcher.troubles():
                 outcome.well += 1
                 return
-        self._complain(outcome, f"not well again: {'; '.join(self.watcher.errors())}")
+        self._complain(outcome, f"not well again: {'; '.join(self.watcher.troubles())}")
 
     def _says(self, part: str) -> str:
         latest = self.watcher.latest.get(part)

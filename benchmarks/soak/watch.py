@@ -21,6 +21,7 @@ from rclpy.signals import SignalHandlerOptions
 from arm_dynamics.ros.executor import make_executor
 
 _GLANCE = 0.02  # [s]
+_SILENCE = 2.5  # [s], five messages of diagnostics
 _MEET = 0.5  # [s] that the other side may take to find a publisher
 KEEP = 400  # messages of diagnostics
 PAGE = 4096
@@ -123,9 +124,15 @@ class Watcher:
                 return status
         return None
 
-    def errors(self) -> list[str]:
-        """Parts whose latest status is an error, with the words."""
-        return [f"{s.name}: {s.message}" for s in self.latest.values() if s.level == 2]
+    def troubles(self) -> list[str]:
+        """What is not as it should be: errors, silent parts, a loop that is not closed."""
+        silent = time.monotonic() - _SILENCE
+        found = [f"{s.name} says nothing" for s in self.latest.values() if s.at < silent]
+        found += [f"{s.name}: {s.message}" for s in self.latest.values() if s.level == 2]
+        commands = self.latest.get("sim: commands")
+        if commands is not None and commands.values["stale"] != "false":
+            found.append("the sim gets no commands")
+        return found
 
     def _on_diagnostics(self, message: DiagnosticArray) -> None:
         now = time.monotonic()

@@ -14,7 +14,7 @@ setup(
     maintainer_email="maintainers@example.org",
     python_requires=">=3.12",
     packages=find_packages(),
-    package_data={"": ["**/*.c", "**/*.h", "**/*.cpp", "**/*.hpp", "py.typed"]},
+    package_data={"": ["**/*.c", "**/*.h", "**/*.cpp", "**/*.hpp", "**/*.xml", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

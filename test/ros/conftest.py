@@ -7,9 +7,10 @@ from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-from harness import DISCOVERY, PROFILES, Ros
+from harness import Ros
 
 from arm_dynamics.ros.shared_memory import clear_dead
+from arm_dynamics.ros.transport import by_udp
 
 
 def pytest_configure(config: pytest.Config) -> None:
@@ -32,13 +33,11 @@ def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
 def transports() -> Iterator[None]:
     """Nobody outside this machine hears the tests, and they stay out of shared memory.
 
-    Its ports are the whole machine's. Where a process is killed, or stopped for a second, Fast DDS
-    2.14 takes them for dead and maps them anew, and who is just leaving one crashes. What killed
-    nodes leave there is given back.
+    Nodes that tests start as processes talk as for users; what killed ones leave is given back.
     """
     with pytest.MonkeyPatch.context() as patch:
-        patch.setenv(DISCOVERY, "SYSTEM_DEFAULT")  # leaves it to the profile
-        patch.setenv(PROFILES, str(Path(__file__).with_name("this_machine.xml")))
+        for name, value in by_udp().items():
+            patch.setenv(name, value)
         yield
     clear_dead()
 

@@ -20,16 +20,17 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
+from arm_dynamics.ros.transport import PROFILES, as_usual
+
 DOMAINS = 100  # domains above 101 collide with ports that the system gives away
 RESERVATIONS = 22_119  # first of the ports that stand for domains in use
-DISCOVERY, PROFILES = "ROS_AUTOMATIC_DISCOVERY_RANGE", "FASTRTPS_DEFAULT_PROFILES_FILE"
 _turn = count(os.getpid())
 
 
 def surroundings(**more: str) -> dict[str, str]:
     """Environment for a process that shall talk as it does for users, on this machine."""
     ours = {name: value for name, value in os.environ.items() if name != PROFILES}
-    return {**ours, DISCOVERY: "LOCALHOST", **more}
+    return {**ours, **as_usual(), **more}
 
 
 def reserve_domain() -> tuple[int, socket.socket]:

@@ -90,6 +90,7 @@ def _run(
     motion: Motion, output: Path, scratch: Path, say: Say, bar: Callable[[float], None]
 ) -> tuple[Seen, dict[str, Any]]:
     """Have the processes follow the motion; return what was seen and the sim node's report."""
+    from arm_dynamics.ros.transport import as_usual
     from arm_sim.cli.demo.observer import Observer
     from arm_sim.cli.demo.processes import Processes, free_domain
 
@@ -97,7 +98,7 @@ def _run(
     _write_scene(scene, motion)
     domain = free_domain()
     # For the children, which inherit it, and for our own node.
-    os.environ |= {"ROS_DOMAIN_ID": str(domain), "ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
     with (
         Processes(output) as processes,
         Observer(motion.model.joint_names, domain) as observer,
