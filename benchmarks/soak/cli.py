@@ -29,8 +29,8 @@ Examples:
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for soak.md, soak.json and the logs.")  # fmt: skip
 @click.option("--shared-memory", is_flag=True,
-              help="Let the nodes talk by shared memory too, as Fast DDS does when it is not told: "
-              "version 2.14 now and then loses a partner that is stopped for a second.")  # fmt: skip
+              help="Let the nodes talk by shared memory too, as Fast DDS does by itself: version "
+              "2.14 now and then loses a partner that was stopped for a second.")  # fmt: skip
 def main(minutes: float, out: Path, shared_memory: bool) -> None:
     """Run all nodes under load for a long time, put faults in, and tell what came of each.
 
