@@ -86,7 +86,7 @@ class JointFriction:
 
     @cached_property
     def directional(self) -> bool:
-        """Whether it depends on the direction of sliding by more than the sign of the speed."""
+        """Whether it asks which way a joint slides, or is about to."""
         return self.has_dry or self.bristles is not None or bool(self.gears)
 
     @cached_property
