@@ -213,7 +213,11 @@ def library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[],
     """A function of the compiled driver with its arguments; it says how many ticks were good."""
     entry = getattr(kernel.library, name)
     entry.restype = ctypes.c_longlong
-    return partial(entry, *arguments)
+    # Else ctypes would make these objects in every call, which is half of what a call costs.
+    ready = (type(a).from_param(a.value) if hasattr(a, "value") else a for a in arguments)
+    call = partial(entry, *ready)
+    vars(call)["arguments"] = arguments  # which keep their arrays
+    return call
 
 
 def pointer(array: Array) -> ctypes.c_void_p:
