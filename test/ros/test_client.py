@@ -6,6 +6,7 @@ from __future__ import annotations
 import threading
 import time
 from collections.abc import Iterator
+from contextlib import contextmanager
 
 import numpy as np
 import pytest
@@ -150,28 +151,36 @@ def test_commands_to_the_simulation(arm: ArmClient) -> None:
         arm.step()
 
 
-def test_a_node_that_was_started_anew_is_asked_again(ros: Ros) -> None:
-    """The reply to a node's first question may get lost, whoever answered before."""
-    silent: list[int] = []
-
-    def answer(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
-        response.success = True
-        return response
-
-    service = ros.peer.create_service(ModelInfo, "dynamics/model_info", answer)
-    send = service.send_response
-    service.send_response = lambda *reply: silent.pop() if silent else send(*reply)
+@contextmanager
+def served(ros: Ros) -> Iterator[None]:
+    """The peer's services are answered meanwhile."""
     end = threading.Event()
     server = threading.Thread(target=lambda: ros.spin_until(end.is_set, 60.0))
     server.start()
     try:
-        with ArmClient(timeout=3.0, domain=ros.domain) as arm:
-            arm.model_info()
-            silent.append(1)
-            assert arm.model_info().joint_names == ()
+        yield
     finally:
         end.set()
         server.join()
+
+
+def agree(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
+    """Answer a question with nothing but success."""
+    response.success = True
+    return response
+
+
+def test_a_node_that_was_started_anew_is_asked_again(ros: Ros) -> None:
+    """The reply to a node's first question may get lost, whoever answered before."""
+    silent: list[int] = []
+
+    service = ros.peer.create_service(ModelInfo, "dynamics/model_info", agree)
+    send = service.send_response
+    service.send_response = lambda *reply: silent.pop() if silent else send(*reply)
+    with served(ros), ArmClient(timeout=3.0, domain=ros.domain) as arm:
+        arm.model_info()
+        silent.append(1)
+        assert arm.model_info().joint_names == ()
     assert silent == []
 
 
@@ -179,12 +188,8 @@ def test_who_comes_in_place_of_a_killed_node_is_asked_at_once(ros: Ros) -> None:
     """A killed node counts as there for a while; only its patience bounds a client's wait."""
     patience = 20.0  # [s], a third of the timeout
 
-    def answer(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
-        response.success = True
-        return response
-
     def offer() -> Service:
-        return ros.peer.create_service(ModelInfo, "dynamics/model_info", answer)
+        return ros.peer.create_service(ModelInfo, "dynamics/model_info", agree)
 
     def kill() -> None:
         first.send_response = lambda *reply: None
@@ -194,20 +199,14 @@ def test_who_comes_in_place_of_a_killed_node_is_asked_at_once(ros: Ros) -> None:
         heir.cancel()
         offer()
 
-    first, end = offer(), threading.Event()
+    first = offer()
     heir = ros.peer.create_timer(0.5, follow, autostart=False)
-    server = threading.Thread(target=lambda: ros.spin_until(end.is_set, 60.0))
-    server.start()
-    try:
-        with ArmClient(timeout=3.0 * patience, domain=ros.domain) as arm:
-            arm.model_info()
-            kill()
-            asked = time.monotonic()
-            arm.model_info()
-            assert time.monotonic() - asked < patience
-    finally:
-        end.set()
-        server.join()
+    with served(ros), ArmClient(timeout=3.0 * patience, domain=ros.domain) as arm:
+        arm.model_info()
+        kill()
+        asked = time.monotonic()
+        arm.model_info()
+        assert time.monotonic() - asked < patience
 
 
 def test_nobody_there(ros: Ros) -> None:
@@ -229,19 +228,11 @@ def test_a_lost_reply_is_asked_for_again(ros: Ros) -> None:
 
     def answer(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
         asked.append(True)
-        response.success = True
-        return response
+        return agree(_, response)
 
     service = ros.peer.create_service(ModelInfo, "dynamics/model_info", answer)
     send = service.send_response
     service.send_response = lambda *reply: send(*reply) if len(asked) > 1 else None
-    end = threading.Event()
-    server = threading.Thread(target=lambda: ros.spin_until(end.is_set, 30.0))
-    server.start()
-    try:
-        with ArmClient(timeout=10.0, domain=ros.domain) as arm:
-            assert arm.model_info().joint_names == ()
-    finally:
-        end.set()
-        server.join()
+    with served(ros), ArmClient(timeout=10.0, domain=ros.domain) as arm:
+        assert arm.model_info().joint_names == ()
     assert len(asked) >= 2

@@ -24,6 +24,7 @@ from arm_dynamics.control_run import AnyController, Saturated, Switch
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.follower import Follower
+from arm_dynamics.model import Array
 from arm_dynamics.motion import Limits, Reference
 from arm_dynamics.ros import convert
 from arm_dynamics.ros.answer_log import AnswerLog
@@ -42,7 +43,6 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
 )
 from arm_dynamics.ros.joint_state_bytes import (
-    Array,
     JointStateReader,
     JointStateWriter,
     all_finite,

@@ -17,8 +17,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model import Array
 from arm_dynamics.ros.cdr import GIGA, time_bytes
-from arm_dynamics.ros.joint_state_layout import FIELDS, NATIVE, Array, Layout, layout_of
+from arm_dynamics.ros.joint_state_layout import FIELDS, NATIVE, Layout, layout_of
 
 Numbers = tuple[float, ...]
 

@@ -8,12 +8,10 @@ import sys
 from typing import Any, NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 from sensor_msgs.msg import JointState
 
+from arm_dynamics.model import Array
 from arm_dynamics.ros.cdr import HEADER, TIME, aligned
-
-Array = NDArray[np.float64]
 
 FIELDS = ("position", "velocity", "effort")
 NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
