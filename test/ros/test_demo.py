@@ -17,6 +17,7 @@ import pytest
 from harness import surroundings
 
 import models
+from arm_sim.cli.demo.processes import interruptible, postponed
 from arm_sim.cli.demo.report import Numbers, complaints, remarks
 
 pytestmark = pytest.mark.ros
@@ -147,6 +148,17 @@ def test_it_ends_its_processes_whatever_happens(
     assert words in demo.said
     assert "Traceback" not in demo.said
     assert gone(ids, timeout=0.0)
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_that_comes_while_ros_is_at_work_waits_until_it_is_done(number: int) -> None:
+    done = []
+    with interruptible(), pytest.raises(KeyboardInterrupt, match=signal.Signals(number).name):
+        with postponed():
+            signal.raise_signal(number)
+            done.append("ROS")
+        done.append("more")
+    assert done == ["ROS"]
 
 
 def test_its_processes_end_even_if_it_is_killed(start: Start) -> None:

@@ -29,7 +29,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
     MODEL_INFO,
 )
-from arm_sim.cli.demo.processes import DemoFailed
+from arm_sim.cli.demo.processes import DemoFailed, postponed
 from arm_sim.ros.interfaces import ENERGY
 
 Array = NDArray[np.float64]
@@ -125,7 +125,8 @@ class Observer:
         """
         end, look = time.monotonic() + timeout, 0.0
         while not (met := condition()) and (now := time.monotonic()) < end:
-            self._executor.spin_once(timeout_sec=_GLANCE)
+            with postponed():
+                self._executor.spin_once(timeout_sec=_GLANCE)
             self._collect_answer()
             if now >= look:
                 glance()

@@ -8,7 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from types import TracebackType
@@ -21,6 +21,7 @@ from arm_dynamics.ros.shared_memory import clear_dead
 _PATIENCE = 5.0  # [s] for an orderly end
 _TAIL = 12  # lines of a log in a message
 _DOMAINS = range(1, 100)
+_INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class DemoFailed(click.ClickException):
@@ -145,10 +146,28 @@ def interruptible() -> Iterator[None]:
     def interrupt(number: int, _: Any) -> None:
         raise KeyboardInterrupt(signal.Signals(number).name)
 
-    numbers = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
-    before = {number: signal.signal(number, interrupt) for number in numbers}
+    with _handled_by(interrupt):
+        yield
+
+
+@contextmanager
+def postponed() -> Iterator[None]:
+    """Let a signal interrupt the program only afterwards.
+
+    While rclpy makes a message, an interruption would come out as a RuntimeError of its own.
+    """
+    received: list[int] = []
+    with _handled_by(lambda number, _: received.append(number)):
+        yield
+    for number in received:
+        signal.raise_signal(number)
+
+
+@contextmanager
+def _handled_by(handler: Callable[[int, Any], object]) -> Iterator[None]:
+    before = {number: signal.signal(number, handler) for number in _INTERRUPTIONS}
     try:
         yield
     finally:
-        for number, handler in before.items():
-            signal.signal(number, handler)
+        for number, previous in before.items():
+            signal.signal(number, previous)
