@@ -67,6 +67,14 @@ def test_falls_back_when_the_events_executor_dispatches_nothing(
     assert ticks_of(node) >= 3
 
 
+def test_the_events_executor_is_taken_although_there_is_other_work(node: Node) -> None:
+    node.create_timer(1e-5, lambda: None)
+    executor = make_executor(node)
+    assert not isinstance(executor, SingleThreadedExecutor)
+    executor.remove_node(node)
+    executor.shutdown()
+
+
 def test_the_probe_leaves_nothing_behind(node: Node) -> None:
     executor = make_executor(node)
     assert list(node.timers) == []
