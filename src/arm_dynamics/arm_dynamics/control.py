@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -11,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from arm_dynamics.arguments import vector
+from arm_dynamics.arguments import all_finite, vector
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.motion import Reference, numbers
@@ -221,7 +220,8 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
         if (
             q.shape == v.shape == (n,)
             and q.dtype == v.dtype == _FLOAT
-            and math.isfinite(sum(q.tolist()) + sum(v.tolist()))
+            and all_finite(q)
+            and all_finite(v)
         ):
             return q, v
     for name, value in (("state.q", q), ("state.v", v)):

@@ -37,6 +37,10 @@ class Term(IntFlag):
     ALL = 15
 
 
+_BITS = tuple(int(term) for term in (Term.INERTIA, Term.CORIOLIS, Term.GRAVITY, Term.FRICTION))
+_WEIGHTLESS = np.zeros(3)
+
+
 class Dynamics:
     """Inverse and forward dynamics of one scene; keep one instance per thread.
 
@@ -56,6 +60,7 @@ class Dynamics:
         self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
         self.command_map = CommandMap(self.model)
         self._points = Pointwise(self.model)
+        self._gravity = np.array(self.model.scene.gravity)
 
     @property
     def n(self) -> int:
@@ -88,15 +93,16 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        chosen = self._terms(terms)
+        inertia, coriolis, gravity, friction = _chosen(terms)
         q, v, a = vectors(self.n, q=q, v=v, a=a)
-        gravity = np.array(self.model.scene.gravity if chosen & Term.GRAVITY else (0.0, 0.0, 0.0))
-        moving = v if chosen & Term.CORIOLIS else np.zeros_like(v)
-        pushed = a if chosen & Term.INERTIA else np.zeros_like(a)
-        tau = self.rigid(q).inverse(q, moving, pushed, gravity)
-        if not chosen & Term.FRICTION:
+        moving = v if coriolis else np.zeros_like(v)
+        pushed = a if inertia else np.zeros_like(a)
+        tau = self.rigid(q).inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
+        if not friction:
             return tau
-        needed: Array = self.model.friction.demanded(tau, v, np.sign(v), q)
+        law = self.model.friction
+        sliding = np.sign(v) if law.directional else v
+        needed: Array = law.demanded(tau, v, sliding, q)
         return needed
 
     def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
@@ -219,9 +225,12 @@ class Dynamics:
 
         return Batches(self._points)
 
-    def _terms(self, terms: Term | int) -> Term:
-        if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:
-            raise InvalidInput(
-                f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8"
-            )
-        return Term(terms)
+
+def _chosen(terms: Term | int) -> list[bool]:
+    """Which of inertia, Coriolis, gravity and friction."""
+    if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:
+        raise InvalidInput(
+            f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8"
+        )
+    bits = int(terms)
+    return [bool(bits & bit) for bit in _BITS]

@@ -4,13 +4,12 @@
 from __future__ import annotations
 
 import logging
-import math
 from typing import Any
 
 import numpy as np
 
 from arm_dynamics import ArmModel, InvalidInput
-from arm_dynamics.arguments import real_array, vector
+from arm_dynamics.arguments import finite_numbers, real_array, vector
 from arm_dynamics.model import Array
 from arm_sim.plant import Plant
 
@@ -33,9 +32,8 @@ def torque(tau: Any, n: int) -> list[float]:
     command = tau if type(tau) is np.ndarray and tau.dtype == float else real_array("tau", tau)
     if command.shape != (n,):
         raise InvalidInput(f"tau has shape {command.shape}; ({n},) is wanted")
-    # Several times faster than numpy for so few numbers; a sum that overflows is looked at again.
     numbers: list[float] = command.tolist()
-    return numbers if math.isfinite(sum(numbers)) else vector("tau", command, n).tolist()
+    return numbers if finite_numbers(numbers) else vector("tau", command, n).tolist()
 
 
 def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:

@@ -10,23 +10,22 @@ from functools import partial
 from typing import Any
 
 import rclpy
-from rclpy.client import Client
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.task import Future
 
 from arm_dynamics.exceptions import NoAnswer
-from arm_dynamics.ros.executor import make_executor
+from arm_dynamics.ros.direct import Asker
 from arm_dynamics.ros.interfaces import Service
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
 _SETTLE = 0.3  # [s] for the server to see the client, where a request must not be repeated
-_GLANCE = 0.05  # [s]
+_GLANCE = 0.05  # [s] between looks at who offers a service, while its answer is awaited
+_LOOK = 0.01  # [s] between looks whether anybody offers it
 
 
 class Caller:
-    """A node that asks other ones. It has a context and an executor of its own."""
+    """A node that asks other ones. It has a context of its own."""
 
     def __init__(self, timeout: float, domain: int | None = None) -> None:
         """Join the ROS graph; ``close`` leaves it.
@@ -45,16 +44,14 @@ class Caller:
             f"arm_call_{os.getpid()}_{id(self) & 0xFFFFFF:x}", context=self._context,
             enable_rosout=False, start_parameter_services=False,
         )  # fmt: skip
-        self._executor = make_executor(self._node)
-        self._clients: dict[str, Client] = {}
-        self._answered: set[str] = set()
-        self._offering: dict[str, int] = {}
+        self._askers: dict[tuple[str, str], Asker] = {}
+        self._answered: set[Asker] = set()
+        self._offering: dict[Asker, int] = {}
 
     def close(self) -> None:
         """Leave the graph; calling it again does no harm."""
         if self._context.ok():
-            self._executor.remove_node(self._node)  # before what its callbacks point to is gone
-            self._executor.shutdown()
+            self._askers.clear()
             self._node.destroy_node()
             self._context.try_shutdown()
 
@@ -73,67 +70,59 @@ class Caller:
         Raises:
             NoAnswer: If nobody offers the service, or nobody answers.
         """
-        name = service.name.replace("~", "/" + node.strip("/"))
-        client = self._client(service, name)
-        if not self._until(client.service_is_ready, self._timeout):
-            self._answered.discard(name)
-            raise NoAnswer(self._nobody(name))
-        met = name in self._answered
+        asker = self._asker(node, service)
+        if not _until(asker.ready, self._timeout):
+            self._answered.discard(asker)
+            raise NoAnswer(self._nobody(asker.name))
+        met = asker in self._answered
         if not (met or repeatable):
-            self._until(lambda: False, _SETTLE)
+            time.sleep(_SETTLE)
         # One that has answered before may have been started anew since; but give it time to work.
         patience = self._timeout / 3.0 if met else _RETRY
-        response = self._response(client, request, patience if repeatable else None)
+        response = self._response(asker, request, patience if repeatable else None)
+        asker.forget()
         if response is None:
-            self._answered.discard(name)
-            raise NoAnswer(self._silence(name, repeatable))
-        self._answered.add(name)
+            self._answered.discard(asker)
+            raise NoAnswer(self._silence(asker.name, repeatable))
+        self._answered.add(asker)
         return response
 
-    def _client(self, service: Service, name: str) -> Client:
-        if name not in self._clients:
-            self._clients[name] = self._node.create_client(service.type, name)
-        return self._clients[name]
+    def _asker(self, node: str, service: Service) -> Asker:
+        asker = self._askers.get((node, service.name))
+        if asker is None:
+            name = service.name.replace("~", "/" + node.strip("/"))
+            asker = self._askers[node, service.name] = Asker(self._node, service, name)
+        return asker
 
-    def _response(self, client: Client, request: Any, patience: float | None) -> Any | None:
+    def _response(self, asker: Asker, request: Any, patience: float | None) -> Any | None:
         """What is answered; asked again after ``patience`` in [s], unless that is None."""
-        end, futures = time.monotonic() + self._timeout, list[Future]()
-        answered = partial(_any_done, futures)
-        while (left := end - time.monotonic()) > 0.0 and not answered():
-            futures.append(client.call_async(request))
+        end, response = time.monotonic() + self._timeout, None
+        while response is None and (left := end - time.monotonic()) > 0.0:
+            asker.ask(request)
             if patience is None:
-                self._until(answered, left)
-                break
-            changed = self._changed(client.service_name, answered, min(patience, left))
+                return asker.answer(left)
+            response, changed = self._watched(asker, min(patience, left))
             # Later each time, but three times at least.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
             patience = _RETRY if changed else longer
-        done = next((f for f in futures if f.done()), None)
-        for future in futures:
-            if future is not done:
-                client.remove_pending_request(future)
-        return None if done is None else done.result()
+        return response
 
-    def _changed(self, service: str, answered: Callable[[], bool], patience: float) -> bool:
+    def _watched(self, asker: Asker, patience: float) -> tuple[Any | None, bool]:
         """Wait for an answer; say whether who offers the service has changed before it came.
 
         One that was killed still counts as there for up to 20 s: what was asked of it is lost.
         """
-        count = partial(self._node.count_services, service)
-        if service not in self._offering:
-            self._offering[service] = count()
-        before = self._offering[service]
-        if self._until(answered, min(_GLANCE, patience)):  # most answers; the rest takes time
-            return False
-        self._until(lambda: answered() or count() != before, patience - _GLANCE)
-        self._offering[service] = count()
-        return self._offering[service] != before
-
-    def _until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        end = time.monotonic() + timeout
-        while not (met := condition()) and time.monotonic() < end:
-            self._executor.spin_once(timeout_sec=_GLANCE)
-        return met
+        count = partial(self._node.count_services, asker.name)
+        if asker not in self._offering:
+            self._offering[asker] = count()
+        end = time.monotonic() + patience
+        while (left := end - time.monotonic()) > 0.0:
+            if (response := asker.answer(min(_GLANCE, left))) is not None:
+                return response, False
+            if (now := count()) != self._offering[asker]:
+                self._offering[asker] = now
+                return None, True
+        return None, False
 
     def _nobody(self, name: str) -> str:
         lines = [f"no node offers {name} (waited {self._timeout:g} s)"]
@@ -159,5 +148,8 @@ class Caller:
         )
 
 
-def _any_done(futures: list[Future]) -> bool:
-    return any(future.done() for future in futures)
+def _until(condition: Callable[[], bool], timeout: float) -> bool:
+    end = time.monotonic() + timeout
+    while not (met := condition()) and time.monotonic() < end:
+        time.sleep(_LOOK)
+    return met

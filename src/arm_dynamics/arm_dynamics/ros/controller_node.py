@@ -16,6 +16,7 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
+from arm_dynamics.arguments import finite_numbers
 from arm_dynamics.background import Background, take_short_turns
 from arm_dynamics.command_map import rigid_twin
 from arm_dynamics.control import Measured
@@ -42,11 +43,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state_bytes import (
-    JointStateReader,
-    JointStateWriter,
-    all_finite,
-)
+from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter
 from arm_dynamics.ros.params import (
     ControllerParams,
     declare,
@@ -205,7 +202,7 @@ class ControllerNode(Node):
         state = Measured(np.array(q), np.array(v))
         reference = self._reference(stamp, state)
         tau = self._control.torque(state, reference)
-        if not all_finite(tau.tolist()):
+        if not finite_numbers(tau.tolist()):
             self._control.restart()
             self._say(f"no command, the torque would not be finite: {tau}")
             return None

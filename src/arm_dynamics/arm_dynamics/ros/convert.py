@@ -14,6 +14,7 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from arm_dynamics.arguments import all_finite
 from arm_dynamics.control import Moving
 from arm_dynamics.exceptions import ArmError, InvalidInput, known_names
 from arm_dynamics.model import ArmModel
@@ -129,9 +130,8 @@ class Batch:
 
     def _rows(self, what: str, values: Sequence[float]) -> Array:
         rows = np.array(values, float).reshape(-1, len(self.joint_names))
-        finite = np.isfinite(rows)
-        if not finite.all():
-            point, joint = np.argwhere(~finite)[0]
+        if not all_finite(rows):
+            point, joint = np.argwhere(~np.isfinite(rows))[0]
             raise InvalidInput(
                 f"{what} of joint '{self.joint_names[joint]}' at point {point} is "
                 f"{rows[point, joint]}; allowed are finite numbers"
@@ -154,7 +154,7 @@ def _order(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]
 
 def finite_answer(answer: Array) -> Array:
     """Return the answer, or refuse it when the numbers asked for went out of range."""
-    if not np.isfinite(answer).all():
+    if not all_finite(answer):
         raise InvalidInput("the answer is not finite: the numbers given are too large")
     return answer
 
