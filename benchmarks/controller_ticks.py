@@ -69,22 +69,14 @@ def _answers(scene: Any, name: str, observer: float | None) -> Iterator[Callable
     states = cycle([_state(node, 0.02), _state(node, 0.03)])  # a state repeated is not computed
     node.on_joint_states(next(states))
     node.on_joint_trajectory(_long_way(node))
-    publisher = node._commands
+    publish = node._send
     try:
-        for send in (_Nowhere(), publisher):
-            node._commands = send
+        for send in (lambda command: None, publish):
+            node._send = send
             yield lambda: node.on_joint_states(next(states))
     finally:
-        node._commands = publisher
         node.destroy_node()
         context.try_shutdown()
-
-
-class _Nowhere:
-    """Takes messages and sends them nowhere."""
-
-    def publish(self, message: object) -> None:
-        """Take one."""
 
 
 def _state(node: ControllerNode, off: float) -> bytes:

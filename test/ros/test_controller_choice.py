@@ -145,6 +145,7 @@ def test_laws_change_in_motion_without_a_jump(ros: Ros) -> None:
     for name in laws:
         torques += [tick(sim, node) for _ in range(150)]
         assert change(node, controller=name).successful
+        settle(node)
         at.append(len(torques))
     torques = np.array(torques + [tick(sim, node) for _ in range(150)])
     for k in at:

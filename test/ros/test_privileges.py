@@ -6,12 +6,14 @@ from __future__ import annotations
 import gc
 import os
 import threading
+from pathlib import Path
 
 import pytest
+from harness import Ros
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros import privileges
-from arm_dynamics.ros.privileges import Privileges, freeze_garbage, read_cpus
+from arm_dynamics.ros.privileges import Privileges, freeze_garbage, put_timers_aside, read_cpus
 
 pytestmark = pytest.mark.ros
 
@@ -42,6 +44,20 @@ def test_frozen_garbage() -> None:
     freeze_garbage()
     assert gc.get_freeze_count() > before
     gc.unfreeze()
+
+
+def test_timers_of_dds_interrupt_nobody(ros: Ros) -> None:
+    """``ros`` has joined the graph, so that Fast DDS has a thread for timers."""
+
+    def policies() -> set[int]:
+        tasks = list(Path("/proc/self/task").iterdir())
+        found = [task for task in tasks if (task / "comm").read_text().startswith("dds.ev")]
+        return {os.sched_getscheduler(int(task.name)) for task in found}
+
+    assert os.SCHED_OTHER in policies()
+    put_timers_aside()
+    assert policies() == {os.SCHED_BATCH}
+    assert os.sched_getscheduler(0) == os.SCHED_OTHER
 
 
 def test_refusals_are_said_and_the_rest_is_done(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -45,6 +45,12 @@ class Measured:
     v: Array
 
 
+class Checked(Measured):
+    """A state of which it is known that shapes fit and numbers are finite."""
+
+    __slots__ = ()
+
+
 class Controller(Protocol):
     """Answers what torque leads a moving arm to its reference."""
 
@@ -216,6 +222,8 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
         InvalidInput: If they are anything else.
     """
     q, v = state.q, state.v
+    if type(state) is Checked:
+        return q, v
     if isinstance(q, np.ndarray) and isinstance(v, np.ndarray):
         if (
             q.shape == v.shape == (n,)

@@ -5,11 +5,14 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.control import Array, ComputedTorque
+from arm_dynamics import control_compiled, task_kernel
+from arm_dynamics.control import Array
+from arm_dynamics.control_compiled import CompiledComputedTorque
 from arm_dynamics.control_friction import FrictionFeedForward
 from arm_dynamics.control_joint import (
     PD,
@@ -31,7 +34,10 @@ from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.postures import postures
 from arm_dynamics.task_algebra import axis_masses
+from arm_dynamics.task_axes import chosen_axes
 from arm_dynamics.task_space import TaskSpace
+
+Job = Callable[[], object]
 
 
 @dataclass(frozen=True)
@@ -91,6 +97,24 @@ def make_controller(
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
 
 
+def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None:
+    """What takes time before a controller gives its first torque; None if that is done.
+
+    Args:
+        name: One of ``NAMES``.
+        dynamics: The model it knows.
+        settings: What it is tuned to.
+    """
+    model = dynamics.model
+    if name in IN_TASK_SPACE and settings.frame is not None:
+        task = settings.frame, chosen_axes(settings.axes)
+        built = task_kernel.is_built(model, *task)
+        return None if built else partial(task_kernel.build, model, *task)
+    if name == _COMPILED and not control_compiled.is_built(model):
+        return partial(control_compiled.build, model)
+    return None
+
+
 def _pd(dynamics: Dynamics, s: Settings) -> AnyController:
     return _rubbed(PD(dynamics.n, *_tuned(dynamics, s)), dynamics, s)
 
@@ -110,7 +134,7 @@ def _feed_forward(dynamics: Dynamics, s: Settings) -> AnyController:
 
 
 def _computed_torque(dynamics: Dynamics, s: Settings) -> AnyController:
-    return ComputedTorque(dynamics, s.bandwidth, s.damping_ratio, s.dt)
+    return CompiledComputedTorque(dynamics, s.bandwidth, s.damping_ratio, s.dt)
 
 
 def _joint_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
@@ -162,6 +186,7 @@ _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
     "float": _float,
 }
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
+_COMPILED = "computed_torque"
 IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
 
 

@@ -125,7 +125,7 @@ class Kernel:
             reals.ctypes.data,
             0,
         )
-        kept = (arguments, results, integers, reals)
+        kept = (inputs, outputs, arguments, results, integers, reals)
 
         def run(_kept: object = kept) -> None:
             entry(*addresses)
@@ -221,7 +221,7 @@ def _virtual(
     for i, array in enumerate(outputs):
         buffer.set_res(i, memoryview(array.ravel(order="K")))
 
-    def run(_kept: object = buffer) -> None:
+    def run(_kept: object = (buffer, inputs, outputs)) -> None:
         evaluate()
 
     return run

@@ -9,11 +9,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from arm_dynamics import ArmModel
+from arm_dynamics import ArmModel, control_compiled
 from arm_dynamics.command_map import CommandMap
-from arm_dynamics.control import demanded_acceleration, halfway, held_gains
-from arm_dynamics.laws import rigid_body
-from arm_dynamics.laws.links import tree_of
+from arm_dynamics.control import held_gains
 from arm_dynamics.model import Array
 from arm_dynamics.motion import Reference
 from arm_sim.plant import Plant, constant
@@ -55,15 +53,12 @@ def computed_torque(
         InvalidInput: If a gain or dt is not allowed.
     """
     kp, kd = held_gains(bandwidth, damping_ratio, model.n, dt)
-    n, tree = model.n, tree_of(model)
+    n = model.n
     x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)
     q, v = x[:n], x[n:]
-    q_d, v_d, a_d = ca.vertsplit(r, n)
-    a = demanded_acceleration(q, v, (q_d, v_d, a_d), constant(kp), constant(kd))
-    middle, speed = halfway(q, v, a, dt)
-    tau = rigid_body.inverse(tree, middle, speed, a, constant(model.scene.gravity))
-    sliding = ca.if_else(v == 0, v_d, v)  # as in arm_dynamics.control.ComputedTorque
-    tau = model.friction.demanded(tau, speed, ca.sign(sliding), middle)
+    tau = control_compiled.torque(
+        model, q, v, ca.vertsplit(r, n), (constant(kp), constant(kd), constant([dt]))
+    )
     command = CommandMap(model)(q, v, tau)
     law = ca.Function("law", [x, r], [ca.densify(command)], {"cse": True})
     return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))

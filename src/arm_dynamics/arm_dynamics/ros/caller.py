@@ -17,6 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 from arm_dynamics.exceptions import NoAnswer
 from arm_dynamics.ros.direct import Asker
 from arm_dynamics.ros.interfaces import Service
+from arm_dynamics.ros.privileges import put_timers_aside
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
 _SETTLE = 0.3  # [s] for the server to see the client, where a request must not be repeated
@@ -44,6 +45,7 @@ class Caller:
             f"arm_call_{os.getpid()}_{id(self) & 0xFFFFFF:x}", context=self._context,
             enable_rosout=False, start_parameter_services=False,
         )  # fmt: skip
+        put_timers_aside()
         self._askers: dict[tuple[str, str], Asker] = {}
         self._answered: set[Asker] = set()
         self._offering: dict[Asker, int] = {}

@@ -6,12 +6,6 @@ from __future__ import annotations
 from arm_dynamics.control_choice import Settings
 from arm_dynamics.model import Array
 from arm_dynamics.ros.params import ControllerParams, one_or_all, task_axes
-from arm_dynamics.task_axes import chosen_axes
-
-
-def task_of(params: ControllerParams) -> tuple[str, tuple[str, ...]]:
-    """Frame of the task and the axes that it controls."""
-    return params.task_frame, chosen_axes(task_axes(params))
 
 
 def settings_of(params: ControllerParams, limit: Array) -> Settings:

@@ -7,7 +7,6 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -19,8 +18,14 @@ from trajectory_msgs.msg import JointTrajectory
 from arm_dynamics.arguments import finite_numbers
 from arm_dynamics.background import Background, take_short_turns
 from arm_dynamics.command_map import rigid_twin
-from arm_dynamics.control import Measured
-from arm_dynamics.control_choice import IN_TASK_SPACE, make_controller
+from arm_dynamics.control import Checked, Measured
+from arm_dynamics.control_choice import (
+    IN_TASK_SPACE,
+    Job,
+    Settings,
+    make_controller,
+    preparation,
+)
 from arm_dynamics.control_run import AnyController, Saturated, Switch
 from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
@@ -30,7 +35,7 @@ from arm_dynamics.motion import Limits, Reference
 from arm_dynamics.ros import convert
 from arm_dynamics.ros.answer_log import AnswerLog
 from arm_dynamics.ros.cdr import as_bytes
-from arm_dynamics.ros.control_settings import settings_of, task_of
+from arm_dynamics.ros.control_settings import settings_of
 from arm_dynamics.ros.diagnosis import Diagnosis, Finding
 from arm_dynamics.ros.direct import sender
 from arm_dynamics.ros.executor import run, surviving
@@ -52,7 +57,6 @@ from arm_dynamics.ros.params import (
     watch,
 )
 from arm_dynamics.scene_file import load_scene
-from arm_dynamics.task_kernel import build, is_built
 from arm_dynamics.task_space import TaskSpace
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
@@ -136,8 +140,13 @@ class ControllerNode(Node):
     def _made(self, params: ControllerParams) -> AnyController:
         if params.task_frame:  # refused at once, not when a law first needs it
             TaskSpace(self._dynamics, params.task_frame, selection=task_axes(params))
-        settings = settings_of(params, self._dynamics.model.effort_limit)
-        return make_controller(params.controller, self._dynamics, settings)
+        return make_controller(params.controller, self._dynamics, self._settings(params))
+
+    def _settings(self, params: ControllerParams) -> Settings:
+        return settings_of(params, self._dynamics.model.effort_limit)
+
+    def _to_build(self, name: str, params: ControllerParams) -> Job | None:
+        return preparation(name, self._dynamics, self._settings(params))
 
     def _apply(self, params: ControllerParams) -> None:
         before, control = self._params, self._made(params)
@@ -156,25 +165,19 @@ class ControllerNode(Node):
         self._params = params
         self._log.forget()
         self._builder.give_up()
-        if params.controller not in IN_TASK_SPACE or is_built(
-            self._dynamics.model, *task_of(params)
-        ):
+        if (job := self._to_build(params.controller, params)) is None:
             put()
         else:  # the law before goes on meanwhile
-            job = partial(build, self._dynamics.model, *task_of(params))
             self._builder.start(job, lambda built: self._put(built, put))
 
     def _build_ahead(self, params: ControllerParams) -> None:
-        """Build what a law in task space needs: at once for the first law, else aside."""
-        if not params.task_frame:
-            return
-        job = partial(build, self._dynamics.model, *task_of(params))
-        if params.controller in IN_TASK_SPACE:
+        """Build what the first law needs at once, and what one in task space needs aside."""
+        if job := self._to_build(params.controller, params):
             job()
-        else:
+        if job := self._to_build(IN_TASK_SPACE[0], params):
             self._builder.start(job, lambda built: None)  # what is wrong matters when it is used
 
-    def _put(self, built: Callable[[], None], put: Callable[[], None]) -> None:
+    def _put(self, built: Callable[[], object], put: Callable[[], None]) -> None:
         try:
             built()
         except ArmError as error:
@@ -199,7 +202,7 @@ class ControllerNode(Node):
             self._log.passed_over += 1
             self._say(f"joint state passed over: {error}")
             return None
-        state = Measured(np.array(q), np.array(v))
+        state = Checked(np.array(q), np.array(v))
         reference = self._reference(stamp, state)
         tau = self._control.torque(state, reference)
         if not finite_numbers(tau.tolist()):

@@ -17,7 +17,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros.core_log import core_log_of
-from arm_dynamics.ros.privileges import freeze_garbage
+from arm_dynamics.ros.privileges import freeze_garbage, put_timers_aside
 
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
@@ -115,6 +115,7 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
     try:
         _initialize(context, args)
         node = make_node(context=context)
+        put_timers_aside()
         if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
             freeze_garbage()
         with core_log_of(node):

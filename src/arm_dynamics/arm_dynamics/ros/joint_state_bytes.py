@@ -74,12 +74,14 @@ class _Known(NamedTuple):
     """A layout that was met.
 
     Attributes:
+        numbers: Places in a record of the numbers that are read, one for each field.
         places: Where in the message each joint is, None for an absent one; None: all, in order.
         source: The header's frame_id.
         joints: Indices of the joints that it names.
     """
 
     layout: Layout
+    numbers: tuple[slice, ...]
     places: tuple[int | None, ...] | None
     source: str
     joints: frozenset[int]
@@ -138,23 +140,28 @@ class JointStateReader:
         else:
             known, found = self._learn(raw)
         self._admit(known.source, known.joints)
-        values = []
-        for before, field in zip(self._values, self._fields, strict=True):
-            numbers: Numbers = found[known.layout.numbers[field]]
-            if known.places is not None:
-                there = zip(known.places, before, strict=True)
-                numbers = tuple(old if i is None else numbers[i] for i, old in there)
-            if not finite_numbers(numbers):
-                self._refuse_infinite(field, numbers)
-            values.append(numbers)
+        values: list[Numbers] = [found[place] for place in known.numbers]
+        if known.places is not None:
+            values = [
+                tuple(
+                    old if i is None else new[i]
+                    for i, old in zip(known.places, before, strict=True)
+                )
+                for new, before in zip(values, self._values, strict=True)
+            ]
+        if not all(map(finite_numbers, values)):
+            self._refuse_infinite(values)
         self._values = values
         return found[1] * GIGA + found[2], values
 
-    def _refuse_infinite(self, field: int, numbers: Numbers) -> NoReturn:
-        joint, bad = next((i, x) for i, x in enumerate(numbers) if not math.isfinite(x))
-        raise InvalidInput(
-            f"{FIELDS[field]} of joint '{self._names[joint]}' is {bad}; allowed are finite numbers"
+    def _refuse_infinite(self, values: list[Numbers]) -> NoReturn:
+        field, joint, bad = next(
+            (FIELDS[field], joint, x)
+            for field, numbers in zip(self._fields, values, strict=True)
+            for joint, x in zip(self._names, numbers, strict=True)
+            if not math.isfinite(x)
         )
+        raise InvalidInput(f"{field} of joint '{joint}' is {bad}; allowed are finite numbers")
 
     def _learn(self, raw: bytes) -> tuple[_Known, tuple[Any, ...]]:
         """Take the long way, check the message and remember where things stand in it."""
@@ -169,7 +176,9 @@ class JointStateReader:
         all_of_them = range(len(self._names))
         joints = [k for k in all_of_them if places is None or places[k] is not None]
         source = message.header.frame_id
-        known = _Known(layout_of(message, raw), places, source, frozenset(joints))
+        layout = layout_of(message, raw)
+        numbers = tuple(layout.numbers[field] for field in self._fields)
+        known = _Known(layout, numbers, places, source, frozenset(joints))
         for field, name in enumerate(FIELDS):
             if known.layout.array(raw, field).tobytes() != getattr(message, name).tobytes():
                 raise InvalidInput(f"{name} of the message is not where CDR puts it")
