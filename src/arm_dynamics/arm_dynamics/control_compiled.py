@@ -10,7 +10,6 @@ from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
 
 from arm_dynamics.control import (
     ComputedTorque,
@@ -32,42 +31,30 @@ from arm_dynamics.motion import Reference
 _log = logging.getLogger(__name__)
 
 
-class CompiledComputedTorque:
-    """The law of ``ComputedTorque``, with its arguments, in code compiled for the arm.
+class CompiledComputedTorque(ComputedTorque):
+    """The same law in code compiled for the arm.
 
     It is built for a model when the first torque is asked for, unless ``build`` has done so. Where
     it cannot be had, or differs from ``ComputedTorque``, the latter answers, and that is logged.
     """
 
-    def __init__(
-        self,
-        dynamics: Dynamics,
-        bandwidth: ArrayLike = 20.0,
-        damping_ratio: ArrayLike = 1.0,
-        dt: float = 1e-3,
-    ) -> None:
-        """Choose gains; arguments and errors as those of ``ComputedTorque``."""
-        self._plain = ComputedTorque(dynamics, bandwidth, damping_ratio, dt)
-        self._model, self._n = dynamics.model, dynamics.n
-        self._tuning = np.hstack((*held_gains(bandwidth, damping_ratio, dynamics.n, dt), dt))
-
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m], shape (n,); see ``ComputedTorque.torque``."""
-        q, v = checked(state, self._n)
         call = self._call
         if call is None:
-            return self._plain.torque(state, reference)
+            return super().torque(state, reference)
+        q, v = checked(state, self._n)
         np.concatenate((q, v, reference.q, reference.v, reference.a), out=call.inputs[0])
         call.run()
         return call.outputs[0].copy()
 
     @cached_property
     def _call(self) -> Call | None:
-        kernel = build(self._model)
+        kernel = build(self._rigid.model)
         if kernel is None:
             return None
         call = kernel.call(_LAW)
-        call.inputs[1][:] = self._tuning
+        call.inputs[1][:] = np.hstack((self._kp, self._kd, self._dt))
         return call
 
 
