@@ -19,6 +19,7 @@ from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.ros.executor import make_executor
+from arm_sim.cli.demo.processes import postponed
 
 _GLANCE = 0.02  # [s]
 _SILENCE = 2.5  # [s], five messages of diagnostics
@@ -110,7 +111,8 @@ class Watcher:
         while not done():
             if time.monotonic() >= end:
                 return False
-            self._executor.spin_once(timeout_sec=_GLANCE)
+            with postponed():
+                self._executor.spin_once(timeout_sec=_GLANCE)
         return True
 
     def listen(self, seconds: float) -> None:
