@@ -101,7 +101,9 @@ def test_without_a_compiler_it_is_still_right(
     monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
 ) -> None:
     monkeypatch.setattr(compiler, "find_compiler", lambda *_: None)
-    agree(new("two_link"), rng)
+    dynamics = new("two_link")
+    agree(dynamics, rng)
+    assert control_compiled.build(dynamics.model) is None
 
 
 def test_a_law_that_differs_is_not_used(

@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 import casadi as ca
 import numpy as np
 
+from arm_dynamics import compiler
 from arm_dynamics.control import (
     ComputedTorque,
     Measured,
@@ -93,17 +94,20 @@ def is_built(model: ArmModel) -> bool:
 
 
 def build(model: ArmModel) -> Kernel | None:
-    """The law, built once for a model; None where it cannot be had."""
+    """The law, built once for a model; None where there is no C compiler, or it is wrong."""
     if model not in _built:
-        try:
-            kernel = Kernel([_function(model)])
-            _check(kernel, model)
-        except (KernelError, OSError) as error:
-            _log.warning("%s; computed torque goes on without compiled code, slower", error)
-            _built[model] = None
-        else:
-            _built[model] = kernel
+        _built[model] = None if compiler.find_compiler() is None else _compiled(model)
     return _built[model]
+
+
+def _compiled(model: ArmModel) -> Kernel | None:
+    try:
+        kernel = Kernel([_function(model)])
+        _check(kernel, model)
+    except (KernelError, OSError) as error:
+        _log.warning("%s; computed torque goes on without compiled code, slower", error)
+        return None
+    return kernel
 
 
 def _function(model: ArmModel) -> ca.Function:
