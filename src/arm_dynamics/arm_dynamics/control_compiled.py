@@ -101,6 +101,7 @@ def build(model: ArmModel) -> Kernel | None:
 
 
 def _compiled(model: ArmModel) -> Kernel | None:
+    _log.info("building computed torque of %d joints", model.n)
     try:
         kernel = Kernel([_function(model)])
         _check(kernel, model)
