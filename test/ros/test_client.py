@@ -18,6 +18,7 @@ import models
 from arm_dynamics import InvalidInput, Term
 from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import NoAnswer, Refused
+from arm_dynamics.ros.direct import Asker
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
 from arm_dynamics.task_space import TaskSpace
 from tolerances import ALGEBRA
@@ -168,6 +169,27 @@ def agree(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
     """Answer a question with nothing but success."""
     response.success = True
     return response
+
+
+def test_an_answer_to_a_question_that_was_interrupted_is_passed_over(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    count = iter(range(1, 10))
+
+    def answer(_: object, response: ModelInfo.Response) -> ModelInfo.Response:
+        response.total_mass = float(next(count))
+        return agree(_, response)
+
+    def interrupt(*_: object) -> None:
+        raise KeyboardInterrupt
+
+    ros.peer.create_service(ModelInfo, "dynamics/model_info", answer)
+    with served(ros), ArmClient(timeout=10.0, domain=ros.domain) as arm:
+        before = arm.model_info().total_mass
+        with monkeypatch.context() as patched, pytest.raises(KeyboardInterrupt):
+            patched.setattr(Asker, "answer", interrupt)
+            arm.model_info()
+        assert arm.model_info().total_mass == before + 2.0
 
 
 def test_a_node_that_was_started_anew_is_asked_again(ros: Ros) -> None:

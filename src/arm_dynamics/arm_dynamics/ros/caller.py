@@ -82,7 +82,6 @@ class Caller:
         # One that has answered before may have been started anew since; but give it time to work.
         patience = self._timeout / 3.0 if met else _RETRY
         response = self._response(asker, request, patience if repeatable else None)
-        asker.forget()
         if response is None:
             self._answered.discard(asker)
             raise NoAnswer(self._silence(asker.name, repeatable))
@@ -98,18 +97,18 @@ class Caller:
 
     def _response(self, asker: Asker, request: Any, patience: float | None) -> Any | None:
         """What is answered; asked again after ``patience`` in [s], unless that is None."""
-        end, response = time.monotonic() + self._timeout, None
+        end, response, asked = time.monotonic() + self._timeout, None, set[int]()
         while response is None and (left := end - time.monotonic()) > 0.0:
-            asker.ask(request)
+            asked.add(asker.ask(request))
             if patience is None:
-                return asker.answer(left)
-            response, changed = self._watched(asker, min(patience, left))
+                return asker.answer(asked, left)
+            response, changed = self._watched(asker, asked, min(patience, left))
             # Later each time, but three times at least.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
             patience = _RETRY if changed else longer
         return response
 
-    def _watched(self, asker: Asker, patience: float) -> tuple[Any | None, bool]:
+    def _watched(self, asker: Asker, asked: set[int], patience: float) -> tuple[Any | None, bool]:
         """Wait for an answer; say whether who offers the service has changed before it came.
 
         One that was killed still counts as there for up to 20 s: what was asked of it is lost.
@@ -119,7 +118,7 @@ class Caller:
             self._offering[asker] = count()
         end = time.monotonic() + patience
         while (left := end - time.monotonic()) > 0.0:
-            if (response := asker.answer(min(_GLANCE, left))) is not None:
+            if (response := asker.answer(asked, min(_GLANCE, left))) is not None:
                 return response, False
             if (now := count()) != self._offering[asker]:
                 self._offering[asker] = now

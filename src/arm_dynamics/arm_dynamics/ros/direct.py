@@ -9,7 +9,7 @@ and has nothing else to do until the answer is there needs no executor, futures 
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -45,7 +45,7 @@ class Newest:
 
 
 class Asker:
-    """Asks a service, one request at a time; no executor is needed.
+    """Asks a service; no executor is needed.
 
     Attributes:
         name: Of the service, as everybody sees it.
@@ -57,32 +57,30 @@ class Asker:
         self.name: str = client.service_name
         self._response, self._handle = service.type.Response, client.handle
         self._waiting: Any = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, node.context.handle)
-        self._asked: set[int] = set()
 
     def ready(self) -> bool:
         """Whether anybody offers the service."""
         return bool(self._handle.service_server_is_available())
 
-    def ask(self, request: Any) -> None:
-        """Send a request."""
-        self._asked.add(self._handle.send_request(request))
+    def ask(self, request: Any) -> int:
+        """Send a request; return its number."""
+        return int(self._handle.send_request(request))
 
-    def answer(self, timeout: float) -> Any | None:
-        """Wait for the answer to what was asked since the last one; None if it takes too long."""
+    def answer(self, asked: Collection[int], timeout: float) -> Any | None:
+        """Wait for the answer to one of some requests, by number; others are passed over.
+
+        Returns:
+            The first that comes, or None if none does within ``timeout`` in [s].
+        """
         end = time.monotonic_ns() + int(1e9 * timeout)
         while (left := end - time.monotonic_ns()) > 0:
             self._waiting.clear_entities()
             self._waiting.add_client(self._handle)
             self._waiting.wait(left)
             info, response = self._handle.take_response(self._response)
-            if info is not None and info.request_id.sequence_number in self._asked:
-                self.forget()
+            if info is not None and info.request_id.sequence_number in asked:
                 return response
         return None
-
-    def forget(self) -> None:
-        """Want no answer any more to what was asked; one that still comes is passed over."""
-        self._asked.clear()
 
 
 def sender(node: Node, topic: Topic) -> Callable[[bytes], None]:
