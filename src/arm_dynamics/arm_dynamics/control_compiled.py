@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computed torque compiled for an arm: one call instead of a dozen, a fourth of the time."""
+"""Computed torque compiled for an arm: one call instead of a dozen, half the time."""
 
 from __future__ import annotations
 

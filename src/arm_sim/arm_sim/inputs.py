@@ -33,7 +33,9 @@ def torque(tau: Any, n: int) -> list[float]:
     if command.shape != (n,):
         raise InvalidInput(f"tau has shape {command.shape}; ({n},) is wanted")
     numbers: list[float] = command.tolist()
-    return numbers if finite_numbers(numbers) else vector("tau", command, n).tolist()
+    if not finite_numbers(numbers):
+        vector("tau", command, n)  # which says what is wrong
+    return numbers
 
 
 def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:

@@ -180,10 +180,10 @@ class JointStateReader:
         numbers = tuple(layout.numbers[field] for field in self._fields)
         known = _Known(layout, numbers, places, source, frozenset(joints))
         for field, name in enumerate(FIELDS):
-            if known.layout.array(raw, field).tobytes() != getattr(message, name).tobytes():
+            if layout.array(raw, field).tobytes() != getattr(message, name).tobytes():
                 raise InvalidInput(f"{name} of the message is not where CDR puts it")
         self._known = [known, *self._known[: _KINDS - 1]]
-        return known, known.layout.record.unpack_from(raw)
+        return known, layout.record.unpack_from(raw)
 
     def _places(self, message: JointState) -> tuple[int | None, ...] | None:
         """Check names and lengths; say where in the message each joint is."""
