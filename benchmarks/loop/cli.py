@@ -71,7 +71,6 @@ def _measured(
 ) -> dict[str, Any]:
     from benchmarks.loop import stages
     from benchmarks.loop.bare import spread
-    from benchmarks.loop.page import slim
 
     logs = out / "loop_logs"
     logs.mkdir(parents=True, exist_ok=True)
@@ -92,4 +91,4 @@ def _measured(
     say("lockstep")
     record["lockstep"] = stages.together(SCENE, 3_000 if quick else 100_000, 100_000, logs, domain)
     record["load"] = [load, os.getloadavg()[0]]
-    return slim(record)
+    return record

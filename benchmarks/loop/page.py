@@ -7,8 +7,6 @@ import json
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from benchmarks.loop.figure import draw
 from benchmarks.markdown import table
 
@@ -130,16 +128,6 @@ def write(r: Record, out: Path, docs: Path | None) -> Path:
         target = docs / "performance-loop.md"
         target.write_text("# The loop over ROS\n\n" + page(r, "figures/loop.png"))
     return path
-
-
-def slim(r: Record) -> Record:
-    """The record with the bare thread's lateness as bars instead of every tick."""
-    late = np.array(r["loop"]["thread"].pop("lateness"))
-    edges = np.round(1e6 * late).astype(int)
-    values, counts = np.unique(edges, return_counts=True)
-    bars = [(1e-6 * int(v), int(c)) for v, c in zip(values, counts, strict=True)]
-    r["loop"]["thread"]["bars"] = bars
-    return r
 
 
 def _priority(priority: int) -> str:

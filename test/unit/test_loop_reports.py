@@ -12,7 +12,7 @@ import pytest
 
 pytest.importorskip("arm_msgs")
 
-from benchmarks.loop.bare import spread, ticks
+from benchmarks.loop.bare import lateness, spread
 from benchmarks.loop.page import promises, write
 from benchmarks.soak.faults import FAULTS
 from benchmarks.soak.page import complaints, page
@@ -88,8 +88,11 @@ def test_the_loop_s_report_is_written(tmp_path: Path) -> None:
 
 
 def test_the_bare_thread_counts_what_began_too_late() -> None:
-    found = ticks(np.array([10_000, 1_000_001, 5_000_000]), 1.0)
-    assert found["missed"] == 2
+    found = lateness(np.array([10_000, 10_300, 1_000_001, 5_000_000]))
+    assert (found["ticks"], found["missed"]) == (4, 2)
+    assert found["bars"] == [
+        [pytest.approx(1e-6 * n), c] for n, c in ((11, 2), (1001, 1), (5001, 1))
+    ]
     assert spread(np.array([1e6, 3e6]))["p50"] == pytest.approx(2e-3)
 
 
