@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 import struct
+from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import pytest
@@ -12,11 +14,13 @@ from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter
+from arm_dynamics.ros.joint_state_compiled import CompiledReader, make_reader
 from arm_dynamics.ros.joint_state_layout import FIELDS, layout_of
 
 pytestmark = pytest.mark.ros
 
 NAMES = ["base", "elbow", "wrist_é"]
+Readers = Callable[..., JointStateReader]
 
 
 def random_message(rng: np.random.Generator) -> JointState:
@@ -37,9 +41,19 @@ def state(**fields: list[float]) -> JointState:
     return JointState(name=NAMES, **fields)
 
 
-def reader(**options: bool) -> JointStateReader:
-    options = {"partial": False, "extra": False, **options}
-    return JointStateReader(NAMES, ("position", "velocity"), **options)
+@pytest.fixture(params=["Python", "C"])
+def reader(request: pytest.FixtureRequest) -> Readers:
+    """Makes a reader of positions and velocities, in Python or in C."""
+
+    def make(**options: Any) -> JointStateReader:
+        options = {"partial": False, "extra": False, **options}
+        if request.param == "Python":
+            return JointStateReader(NAMES, ("position", "velocity"), **options)
+        made = make_reader(NAMES, ("position", "velocity"), **options)
+        assert isinstance(made, CompiledReader)  # here there is a compiler, and ROS's headers
+        return made
+
+    return make
 
 
 def big_endian(message: JointState) -> bytes:
@@ -135,7 +149,9 @@ def test_messages_written_earlier_do_not_change() -> None:
     assert first == kept
 
 
-def test_reads_what_was_serialized_and_learns_it_once(rng: np.random.Generator) -> None:
+def test_reads_what_was_serialized_and_learns_it_once(
+    rng: np.random.Generator, reader: Readers
+) -> None:
     read = reader()
     for stamp in range(5):
         message = state(position=rng.normal(size=3).tolist(), velocity=[1.0, 2.0, 3.0])
@@ -146,7 +162,7 @@ def test_reads_what_was_serialized_and_learns_it_once(rng: np.random.Generator) 
     assert read.slow_reads == 1
 
 
-def test_reads_the_other_byte_order() -> None:
+def test_reads_the_other_byte_order(reader: Readers) -> None:
     message = state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0])
     message.header.stamp.sec = 7
     at, values = reader().read(big_endian(message))
@@ -154,13 +170,13 @@ def test_reads_the_other_byte_order() -> None:
     np.testing.assert_array_equal(values, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 
 
-def test_reads_by_name() -> None:
+def test_reads_by_name(reader: Readers) -> None:
     message = JointState(name=NAMES[::-1], position=[3.0, 2.0, 1.0], velocity=[6.0, 5.0, 4.0])
     _, values = reader().read(serialize_message(message))
     np.testing.assert_array_equal(values, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 
 
-def test_several_publishers_are_all_known() -> None:
+def test_several_publishers_are_all_known(reader: Readers) -> None:
     read = reader()
     orders = [NAMES, NAMES[::-1], [NAMES[1], NAMES[0], NAMES[2]]]
     for _ in range(3):
@@ -171,7 +187,7 @@ def test_several_publishers_are_all_known() -> None:
     assert read.slow_reads == len(orders)
 
 
-def test_extra_joints_are_passed_over_when_allowed() -> None:
+def test_extra_joints_are_passed_over_when_allowed(reader: Readers) -> None:
     message = JointState(name=["hand", *NAMES], position=[9.0, 1, 2, 3], velocity=[9.0, 4, 5, 6])
     raw = serialize_message(message)
     np.testing.assert_array_equal(reader(extra=True).read(raw)[1], [[1, 2, 3], [4, 5, 6]])
@@ -179,7 +195,7 @@ def test_extra_joints_are_passed_over_when_allowed() -> None:
         reader().read(raw)
 
 
-def test_absent_joints_keep_their_numbers_when_allowed() -> None:
+def test_absent_joints_keep_their_numbers_when_allowed(reader: Readers) -> None:
     read = reader(partial=True)
     whole = state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0])
     part = JointState(name=NAMES[1:2], position=[7.0], velocity=[8.0])
@@ -203,12 +219,14 @@ def test_absent_joints_keep_their_numbers_when_allowed() -> None:
         (JointState(), "joints base, elbow, wrist_é are missing"),
     ],
 )
-def test_useless_messages_are_refused(message: JointState, complaint: str) -> None:
+def test_useless_messages_are_refused(
+    message: JointState, complaint: str, reader: Readers
+) -> None:
     with pytest.raises(InvalidInput, match=complaint):
         reader().read(serialize_message(message))
 
 
-def test_refused_numbers_are_not_kept() -> None:
+def test_refused_numbers_are_not_kept(reader: Readers) -> None:
     read = reader(partial=True)
     with pytest.raises(InvalidInput):
         read.read(serialize_message(state(position=[np.nan] * 3, velocity=[5.0] * 3)))
@@ -216,8 +234,60 @@ def test_refused_numbers_are_not_kept() -> None:
     np.testing.assert_array_equal(read.read(serialize_message(part))[1], [[1, 0, 0], [1, 0, 0]])
 
 
-def test_rubbish_is_refused(rng: np.random.Generator) -> None:
+def test_rubbish_is_refused(rng: np.random.Generator, reader: Readers) -> None:
     good = serialize_message(state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0]))
     for length in (0, 1, 3, 4, 11, 30, 60):
         with pytest.raises(InvalidInput, match="are not a JointState"):
             reader().read(good[:length])
+
+
+def test_the_two_readers_read_and_refuse_alike(rng: np.random.Generator) -> None:
+    """Whole messages, such with damaged bytes, and such that end too early."""
+    for _ in range(100):
+        message = random_message(rng)
+        numbers = rng.normal(size=(2, len(message.name))).tolist()
+        message.position, message.velocity = numbers
+        if not message.name:
+            continue
+        python = JointStateReader(
+            message.name, ("position", "velocity"), partial=True, extra=False
+        )
+        compiled = make_reader(message.name, ("position", "velocity"), partial=True, extra=False)
+        raw = bytes(serialize_message(message))
+        for _ in range(2):  # C knows what came twice
+            assert said(python, raw) == said(compiled, raw)
+        for _ in range(30):
+            at, damaged = int(rng.integers(len(raw))), bytearray(raw)
+            damaged[at] ^= int(rng.integers(1, 256))
+            whole = len(raw) if rng.random() < 0.8 else at
+            assert said(compiled, bytes(damaged[:whole])) == said(python, bytes(damaged[:whole]))
+            assert said(compiled, raw) == said(python, raw)
+
+
+def said(reader: JointStateReader, raw: bytes) -> object:
+    """What a reader makes of a message, bit by bit, or why it does not."""
+    try:
+        stamp, values = reader.read(raw)
+    except InvalidInput as error:
+        return str(error)
+    return stamp, np.array(values).tobytes()
+
+
+def test_numbers_beyond_their_limit_are_told(reader: Readers) -> None:
+    told: list[tuple[float, ...]] = []
+    read = reader(limit=[1.0, np.inf, 3.0], beyond=told.append)
+    for position in ([1.0, 99.0, -3.0], [1.0, 0.0, -3.1], [-1.1, 0.0, 0.0], [0.0, 0.0, 0.0]):
+        message = state(position=position, velocity=[9.0] * 3)
+        assert read.read(serialize_message(message))[1][0] == tuple(position)
+    assert told == [(1.0, 0.0, -3.1), (-1.1, 0.0, 0.0)]
+
+
+def test_who_speaks_is_told_of_every_message(reader: Readers) -> None:
+    told: list[tuple[str, frozenset[int]]] = []
+    read = reader(partial=True, admit=lambda who, joints: told.append((who, joints)))
+    for who, names in (("a", NAMES), ("b", NAMES), ("a", NAMES), ("a", NAMES[1:]), ("a", NAMES)):
+        message = JointState(name=names, position=[0.0] * len(names), velocity=[0.0] * len(names))
+        message.header.frame_id = who
+        read.read(serialize_message(message))
+    whole = frozenset({0, 1, 2})
+    assert told == [("a", whole), ("b", whole), ("a", whole), ("a", whole - {0}), ("a", whole)]

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections import deque
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ import pytest
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, TAU, by_hand, command, motion, ticks
+from sim_by_hand import NAMES, TAU, Waiting, by_hand, command, motion, ticks
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -65,33 +64,19 @@ def test_only_the_newest_command_counts(ros: Ros, node: SimNode) -> None:
     assert acted == sorted(acted)
 
 
-class Waiting:
-    """Commands that have come since the last tick, in place of the middleware."""
-
-    def __init__(self) -> None:
-        self._messages: deque[bytes] = deque()
-
-    def put(self, stamp: int, source: str, joint: int, effort: float) -> None:
-        message = JointState(name=[NAMES[joint]], effort=[effort])
-        message.header.frame_id = source
-        message.header.stamp = to_time(stamp)
-        self._messages.append(serialize_message(message))
-
-    def take(self) -> tuple[bytes, int] | None:
-        return (self._messages.popleft(), 0) if self._messages else None
-
-    def close(self) -> None:
-        pass
-
-
 @pytest.fixture
-def waiting(node: SimNode, monkeypatch: pytest.MonkeyPatch) -> Waiting:
+def waiting(node: SimNode) -> Waiting:
     """What waits for a node that has made some ticks."""
-    pending = Waiting()
-    node._newest.close()
-    monkeypatch.setattr(node, "_newest", pending)
+    pending = Waiting(node)
     ticks(node, 3)
     return pending
+
+
+def named(stamp: int, source: str, joint: int, effort: float) -> bytes:
+    message = JointState(name=[NAMES[joint]], effort=[effort])
+    message.header.frame_id = source
+    message.header.stamp = to_time(stamp)
+    return serialize_message(message)
 
 
 def test_two_sources_lead_joints_of_their_own_in_every_tick(
@@ -100,7 +85,7 @@ def test_two_sources_lead_joints_of_their_own_in_every_tick(
     acted = []
     for k in range(1, 6):
         for joint, source in enumerate(("left", "right")):
-            waiting.put(node.stamp, source, joint, float(k))
+            waiting.messages.append(named(node.stamp, source, joint, float(k)))
         node.tick()
         acted.append(node.simulator.effort.tolist())
     assert acted[0][0] == 1.0
@@ -111,7 +96,7 @@ def test_the_answer_to_the_newest_state_acts_whatever_waits_before_it(
     node: SimNode, waiting: Waiting
 ) -> None:
     for stamp in (0, 1_000_000, 2_000_000, node.stamp):
-        waiting.put(stamp, "one", 0, 1e-6 * stamp)
+        waiting.messages.append(named(stamp, "one", 0, 1e-6 * stamp))
     node.tick()
     assert node.simulator.effort[0] == 3.0
 

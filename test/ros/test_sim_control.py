@@ -13,7 +13,7 @@ from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from sim_by_hand import NAMES, TAU, by_hand, ticks
+from sim_by_hand import NAMES, TAU, Waiting, by_hand, ticks
 from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
@@ -231,19 +231,17 @@ def test_two_controllers_show_and_the_first_one_stays(
     assert "two controllers" in capfd.readouterr().err
 
 
-def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(
-    ros: Ros, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(ros: Ros) -> None:
     node = by_hand(ros)
     for _ in range(STREAM):
         node.on_joint_commands(command("/controller:1"))
         node.tick()
-    intruder = [(command("/controller:2", effort=[9.0, 9.0]), 0)] * 10
-    came = [(command("/controller:1", effort=[2.0, 1.0]), 0), *intruder]
-    monkeypatch.setattr(node._newest, "take", lambda: came.pop(0) if came else None)
+    waiting = Waiting(node)
+    intruder = [command("/controller:2", effort=[9.0, 9.0])] * 10
+    waiting.messages.extend([command("/controller:1", effort=[2.0, 1.0]), *intruder])
     node.tick()
     np.testing.assert_array_equal(node.simulator.effort, [2.0, 1.0])
-    assert came == []
+    assert not waiting.messages
     assert node.input.arbiter.refused == 10
 
 

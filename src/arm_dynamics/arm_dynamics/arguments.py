@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection
+from collections.abc import Collection, Iterable
+from operator import gt
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -50,6 +51,11 @@ def finite_numbers(numbers: Collection[float]) -> bool:
     """Whether all of a few plain numbers are finite."""
     # A sum that overflows is looked at again.
     return math.isfinite(sum(numbers)) or all(map(math.isfinite, numbers))
+
+
+def any_beyond(numbers: Iterable[float], limits: Iterable[float]) -> bool:
+    """Whether any of a few numbers is larger than its limit, whatever its sign."""
+    return any(map(gt, map(abs, numbers), limits))
 
 
 def real_array(name: str, value: ArrayLike) -> Array:

@@ -48,7 +48,8 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter
+from arm_dynamics.ros.joint_state_bytes import JointStateWriter
+from arm_dynamics.ros.joint_state_compiled import make_reader
 from arm_dynamics.ros.params import (
     ControllerParams,
     declare,
@@ -96,7 +97,7 @@ class ControllerNode(Node):
         limit = self._params.acceleration_limit or float("inf")
         self._goals = Goals(model, Limits.of(model, limit), self.get_logger())
         self._next_report = 0
-        self._reader = JointStateReader(names, ("position", "velocity"), partial=False, extra=True)
+        self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # tells two controllers apart
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._log = AnswerLog()

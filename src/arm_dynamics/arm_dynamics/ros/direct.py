@@ -37,6 +37,11 @@ class Newest:
         taken = self._handle.take_message(self._type, True)
         return None if taken is None else (taken[0], taken[1]["received_timestamp"])
 
+    @property
+    def pointer(self) -> int:
+        """Address of the ``rcl_subscription_t``, valid until ``close``."""
+        return int(self._handle.pointer)
+
     def close(self) -> None:
         """End the subscription."""
         if self._handle is not None:

@@ -16,13 +16,14 @@ import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from arm_dynamics.arguments import finite_numbers
+from arm_dynamics.arguments import any_beyond, finite_numbers
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model import Array
 from arm_dynamics.ros.cdr import GIGA, time_bytes
 from arm_dynamics.ros.joint_state_layout import FIELDS, NATIVE, Layout, layout_of
 
 Numbers = tuple[float, ...]
+Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the fields
 
 _KINDS = 4  # layouts kept at once, for several publishers on one topic
 
@@ -70,7 +71,7 @@ class JointStateWriter:
         return raw
 
 
-class _Known(NamedTuple):
+class Known(NamedTuple):
     """A layout that was met.
 
     Attributes:
@@ -94,6 +95,8 @@ class JointStateReader:
     ones with the same names and lengths are read by looking at the same places.
 
     Attributes:
+        fields: Places of the fields that are read in ``FIELDS``.
+        latest: The layout of the message that was read last here, None before.
         slow_reads: How many messages took the generated deserializer.
     """
 
@@ -105,6 +108,8 @@ class JointStateReader:
         partial: bool,
         extra: bool,
         admit: Callable[[str, frozenset[int]], None] = lambda source, joints: None,
+        limit: Sequence[float] = (),
+        beyond: Callable[[Numbers], None] = lambda numbers: None,
     ) -> None:
         """Choose what to read.
 
@@ -115,14 +120,18 @@ class JointStateReader:
             extra: Whether joints that are not in ``names`` are passed over.
             admit: Called with the frame_id of each message and the indices of the joints that it
                 names, before its numbers count; may raise InvalidInput.
+            limit: How large the numbers of the first field may be, n of them; or none.
+            beyond: Called with the numbers of the first field when one of them is larger.
         """
-        self._names, self._fields = list(names), [FIELDS.index(field) for field in fields]
+        self._names, self.fields = list(names), [FIELDS.index(field) for field in fields]
         self._partial, self._extra, self._admit = partial, extra, admit
+        self._limit, self._beyond = tuple(limit), beyond
         self._values: list[Numbers] = [(0.0,) * len(self._names) for _ in fields]
-        self._known: list[_Known] = []
+        self._known: list[Known] = []
+        self.latest: Known | None = None
         self.slow_reads = 0
 
-    def read(self, raw: bytes) -> tuple[int, list[Numbers]]:
+    def read(self, raw: bytes) -> Read:
         """Read a message.
 
         Args:
@@ -139,6 +148,7 @@ class JointStateReader:
                 break
         else:
             known, found = self._learn(raw)
+        self.latest = known
         self._admit(known.source, known.joints)
         values: list[Numbers] = [found[place] for place in known.numbers]
         if known.places is not None:
@@ -151,19 +161,21 @@ class JointStateReader:
             ]
         if not all(map(finite_numbers, values)):
             self._refuse_infinite(values)
+        if any_beyond(values[0], self._limit):
+            self._beyond(values[0])
         self._values = values
         return found[1] * GIGA + found[2], values
 
     def _refuse_infinite(self, values: list[Numbers]) -> NoReturn:
         field, joint, bad = next(
             (FIELDS[field], joint, x)
-            for field, numbers in zip(self._fields, values, strict=True)
+            for field, numbers in zip(self.fields, values, strict=True)
             for joint, x in zip(self._names, numbers, strict=True)
             if not math.isfinite(x)
         )
         raise InvalidInput(f"{field} of joint '{joint}' is {bad}; allowed are finite numbers")
 
-    def _learn(self, raw: bytes) -> tuple[_Known, tuple[Any, ...]]:
+    def _learn(self, raw: bytes) -> tuple[Known, tuple[Any, ...]]:
         """Take the long way, check the message and remember where things stand in it."""
         self.slow_reads += 1
         try:
@@ -177,8 +189,8 @@ class JointStateReader:
         joints = [k for k in all_of_them if places is None or places[k] is not None]
         source = message.header.frame_id
         layout = layout_of(message, raw)
-        numbers = tuple(layout.numbers[field] for field in self._fields)
-        known = _Known(layout, numbers, places, source, frozenset(joints))
+        numbers = tuple(layout.numbers[field] for field in self.fields)
+        known = Known(layout, numbers, places, source, frozenset(joints))
         for field, name in enumerate(FIELDS):
             if layout.array(raw, field).tobytes() != getattr(message, name).tobytes():
                 raise InvalidInput(f"{name} of the message is not where CDR puts it")
@@ -190,7 +202,7 @@ class JointStateReader:
         names = list(message.name)
         if len(set(names)) != len(names):
             raise InvalidInput(f"joints {names} are not all different; allowed is each once")
-        for field in self._fields:
+        for field in self.fields:
             length = len(getattr(message, FIELDS[field]))
             if length != len(names):
                 raise InvalidInput(

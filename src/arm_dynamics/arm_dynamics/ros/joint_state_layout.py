@@ -52,6 +52,12 @@ class Layout(NamedTuple):
                 return found if as_one & self.fixed == self.expected else None
         return found
 
+    def masks(self) -> tuple[bytes, bytes]:
+        """``fixed`` and ``expected`` byte by byte."""
+        return self.fixed.to_bytes(self.size, "little"), self.expected.to_bytes(
+            self.size, "little"
+        )
+
     def array(self, raw: bytes | bytearray, field: int) -> Array:
         """View the numbers of one field in place."""
         offset, length = self.arrays[field]

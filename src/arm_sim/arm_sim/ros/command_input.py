@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from operator import gt
 from typing import Any
 
 import numpy as np
@@ -12,8 +11,12 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state_bytes import JointStateReader, Numbers
+from arm_dynamics.arguments import any_beyond
+from arm_dynamics.ros.joint_state_bytes import Numbers
+from arm_dynamics.ros.joint_state_compiled import make_reader, make_source
+from arm_dynamics.ros.joint_state_io import JointStateSource
 from arm_sim.external import ExternalWrenches
+from arm_sim.ros import interfaces
 from arm_sim.ros.arbiter import Arbiter
 from arm_sim.ros.commands import Commands
 from arm_sim.ros.errands import Errands
@@ -39,10 +42,38 @@ class CommandInput:
         self._log, self._simulator, self._commands = node.get_logger(), simulator, commands
         self.arbiter, self.passed_over = Arbiter(patience), 0
         names, self._limit = simulator.joint_names, simulator.model.command_limit.tolist()
-        self._reader = JointStateReader(
-            names, ("effort",), partial=True, extra=False, admit=self.arbiter.admit
-        )
+        self._reader = make_reader(
+            names, ("effort",), partial=True, extra=False, admit=self.arbiter.admit,
+            limit=self._limit, beyond=self._say_cut,
+        )  # fmt: skip
         self._all = frozenset(range(simulator.n))
+        self._source: JointStateSource | None = None
+
+    def open(self, node: Node) -> None:
+        """Listen to efforts by joint name, for a loop that asks with ``next``."""
+        self._source = make_source(node, interfaces.JOINT_COMMANDS, self._reader)
+
+    def close(self) -> None:
+        """Listen no more."""
+        if self._source is not None:
+            self._source.close()
+            self._source = None
+
+    def next(self) -> tuple[int, int | None] | None:
+        """Take the next efforts by joint name that came; None if none did.
+
+        Returns:
+            The system time they came at and their stamp, both in [ns]; no stamp if refused.
+        """
+        try:
+            if self._source is None or (taken := self._source.take()) is None:
+                return None
+        except InvalidInput as error:
+            self._refuse(error)
+            return 0, None
+        arrival, (stamp, (tau,)) = taken
+        self._commands.put(tau)
+        return arrival, stamp
 
     def joint_command(self, raw: bytes) -> int | None:
         """Take efforts by joint name from a serialized JointState.
@@ -55,7 +86,7 @@ class CommandInput:
         except InvalidInput as error:
             self._refuse(error)
             return None
-        self._put(tau)
+        self._commands.put(tau)
         return stamp
 
     def bare_command(self, message: Float64MultiArray) -> None:
@@ -70,12 +101,10 @@ class CommandInput:
         except InvalidInput as error:
             self._refuse(error)
             return
-        self._put(tuple(tau.tolist()))
-
-    def _put(self, tau: Numbers) -> None:
-        if any(map(gt, map(abs, tau), self._limit)):
-            self._say_cut(tau)
-        self._commands.put(tau)
+        numbers = tuple(tau.tolist())
+        if any_beyond(numbers, self._limit):
+            self._say_cut(numbers)
+        self._commands.put(numbers)
 
     def _say_cut(self, tau: Numbers) -> None:
         simulator = self._simulator

@@ -6,6 +6,7 @@ from __future__ import annotations
 from typing import TYPE_CHECKING
 
 from arm_dynamics.ros.diagnosis import ERROR, WARN, Finding
+from arm_dynamics.ros.joint_state_compiled import native
 
 if TYPE_CHECKING:
     from arm_sim.ros.sim_node import SimNode
@@ -37,6 +38,7 @@ class Findings:
             "lateness p99 [s]": report.lateness.p99, "lateness max [s]": report.lateness.max,
             "realtime factor": node.params.realtime_factor, "overrun": node.params.overrun,
             "driven by": node.driven_by, "executor": node.executor_name,
+            "messages": "in C" if native() is not None else "in Python",
         }  # fmt: skip
         if missed := self._grown("missed", report.missed):
             found.complain(WARN, f"{missed} ticks began after the next one was due")

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from arm_msgs.msg import Energy
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
@@ -12,6 +13,7 @@ from arm_dynamics.ros.cdr import HEADER, time_bytes
 from arm_dynamics.ros.convert import to_time
 from arm_dynamics.ros.direct import sender
 from arm_dynamics.ros.joint_state_bytes import JointStateWriter
+from arm_dynamics.ros.joint_state_compiled import make_sink
 from arm_sim.ros import interfaces
 from arm_sim.ros.energy_meter import Account, EnergyMeter
 from arm_sim.ros.multiplier_output import MultiplierOutput
@@ -34,10 +36,12 @@ class Outputs:
         self._simulator = simulator
         self._every = params.publish_every
         self._energy_every = max(1, round(params.energy_period / simulator.dt))
-        self._writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
+        writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
         n, x = simulator.n, simulator.x
-        self._motion = x[:n], x[n : 2 * n]
-        self._send_state = sender(node, interfaces.JOINT_STATES)
+        self._driven = np.zeros(n) if simulator.plant.torques is not None else None
+        effort = simulator.acted if self._driven is None else self._driven
+        arrays = x[:n], x[n : 2 * n], effort
+        self._states = make_sink(node, interfaces.JOINT_STATES, writer, arrays)
         topic = interfaces.ENERGY
         self._energy = node.create_publisher(topic.type, topic.name, topic.publish)
         self._multipliers = MultiplierOutput(node, simulator)
@@ -84,9 +88,9 @@ class Outputs:
         self._idle = 0.0
         self.newest = stamp = self.stamp()
         self.round_trip.sent(stamp)
-        simulator, (q, v) = self._simulator, self._motion
-        effort = simulator.acted if simulator.plant.torques is None else simulator.effort
-        self._send_state(self._writer.write(stamp, q, v, effort))
+        if self._driven is not None:
+            self._driven[:] = self._simulator.effort
+        self._states.send(stamp)
         if self._send_clock is not None:
             self._send_clock(self._clock_header + time_bytes(stamp))
 

@@ -11,7 +11,6 @@ from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics.ros.diagnosis import Diagnosis
-from arm_dynamics.ros.direct import Newest
 from arm_dynamics.ros.executor import run, surviving
 from arm_dynamics.ros.params import declare, privileges, watch
 from arm_sim.exceptions import SimulationDiverged
@@ -80,11 +79,10 @@ class SimNode(Node):
         self._start()
 
     def _connect(self) -> None:
-        self._newest: Newest | None = None
         if self.params.lockstep:
             self.lockstep = Lockstep(self)
         else:
-            self._newest = Newest(self, interfaces.JOINT_COMMANDS)
+            self.input.open(self)
         for topic, callback in (
             (interfaces.COMMANDS, self.on_commands),
             (interfaces.WRENCH, self.push.on_wrench),
@@ -256,8 +254,7 @@ class SimNode(Node):
         """Stop ticking, say how it went, and take the node down."""
         self.loop.stop()
         self.errands.served = False
-        if self._newest is not None:
-            self._newest.close()
+        self.input.close()
         if self.driven_by == "clock":
             loop, round_trip = self.loop.report(), self.round_trip()
             self.get_logger().info(
@@ -273,12 +270,13 @@ class SimNode(Node):
         No newer one is sought behind the answer to the newest state, unless others command too:
         a look that finds nothing takes as long as one that finds something.
         """
-        if self._newest is None:
-            return
         for _ in range(interfaces.MAX_COMMANDS):
-            if (taken := self._newest.take()) is None:
+            if (taken := self.input.next()) is None:
                 return
-            stamp = self.on_joint_commands(*taken)
+            arrival, stamp = taken
+            if stamp is None:
+                continue
+            self._outputs.round_trip.answered(stamp, arrival)
             if stamp and stamp == self._outputs.newest and self.input.arbiter.alone:
                 return
 

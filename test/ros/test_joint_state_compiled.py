@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""JointStates published and taken in one call of C each, against the same in Python."""
+
+from __future__ import annotations
+
+import ctypes
+import time
+
+import numpy as np
+import pytest
+from harness import Ros
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, TAU, by_hand, command, motion, ticks
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros import joint_state_compiled as compiled
+from arm_dynamics.ros.direct import Newest
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
+from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter, Read
+from arm_dynamics.ros.joint_state_io import JointStateSink, JointStateSource
+
+pytestmark = pytest.mark.ros
+
+JOINTS = ["base", "elbow"]
+PATIENCE = 10.0  # [s]
+
+
+def next_of(source: JointStateSource) -> tuple[int, Read]:
+    end = time.monotonic() + PATIENCE
+    while time.monotonic() < end:
+        if (taken := source.take()) is not None:
+            return taken
+        time.sleep(0.001)
+    pytest.fail("no message came")
+
+
+def matched(node: Node, topic: str) -> None:
+    end = time.monotonic() + PATIENCE
+    while not (node.count_subscribers(topic) and node.count_publishers(topic)):
+        assert time.monotonic() < end, "the two ends did not find each other"
+        time.sleep(0.01)
+    time.sleep(0.2)
+
+
+@pytest.mark.parametrize("publishes", ["Python", "C"])
+@pytest.mark.parametrize("takes", ["Python", "C"])
+def test_what_is_published_arrives(
+    ros: Ros, publishes: str, takes: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    node = ros.add(Node, "both")
+    arrays = [np.zeros(2) for _ in range(3)]
+    writer = JointStateWriter(JOINTS, frame_id="here")
+    with monkeypatch.context() as patch:
+        if publishes == "Python":
+            patch.setattr(compiled, "native", lambda: None)
+        sink = compiled.make_sink(node, JOINT_STATES, writer, arrays)
+    with monkeypatch.context() as patch:
+        if takes == "Python":
+            patch.setattr(compiled, "native", lambda: None)
+        fields = ("position", "effort")
+        reader = compiled.make_reader(JOINTS, fields, partial=False, extra=False)
+    assert (type(sink) is not JointStateSink) == (publishes == "C")
+    assert (type(reader) is not JointStateReader) == (takes == "C")
+    source, bytes_of = compiled.make_source(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
+    matched(node, JOINT_STATES.name)
+    assert source.take() is None
+    for stamp in (0, 999_999_999, 12_345_678_901_234, -1):
+        for k, array in enumerate(arrays):
+            array[:] = [stamp + k, 1e-3 * k]
+        before = time.time_ns()
+        sink.send(stamp)
+        arrival, (at, values) = next_of(source)
+        assert at == stamp
+        assert before - 1_000_000 <= arrival <= time.time_ns()
+        assert values == [tuple(arrays[0]), tuple(arrays[2])]
+        raw = None
+        while raw is None:
+            raw = bytes_of.take()
+        message = deserialize_message(raw[0], JointState)
+        assert (message.header.frame_id, message.name) == ("here", JOINTS)
+        assert bytes(raw[0]) == writer.write(stamp, *arrays)
+    assert source.take() is None
+    source.close()
+    bytes_of.close()
+
+
+def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> None:
+    node = ros.add(Node, "both")
+    publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
+    reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
+    source = compiled.make_source(node, JOINT_COMMANDS, reader)
+    matched(node, JOINT_COMMANDS.name)
+    for _ in range(2):
+        publisher.publish(JointState(name=JOINTS, effort=[1.0, 2.0]))
+        assert next_of(source)[1][1] == [(1.0, 2.0)]
+        for effort, complaint in (([1.0, np.nan], "'elbow' is nan"), ([1.0], "1 numbers for 2")):
+            publisher.publish(JointState(name=JOINTS, effort=effort))
+            with pytest.raises(InvalidInput, match=complaint):
+                next_of(source)
+    source.close()
+    assert source.take() is None
+
+
+class Message(ctypes.Structure):
+    """``rcutils_uint8_array_t``."""
+
+    _fields_ = (
+        ("buffer", ctypes.c_void_p), ("length", ctypes.c_size_t), ("capacity", ctypes.c_size_t),
+        ("allocator", ctypes.c_void_p * 5),
+    )  # fmt: skip
+
+
+def test_memory_of_a_giant_message_is_given_back() -> None:
+    """What fills the message here stands for ROS: it makes room for a message that needs more."""
+    functions = compiled.native()
+    assert functions is not None
+    reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
+    assert isinstance(reader, compiled.CompiledReader)
+    good = bytes(serialize_message(JointState(name=JOINTS, effort=[1.0, 2.0])))
+    sizes, room = iter([len(good), len(good), 50_000_000, len(good), len(good)]), []
+    realloc = ctypes.CDLL(None).realloc
+    realloc.restype, realloc.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
+
+    def fill(_: int, message: ctypes.Array[Message], *__: int) -> int:
+        size, found = next(sizes), message[0]
+        room.append(found.capacity)
+        if found.capacity < size:
+            found.buffer, found.capacity = realloc(found.buffer, size), size
+        ctypes.memmove(found.buffer, good, len(good))
+        found.length = size
+        return 0
+
+    pointers = ctypes.c_void_p, ctypes.POINTER(Message), ctypes.c_void_p, ctypes.c_void_p
+    receive = ctypes.CFUNCTYPE(ctypes.c_int, *pointers)(fill)
+    where = ctypes.cast(receive, ctypes.c_void_p)
+    memory = functions.source(None, where, functions.forget, functions.allocator)
+    for _ in range(2):
+        assert functions.take(memory, reader.place) == compiled.OTHER
+        reader.other()
+    for _ in range(3):
+        assert functions.take(memory, reader.place) == compiled.KNOWN
+    functions.release(memory)
+    assert room == [0, len(good), len(good), 0, len(good)]
+
+
+def test_without_a_compiler_the_node_moves_the_arm_to_the_same_bits(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nodes = [by_hand(ros)]
+    monkeypatch.setattr(compiled, "native", lambda: None)
+    nodes.append(by_hand(ros))
+    for node in nodes:
+        node.on_joint_commands(command(name=NAMES, effort=TAU))
+        ticks(node, 50)
+    assert motion(nodes[0]).tobytes() == motion(nodes[1]).tobytes()
+
+
+def test_who_can_no_longer_publish_is_told_why(ros: Ros) -> None:
+    node = ros.add(Node, "gone")
+    sink = compiled.make_sink(node, JOINT_STATES, JointStateWriter(JOINTS), [np.zeros(2)] * 3)
+    sink.send(0)
+    node.context.try_shutdown()
+    with pytest.raises(Exception, match="publish"):
+        sink.send(1)
