@@ -17,7 +17,7 @@ from arm_dynamics.exceptions import known_names
 from arm_dynamics.kernel import CHECK_STATES, operations
 from arm_dynamics.laws import constraint, rigid_body
 from arm_dynamics.laws.forward import algorithms
-from arm_dynamics.laws.links import tree_of
+from arm_dynamics.laws.links import gravity_of, tree_of
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.pointwise import Pointwise
 
@@ -65,7 +65,7 @@ def _inverse_error(points: Pointwise, answer: Answer) -> float:
 
 def _forward(model: ArmModel) -> ca.Function:
     q, v, tau = _symbols(model.n, ("q", "v", "tau"))
-    tree, gravity = tree_of(model), _expression(_weight(model))
+    tree, gravity = tree_of(model), gravity_of(model)
     ways = [
         _function([q, v, tau], law(tree, q, v, tau, gravity))
         for _, law in algorithms(tree, model.n)
@@ -108,9 +108,7 @@ def _coriolis_error(points: Pointwise, answer: Answer) -> float:
 
 def _gravity(model: ArmModel) -> ca.Function:
     (q,) = _symbols(model.n, "q")
-    return _function(
-        [q], rigid_body.gravity_torque(tree_of(model), q, _expression(_weight(model)))
-    )
+    return _function([q], rigid_body.gravity_torque(tree_of(model), q, gravity_of(model)))
 
 
 def _gravity_error(points: Pointwise, answer: Answer) -> float:
@@ -124,7 +122,7 @@ def _energies(model: ArmModel) -> ca.Function:
     q, v = _symbols(model.n, "qv")
     still, none = ca.SX(model.n, 1), ca.SX(3, 1)
     momentum = rigid_body.inverse(tree_of(model), q, still, v, none)  # M v, without all of M
-    whole, gravity = tree_of(model, regroup=False), _expression(_weight(model))
+    whole, gravity = tree_of(model, regroup=False), gravity_of(model)
     return _function(
         [q, v], ca.vertcat(ca.dot(v, momentum) / 2, rigid_body.potential_energy(whole, q, gravity))
     )
@@ -196,10 +194,6 @@ def _symbols(n: int, names: str | tuple[str, ...]) -> list[ca.SX]:
 
 def _function(arguments: list[ca.SX], result: ca.SX) -> ca.Function:
     return ca.Function("point", arguments, [ca.densify(result)], {"cse": True})
-
-
-def _expression(values: Array) -> ca.SX:
-    return ca.sparsify(ca.SX(ca.DM(values)))
 
 
 def _weight(model: ArmModel) -> Array:

@@ -25,7 +25,7 @@ from arm_dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import KernelError
 from arm_dynamics.kernel import CHECK_STATES, CHECK_TOLERANCE, Call, Kernel
 from arm_dynamics.laws import rigid_body
-from arm_dynamics.laws.links import tree_of
+from arm_dynamics.laws.links import gravity_of, tree_of
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.motion import Reference
 
@@ -77,7 +77,7 @@ def torque(
     kp, kd, dt = tuning
     a = demanded_acceleration(q, v, desired, kp, kd)
     middle, speed = halfway(q, v, a, dt)
-    gravity = ca.SX(ca.DM(list(model.scene.gravity)))
+    gravity = gravity_of(model)
     tau = rigid_body.inverse(tree_of(model), middle, speed, a, gravity)
     sliding = ca.if_else(v == 0, desired[1], v)  # as in ComputedTorque
     needed: ca.SX = model.friction.demanded(tau, speed, ca.sign(sliding), middle)

@@ -16,7 +16,7 @@ from arm_dynamics.exceptions import KernelError, ModelError
 from arm_dynamics.kernel import CHECK_STATES, CHECK_TOLERANCE, Kernel
 from arm_dynamics.laws import rigid_body
 from arm_dynamics.laws.frame import drift, frame_of, jacobian, placement
-from arm_dynamics.laws.links import tree_of
+from arm_dynamics.laws.links import gravity_of, tree_of
 from arm_dynamics.model import ArmModel, Array
 from arm_dynamics.rigid_terms import FrameMotion, RigidTerms
 from arm_dynamics.task_algebra import regularized
@@ -122,7 +122,7 @@ def _functions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Fun
     J = jacobian(tree, frame, q)
     moving = drift(J, q, v)
     rows = [AXES.index(axis) for axis in axes]
-    gravity = ca.SX(ca.DM(list(model.scene.gravity)))
+    gravity = gravity_of(model)
     bias = rigid_body.inverse(tree, q, v, ca.SX(model.n, 1), gravity)
     M, part = rigid_body.mass_matrix(tree, q), J[rows, :]
     B = _solved(M, part.T)

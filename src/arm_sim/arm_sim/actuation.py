@@ -12,9 +12,10 @@ import numpy as np
 from arm_dynamics import ArmModel, control_compiled
 from arm_dynamics.command_map import CommandMap
 from arm_dynamics.control import held_gains
+from arm_dynamics.laws.links import constant
 from arm_dynamics.model import Array
 from arm_dynamics.motion import Reference
-from arm_sim.plant import Plant, constant
+from arm_sim.plant import Plant
 
 
 @dataclass(frozen=True)
@@ -57,7 +58,7 @@ def computed_torque(
     x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)
     q, v = x[:n], x[n:]
     tau = control_compiled.torque(
-        model, q, v, ca.vertsplit(r, n), (constant(kp), constant(kd), constant([dt]))
+        model, q, v, ca.vertsplit(r, n), (constant(kp), constant(kd), constant(np.array([dt])))
     )
     command = CommandMap(model)(q, v, tau)
     law = ca.Function("law", [x, r], [ca.densify(command)], {"cse": True})

@@ -17,7 +17,7 @@ from arm_dynamics.closure import Closure
 from arm_dynamics.kernel import operations
 from arm_dynamics.laws import rigid_body, sticking
 from arm_dynamics.laws.forward import algorithms
-from arm_dynamics.laws.links import tree_of
+from arm_dynamics.laws.links import gravity_of, tree_of
 from arm_dynamics.model import Array
 from arm_dynamics.scene_constraint import switchable
 from arm_dynamics.scene_laws import laws_of
@@ -144,7 +144,7 @@ class Symbols:
         self.q, self.v, self.tau = (ca.SX.sym(name, model.n) for name in ("q", "v", "tau"))
         self.p = ca.vertcat(ca.SX(0, 1), *p.values())
         self.tree = tree_of(model, ca.vertsplit(p["payload"], 10) if "payload" in p else None)
-        self.gravity = p.get("gravity", constant(model.scene.gravity))
+        self.gravity = p.get("gravity", gravity_of(model))
         self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
         self._switchable = switchable(model.scene.constraints)
         self.viscous = model.friction.smooth(self.v, p.get("friction"))
@@ -182,11 +182,6 @@ def state_space(acceleration: ca.Function, n: int) -> ca.Function:
     x, u, p = ca.SX.sym("x", 2 * n), ca.SX.sym("u", n), ca.SX.sym("p", acceleration.size1_in(3))
     q, v = x[:n], x[n:]
     return ca.Function("rhs", [x, u, p], [ca.vertcat(v, acceleration(q, v, u, p))], {"cse": True})
-
-
-def constant(values: object) -> ca.SX:
-    """Numbers as an expression in which zeros vanish."""
-    return ca.sparsify(ca.SX(ca.DM(np.array(values, dtype=float))))
 
 
 def _shortest(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Function]:

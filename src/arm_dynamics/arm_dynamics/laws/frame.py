@@ -8,7 +8,15 @@ from dataclasses import dataclass
 import casadi as ca
 
 from arm_dynamics.laws import rigid_body
-from arm_dynamics.laws.links import Array, Tree, clean, cross, spread_map, turn_of
+from arm_dynamics.laws.links import (
+    Array,
+    Tree,
+    clean,
+    constant,
+    cross,
+    spread_map,
+    turn_of,
+)
 from arm_dynamics.model import ArmModel
 
 
@@ -40,7 +48,7 @@ def frame_of(model: ArmModel, name: str) -> Frame:
 def placement(tree: Tree, frame: Frame, q: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Position in [m], shape (3,), and rotation, shape (3, 3), of a frame in the world."""
     R, p = _placed(tree, q)[frame.link]
-    return p + R @ _constant(frame.p), R @ _constant(frame.R)
+    return p + R @ constant(frame.p), R @ constant(frame.R)
 
 
 def jacobian(tree: Tree, frame: Frame, q: ca.SX) -> ca.SX:
@@ -77,7 +85,3 @@ def _placed(tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
             R, p = placed[link.parent]
             placed.append((ca.sparsify(R @ here.R), ca.sparsify(p + R @ here.p)))
     return placed
-
-
-def _constant(values: Array) -> ca.SX:
-    return ca.sparsify(ca.SX(ca.DM(values)))

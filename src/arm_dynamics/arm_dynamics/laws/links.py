@@ -101,6 +101,11 @@ def tree_of(
     return Tree(tuple(links), np.array(model.pin.armature), model.followers, model.offsets)
 
 
+def gravity_of(model: ArmModel) -> ca.SX:
+    """The scene's gravity in [m/s²] as an expression in which zeros vanish, shape (3,)."""
+    return constant(np.array(model.scene.gravity, dtype=float))
+
+
 def skew(x: ca.SX) -> ca.SX:
     """Matrix of the cross product with ``x``."""
     rows = ca.horzcat(0, -x[2], x[1]), ca.horzcat(x[2], 0, -x[0]), ca.horzcat(-x[1], x[0], 0)
@@ -223,6 +228,11 @@ def clean(values: Array) -> Array:
     return cleaned
 
 
+def constant(values: Array) -> ca.SX:
+    """Numbers as an expression in which zeros vanish."""
+    return ca.sparsify(ca.SX(ca.DM(values)))
+
+
 def sparse(values: Array) -> ca.SX:
     """Numbers as an expression from which zeros, and dirt in their place, have vanished."""
-    return ca.sparsify(ca.SX(ca.DM(clean(values))))
+    return constant(clean(values))

@@ -54,9 +54,8 @@ class Layout(NamedTuple):
 
     def masks(self) -> tuple[bytes, bytes]:
         """``fixed`` and ``expected`` byte by byte."""
-        return self.fixed.to_bytes(self.size, "little"), self.expected.to_bytes(
-            self.size, "little"
-        )
+        size = self.size
+        return self.fixed.to_bytes(size, "little"), self.expected.to_bytes(size, "little")
 
     def array(self, raw: bytes | bytearray, field: int) -> Array:
         """View the numbers of one field in place."""
