@@ -197,7 +197,7 @@ def _measured(partner: Partner) -> dict[str, list[np.ndarray]]:
 
 def _table(found: dict[str, list[np.ndarray]]) -> Table:
     """Median wait, and the longest of every window: its median and its worst."""
-    title = "time from a joint state to its answer [ms]"
+    title = "time in ms from a joint state to its answer"
     heads = "goal", "median", "longest of a window: median", "worst"
     table = Table(*heads, title=title)
     for what, windows in found.items():

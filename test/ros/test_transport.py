@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Processes talk the way their environment says; Fast DDS passes over a profile it cannot read."""
+
+import os
+import subprocess
+import sys
+
+import pytest
+
+from arm_dynamics.ros.transport import by_udp, with_room
+from arm_sim.cli.demo.processes import free_domain
+
+# Joins the graph, and prints the size of the largest piece of Fast DDS's shared memory it has.
+JOINS = """
+import re
+from pathlib import Path
+import rclpy
+rclpy.init()
+node = rclpy.create_node("joins")
+sizes = [0]
+for line in Path("/proc/self/maps").read_text().splitlines():
+    if re.search(r"/fastrtps_[0-9a-f]+$", line):
+        begin, end = (int(place, 16) for place in line.split()[0].split("-"))
+        sizes.append(end - begin)
+print(max(sizes))
+"""
+
+
+@pytest.mark.parametrize(
+    ("environment", "least", "most"),
+    [(by_udp(), 0, 0), (with_room(), 64 << 20, 72 << 20)],
+    ids=["by_udp", "with_room"],
+)
+def test_shared_memory_is_as_the_environment_says(environment, least, most):
+    """None of it, or 64 MB and what Fast DDS keeps beside them."""
+    environment = os.environ | environment | {"ROS_DOMAIN_ID": str(free_domain())}
+    done = subprocess.run(
+        [sys.executable, "-c", JOINS], env=environment, capture_output=True, text=True, check=True
+    )
+    assert least <= int(done.stdout) <= most
