@@ -105,6 +105,7 @@ def test_the_loop_closes_on_a_panda(start: Start, tmp_path: Path) -> None:
     assert result["error_rms"] < 2e-3
     assert result["energy_balance"] < 1e-6
     assert result["questions"] > 10
+    assert result["commands"] > 0.6 * result["ticks"]  # counted from when the nodes have met
     assert (tmp_path / "demo.png").read_bytes().startswith(PNG)
     for words in ("panda, 7 joints", "tracking error RMS", "service latency", "demo.png"):
         assert words in demo.said

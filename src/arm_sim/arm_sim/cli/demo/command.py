@@ -112,6 +112,7 @@ def _run(
             "sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM
         )
         observer.wait_for_motion(_START_TIMEOUT, processes.check)
+        observer.count_afresh(_START_TIMEOUT, processes.check)
         _follow(motion, observer, processes, say, bar)
         say("stopping the nodes")
         processes.stop("sim")

@@ -30,11 +30,12 @@ from arm_dynamics.ros.interfaces import (
     MODEL_INFO,
 )
 from arm_sim.cli.demo.processes import DemoFailed, postponed
-from arm_sim.ros.interfaces import ENERGY
+from arm_sim.ros.interfaces import ENERGY, RESET_COUNTERS
 
 Array = NDArray[np.float64]
 
 _GLANCE = 0.02  # [s]
+_AT_EASE = 0.5  # [s]: who has just been met may be holding the others up for a third of a second
 _RETRY = 1.0  # [s] until an unanswered question is asked again
 _FIELDS = ("reference_position", "feedback_position", "position_error", "effort")
 
@@ -91,6 +92,7 @@ class Observer:
         self._executor = make_executor(self._node)
         self._ask = self._node.create_client(INVERSE_DYNAMICS.type, "dynamics/inverse_dynamics")
         self._info = self._node.create_client(MODEL_INFO.type, "dynamics/model_info")
+        self._reset = self._node.create_client(RESET_COUNTERS.type, "sim/reset_counters")
         self._send = self._node.create_publisher(
             JointTrajectory, _of("controller", JOINT_TRAJECTORY), JOINT_TRAJECTORY.publish
         )
@@ -139,17 +141,7 @@ class Observer:
         Raises:
             DemoFailed: If they do not.
         """
-        answers = list[Future]()
-        asked = 0.0
-
-        def answered() -> bool:
-            nonlocal asked
-            if self._info.service_is_ready() and time.monotonic() > asked + _RETRY:
-                answers.append(self._info.call_async(MODEL_INFO.type.Request()))
-                asked = time.monotonic()
-            return any(answer.done() for answer in answers)
-
-        if not self.until(answered, timeout, glance):
+        if not self._answered(self._info, timeout, glance):
             raise DemoFailed(f"the dynamics node gave no answer within {timeout:g} s")
         if not self.until(lambda: self._send.get_subscription_count() > 0, timeout, glance):
             raise DemoFailed(f"the controller was not there within {timeout:g} s")
@@ -164,6 +156,31 @@ class Observer:
             raise DemoFailed(
                 f"the controller has said nothing within {timeout:g} s: no joint states reach it"
             )
+
+    def count_afresh(self, timeout: float, glance: Callable[[], None]) -> None:
+        """Have the sim node count from now on; until here it waited for the others.
+
+        Raises:
+            DemoFailed: If it does not answer.
+        """
+        self.until(self._reset.service_is_ready, timeout, glance)
+        self.until(lambda: False, _AT_EASE, glance)
+        if not self._answered(self._reset, timeout, glance):
+            raise DemoFailed(f"the sim node gave no answer within {timeout:g} s")
+
+    def _answered(self, client: Any, timeout: float, glance: Callable[[], None]) -> bool:
+        """Whether a service answers an empty request, which is asked again every second."""
+        answers = list[Future]()
+        asked = 0.0
+
+        def answered() -> bool:
+            nonlocal asked
+            if client.service_is_ready() and time.monotonic() > asked + _RETRY:
+                answers.append(client.call_async(client.srv_type.Request()))
+                asked = time.monotonic()
+            return any(answer.done() for answer in answers)
+
+        return self.until(answered, timeout, glance)
 
     # --- the trajectory ------------------------------------------------------------------------
 
