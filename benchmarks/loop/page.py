@@ -98,7 +98,9 @@ def page(r: Record, figure: str) -> str:
         "**Latency.** Half of the bare trips were made before the loop, half after it.",
         table(("", "p50 [ms]", "p99 [ms]", "max [ms]"), trips),
         "**Batches**, points per second; they differ from Pinocchio by "
-        f"{difference:.0e} of the largest number. Terms are M, C, G, F and the energies.",
+        f"{difference:.0e} of the largest number. Terms are M, C, G, F and the energies. "
+        "Above 3000 points a message exceeds Fast DDS's shared memory, for which there is a "
+        "remedy: see *Long batches* in docs/ros-interface.md.",
         table(("", "inverse dynamics", "forward dynamics", "terms"), _batches(r)),
         "**Lockstep.** The digest is of all states and torques.",
         table(("", "ticks/s", "digest"), steps),
