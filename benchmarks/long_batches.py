@@ -11,10 +11,10 @@ from __future__ import annotations
 
 import os
 import tempfile
-import time
 from importlib.resources import files
 from multiprocessing import get_context
 from pathlib import Path
+from timeit import repeat
 
 import numpy as np
 from rich.console import Console
@@ -42,15 +42,10 @@ def measured(environment: dict[str, str]) -> list[list[float]]:
         n = len(arm.model_info().joint_names)
         state = np.random.default_rng(0).uniform(-1.0, 1.0, (3, max(POINTS), n))
         arm.inverse_dynamics(*state)  # compiles, and touches the memory
+        batches = [[x[:points] for x in state] for points in POINTS]
         return [
-            [_timed(arm, *(x[:points] for x in state)) for _ in range(CALLS)] for points in POINTS
+            repeat(lambda b=b: arm.inverse_dynamics(*b), number=1, repeat=CALLS) for b in batches
         ]
-
-
-def _timed(arm: ArmClient, *state: np.ndarray) -> float:
-    began = time.perf_counter()
-    arm.inverse_dynamics(*state)
-    return time.perf_counter() - began
 
 
 def main() -> None:

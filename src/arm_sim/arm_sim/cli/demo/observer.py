@@ -163,9 +163,9 @@ class Observer:
         Raises:
             DemoFailed: If it does not answer.
         """
-        self.until(self._reset.service_is_ready, timeout, glance)
+        met = self.until(self._reset.service_is_ready, timeout, glance)
         self.until(lambda: False, _AT_EASE, glance)
-        if not self._answered(self._reset, timeout, glance):
+        if not (met and self._answered(self._reset, timeout, glance)):
             raise DemoFailed(f"the sim node gave no answer within {timeout:g} s")
 
     def _answered(self, client: Any, timeout: float, glance: Callable[[], None]) -> bool:
