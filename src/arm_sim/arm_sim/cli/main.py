@@ -8,7 +8,6 @@ from typing import Any
 import click
 
 from arm_sim.cli.call.command import call
-from arm_sim.cli.compare_controllers.command import compare_controllers
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.nodes import controller, dynamics, sim
@@ -60,5 +59,5 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-for command in (demo, describe, call, dynamics, sim, controller, compare_controllers):
+for command in (demo, describe, call, dynamics, sim, controller):
     main.add_command(command)

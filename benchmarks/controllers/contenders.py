@@ -6,7 +6,7 @@ from __future__ import annotations
 from arm_dynamics.control.computed_torque import Array
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.wrappers import AnyController
-from arm_sim.cli.compare_controllers.cases import Arm
+from benchmarks.controllers.cases import Arm
 
 OMEGA = 15.0  # [rad/s], critically damped
 OBSERVER = 40.0  # [1/s]
