@@ -36,6 +36,6 @@ def contender(title: str, arm: Arm, dt: float, limit: Array) -> AnyController:
     feeds = CONTENDERS[title] in ("operational_space", "cartesian_impedance")
     settings = Settings(
         dt=dt, bandwidth=OMEGA, frame=arm.frame, axes=arm.axes, friction=feeds, limit=limit,
-        observer=OBSERVER if title.endswith("observer") else None,
+        observer=OBSERVER if title.endswith("observer") else 0.0,
     )  # fmt: skip
     return make_controller(CONTENDERS[title], arm.nominal, settings)
