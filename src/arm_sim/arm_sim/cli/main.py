@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from arm_sim.cli.call.command import call
+from arm_sim.cli.call import call
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.nodes import controller, dynamics, sim
