@@ -132,6 +132,11 @@ class Simulator:
         return self._stepper.p.copy()
 
     @property
+    def impacts(self) -> int:
+        """Impacts of contacts since the last reset."""
+        return int(self._stepper.report.impacts)
+
+    @property
     def dynamics(self) -> Dynamics:
         """Numeric dynamics of the arm as it is now, by Pinocchio."""
         return self._compiled.dynamics
