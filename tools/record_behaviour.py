@@ -465,19 +465,25 @@ def qos(endpoint: Any) -> str:
 
 
 def graph_table(node: Any) -> str:
-    """Names and types that others see."""
+    """Names, types and policies that others see, also of endpoints made under rclpy."""
     name, namespace = node.get_name(), node.get_namespace()
 
     def look() -> str:
         kinds = {
-            "publisher": node.get_publisher_names_and_types_by_node,
-            "subscription": node.get_subscriber_names_and_types_by_node,
-            "service": node.get_service_names_and_types_by_node,
-            "client": node.get_client_names_and_types_by_node,
+            "publisher": (
+                node.get_publisher_names_and_types_by_node,
+                node.get_publishers_info_by_topic,
+            ),
+            "subscription": (
+                node.get_subscriber_names_and_types_by_node,
+                node.get_subscriptions_info_by_topic,
+            ),
+            "service": (node.get_service_names_and_types_by_node, None),
+            "client": (node.get_client_names_and_types_by_node, None),
         }
         return "\n".join(
-            f"{kind} {topic} {types}"
-            for kind, names in kinds.items()
+            f"{kind} {topic} {types} {policies(name, about(topic) if about else [])}"
+            for kind, (names, about) in kinds.items()
             for topic, types in sorted(names(name, namespace))
         )
 
@@ -487,6 +493,15 @@ def graph_table(node: Any) -> str:
         if (now := look()) != seen:
             seen, since = now, time.monotonic()
     return seen + "\n"
+
+
+def policies(node: str, endpoints: list[Any]) -> list[str]:
+    """Reliability and durability of a node's endpoints; others are not told the depth."""
+    return sorted(
+        f"{x.qos_profile.reliability.name} {x.qos_profile.durability.name}"
+        for x in endpoints
+        if x.node_name == node
+    )
 
 
 def joint_states(node: Any, context: Any, ticks: int = 20) -> str:

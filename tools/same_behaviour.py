@@ -31,13 +31,14 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 RECORDER = Path(__file__).with_name("record_behaviour.py")
 SCENES = Path("src/arm_sim/arm_sim/scenes")
+RECORDS = "records.json"
 PACKAGES = ("src/arm_sim", "src/arm_dynamics")
 JOBS = {
-    "code": ("c", "drivers"),
-    "motion": ("states", "terms"),
-    "describe": ("describe",),
     "help": ("help",),
     "nodes": ("ros", "messages"),
+    "code": ("c", "drivers"),
+    "describe": ("describe",),
+    "motion": ("states", "terms"),
 }
 OF_A_SCENE = ("code", "motion", "describe")
 GROUPS = tuple(group for groups in JOBS.values() for group in groups)
@@ -109,7 +110,7 @@ def take(
 
     Args:
         tree: A checkout.
-        folder: Receives ``records.json``, digests by name, and ``texts``.
+        folder: Receives ``records.json``, digests by name, and ``texts``; adds to what is there.
         groups: What is wanted.
         scenes: Names of shipped scenes, None for all.
         jobs: Processes at once.
@@ -123,10 +124,10 @@ def take(
         for scene in (shipped if job in OF_A_SCENE else ["all"])
     ]
     with tempfile.TemporaryDirectory(prefix="cache-") as cache, ThreadPoolExecutor(jobs) as pool:
-        parts = pool.map(lambda item: record(tree, folder, Path(cache), *item), work)
-        digests = {name: digest for part in parts for name, digest in part.items()}
-    kept = {name: digest for name, digest in digests.items() if group_of(name) in groups}
-    (folder / "records.json").write_text(json.dumps(kept, indent=1, sort_keys=True))
+        digests = load(folder) if (folder / RECORDS).exists() else {}
+        for part in pool.map(lambda item: record(tree, folder, Path(cache), *item), work):
+            digests |= {name: digest for name, digest in part.items() if group_of(name) in groups}
+            (folder / RECORDS).write_text(json.dumps(digests, indent=1, sort_keys=True))
 
 
 def record(tree: Path, folder: Path, cache: Path, job: str, scene: str) -> dict[str, str]:
@@ -190,7 +191,7 @@ def compare(
 
 def load(folder: Path) -> dict[str, str]:
     """Digests by name."""
-    digests: dict[str, str] = json.loads((folder / "records.json").read_text())
+    digests: dict[str, str] = json.loads((folder / RECORDS).read_text())
     return digests
 
 
