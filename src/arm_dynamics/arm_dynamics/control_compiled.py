@@ -94,9 +94,9 @@ def is_built(model: ArmModel) -> bool:
 
 
 def build(model: ArmModel) -> Kernel | None:
-    """The law, built once for a model; None where there is no C compiler, or it is wrong."""
+    """The law, built once for a model; None where it cannot be compiled, or is wrong."""
     if model not in _built:
-        _built[model] = None if compiler.find_compiler() is None else _compiled(model)
+        _built[model] = _compiled(model) if compiler.may_build() else None
     return _built[model]
 
 

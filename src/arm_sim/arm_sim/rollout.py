@@ -12,8 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics import InvalidInput, compiler
+from arm_dynamics import InvalidInput, compiler, processor
 from arm_dynamics.arguments import real_array, vector
+from arm_dynamics.exceptions import CompilerMissing
 from arm_dynamics.kernel import generate
 from arm_dynamics.model import Array
 from arm_sim.actuation import actuation
@@ -55,7 +56,7 @@ class Rollouts:
         # Error control, dry friction and contacts give every arm sub-steps of its own.
         eventful = plant.reaction is not None or plant.contact is not None
         self._alike = choice.tolerance is None and not eventful and backend != "vm"
-        self._libraries: dict[int, ctypes.CDLL] = {}
+        self._libraries: dict[int, ctypes.CDLL | None] = {}
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
@@ -127,13 +128,21 @@ class Rollouts:
         if lanes is not None and lanes not in WIDTHS:
             allowed = ", ".join(map(str, WIDTHS))
             raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
-        width = (lanes or natural_width()) if compiler.find_compiler("c++") else 1
-        command = compiler.find_compiler("c++" if width > 1 else "c")
-        if command is None:
-            return None, 1
-        if width not in self._libraries:
-            self._libraries[width] = compiler.build(self._source(width), command)
-        return self._libraries[width], width
+        for width in dict.fromkeys((lanes or natural_width(), 1)):
+            if width not in self._libraries:
+                self._libraries[width] = self._built(width)
+            if (library := self._libraries[width]) is not None:
+                return library, width
+        return None, 1
+
+    def _built(self, width: int) -> ctypes.CDLL | None:
+        language = "c++" if width > 1 else "c"
+        if not compiler.may_build(language):
+            return None
+        try:
+            return compiler.build(self._source(width), language).library
+        except CompilerMissing:
+            return None
 
     def _source(self, width: int) -> str:
         plant = self._plant
@@ -147,8 +156,8 @@ class Rollouts:
 
 def natural_width() -> int:
     """Doubles that a vector register of this processor holds."""
-    flags = compiler.processor()
-    return 8 if "avx512f" in flags else 4 if "avx2" in flags else 2
+    present = processor.instructions()
+    return 8 if "avx512f" in present else 4 if "avx2" in present else 2
 
 
 def share(arms: int, width: int, threads: int | None, work: Callable[[int, int], None]) -> None:
