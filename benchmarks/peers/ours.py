@@ -8,9 +8,9 @@ from functools import lru_cache, partial
 import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.compiler import compiler_version, find_compiler
+from arm_dynamics.codegen.compiler import compiler_version, find_compiler
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from benchmarks.bench import OURS
 from benchmarks.peers.base import TICK, Contestant, Vector, decades, halvings
 from benchmarks.robots import Robot

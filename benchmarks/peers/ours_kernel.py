@@ -9,9 +9,9 @@ from collections.abc import Callable
 import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.kernel import Kernel
+from arm_dynamics.codegen.kernel import Kernel
 from arm_sim import Simulator
-from arm_sim.plant import Plant
+from arm_sim.plant.plant import Plant
 from benchmarks.measure import Job, cpu
 from benchmarks.robots import Robot
 
