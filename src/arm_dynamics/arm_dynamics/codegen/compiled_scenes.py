@@ -44,7 +44,7 @@ class Manifest(BaseModel):
     """What stands beside a library.
 
     Attributes:
-        scene: The scene for which it was compiled, with method and tick.
+        scene: Name of the scene file for which it was compiled.
         kernel: Which part of it.
         compiler: Name and version of the compiler.
         target: The processor for which it was compiled: ``native`` or a level.

@@ -67,7 +67,7 @@ class Destination:
 
     Attributes:
         folder: An existing folder.
-        scene: The scene, with method and tick.
+        scene: Name of the scene file.
         kernel: Which part of it.
         target: The processor: one of ``processor.TARGETS``.
     """
