@@ -14,7 +14,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.kernel import CHECK_TOLERANCE, Kernel, pointers
+from arm_dynamics.codegen.kernel import Kernel, pointers, require_agreement
 from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_terms import Answer, BatchTerm
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
@@ -88,10 +88,10 @@ def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
 
     Returns:
         A function of batches (k, n), and of vectors that serve every point, which agrees with
-        ``points`` to 1e-10 of the size of what is added up; or None where there is no C compiler
-        or no space for its work, or the code does not agree.
+        ``points`` to 1e-10 of the size of what is added up; or None where there is no compiled
+        code to be had, no space for it, or the code does not agree.
     """
-    if compiler.find_compiler() is None:
+    if not compiler.may_build():
         return None
     _log.info("building code for batches: %s of %d joints", term.title, points.model.n)
     try:
@@ -114,11 +114,7 @@ def check(term: BatchTerm, points: Pointwise, answer: Answer) -> float:
     """
     with np.errstate(all="ignore"):  # numbers that are not finite are refused below
         worst = term.error(points, answer)
-    if not worst <= CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated {term.title} differs from Pinocchio by {worst:.2e} (relative); "
-            f"{CHECK_TOLERANCE:.0e} is allowed"
-        )
+    require_agreement(term.title, worst)
     return worst
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.exceptions import InvalidInput, KernelError, known_names
+from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import Array
 from arm_dynamics.model.loop_closure import RANK, Closure, cholesky
 from arm_dynamics.model.pinocchio_terms import FrameMotion
@@ -28,8 +28,6 @@ if TYPE_CHECKING:
     from arm_dynamics.dynamics.dynamics import Dynamics
     from arm_dynamics.dynamics.pinocchio_backend import Pointwise
 
-CHECK_TOLERANCE = 1e-10
-CHECK_STATES = 20
 AT_ONCE = 4096  # points: what is in memory at once
 
 
@@ -204,44 +202,6 @@ def _contact_place(dynamics: Dynamics, frame: str | None) -> tuple[str, Array]:
             f"allowed: {known_names(dynamics.model.frame_names)}"
         )
     return places[0]
-
-
-def check_constrained(
-    dynamics: Dynamics, acceleration: Callable[[Array, Array, Array], Array]
-) -> None:
-    """Hold a constrained forward-dynamics kernel against Pinocchio on random states.
-
-    The acceleration must obey A a + γ = 0, and what torque it lacks must be a reaction Aᵀλ.
-
-    Args:
-        dynamics: The reference.
-        acceleration: Function of q, v, tau, each of shape (n,).
-
-    Raises:
-        KernelError: If either is missed by more than 1e-10 of the terms that make it up.
-    """
-    closure, rng, worst = Closure(dynamics.model), np.random.default_rng(0), 0.0
-    kept = closure.kept(closure.initially_active)
-    for _ in range(CHECK_STATES):
-        q, v, tau = rng.uniform(-np.pi, np.pi, (3, dynamics.n))
-        row = closure.rows.stacked(q, v, closure.initially_active)
-        A, drift = row.jacobian[kept], row.drift[kept]
-        a = np.array(acceleration(q, v, tau))
-        if not np.isfinite(a).all():
-            raise KernelError("generated forward dynamics is not finite: a joint moves no mass?")
-        free = np.linalg.solve(dynamics.mass_matrix(q), tau - dynamics.inverse(q, v, 0 * a))
-        terms = abs(A) @ (abs(a) + abs(free)) + abs(drift)
-        open_ = abs(A @ a + drift) / max(terms.max(initial=0.0), 1e-9)
-        lacking = tau - dynamics.inverse(q, v, a)
-        basis = np.linalg.qr(A.T)[0]
-        size = abs(dynamics.mass_matrix(q)) @ abs(a) + abs(tau) + abs(lacking)
-        odd = abs(lacking - basis @ (basis.T @ lacking)) / size.max()
-        worst = max(worst, open_.max(initial=0.0), odd.max())
-    if worst > CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated constrained dynamics differs from Pinocchio by {worst:.2e} (relative); "
-            f"{CHECK_TOLERANCE:.0e} is allowed: does every joint move some mass?"
-        )
 
 
 def _each(law: Callable[[Array, Array], Array], q: Array, x: Array) -> Array:

@@ -12,11 +12,11 @@ from weakref import WeakKeyDictionary
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.codegen.kernel import CHECK_STATES, CHECK_TOLERANCE, Kernel
+from arm_dynamics.codegen.kernel import CHECK_STATES, Kernel, require_agreement
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.frame import drift, frame_of, jacobian, placement
 from arm_dynamics.equations.tree import gravity_of, tree_of
-from arm_dynamics.exceptions import KernelError, ModelError
+from arm_dynamics.exceptions import ModelError
 from arm_dynamics.model.arm import ArmModel, Array
 from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
 from arm_dynamics.task_space.axes import AXES, rows_of
@@ -202,8 +202,4 @@ def _check(kernel: Kernel, model: ArmModel, frame: str, axes: tuple[str, ...]) -
 
 def _compare(frame: str, what: str, made: Array, wanted: Array) -> None:
     error = abs(made - wanted).max() / max(1.0, abs(wanted).max())
-    if not error <= CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated {what} of frame '{frame}' differs from Pinocchio by {error:.2e}; "
-            f"{CHECK_TOLERANCE:.0e} is allowed"
-        )
+    require_agreement(f"{what} of frame '{frame}'", error)

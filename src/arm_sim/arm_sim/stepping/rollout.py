@@ -14,8 +14,9 @@ import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, real_array, vector
-from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen import compiler, processor
 from arm_dynamics.codegen.kernel import generate
+from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
 from arm_sim.integrators.methods import build_step, build_tick
 from arm_sim.integrators.selection import Choice
@@ -53,7 +54,7 @@ class Rollouts:
         self._plant, self._choice, self._backend = plant, choice, backend
         # Error control, dry friction and contacts give every arm sub-steps of its own.
         self._alike = choice.tolerance is None and not plant.events and backend != "vm"
-        self._libraries: dict[int, ctypes.CDLL] = {}
+        self._libraries: dict[int, ctypes.CDLL | None] = {}
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
@@ -125,13 +126,21 @@ class Rollouts:
         if lanes is not None and lanes not in WIDTHS:
             allowed = ", ".join(map(str, WIDTHS))
             raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
-        width = (lanes or natural_width()) if compiler.find_compiler("c++") else 1
-        command = compiler.find_compiler("c++" if width > 1 else "c")
-        if command is None:
-            return None, 1
-        if width not in self._libraries:
-            self._libraries[width] = compiler.build(self._source(width), command)
-        return self._libraries[width], width
+        for width in dict.fromkeys((lanes or natural_width(), 1)):
+            if width not in self._libraries:
+                self._libraries[width] = self._built(width)
+            if (library := self._libraries[width]) is not None:
+                return library, width
+        return None, 1
+
+    def _built(self, width: int) -> ctypes.CDLL | None:
+        language = "c++" if width > 1 else "c"
+        if not compiler.may_build(language):
+            return None
+        try:
+            return compiler.build(self._source(width), language).library
+        except CompilerMissing:
+            return None
 
     def _source(self, width: int) -> str:
         plant = self._plant
@@ -144,8 +153,8 @@ class Rollouts:
 
 def natural_width() -> int:
     """Doubles that a vector register of this processor holds."""
-    flags = compiler.processor()
-    return 8 if "avx512f" in flags else 4 if "avx2" in flags else 2
+    present = processor.instructions()
+    return 8 if "avx512f" in present else 4 if "avx2" in present else 2
 
 
 def share(arms: int, width: int, threads: int | None, work: Callable[[int, int], None]) -> None:

@@ -17,10 +17,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from arm_dynamics import Dynamics, KernelError
+from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import Kernel, check_forward
-from arm_dynamics.dynamics.constrained import check_constrained
+from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.dynamics.verify import check_constrained, check_forward
 from arm_dynamics.equations.contact import AT_REST
 from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
@@ -65,9 +65,8 @@ class Stepper:
     ) -> None:
         smooth, actuate = _smooth(plant, choice), actuation(plant, control)
         functions = [plant.rhs, smooth, actuate, *plant.events]
-        self.kernel = Kernel(functions, backend, engine_source(plant, choice, functions))
-        if plant.events and not self.kernel.native:
-            raise KernelError("dry friction and contact need compiled code")
+        engine = engine_source(plant, choice, functions)
+        self.kernel = Kernel(functions, backend, engine, needs_native=_eventful(plant))
         _check(plant, self.kernel)
         self._plant, self._dt = plant, choice.dt
         self.p = plant.parameters.nominal
@@ -188,6 +187,12 @@ def source(defines: dict[str, str], *files: str) -> str:
 def pointer(array: Array) -> ctypes.c_void_p:
     """Address of an array for a C function; it keeps the array."""
     return array.ctypes.data_as(ctypes.c_void_p)
+
+
+def _eventful(plant: Plant) -> str:
+    """What of a scene only the compiled engine can do; nothing if its motion is smooth."""
+    dry = ["dry friction"] if plant.events and plant.model.has_dry_friction else []
+    return " and ".join([*dry, *(["contact"] if plant.points else [])])
 
 
 def _smooth(plant: Plant, choice: Choice) -> ca.Function:
