@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.model.arm import Array
 from arm_dynamics.scene.constraint import label, switchable
 from arm_sim.contact_forces import outside
 from arm_sim.inputs import packed_state

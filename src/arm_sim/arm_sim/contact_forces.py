@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ConstraintError
-from arm_dynamics.model.arm import Array
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.contact_losses import ContactLosses
 from arm_sim.recording.recording import Recording

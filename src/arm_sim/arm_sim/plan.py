@@ -10,8 +10,8 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics import ArmModel
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
-from arm_dynamics.model.arm import Array
 from arm_sim.integrators.selection import Choice
 from arm_sim.law_cost import LawCost, cost_of
 from arm_sim.plant.plant import Plant

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim import constraint_state as held
 from arm_sim.contact_forces import contact_forces, trouble
 from arm_sim.exceptions import SimulationDiverged, diverged

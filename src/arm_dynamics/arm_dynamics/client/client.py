@@ -12,9 +12,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.client.orders import Orders
 from arm_dynamics.client.values import (
-    Array,
     ConstrainedMotion,
     ModelFacts,
     Postures,

@@ -15,11 +15,11 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.split_functions import divided
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, KernelError
-from arm_dynamics.model.arm import Array
 
 BACKENDS = ("auto", "native", "vm")
 CHECK_TOLERANCE = 1e-10

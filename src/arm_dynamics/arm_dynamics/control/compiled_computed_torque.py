@@ -11,6 +11,7 @@ from weakref import WeakKeyDictionary
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import CHECK_STATES, CHECK_TOLERANCE, Call, Kernel
 from arm_dynamics.control.computed_torque import (
@@ -26,7 +27,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.tree import gravity_of, tree_of
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.reference import Reference
 
 _log = logging.getLogger(__name__)

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import all_finite, vector
+from arm_dynamics.arrays import Array, all_finite, vector
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.reference import Reference, numbers
 
-Array = NDArray[np.float64]
 _FLOAT = np.dtype(float)
 
 

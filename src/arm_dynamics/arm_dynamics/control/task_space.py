@@ -13,8 +13,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import vector
-from arm_dynamics.control.computed_torque import Array, Moving, checked, gain, gains
+from arm_dynamics.arrays import Array, vector
+from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.compiled import Instant

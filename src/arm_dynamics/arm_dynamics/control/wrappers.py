@@ -8,7 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.control.computed_torque import Array, Measured, Moving, checked, gain
+from arm_dynamics.arrays import Array
+from arm_dynamics.control.computed_torque import Measured, Moving, checked, gain
 from arm_dynamics.control.joint_space import cut, positive
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput

@@ -13,6 +13,7 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import CHECK_TOLERANCE, Kernel, pointers
 from arm_dynamics.dynamics import compiled_terms as batch_terms
@@ -20,7 +21,6 @@ from arm_dynamics.dynamics.compiled_terms import Answer, BatchTerm
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.model.arm import Array
 
 _DRIVER = compiler.NATIVE / "rows.c"
 _log = logging.getLogger(__name__)

@@ -12,13 +12,14 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import CHECK_STATES, operations
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
 from arm_dynamics.equations import constraint, rigid_body
 from arm_dynamics.equations.forward_dynamics import algorithms
 from arm_dynamics.equations.tree import gravity_of, tree_of
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
 
 Answer = Callable[..., Array]

@@ -16,8 +16,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, KernelError, known_names
-from arm_dynamics.model.arm import Array
 from arm_dynamics.model.loop_closure import RANK, Closure, cholesky
 from arm_dynamics.model.pinocchio_terms import FrameMotion
 from arm_dynamics.scene.constraint import WORLD, CouplingConstraint

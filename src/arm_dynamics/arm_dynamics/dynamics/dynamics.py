@@ -12,11 +12,11 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.command_map import CommandMap
-from arm_dynamics.arrays import vectors
+from arm_dynamics.arrays import Array, vectors
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Scene
 

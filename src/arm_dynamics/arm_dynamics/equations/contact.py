@@ -16,11 +16,12 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations.constraint import across
 from arm_dynamics.equations.rigid_body import placements, solve
 from arm_dynamics.equations.tree import Tree, sparse, turn_of
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.contact import Contact
 
 # Entries of p for each contact: closed, sticks, direction in which it slides (two tangents), and

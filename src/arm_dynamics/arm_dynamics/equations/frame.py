@@ -7,16 +7,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.tree import (
-    Array,
-    Tree,
-    clean,
-    constant,
-    cross,
-    spread_map,
-    turn_of,
-)
+from arm_dynamics.equations.tree import Tree, clean, constant, cross, spread_map, turn_of
 from arm_dynamics.model.arm import ArmModel
 
 

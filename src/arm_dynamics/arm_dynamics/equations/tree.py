@@ -20,11 +20,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.model.arm import ArmModel
-
-Array = NDArray[np.float64]
 
 # Products of rotations by multiples of 90 degrees leave dirt of a few units of rounding: factors
 # that would not fold away.

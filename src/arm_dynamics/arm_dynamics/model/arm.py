@@ -12,15 +12,13 @@ from __future__ import annotations
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ModelError
 from arm_dynamics.model.drive import command_limits, command_units, drives_of, torque_limits
 from arm_dynamics.model.friction_settings import Settings, resolve
 from arm_dynamics.scene.schema import Joint, Scene, inertia_matrix
 from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
-
-Array = NDArray[np.float64]
 
 
 class ArmModel:

@@ -14,9 +14,10 @@ from dataclasses import dataclass
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations.constraint import across
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.constraint import (
     WORLD,
     Bilateral,

@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 
 
 class RigidTerms:

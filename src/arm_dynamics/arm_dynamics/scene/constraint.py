@@ -10,15 +10,13 @@ from __future__ import annotations
 from typing import Annotated, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene.contact import Contact, check_contact
 from arm_dynamics.scene.types import Direction, Finite, Part, Positive, Vector3
 from arm_dynamics.scene.urdf import Urdf
-
-Array = NDArray[np.float64]
 
 WORLD = "world"
 Frames = tuple[str, str]

@@ -12,12 +12,13 @@ from weakref import WeakKeyDictionary
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import CHECK_STATES, CHECK_TOLERANCE, Kernel
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.frame import drift, frame_of, jacobian, placement
 from arm_dynamics.equations.tree import gravity_of, tree_of
 from arm_dynamics.exceptions import KernelError, ModelError
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
 from arm_dynamics.task_space.axes import AXES, rows_of
 from arm_dynamics.task_space.inertia import regularized

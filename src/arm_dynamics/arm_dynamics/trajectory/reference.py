@@ -8,14 +8,13 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 
 if TYPE_CHECKING:
     from arm_dynamics.model.arm import ArmModel
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True, slots=True)

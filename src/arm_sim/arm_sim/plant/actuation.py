@@ -11,10 +11,10 @@ import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.arrays import Array
 from arm_dynamics.control import compiled_computed_torque as control_compiled
 from arm_dynamics.control.computed_torque import held_gains
 from arm_dynamics.equations.tree import constant
-from arm_dynamics.model.arm import Array
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
 

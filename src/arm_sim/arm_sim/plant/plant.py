@@ -15,11 +15,11 @@ import numpy as np
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.actuation.internal_state import Ensemble
 from arm_dynamics.actuation.joint_laws import laws_of
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.equations import rigid_body, sticking
 from arm_dynamics.equations.forward_dynamics import algorithms
 from arm_dynamics.equations.tree import gravity_of, tree_of
-from arm_dynamics.model.arm import Array
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.scene.constraint import switchable
 from arm_sim.plant.bilateral import Constrained

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 
 from arm_dynamics import Dynamics
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 
 
 def input_work(q: Array, tau: Array) -> Array:

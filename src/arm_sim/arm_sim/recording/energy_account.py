@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.internal_state import Ensemble, Flow
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.model.friction import JointFriction
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.driven import split

@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics import Dynamics
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.energy_account import Audit
 from arm_sim.state import State

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import ctypes
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Call
-from arm_dynamics.model.arm import Array
 
 # A tick that needs more sub-steps than this has met a stiff or singular motion: better an error
 # than a frozen program.

@@ -20,7 +20,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim.stepping.contact_newton import AHEAD, Answer, Does, newton
 
 # Sweeps before Newton's method is tried, and tried again.

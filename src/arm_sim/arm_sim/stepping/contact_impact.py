@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim.stepping.contact_cone import several
 from arm_sim.stepping.contact_modes import Modes
 from arm_sim.stepping.contact_newton import Does

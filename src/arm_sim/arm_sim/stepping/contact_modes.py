@@ -15,9 +15,9 @@ from enum import IntEnum
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.equations.contact import AT_REST, MODE
-from arm_dynamics.model.arm import Array
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.contact_cone import several, single
 from arm_sim.stepping.contact_newton import AHEAD, Answer, Does

@@ -17,7 +17,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 
 STEPS = 60
 HALVED = 12

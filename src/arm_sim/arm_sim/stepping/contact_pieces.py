@@ -8,9 +8,9 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Call
 from arm_dynamics.equations.contact import AT_REST
-from arm_dynamics.model.arm import Array
 from arm_sim.stepping.contact_modes import GAP_ROUNDING, Modes
 from arm_sim.stepping.dry_friction import AT_REST as SUDDEN_STOP
 from arm_sim.stepping.dry_friction import ROUNDING

@@ -12,7 +12,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant

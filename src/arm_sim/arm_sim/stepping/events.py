@@ -14,8 +14,8 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Call, Kernel
-from arm_dynamics.model.arm import Array
 from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl, actuation

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
-from arm_dynamics.model.arm import Array
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.inputs import packed_state, torque, whole
 from arm_sim.integrators.methods import build_attempt, build_step

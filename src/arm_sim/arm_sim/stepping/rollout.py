@@ -13,10 +13,9 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import real_array, vector
+from arm_dynamics.arrays import Array, real_array, vector
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import generate
-from arm_dynamics.model.arm import Array
 from arm_sim.constraint_state import consistent_rows
 from arm_sim.inputs import whole
 from arm_sim.integrators.methods import build_step
