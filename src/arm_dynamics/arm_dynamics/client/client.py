@@ -17,6 +17,7 @@ from arm_dynamics.client.orders import Orders
 from arm_dynamics.client.values import (
     ConstrainedMotion,
     ModelFacts,
+    NotReached,
     Postures,
     Terms,
     agreed,
@@ -29,7 +30,6 @@ from arm_dynamics.client.values import (
     whole,
     words,
 )
-from arm_dynamics.exceptions import NotReached
 
 __all__ = ["ALL_TERMS", "ArmClient", "ConstrainedMotion", "ModelFacts", "Postures", "Terms"]
 

@@ -18,12 +18,9 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.split_functions import divided
-from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, KernelError
 
 BACKENDS = ("auto", "native", "vm")
-CHECK_TOLERANCE = 1e-10
-CHECK_STATES = 20
 _log = logging.getLogger(__name__)
 
 
@@ -157,45 +154,6 @@ def operations(function: ca.Function) -> int:
         elif kind not in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER):
             total += int(function.instruction_MX(k).nnz())
     return total
-
-
-def check_forward(
-    dynamics: Dynamics, acceleration: Callable[[Array, Array, Array], Array]
-) -> float:
-    """Compare a forward-dynamics kernel with Pinocchio on random states.
-
-    The torque that Pinocchio needs for the kernel's acceleration is held against the torque that
-    was put in; unlike the difference of accelerations, that of torques does not blow up where M
-    is ill-conditioned.
-
-    Args:
-        dynamics: The reference.
-        acceleration: Function of q, v, tau, each of shape (n,).
-
-    Returns:
-        Largest error, relative to the size of the terms that make it up.
-
-    Raises:
-        KernelError: If it exceeds 1e-10.
-    """
-    rng = np.random.default_rng(0)
-    worst = 0.0
-    for _ in range(CHECK_STATES):
-        q, v, tau = rng.uniform(-np.pi, np.pi, (3, dynamics.n))
-        a = np.array(acceleration(q, v, tau))
-        if not np.isfinite(a).all():
-            dynamics.forward(q, v, tau)  # says which joint cannot be moved
-        needed = dynamics.inverse(q, v, np.nan_to_num(a))
-        bias = dynamics.inverse(q, v, np.zeros(dynamics.n))
-        size = abs(dynamics.mass_matrix(q)) @ abs(a) + abs(bias) + abs(tau)
-        error = np.max(abs(needed - tau)) / size.max()
-        worst = max(worst, float(error)) if np.isfinite(a).all() else np.inf
-    if not worst <= CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated forward dynamics differs from Pinocchio by {worst:.2e} (relative); "
-            f"{CHECK_TOLERANCE:.0e} is allowed: does every joint move some mass?"
-        )
-    return worst
 
 
 def pointers(arrays: Sequence[NDArray[np.float64]], count: int) -> ctypes.Array[ctypes.c_void_p]:

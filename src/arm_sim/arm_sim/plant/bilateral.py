@@ -16,6 +16,7 @@ import casadi as ca
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.equations import constraint, rigid_body
 from arm_dynamics.equations.projection import SINGULAR, Held, Metric
+from arm_dynamics.model.tree_builder import linkage_of
 
 if TYPE_CHECKING:
     from arm_sim.plant.plant import Symbols
@@ -47,7 +48,9 @@ class Constrained:
     def __init__(self, model: ArmModel, s: Symbols) -> None:
         _check_alone(model)
         self._n, self._s = model.n, s
-        self._rows = constraint.rows(model, s.tree, s.q, s.v, s.active)
+        self._rows = constraint.rows(
+            linkage_of(model, model.constraint_rows), s.tree, s.q, s.v, s.active
+        )
         self._metric = Metric(rigid_body.mass_matrix(s.tree, s.q))
         self._held = Held(self._metric, self._rows.jacobian)
         self.acceleration = self._acceleration()

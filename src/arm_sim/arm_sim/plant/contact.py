@@ -15,6 +15,7 @@ import casadi as ca
 from arm_dynamics import ArmModel
 from arm_dynamics.equations import contact, rigid_body
 from arm_dynamics.equations.contact import ContactPoint, Mode
+from arm_dynamics.model.tree_builder import contact_points
 
 if TYPE_CHECKING:
     from arm_sim.plant.plant import Joints, Symbols
@@ -67,7 +68,7 @@ def contact_plant(model: ArmModel, s: Symbols, joints: Joints) -> ContactPlant:
     Returns:
         The functions.
     """
-    n, points = model.n, contact.contact_points(model)
+    n, points = model.n, contact_points(model)
     modes = ca.SX.sym("mode", contact.MODE * len(points))
     anchor = ca.SX.sym("anchor", 2 * len(points))
     mode, S = Mode.of(modes), ca.diag(joints.sliding)

@@ -19,8 +19,8 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.equations import rigid_body, sticking
 from arm_dynamics.equations.forward_dynamics import algorithms
-from arm_dynamics.equations.tree import gravity_of, tree_of
 from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.scene.constraint import switchable
 from arm_sim.plant.bilateral import Constrained
 from arm_sim.plant.contact import ContactPlant, contact_plant

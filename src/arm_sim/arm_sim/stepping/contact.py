@@ -12,8 +12,8 @@ from __future__ import annotations
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import check_forward
 from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.verify import check_forward
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant

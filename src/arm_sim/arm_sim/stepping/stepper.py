@@ -17,9 +17,9 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import Kernel, check_forward
-from arm_dynamics.dynamics.constrained import check_constrained
+from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.verify import check_constrained, check_forward
 from arm_sim.integrators.methods import Method, build_attempt, build_step
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.plant import Plant
