@@ -11,7 +11,16 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, SceneError, load_scene
 from arm_sim import SimulationDiverged, Simulator, contact_history
-from models.engine import APART, SLIDES, STICKS, UNSOLVABLE, Impacts, locate, solve_cone, solve_cones
+from models.engine import (
+    APART,
+    SLIDES,
+    STICKS,
+    UNSOLVABLE,
+    Impacts,
+    locate,
+    solve_cone,
+    solve_cones,
+)
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 

@@ -13,7 +13,8 @@ from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.dynamics.verify import check_forward
 from arm_dynamics.equations import articulated_body as articulated
 from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.tree import Tree, tree_of
+from arm_dynamics.equations.tree import Tree
+from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.plant.plant import Plant
 from models.oracle import Oracle
 from models.random_tree import random_tree

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene made ready to run: equations, compiled ticks, and what is derived from them when asked."""
+"""A scene made ready to run: equations, compiled ticks, and what follows from them on demand."""
 
 from __future__ import annotations
 

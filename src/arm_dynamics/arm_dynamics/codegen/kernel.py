@@ -15,14 +15,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.split_functions import divided
 from arm_dynamics.exceptions import CompilerMissing, InvalidInput, KernelError
-from arm_dynamics.model.arm import Array
 
 BACKENDS = ("auto", "native", "vm")
-CHECK_TOLERANCE = 1e-10
-CHECK_STATES = 20
 _log = logging.getLogger(__name__)
 
 
@@ -166,24 +164,6 @@ def operations(function: ca.Function) -> int:
         elif kind not in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER):
             total += int(function.instruction_MX(k).nnz())
     return total
-
-
-def require_agreement(title: str, error: float, advice: str = "") -> None:
-    """Refuse generated code that differs from Pinocchio.
-
-    Args:
-        title: What was generated.
-        error: Largest difference, relative to the size of what makes it up.
-        advice: What may be the cause, with what goes before it.
-
-    Raises:
-        KernelError: If the error exceeds 1e-10 or is not a number.
-    """
-    if not error <= CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated {title} differs from Pinocchio by {error:.2e} (relative); "
-            f"{CHECK_TOLERANCE:.0e} is allowed{advice}"
-        )
 
 
 def pointers(arrays: Sequence[NDArray[np.float64]], count: int) -> ctypes.Array[ctypes.c_void_p]:

@@ -13,14 +13,15 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.kernel import Kernel, pointers, require_agreement
+from arm_dynamics.codegen.kernel import Kernel, pointers
 from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_terms import Answer, BatchTerm
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.dynamics.verify import compare
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.model.arm import Array
 
 _DRIVER = compiler.NATIVE / "rows.c"
 _log = logging.getLogger(__name__)
@@ -104,18 +105,9 @@ def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
 
 
 def check(term: BatchTerm, points: Pointwise, answer: Answer) -> float:
-    """Hold an answer against Pinocchio's on random states.
-
-    Returns:
-        Largest difference, relative to the size of what is added up.
-
-    Raises:
-        KernelError: If it exceeds 1e-10.
-    """
-    with np.errstate(all="ignore"):  # numbers that are not finite are refused below
-        worst = term.error(points, answer)
-    require_agreement(term.title, worst)
-    return worst
+    """Check an answer at random states; returns and errors as those of ``compare``."""
+    with np.errstate(all="ignore"):  # numbers that are not finite are refused
+        return compare(term.title, *term.compared(points, answer))
 
 
 def rows(function: ca.Function, shape: tuple[int, ...]) -> Answer:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.integrators.tableaux import (
     DOP853,

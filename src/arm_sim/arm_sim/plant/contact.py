@@ -13,7 +13,8 @@ import casadi as ca
 
 from arm_dynamics import ArmModel
 from arm_dynamics.equations import contact, rigid_body
-from arm_dynamics.equations.contact import ContactPoint, Mode, contact_points
+from arm_dynamics.equations.contact import ContactPoint, Mode
+from arm_dynamics.model.tree_builder import contact_points
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 
 import casadi as ca
 
-from arm_dynamics.equations.tree import gravity_of, tree_of
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.scene.constraint import switchable
 from arm_sim.plant.parameters import Parameters
 

@@ -23,9 +23,9 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import FLAGS, build, may_build
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.model.arm import Array
 from arm_dynamics.ros.common.cdr import HEADER
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.layout import Layout, layout_of
