@@ -12,7 +12,7 @@ import pytest
 import models
 from arm_sim import Simulator
 
-DATA = json.loads((Path(__file__).parents[1] / "reference/double_pendulum.json").read_text())[
+DATA = json.loads((Path(__file__).parents[2] / "reference/double_pendulum.json").read_text())[
     "pi6_pi4"
 ]
 

@@ -123,6 +123,16 @@ def test_pid_does_not_wind_up() -> None:
     assert recovery < 600
 
 
+def test_a_pid_whose_integral_is_faster_than_a_tick_stays_at_its_limit() -> None:
+    """ki dt / kp = 5: taken back five times over, what the limit cut off would swing and grow."""
+    control = PID(1, 1.0, 5000.0, 0.0, 1e-3, limit=3.0)
+    stuck = Measured(np.zeros(1), np.zeros(1))
+    torques = [control.torque(stuck, at_rest([1.0]))[0] for _ in range(100)]
+    assert torques[0] == 1.0
+    assert torques[1:] == [3.0] * 99
+    assert abs(control.integral[0]) <= 3.0 + 5.0
+
+
 def test_float_keeps_still_and_yields(rng: np.random.Generator) -> None:
     sim = models.simulator("panda", dt=1e-3)
     control = GravityCompensation(sim.dynamics)
@@ -160,6 +170,44 @@ def test_half_a_tick_ahead_the_law_of_the_books_gives_the_linear_response(zeta: 
         weights = np.array([roots[1], -roots[0]]) / (roots[1] - roots[0])
         wanted = (np.exp(np.outer(done.time, roots)) @ weights).real
     np.testing.assert_allclose(error, np.column_stack([wanted, wanted]), rtol=0, atol=1e-4)
+
+
+class Seen:
+    """A controller that asks for the same torque always and keeps the state it was shown."""
+
+    def __init__(self, *torque: float) -> None:
+        self.tau, self.state = np.array(torque), Measured(np.zeros(0), np.zeros(0))
+
+    def torque(self, state: Measured, reference: Reference) -> np.ndarray:
+        self.state = state
+        return self.tau
+
+
+def test_half_a_tick_ahead_is_where_the_held_torque_leads() -> None:
+    """q + v h + a h²/2 and v + a h, with the acceleration under the last torque."""
+    dyn = models.dynamics("two_link")
+    q, v, h = np.array([0.4, -0.7]), np.array([1.0, 2.0]), 0.01
+    law = Seen(3.0, -1.0)
+    control = HalfTickAhead(law, dyn, 2.0 * h)
+    control.torque(Measured(q, v), at_rest(q))
+    assert_close([law.state.q, law.state.v], [q + h * v, v], ALGEBRA)
+    control.torque(Measured(q, v), at_rest(q))
+    a = dyn.forward(q, v, law.tau)
+    assert abs(a).min() > 1.0
+    assert_close([law.state.q, law.state.v], [q + h * v + a * h * h / 2, v + a * h], ALGEBRA)
+
+
+def test_a_hand_over_begins_and_ends_gently() -> None:
+    """The share of the old torque falls along the cubic that is flat at both ends."""
+    control, still = Switch(Seen(1.0), 1e-3, 0.1), Measured(np.zeros(1), np.zeros(1))
+    control.torque(still, at_rest([0.0]))
+    control.to(Seen(0.0))
+    share = np.array([control.torque(still, at_rest([0.0]))[0] for _ in range(101)])
+    assert_close(share[[0, 50, 100]], [1.0, 0.5, 0.0], ALGEBRA)
+    assert_close(share + share[::-1], np.ones(101), ALGEBRA)
+    steps = -np.diff(share)
+    assert max(steps[0], steps[-1]) < 3.0 / 100**2 < steps.max()
+    assert steps.max() == pytest.approx(1.5 / 100, rel=1e-3)
 
 
 def test_disturbance_observer_sees_the_load_and_takes_it_off() -> None:

@@ -7,13 +7,14 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput
+from arm_dynamics import Dynamics, InvalidInput
 from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.control.wrappers import DisturbanceObserver, Saturated, Switch
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
+from tolerances import assert_close
 
 
 @pytest.mark.parametrize("observer", [None, 30.0])
@@ -60,6 +61,38 @@ def test_torques_are_cut_at_the_limits_when_asked() -> None:
     np.testing.assert_array_equal(cut.torque(state, reference), np.clip(asked, -limit, limit))
     assert isinstance(cut, Saturated)
     np.testing.assert_array_equal(cut.saturated, abs(asked) > limit)
+
+
+def test_an_observer_keeps_to_the_limits_too() -> None:
+    dyn = models.dynamics("two_link")
+    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
+    limit = np.array([3.0, 0.5])
+    free = make_controller("computed_torque", dyn, Settings())
+    held = make_controller("computed_torque", dyn, Settings(observer=20.0, limit=limit))
+    asked = free.torque(state, reference)
+    assert (abs(asked) > limit).any()
+    np.testing.assert_array_equal(held.torque(state, reference), np.clip(asked, -limit, limit))
+
+
+RUBBED = {"viscous": 0.5, "coulomb": 2.0}  # [N m s/rad], [N m]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_friction_of_the_reference_is_fed_forward_once(name: str) -> None:
+    """Without error each law asks for what it knows of the motion, and for its friction."""
+    given = models.scene("two_link").model_dump(exclude_none=True)
+    dyn = Dynamics(given | {"joints": {"*": {"friction": RUBBED}}})
+    q, v = np.array([0.3, 0.8]), np.array([1.0, -2.0])
+    task = TaskSpace(dyn, "tip", selection=("x", "z"))
+    # motion_force accelerates nothing along z
+    a = np.linalg.solve(task.jacobian(q), [5.0, 0.0] - task.bias(q, v))
+    settings = Settings(1e-9, damping_ratio=0.0, frame="tip", axes=("x", "z"), friction=True)
+    tau = make_controller(name, dyn, settings).torque(Measured(q, v), Reference(q, v, a))
+    weight, nothing = dyn.gravity(q), np.zeros(2)
+    known = {"pd": nothing, "pid": nothing, "pd_gravity": weight, "float": weight}
+    rigid = known.get(name, dyn.inverse(q, v, a, terms=7))
+    friction = nothing if name == "float" else [0.5 + 2.0, -1.0 - 2.0]
+    assert_close(tau, rigid + friction, 1e-8)
 
 
 def test_other_gains_act_at_once_unless_the_law_remembers() -> None:

@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Every test of a node has a ROS of its own: context, domain, executor; nothing stays behind."""
+"""Every test of a node has a ROS of its own: context, domain, executor; nothing stays behind.
+
+The conftest.py of each folder with such tests imports these fixtures.
+"""
 
 from __future__ import annotations
 
@@ -11,14 +14,6 @@ from harness import Ros
 
 from arm_dynamics.ros.common.shared_memory import clear_dead
 from arm_dynamics.ros.common.transport import by_udp
-
-
-def pytest_configure(config: pytest.Config) -> None:
-    """The message parser that ROS brings along imports modules that Python is about to drop."""
-    for module in ("sre_parse", "sre_constants"):
-        config.addinivalue_line(
-            "filterwarnings", f"ignore:module '{module}' is deprecated:DeprecationWarning"
-        )
 
 
 @pytest.fixture(autouse=True)

@@ -112,6 +112,21 @@ def test_force_on_a_table_is_the_one_asked_for() -> None:
     assert np.linalg.norm((task.pose(sim.state.q).position - goal)[:2]) < 1e-4
 
 
+def test_along_the_force_the_hand_is_only_braked(rng: np.random.Generator) -> None:
+    """u·ẍ = -2 ζ ω u·ẋ whatever the reference asks for there; across u it is followed."""
+    task, u = panda(), np.array([0.0, 0.6, -0.8])
+    for _ in range(5):
+        state, reference = random_reference(task, rng)
+        tau = MotionForce(task, u, 12.0, 0.8).torque(state, reference)
+        found = acceleration(task, state, tau)
+        rate = reference.velocity - task.jacobian(state.q) @ state.v
+        wanted = reference.acceleration + 2 * 0.8 * 12 * rate
+        wanted = wanted + 144 * errors(task, state, reference)
+        braked = -2 * 0.8 * 12 * (u @ (task.jacobian(state.q) @ state.v)[:3])
+        wanted[:3] += (braked - u @ wanted[:3]) * u
+        assert_close(found, wanted, INVERSE_PAIR)
+
+
 @pytest.mark.parametrize("profile", ["quintic", "trapezoid"])
 def test_straight_line_at_half_a_metre_per_second(profile: str) -> None:
     """Panda, within a tenth of a millimetre of where it should be, in both spaces."""
@@ -187,6 +202,14 @@ def test_joint_references_are_followed_by_task_controllers(rng: np.random.Genera
     state = Measured(q + 0.01, v)
     tau = AlongJoints(inner, task).torque(state, Reference(q, v, a))
     assert_close(tau, inner.torque(state, meant), INVERSE_PAIR)
+
+
+def test_along_joints_the_hand_presses_as_hard_as_asked() -> None:
+    task, dyn = two_link(), models.dynamics("two_link")
+    q = np.array([0.3, 0.8])
+    control = AlongJoints(MotionForce(task, [1, 0, 0]), task, force=10.0)
+    tau = control.torque(Measured(q, 0 * q), Reference(q, 0 * q, 0 * q))
+    assert_close(tau, dyn.gravity(q) + [10.0, 0.0] @ task.jacobian(q), ALGEBRA)
 
 
 def test_a_planar_task_presses_along_its_own_axes() -> None:

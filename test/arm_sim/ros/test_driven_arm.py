@@ -8,8 +8,8 @@ import pytest
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from sim_by_hand import state_bytes
 from std_msgs.msg import Float64MultiArray
-from test_closed_loop import state_bytes
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models

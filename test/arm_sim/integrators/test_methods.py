@@ -16,7 +16,7 @@ from arm_sim import Simulator
 from arm_sim.integrators.methods import METHODS
 from tolerances import ORDER
 
-DATA = Path(__file__).parents[1] / "reference/double_pendulum.json"
+DATA = Path(__file__).parents[2] / "reference/double_pendulum.json"
 STATED = {
     "euler": 1,
     "semi_implicit_euler": 1,

@@ -80,6 +80,7 @@ def test_time_that_goes_backwards_means_hold_again(node: ControllerNode) -> None
         serialize_message(JointState(name=NAMES[:1], position=[0.0], velocity=[0.0])),
         serialize_message(JointState(name=NAMES, position=[0.0, np.nan], velocity=[0.0] * 2)),
     ],
+    ids=["rubbish", "no velocity", "one joint", "nan"],
 )
 def test_useless_states_get_no_answer(
     node: ControllerNode, raw: bytes, capfd: pytest.CaptureFixture[str]

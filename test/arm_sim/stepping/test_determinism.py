@@ -48,8 +48,8 @@ def test_again_and_in_another_instance(name: str, options: dict[str, Any]) -> No
 
 
 def test_in_another_process_built_afresh(tmp_path: Path) -> None:
-    folder = Path(__file__).parents[1]
-    paths = [str(folder), str(folder / "unit")]
+    here = Path(__file__)
+    paths = [str(here.parents[2]), str(here.parent)]
     code = (
         f"import sys; sys.path[:0] = {paths!r}; import models, test_determinism; "
         "print(test_determinism.fingerprint(models.simulator('skew_axes', integrator='rk4')))"

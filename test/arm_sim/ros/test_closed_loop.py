@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 from harness import Ros
-from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
+from sim_by_hand import state_bytes
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
@@ -39,14 +39,6 @@ def trajectory(sim: SimNode) -> JointTrajectory:
     for i, point in enumerate(points):
         point.time_from_start.sec = i + 1
     return JointTrajectory(joint_names=list(sim.simulator.joint_names), points=points)
-
-
-def state_bytes(sim: SimNode) -> bytes:
-    state, message = sim.simulator.state, JointState(name=list(sim.simulator.joint_names))
-    message.position, message.velocity = state.q.tolist(), state.v.tolist()
-    stamp = round(state.time * 1e9)
-    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
-    return serialize_message(message)
 
 
 def follow(sim: SimNode, controller: ControllerNode, ticks: int) -> tuple[np.ndarray, np.ndarray]:

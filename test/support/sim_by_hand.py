@@ -52,3 +52,11 @@ def ticks(node: SimNode, count: int) -> None:
 
 def motion(node: SimNode) -> np.ndarray:
     return np.array([node.simulator.state.q, node.simulator.state.v])
+
+
+def state_bytes(sim: SimNode) -> bytes:
+    state, message = sim.simulator.state, JointState(name=list(sim.simulator.joint_names))
+    message.position, message.velocity = state.q.tolist(), state.v.tolist()
+    stamp = round(state.time * 1e9)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    return serialize_message(message)

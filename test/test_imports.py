@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-SOURCE = Path(__file__).parents[2] / "src"
+SOURCE = Path(__file__).parents[1] / "src"
 ROS = ("rclpy", "arm_msgs", "sensor_msgs", "std_msgs")
 NOT_CORE = ("ros", "cli")
 
