@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.recording.recording import Recording

@@ -10,8 +10,8 @@ from typing import Any, Self
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.client.values import (
-    Array,
     ConstrainedMotion,
     ModelFacts,
     NotReached,

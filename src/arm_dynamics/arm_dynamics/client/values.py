@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, Refused, Unreachable
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

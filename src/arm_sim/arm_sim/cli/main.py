@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from arm_sim.cli.build import build
 from arm_sim.cli.call import call
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
@@ -59,5 +60,5 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-for command in (demo, describe, call, dynamics, sim, controller):
+for command in (demo, describe, build, call, dynamics, sim, controller):
     main.add_command(command)

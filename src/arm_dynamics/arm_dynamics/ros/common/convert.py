@@ -14,13 +14,11 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from arm_dynamics.arrays import vector
+from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import ArmError, InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
 from arm_dynamics.task_space.terms import Pose
-
-Array = NDArray[np.float64]
 
 _UNIT = 1e-3  # how far a quaternion's length may be from one
 
