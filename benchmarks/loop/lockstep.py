@@ -101,19 +101,17 @@ def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher.publish(message)
     settled = time.monotonic() + 2.0
     _spin(executor, lambda: time.monotonic() > settled, 10.0)
-    digest, advance = _Digest(), node.advance
+    digest, engine = _Digest(), node.engine
 
-    def noted(tau: np.ndarray) -> bool:
-        good = advance(tau)
+    def note() -> None:
         state = node.simulator.state
         digest.add(state.q, state.v, node.simulator.effort)
-        node.paused = state.step >= ticks
-        return good
+        engine.paused = state.step >= ticks
 
-    node.advance = noted
-    node.requests.pause(False)
+    engine.on_tick.append(note)
+    engine.pause(False)
     began = time.perf_counter()
-    _spin(executor, lambda: node.paused, 1e-2 * ticks + 60.0)
+    _spin(executor, lambda: engine.paused, 1e-2 * ticks + 60.0)
     rate = ticks / (time.perf_counter() - began)
     asked = node.lockstep.asked_again if node.lockstep else 0
     return {"rate": rate, "digest": str(digest), "asked again": asked}

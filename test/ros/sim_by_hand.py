@@ -31,8 +31,8 @@ class Waiting:
     def __init__(self, node: SimNode) -> None:
         node.input.close()
         self.messages: deque[bytes] = deque()
-        self._read = node.input._reader.read
-        node.input._source = self
+        self._read = node.input.reader.read
+        node.input.source = self
 
     def take(self) -> tuple[int, Read] | None:
         return (0, self._read(self.messages.popleft())) if self.messages else None

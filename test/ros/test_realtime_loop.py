@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from arm_sim.ros.histogram import Histogram
+from arm_sim.ros.latency import Histogram
 from arm_sim.ros.realtime_loop import RealtimeLoop
 
 pytestmark = pytest.mark.ros

@@ -84,7 +84,7 @@ def alive(nodes: Nodes) -> None:
     """The sim still takes a good command and moves by it, finitely."""
     sim = nodes.sim
     sim.requests.on_reset(None, Step.Response())
-    sim.requests.pause(False)
+    sim.engine.pause(False)
     sim.on_joint_commands(command())
     sim.tick()
     np.testing.assert_array_equal(sim.simulator.effort, TAU)
@@ -100,7 +100,7 @@ def alive(nodes: Nodes) -> None:
 def test_any_bytes(nodes: Nodes, raw: bytes) -> None:
     nodes.sim.on_joint_commands(command())
     nodes.sim.on_joint_commands(raw)
-    np.testing.assert_array_equal(nodes.sim.commands.held(np.zeros(2)), TAU)
+    np.testing.assert_array_equal(nodes.sim.engine.commands.held(np.zeros(2)), TAU)
     nodes.controller.on_joint_states(raw)
     alive(nodes)
 
@@ -115,7 +115,7 @@ def test_damaged_messages(nodes: Nodes, data: st.DataObject) -> None:
     nodes.sim.on_joint_commands(bytes(raw))
     nodes.sim.on_joint_commands(bytes(raw[:cut]))
     nodes.controller.on_joint_states(bytes(raw))
-    assert np.isfinite(nodes.sim.commands.held(np.zeros(2))).all()
+    assert np.isfinite(nodes.sim.engine.commands.held(np.zeros(2))).all()
     alive(nodes)
 
 
@@ -140,7 +140,7 @@ def test_joint_states_of_any_content(
         JointState(name=name, position=position, velocity=velocity, effort=effort)
     )
     nodes.sim.on_joint_commands(raw)
-    assert np.isfinite(nodes.sim.commands.held(np.zeros(2))).all()
+    assert np.isfinite(nodes.sim.engine.commands.held(np.zeros(2))).all()
     answer = nodes.controller.on_joint_states(raw)
     if answer is not None:
         assert np.isfinite(deserialize_message(answer, JointState).effort).all()
@@ -172,7 +172,7 @@ def test_wrenches_of_any_content(nodes: Nodes, frame: str, values: list[float]) 
     message.header.frame_id = frame
     force, torque = message.wrench.force, message.wrench.torque
     force.x, force.y, force.z, torque.x, torque.y, torque.z = values
-    nodes.sim.push.on_wrench(message)
+    nodes.sim.wrenches.on_wrench(message)
     nodes.sim.tick()
     assert np.isfinite(nodes.sim.simulator.state.q).all()
     alive(nodes)

@@ -29,7 +29,7 @@ def node(ros: Ros) -> SimNode:
 
 def acting(node: SimNode) -> np.ndarray:
     """The torque of the next tick."""
-    return node.commands.held(node.simulator.state.q)
+    return node.engine.commands.held(node.simulator.state.q)
 
 
 def ticks_until(ros: Ros, node: SimNode, tau: list[float]) -> None:
@@ -85,7 +85,7 @@ def test_two_sources_lead_joints_of_their_own_in_every_tick(
     acted = []
     for k in range(1, 6):
         for joint, source in enumerate(("left", "right")):
-            waiting.messages.append(named(node.stamp, source, joint, float(k)))
+            waiting.messages.append(named(node.engine.stamp, source, joint, float(k)))
         node.tick()
         acted.append(node.simulator.effort.tolist())
     assert acted[0][0] == 1.0
@@ -95,7 +95,7 @@ def test_two_sources_lead_joints_of_their_own_in_every_tick(
 def test_the_answer_to_the_newest_state_acts_whatever_waits_before_it(
     node: SimNode, waiting: Waiting
 ) -> None:
-    for stamp in (0, 1_000_000, 2_000_000, node.stamp):
+    for stamp in (0, 1_000_000, 2_000_000, node.engine.stamp):
         waiting.messages.append(named(stamp, "one", 0, 1e-6 * stamp))
     node.tick()
     assert node.simulator.effort[0] == 3.0
@@ -188,7 +188,7 @@ def test_reset_is_not_taken_for_a_command(
     node.on_commands(Float64MultiArray(data=TAU))
     for _ in range(150):
         node.tick()
-    assert node.commands.stale
+    assert node.engine.commands.stale
     node.requests.on_reset(Trigger.Request(), Trigger.Response())
     node.tick()
     assert "commands are back" not in capfd.readouterr().err

@@ -36,7 +36,7 @@ def pushed(frame: str, *values: float) -> WrenchStamped:
 
 
 def finding(node: SimNode, part: str) -> DiagnosticStatus:
-    return {f.part: f for f in node.findings()}[part].message(node)
+    return {f.part: f for f in node.diagnostics()}[part].message(node)
 
 
 def command(source: str = "", effort: Any = TAU) -> bytes:
@@ -52,7 +52,7 @@ def test_a_wrench_moves_the_arm_for_as_long_as_it_acts(ros: Ros) -> None:
     node, sim = by_hand(ros, wrench_timeout=0.005), models.simulator("two_link")
     wrench = np.array([3.0, -2.0, 5.0, 0.0, 1.0, 0.5])
     ticks(node, 3)
-    node.push.on_wrench(pushed("tip", *wrench))
+    node.wrenches.on_wrench(pushed("tip", *wrench))
     task = TaskSpace(models.dynamics("two_link"), "tip", "local")
     for tick in range(15):
         state = sim.state
@@ -62,14 +62,14 @@ def test_a_wrench_moves_the_arm_for_as_long_as_it_acts(ros: Ros) -> None:
             node.tick()
     np.testing.assert_allclose(node.simulator.state.q, sim.state.q, rtol=0.0, atol=1e-12)
     np.testing.assert_array_equal(node.simulator.effort, [0.0, 0.0])
-    assert node.push.active == ()
+    assert node.engine.pushed_frames == ()
 
 
 def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
     node = by_hand(ros, wrench_timeout=10.0)
     publisher = ros.publisher(WrenchStamped, "/sim/wrench")
     publisher.publish(pushed("tip", 1.0, 0.0, 1.0, 0.0, 0.0, 0.0))
-    ros.spin_until(lambda: node.push.active)
+    ros.spin_until(lambda: node.engine.pushed_frames)
     ticks(node, 10)
     assert np.any(node.simulator.state.q != models.simulator("two_link").state.q)
     node.requests.on_reset(Trigger.Request(), Trigger.Response())
@@ -93,9 +93,9 @@ def test_bad_wrenches_are_passed_over(
     ros: Ros, frame: str, values: list[float], said: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     node = by_hand(ros)
-    node.push.on_wrench(pushed(frame, *values))
+    node.wrenches.on_wrench(pushed(frame, *values))
     assert said in capfd.readouterr().err
-    assert node.push.active == ()
+    assert node.engine.pushed_frames == ()
     assert "1 wrenches passed over" in finding(node, "commands").message
 
 
@@ -103,7 +103,7 @@ def test_the_energy_account_knows_of_pushes(ros: Ros) -> None:
     node = by_hand(ros, wrench_timeout=10.0, integrator="rk4")
     node._outputs.audited = True
     ticks(node, 20)
-    node.push.on_wrench(pushed("tip", 5.0, 0.0, 3.0, 0.0, 0.0, 0.0))
+    node.wrenches.on_wrench(pushed("tip", 5.0, 0.0, 3.0, 0.0, 0.0, 0.0))
     ticks(node, 200)
     account = node._outputs.account()
     assert account is not None
@@ -142,7 +142,7 @@ def test_payload_and_friction_are_set_by_services(ros: Ros) -> None:
 
 def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
     node = by_hand(ros, scene(tunable=["payload", "friction"]))
-    before = node.simulator._stepper.p.copy()
+    before = node.simulator.parameters
     for request in (
         SetPayload.Request(mass=-1.0), SetPayload.Request(mass=np.nan),
         SetPayload.Request(index=1), SetPayload.Request(mass=1.0, inertia=[-1.0] * 6),
@@ -154,7 +154,7 @@ def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
         SetFriction.Request(viscous=[np.inf, 0.0]),
     ):  # fmt: skip
         assert not node.requests.on_set_friction(rub, SetFriction.Response()).success
-    np.testing.assert_array_equal(node.simulator._stepper.p, before)
+    np.testing.assert_array_equal(node.simulator.parameters, before)
 
 
 # --- the first command -------------------------------------------------------------------------
@@ -242,7 +242,7 @@ def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(ros: Ros) -> 
     node.tick()
     np.testing.assert_array_equal(node.simulator.effort, [2.0, 1.0])
     assert not waiting.messages
-    assert node.input.arbiter.refused == 10
+    assert node.engine.arbiter.refused == 10
 
 
 def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -260,4 +260,4 @@ def test_counters_begin_afresh(ros: Ros) -> None:
     node = by_hand(ros)
     node.on_joint_commands(command(effort=[np.nan, 0.0]))
     assert node.requests.on_reset_counters(Trigger.Request(), Trigger.Response()).success
-    assert node.input.passed_over == 0
+    assert node.input.refused == 0

@@ -58,9 +58,9 @@ def test_publishes_each_state_with_the_torque_that_acted(ros: Ros, node: SimNode
 def test_policy_may_change_while_it_runs(ros: Ros, node: SimNode) -> None:
     q = node.simulator.state.q
     assert node.set_parameters([Parameter("stale_policy", value="gravity")])[0].successful
-    np.testing.assert_array_equal(node.commands.take(q), node.simulator.dynamics.gravity(q))
+    np.testing.assert_array_equal(node.engine.commands.take(q), node.simulator.dynamics.gravity(q))
     assert not node.set_parameters([Parameter("stale_policy", value="prayer")])[0].successful
-    np.testing.assert_array_equal(node.commands.take(q), node.simulator.dynamics.gravity(q))
+    np.testing.assert_array_equal(node.engine.commands.take(q), node.simulator.dynamics.gravity(q))
 
 
 def test_energy_account_balances(ros: Ros) -> None:
@@ -117,8 +117,8 @@ def test_a_failure_in_the_loop_pauses_it(
     def fail(_: Any) -> None:
         raise ZeroDivisionError("by surprise")
 
-    monkeypatch.setattr(node.commands, "take", fail)
-    ros.spin_until(lambda: node.paused)
+    monkeypatch.setattr(node.engine.commands, "take", fail)
+    ros.spin_until(lambda: node.engine.paused)
     said = capfd.readouterr().err
     assert said.count("by surprise") == 1
     assert ros.call(Step, "/sim/step", Step.Request(steps=2)).success

@@ -16,7 +16,7 @@ from std_srvs.srv import SetBool, Trigger
 
 import models
 from arm_sim import SimulationDiverged
-from arm_sim.ros.interfaces import MAX_STEPS
+from arm_sim.ros.tick_engine import MAX_STEPS
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -85,7 +85,7 @@ def test_reset_goes_back_to_the_start_without_a_command(ros: Ros, node: SimNode)
     assert node.requests.on_reset(Trigger.Request(), Trigger.Response()).success
     np.testing.assert_array_equal(motion(node), start)
     assert node.simulator.state.time == 0.0
-    np.testing.assert_array_equal(node.commands.take(node.simulator.state.q), [0.0, 0.0])
+    np.testing.assert_array_equal(node.engine.commands.take(node.simulator.state.q), [0.0, 0.0])
     ros.spin_until(lambda: heard)
     assert heard[-1].header.stamp.nanosec == 0
 

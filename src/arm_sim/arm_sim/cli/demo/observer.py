@@ -27,10 +27,11 @@ from arm_dynamics.ros.interfaces import (
     INVERSE_DYNAMICS,
     JOINT_TRAJECTORY,
     MODEL_INFO,
+    RESET_COUNTERS,
 )
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.demo.processes import DemoFailed, postponed
-from arm_sim.ros.interfaces import ENERGY, RESET_COUNTERS
+from arm_sim.ros.interfaces import ENERGY
 
 Array = NDArray[np.float64]
 

@@ -1,183 +1,152 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Torques and pushes that come in on topics: checked, and refused with a word."""
+"""Commands and wrenches that come in on topics: checked, and refused with a warning."""
 
 from __future__ import annotations
-
-from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from arm_dynamics import InvalidInput
+from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state.compiled import make_reader, make_source
 from arm_dynamics.ros.joint_state.serialization import Numbers
 from arm_dynamics.ros.joint_state.topics import JointStateSource
-from arm_sim.external_wrench import ExternalWrenches
-from arm_sim.ros import interfaces
-from arm_sim.ros.commands.arbiter import Arbiter
-from arm_sim.ros.commands.latest import Commands
-from arm_sim.ros.tick_queue import Errands
-from arm_sim.runtime_changes import EXTERNAL, external_change
-from arm_sim.simulator import Simulator
+from arm_sim.ros.latency import RoundTrip
+from arm_sim.ros.tick_engine import TickEngine
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
-BARE = "~/commands"  # the source of commands that cannot name one
+_UNNAMED = "~/commands"  # the source of commands that cannot name one
+_AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
 
 class CommandInput:
-    """Reads commands into the slot for torques.
+    """Reads commands into the engine's slot.
 
     Attributes:
-        arbiter: Who may command.
-        passed_over: How many commands were refused.
+        reader: Of efforts by joint name, in serialized JointStates.
+        source: Where those come from when the engine asks for them; None: from nowhere.
+        round_trip: How long commands take from state to effort.
+        refused: How many commands were refused.
     """
 
-    def __init__(
-        self, node: Node, simulator: Simulator, commands: Commands, patience: int
-    ) -> None:
-        """Prepare; ``patience`` is the number of ticks after which a silent source is gone."""
-        self._log, self._simulator, self._commands = node.get_logger(), simulator, commands
-        self.arbiter, self.passed_over = Arbiter(patience), 0
-        names, self._limit = simulator.joint_names, simulator.model.command_limit.tolist()
-        self._reader = make_reader(
-            names, ("effort",), partial=True, extra=False, admit=self.arbiter.admit,
-            limit=self._limit, beyond=self._say_cut,
+    def __init__(self, node: Node, engine: TickEngine) -> None:
+        """Prepare; the engine asks here for commands before each tick."""
+        self._log, self._engine, self._model = node.get_logger(), engine, engine.simulator.model
+        self._limit = self._model.command_limit.tolist()
+        self.reader = make_reader(
+            self._model.joint_names, ("effort",), partial=True, extra=False,
+            admit=engine.arbiter.admit, limit=self._limit, beyond=self._cut,
         )  # fmt: skip
-        self._all = frozenset(range(simulator.n))
-        self._source: JointStateSource | None = None
+        self.source: JointStateSource | None = None
+        self.round_trip, self.refused = RoundTrip(), 0
+        engine.read_commands = self._read_waiting
 
     def open(self, node: Node) -> None:
-        """Listen to efforts by joint name, for a loop that asks with ``next``."""
-        self._source = make_source(node, interfaces.JOINT_COMMANDS, self._reader)
+        """Subscribe to efforts by joint name, to be read before each tick."""
+        self.source = make_source(node, JOINT_COMMANDS, self.reader)
 
     def close(self) -> None:
-        """Listen no more."""
-        if self._source is not None:
-            self._source.close()
-            self._source = None
+        """End the subscription."""
+        if self.source is not None:
+            self.source.close()
+            self.source = None
 
-    def next(self) -> tuple[int, int | None] | None:
-        """Take the next efforts by joint name that came; None if none did.
+    def reset_counters(self) -> None:
+        """Begin counting anew."""
+        self.round_trip.reset()
+        self.refused = 0
 
-        Returns:
-            The system time they came at and their stamp, both in [ns]; no stamp if refused.
+    def _read_waiting(self) -> None:
+        """Read the commands that came since the last tick; the newest that is admitted counts.
+
+        None is sought behind the answer to the newest state, unless others command too: a look
+        that finds nothing takes as long as one that finds something.
         """
-        try:
-            if self._source is None or (taken := self._source.take()) is None:
-                return None
-        except InvalidInput as error:
-            self._refuse(error)
-            return 0, None
-        arrival, (stamp, (tau,)) = taken
-        self._commands.put(tau)
-        return arrival, stamp
+        for _ in range(_AT_ONCE):
+            try:
+                if self.source is None or (taken := self.source.take()) is None:
+                    return
+            except InvalidInput as error:
+                self._refuse(error)
+                continue
+            arrival, (stamp, (tau,)) = taken
+            self._engine.commands.put(tau)
+            self.round_trip.answered(stamp, arrival)
+            if stamp and stamp == self.round_trip.newest and self._engine.arbiter.alone:
+                return
 
-    def joint_command(self, raw: bytes) -> int | None:
+    def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
         """Take efforts by joint name from a serialized JointState.
+
+        Args:
+            raw: The message.
+            arrival: System time at which it came in [ns].
 
         Returns:
             Its stamp in [ns], or None if it was refused.
         """
         try:
-            stamp, (tau,) = self._reader.read(raw)
+            stamp, (tau,) = self.reader.read(raw)
         except InvalidInput as error:
             self._refuse(error)
             return None
-        self._commands.put(tau)
+        self._engine.commands.put(tau)
+        self.round_trip.answered(stamp, arrival)
         return stamp
 
-    def bare_command(self, message: Float64MultiArray) -> None:
+    def on_commands(self, message: Float64MultiArray) -> None:
         """Take efforts in model order."""
-        tau, n = np.array(message.data, float), self._simulator.n
+        tau, n = np.array(message.data, float), self._model.n
         try:
             if tau.shape != (n,) or not np.isfinite(tau).all():
                 raise InvalidInput(
                     f"{tau.size} numbers {tau[:10]}; allowed are {n} finite numbers"
                 )
-            self.arbiter.admit(BARE, self._all)
+            self._engine.arbiter.admit(_UNNAMED, frozenset(range(n)))
         except InvalidInput as error:
             self._refuse(error)
             return
         numbers = tuple(tau.tolist())
-        if any_beyond(numbers, self._limit):
-            self._say_cut(numbers)
-        self._commands.put(numbers)
-
-    def _say_cut(self, tau: Numbers) -> None:
-        simulator = self._simulator
-        joint = next(i for i, limit in enumerate(self._limit) if abs(tau[i]) > limit)
-        self._log.warning(
-            f"effort {tau[joint]:.6g} of joint '{simulator.joint_names[joint]}' is beyond its "
-            f"limit {self._limit[joint]:.6g} {simulator.model.command_unit[joint]} and is cut "
-            "to it",
-            throttle_duration_sec=_THROTTLE,
+        self._engine.commands.put(
+            self._cut(numbers) if any_beyond(numbers, self._limit) else numbers
         )
 
-    def _refuse(self, why: Any) -> None:
-        self.passed_over += 1
+    def _cut(self, tau: Numbers) -> Numbers:
+        """Cut efforts to their limits, with a warning."""
+        limits, model = self._limit, self._model
+        joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)
+        self._log.warning(
+            f"effort {tau[joint]:.6g} of joint '{model.joint_names[joint]}' is beyond its "
+            f"limit {limits[joint]:.6g} {model.command_unit[joint]} and is cut to it",
+            throttle_duration_sec=_THROTTLE,
+        )
+        return tuple(max(-limit, min(limit, x)) for x, limit in zip(tau, limits, strict=True))
+
+    def _refuse(self, why: InvalidInput) -> None:
+        self.refused += 1
         self._log.warning(f"command passed over: {why}", throttle_duration_sec=_THROTTLE)
 
 
-class PushInput:
-    """Reads wrenches, and puts their torques on the simulation while they act.
+class WrenchInput:
+    """Hands wrenches to the engine.
 
     Attributes:
-        ready: Whether a wrench has ever come that could be used.
         refused: How many wrenches were refused.
     """
 
-    def __init__(
-        self, node: Node, simulator: Simulator, errands: Errands, timeout: int, reference: str
-    ) -> None:
-        """Prepare; nothing is computed before the first wrench comes.
-
-        Args:
-            node: For its log.
-            simulator: What is pushed.
-            errands: The way to the thread that ticks.
-            timeout: Ticks that a wrench acts.
-            reference: ``local`` or ``local_world_aligned``, see ``ExternalWrenches``.
-        """
-        self._log, self._simulator, self._errands = node.get_logger(), simulator, errands
-        self._wrenches = ExternalWrenches(simulator.dynamics, reference)
-        self._timeout, self.ready, self._pushing = timeout, False, False
-        self.refused = 0
-
-    @property
-    def active(self) -> tuple[str, ...]:
-        """Frames that are pushed."""
-        return self._wrenches.active
+    def __init__(self, node: Node, engine: TickEngine) -> None:
+        """Prepare."""
+        self._log, self._engine, self.refused = node.get_logger(), engine, 0
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """Push the frame that the header names."""
         force, moment = message.wrench.force, message.wrench.torque
-        values = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
+        wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
         try:
-            if not self.ready:  # building takes a second, so not in the thread that ticks
-                ExternalWrenches(self._simulator.dynamics).push(message.header.frame_id, values, 0)
-                self._errands.run(external_change(self._simulator))
-                self.ready = True
-            self._errands.run(lambda: self._push(message.header.frame_id, values))
-        except InvalidInput as error:
+            self._engine.push(message.header.frame_id, wrench)
+        except ArmError as error:
             self.refused += 1
             self._log.warning(f"wrench passed over: {error}", throttle_duration_sec=_THROTTLE)
-
-    def _push(self, frame: str, values: list[float]) -> None:
-        self._wrenches.push(frame, values, self._simulator.step_count + self._timeout - 1)
-
-    def before_tick(self) -> np.ndarray | None:
-        """Put the pushes on the next tick; return their torques, None if nobody pushes."""
-        if not (self._wrenches.active or self._pushing):
-            return None
-        simulator = self._simulator
-        tau = self._wrenches.torque(simulator.x[: simulator.n], simulator.step_count)
-        self._simulator.set_parameter(EXTERNAL, tau)
-        self._pushing = bool(self._wrenches.active)
-        return tau
-
-    def clear(self) -> None:
-        """Let go."""
-        self._wrenches.clear()
