@@ -276,9 +276,7 @@ def said(reader: JointStateReader, raw: bytes) -> object:
 def test_numbers_beyond_their_limit_are_replaced(reader: Readers) -> None:
     told: list[tuple[float, ...]] = []
     instead = (0.5, 0.5, 0.5)
-    read = reader(
-        limit=[1.0, np.inf, 3.0], beyond=lambda numbers: told.append(numbers) or instead
-    )
+    read = reader(limit=[1.0, np.inf, 3.0], beyond=lambda numbers: told.append(numbers) or instead)
     for position in ([1.0, 99.0, -3.0], [1.0, 0.0, -3.1], [-1.1, 0.0, 0.0], [0.0, 0.0, 0.0]):
         message = state(position=position, velocity=[9.0] * 3)
         taken = read.read(serialize_message(message))[1]

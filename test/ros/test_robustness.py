@@ -85,7 +85,7 @@ def alive(nodes: Nodes) -> None:
     sim = nodes.sim
     sim.requests.on_reset(None, Step.Response())
     sim.engine.pause(False)
-    sim.on_joint_commands(command())
+    sim.inputs.on_joint_commands(command())
     sim.tick()
     np.testing.assert_array_equal(sim.simulator.effort, TAU)
     assert sim.simulator.step_count == 1
@@ -98,8 +98,8 @@ def alive(nodes: Nodes) -> None:
 @bounded
 @given(st.binary(max_size=300))
 def test_any_bytes(nodes: Nodes, raw: bytes) -> None:
-    nodes.sim.on_joint_commands(command())
-    nodes.sim.on_joint_commands(raw)
+    nodes.sim.inputs.on_joint_commands(command())
+    nodes.sim.inputs.on_joint_commands(raw)
     np.testing.assert_array_equal(nodes.sim.engine.commands.held(np.zeros(2)), TAU)
     nodes.controller.on_joint_states(raw)
     alive(nodes)
@@ -112,8 +112,8 @@ def test_damaged_messages(nodes: Nodes, data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 4))):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
     cut = data.draw(st.integers(0, len(raw)))
-    nodes.sim.on_joint_commands(bytes(raw))
-    nodes.sim.on_joint_commands(bytes(raw[:cut]))
+    nodes.sim.inputs.on_joint_commands(bytes(raw))
+    nodes.sim.inputs.on_joint_commands(bytes(raw[:cut]))
     nodes.controller.on_joint_states(bytes(raw))
     assert np.isfinite(nodes.sim.engine.commands.held(np.zeros(2))).all()
     alive(nodes)
@@ -124,7 +124,7 @@ def test_a_length_that_is_not_there_is_not_allocated(nodes: Nodes) -> None:
     at = raw.index(struct.pack("<I", 2))  # number of names
     for length in (2**31, 2**32 - 1, 10**8):
         raw[at : at + 4] = struct.pack("<I", length)
-        nodes.sim.on_joint_commands(bytes(raw))
+        nodes.sim.inputs.on_joint_commands(bytes(raw))
     alive(nodes)
 
 
@@ -139,7 +139,7 @@ def test_joint_states_of_any_content(
     raw = serialize_message(
         JointState(name=name, position=position, velocity=velocity, effort=effort)
     )
-    nodes.sim.on_joint_commands(raw)
+    nodes.sim.inputs.on_joint_commands(raw)
     assert np.isfinite(nodes.sim.engine.commands.held(np.zeros(2))).all()
     answer = nodes.controller.on_joint_states(raw)
     if answer is not None:
@@ -172,7 +172,7 @@ def test_wrenches_of_any_content(nodes: Nodes, frame: str, values: list[float]) 
     message.header.frame_id = frame
     force, torque = message.wrench.force, message.wrench.torque
     force.x, force.y, force.z, torque.x, torque.y, torque.z = values
-    nodes.sim.wrenches.on_wrench(message)
+    nodes.sim.inputs.on_wrench(message)
     nodes.sim.tick()
     assert np.isfinite(nodes.sim.simulator.state.q).all()
     alive(nodes)
@@ -180,9 +180,9 @@ def test_wrenches_of_any_content(nodes: Nodes, frame: str, values: list[float]) 
 
 @pytest.mark.parametrize("size", [10**5, 3 * 10**6])
 def test_giant_messages(nodes: Nodes, size: int) -> None:
-    nodes.sim.on_commands(Float64MultiArray(data=[0.0] * size))
-    nodes.sim.on_joint_commands(command(effort=[0.0] * size))
-    nodes.sim.on_joint_commands(command(name=["x"] * (size // 10), effort=[]))
+    nodes.sim.inputs.on_commands(Float64MultiArray(data=[0.0] * size))
+    nodes.sim.inputs.on_joint_commands(command(effort=[0.0] * size))
+    nodes.sim.inputs.on_joint_commands(command(name=["x"] * (size // 10), effort=[]))
     nodes.controller.on_joint_states(state(position=[0.0] * size))
     alive(nodes)
 

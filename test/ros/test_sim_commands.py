@@ -102,14 +102,14 @@ def test_the_answer_to_the_newest_state_acts_whatever_waits_before_it(
 
 
 def test_commands_go_by_name(node: SimNode) -> None:
-    node.on_joint_commands(command(name=list(NAMES[::-1]), effort=TAU[::-1]))
+    node.inputs.on_joint_commands(command(name=list(NAMES[::-1]), effort=TAU[::-1]))
     np.testing.assert_array_equal(acting(node), TAU)
 
 
 def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
-    node.on_joint_commands(command(name=[NAMES[0]], effort=[0.5]))
+    node.inputs.on_joint_commands(command(name=[NAMES[0]], effort=[0.5]))
     np.testing.assert_array_equal(acting(node), [0.5, 0.0])
-    node.on_joint_commands(command(name=[NAMES[1]], effort=[0.7]))
+    node.inputs.on_joint_commands(command(name=[NAMES[1]], effort=[0.7]))
     np.testing.assert_array_equal(acting(node), [0.5, 0.7])
 
 
@@ -127,8 +127,8 @@ def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
 def test_bad_commands_are_passed_over(
     node: SimNode, fields: dict[str, Any], complaint: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    node.on_joint_commands(command(name=list(NAMES), effort=TAU))
-    node.on_joint_commands(command(**fields))
+    node.inputs.on_joint_commands(command(name=list(NAMES), effort=TAU))
+    node.inputs.on_joint_commands(command(**fields))
     np.testing.assert_array_equal(acting(node), TAU)
     said = capfd.readouterr().err
     assert "command passed over" in said
@@ -139,8 +139,8 @@ def test_bad_commands_are_passed_over(
 def test_bad_arrays_are_passed_over(
     node: SimNode, data: list[float], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    node.on_commands(Float64MultiArray(data=TAU))
-    node.on_commands(Float64MultiArray(data=data))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=data))
     np.testing.assert_array_equal(acting(node), TAU)
     said = capfd.readouterr().err
     assert "allowed are 2 finite numbers" in said
@@ -151,7 +151,7 @@ def test_effort_beyond_its_limit_is_cut_and_said(
     ros: Ros, capfd: pytest.CaptureFixture[str]
 ) -> None:
     node = by_hand(ros, "panda")
-    node.on_commands(Float64MultiArray(data=[0.0, 1000.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
+    node.inputs.on_commands(Float64MultiArray(data=[0.0, 1000.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
     node.tick()
     limit = node.simulator.model.effort_limit[1]
     assert node.simulator.effort[1] == limit
@@ -171,13 +171,13 @@ def test_old_commands_give_way_to_the_policy(
         "hold": lambda: np.array(TAU),
         "gravity": lambda: sim.dynamics.gravity(sim.state.q),
     }[policy]
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     for count in range(30):
         node.tick()
         sim.step(TAU if count < 5 else wanted())
         np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
     assert capfd.readouterr().err.count(f"the policy '{policy}' acts") == 1
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     node.tick()
     assert "commands are back" in capfd.readouterr().err
 
@@ -185,7 +185,7 @@ def test_old_commands_give_way_to_the_policy(
 def test_reset_is_not_taken_for_a_command(
     ros: Ros, node: SimNode, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     for _ in range(150):
         node.tick()
     assert node.engine.commands.stale

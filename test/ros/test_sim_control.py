@@ -52,7 +52,7 @@ def test_a_wrench_moves_the_arm_for_as_long_as_it_acts(ros: Ros) -> None:
     node, sim = by_hand(ros, wrench_timeout=0.005), models.simulator("two_link")
     wrench = np.array([3.0, -2.0, 5.0, 0.0, 1.0, 0.5])
     ticks(node, 3)
-    node.wrenches.on_wrench(pushed("tip", *wrench))
+    node.inputs.on_wrench(pushed("tip", *wrench))
     task = TaskSpace(models.dynamics("two_link"), "tip", "local")
     for tick in range(15):
         state = sim.state
@@ -93,7 +93,7 @@ def test_bad_wrenches_are_passed_over(
     ros: Ros, frame: str, values: list[float], said: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     node = by_hand(ros)
-    node.wrenches.on_wrench(pushed(frame, *values))
+    node.inputs.on_wrench(pushed(frame, *values))
     assert said in capfd.readouterr().err
     assert node.engine.pushed_frames == ()
     assert "1 wrenches passed over" in finding(node, "commands").message
@@ -103,7 +103,7 @@ def test_the_energy_account_knows_of_pushes(ros: Ros) -> None:
     node = by_hand(ros, wrench_timeout=10.0, integrator="rk4")
     node._outputs.audited = True
     ticks(node, 20)
-    node.wrenches.on_wrench(pushed("tip", 5.0, 0.0, 3.0, 0.0, 0.0, 0.0))
+    node.inputs.on_wrench(pushed("tip", 5.0, 0.0, 3.0, 0.0, 0.0, 0.0))
     ticks(node, 200)
     account = node._outputs.account()
     assert account is not None
@@ -164,7 +164,7 @@ def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
     node = by_hand(ros, wait_for_command=True)
     ticks(node, 50)
     assert node.simulator.step_count == 0
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 5)
     assert node.simulator.step_count == 5
     node.requests.on_reset(Trigger.Request(), Trigger.Response())
@@ -198,19 +198,19 @@ def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
 
 def test_stale_commands_show(ros: Ros) -> None:
     node = by_hand(ros, command_timeout=0.005)
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 10)
     found = finding(node, "commands")
     assert found.level == DiagnosticStatus.WARN
     assert "the policy 'zero' acts" in found.message
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 2)
     assert finding(node, "commands").level == DiagnosticStatus.OK
 
 
 def test_bad_commands_show(ros: Ros) -> None:
     node = by_hand(ros)
-    node.on_joint_commands(command(effort=[np.nan, 0.0]))
+    node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
     assert "1 commands passed over" in finding(node, "commands").message
     assert finding(node, "commands").message == "ok"
 
@@ -220,9 +220,9 @@ def test_two_controllers_show_and_the_first_one_stays(
 ) -> None:
     node = by_hand(ros)
     for _ in range(STREAM):
-        node.on_joint_commands(command("/controller:1"))
+        node.inputs.on_joint_commands(command("/controller:1"))
         node.tick()
-    node.on_joint_commands(command("/controller:2", effort=[9.0, 9.0]))
+    node.inputs.on_joint_commands(command("/controller:2", effort=[9.0, 9.0]))
     node.tick()
     np.testing.assert_array_equal(node.simulator.effort, TAU)
     found = finding(node, "commands")
@@ -234,7 +234,7 @@ def test_two_controllers_show_and_the_first_one_stays(
 def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(ros: Ros) -> None:
     node = by_hand(ros)
     for _ in range(STREAM):
-        node.on_joint_commands(command("/controller:1"))
+        node.inputs.on_joint_commands(command("/controller:1"))
         node.tick()
     waiting = Waiting(node)
     intruder = [command("/controller:2", effort=[9.0, 9.0])] * 10
@@ -258,6 +258,6 @@ def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
 
 def test_counters_begin_afresh(ros: Ros) -> None:
     node = by_hand(ros)
-    node.on_joint_commands(command(effort=[np.nan, 0.0]))
+    node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
     assert node.requests.on_reset_counters(Trigger.Request(), Trigger.Response()).success
-    assert node.input.refused == 0
+    assert node.inputs.refused == 0

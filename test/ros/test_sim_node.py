@@ -32,7 +32,7 @@ def node(ros: Ros) -> SimNode:
 def test_ticks_equal_the_simulator_to_the_bit(ros: Ros, rng: np.random.Generator) -> None:
     node, sim = by_hand(ros, "panda"), models.simulator("panda")
     for tau in rng.normal(scale=5.0, size=(200, sim.n)):
-        node.on_joint_commands(command(name=list(sim.joint_names), effort=tau.tolist()))
+        node.inputs.on_joint_commands(command(name=list(sim.joint_names), effort=tau.tolist()))
         node.tick()
         sim.step(tau)
         np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
@@ -41,7 +41,7 @@ def test_ticks_equal_the_simulator_to_the_bit(ros: Ros, rng: np.random.Generator
 
 def test_publishes_each_state_with_the_torque_that_acted(ros: Ros, node: SimNode) -> None:
     heard = ros.listen(JointState, "/joint_states", 50)
-    node.on_commands(Float64MultiArray(data=[1e9, 0.25]))
+    node.inputs.on_commands(Float64MultiArray(data=[1e9, 0.25]))
     for count in range(1, 6):
         node.tick()
         ros.spin_until(lambda count=count: len(heard) >= count)
@@ -67,7 +67,7 @@ def test_energy_account_balances(ros: Ros) -> None:
     node = by_hand(ros, "panda", energy_period=0.01, command_timeout=0.0, integrator="rk4")
     heard = ros.listen(Energy, "/sim/energy")
     ticks(node, 10)
-    node.on_commands(Float64MultiArray(data=[3.0, -20.0, 1.0, 15.0, 0.5, 2.0, 0.1]))
+    node.inputs.on_commands(Float64MultiArray(data=[3.0, -20.0, 1.0, 15.0, 0.5, 2.0, 0.1]))
     start = sum(node.simulator.dynamics.energy(*motion(node)))
     for _ in range(20):
         ticks(node, 10)

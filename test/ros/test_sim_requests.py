@@ -16,8 +16,8 @@ from std_srvs.srv import SetBool, Trigger
 
 import models
 from arm_sim import SimulationDiverged
-from arm_sim.ros.tick_engine import MAX_STEPS
 from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.tick_engine import MAX_STEPS
 
 pytestmark = pytest.mark.ros
 
@@ -60,7 +60,7 @@ def test_a_paused_arm_is_seen_now_and_then(ros: Ros) -> None:
 
 def test_step_advances_a_paused_simulation_with_the_last_command(ros: Ros) -> None:
     node, sim = by_hand(ros, paused=True, command_timeout=0.002), models.simulator("two_link")
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     answer = step(node, 25)
     assert answer.success, answer.message
     assert answer.time == pytest.approx(0.025)
@@ -79,7 +79,7 @@ def test_step_is_bounded(node: SimNode, steps: int) -> None:
 
 def test_reset_goes_back_to_the_start_without_a_command(ros: Ros, node: SimNode) -> None:
     start = motion(node)
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 10)
     heard = ros.listen(JointState, "/joint_states")
     assert node.requests.on_reset(Trigger.Request(), Trigger.Response()).success

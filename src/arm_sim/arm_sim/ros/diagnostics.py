@@ -10,7 +10,7 @@ from rclpy.node import Node
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state.compiled import native
-from arm_sim.ros.commands.input import CommandInput, WrenchInput
+from arm_sim.ros.commands.input import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.realtime_loop import RealtimeLoop
@@ -26,14 +26,13 @@ class SimDiagnostics:
         params: SimParams,
         engine: TickEngine,
         loop: RealtimeLoop,
-        commands: CommandInput,
-        wrenches: WrenchInput,
+        inputs: Inputs,
         lockstep: Lockstep | None,
         refused_privileges: Sequence[str],
     ) -> None:
         """Prepare to look at these parts."""
         self._node, self._params, self._engine, self._loop = node, params, engine, loop
-        self._commands, self._wrenches, self._lockstep = commands, wrenches, lockstep
+        self._inputs, self._lockstep = inputs, lockstep
         self._refused_privileges = refused_privileges
         self._before: dict[str, int] = {}
 
@@ -70,25 +69,25 @@ class SimDiagnostics:
     def _look_at_commands(self) -> Finding:
         engine, found = self._engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
-        trip, refused = self._commands.round_trip.percentiles(), self._commands.refused
+        inputs, trip = self._inputs, self._inputs.round_trip.percentiles()
         topic = self._node.resolve_topic_name(JOINT_COMMANDS.name)
         publishers = self._node.count_publishers(topic)
         found.values = {
             "age [s]": slot.age * engine.simulator.dt, "stale": slot.stale,
-            "stale count": slot.stale_count, "policy": policy, "passed over": refused,
+            "stale count": slot.stale_count, "policy": policy, "passed over": inputs.refused,
             "sources": ", ".join(arbiter.sources), "publishers": publishers,
             "answers": trip.count, "round trip p50 [s]": trip.p50,
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
-            "wrenches passed over": self._wrenches.refused,
+            "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
         stopped = self._grown("stale", slot.stale_count)
         if slot.stale:
             found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
         elif stopped:
             found.complain(WARN, "commands stopped, and are back")
-        if passed := self._grown("commands", refused):
+        if passed := self._grown("commands", inputs.refused):
             found.complain(WARN, f"{passed} commands passed over")
-        if pushes := self._grown("wrenches", self._wrenches.refused):
+        if pushes := self._grown("wrenches", inputs.refused_wrenches):
             found.complain(WARN, f"{pushes} wrenches passed over")
         if self._grown("conflicts", arbiter.refused) or arbiter.conflict:
             found.complain(ERROR, arbiter.last_refusal)

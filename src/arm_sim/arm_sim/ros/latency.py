@@ -35,7 +35,6 @@ class Histogram:
     """Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes."""
 
     def __init__(self) -> None:
-        """Start empty."""
         self._counts = array("q", bytes(8 * (_FINE + _COARSE)))
         # Views and room that stay: large arrays that come and go every second leave holes in the
         # memory of a process that runs for days.
@@ -80,7 +79,6 @@ class RoundTrip:
     """
 
     def __init__(self) -> None:
-        """Start without any state."""
         self.newest = 0
         self._sent: dict[int, int] = {}
         self.reset()

@@ -8,9 +8,9 @@ import time
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.executor import surviving
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_sim.ros.commands.input import CommandInput
+from arm_sim.ros.commands.input import Inputs
+from arm_sim.ros.interfaces import subscribe
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
@@ -34,15 +34,10 @@ class Lockstep:
     """
 
     def __init__(
-        self,
-        node: Node,
-        params: SimParams,
-        engine: TickEngine,
-        commands: CommandInput,
-        outputs: Outputs,
+        self, node: Node, params: SimParams, engine: TickEngine, inputs: Inputs, outputs: Outputs
     ) -> None:
         """Listen to commands, and check on the partner by a timer."""
-        self._engine, self._commands, self._outputs = engine, commands, outputs
+        self._engine, self._inputs, self._outputs = engine, inputs, outputs
         self._log, self._every = node.get_logger(), params.publish_every
         self._retry = round(1e9 * params.lockstep_retry)
         self._timeout = round(1e9 * params.lockstep_timeout)
@@ -51,13 +46,7 @@ class Lockstep:
         self.gone = False
         self._waiting: int | None = None
         self._asked = self._first = time.monotonic_ns()
-        self._subscription = node.create_subscription(
-            JOINT_COMMANDS.type,
-            JOINT_COMMANDS.name,
-            surviving(node, self.on_command),
-            JOINT_COMMANDS.subscribe,
-            raw=True,
-        )
+        self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         node.create_timer(self._glance, self.look)
         engine.on_jump.append(self.wait)
         engine.on_pause.append(self._on_pause)
@@ -74,7 +63,7 @@ class Lockstep:
 
     def _take(self, raw: bytes) -> None:
         """Tick to the next published state if the command answers the present one."""
-        stamp = self._commands.on_joint_commands(raw, time.time_ns())
+        stamp = self._inputs.on_joint_commands(raw, time.time_ns())
         if stamp is None:
             return
         if stamp != self._waiting:

@@ -27,10 +27,7 @@ class SimParams(ThreadParams):
     )
     realtime: bool = parameter(True, "Tick by the clock; false: only when tick() is called")
     realtime_factor: float = parameter(
-        1.0,
-        "Simulated time per time of the clock; 0: as fast as possible",
-        low=0.0,
-        high=1000.0,
+        1.0, "Simulated time per time of the clock; 0: as fast as possible", low=0.0, high=1000.0
     )
     overrun: str = parameter(
         CATCH_UP,

@@ -52,7 +52,17 @@ class RealtimeLoop:
     * ``slow_down``: the grid itself is put off; the next tick comes a period after the late one.
 
     With a period of zero, ticks follow one another as fast as they can, and nothing is late.
+
+    Args:
+        tick: What to call; it must not raise.
+        period: Time between deadlines in [s]; 0: none.
+        overrun: ``catch_up``, ``skip`` or ``slow_down``.
+        closest: Least distance of ticks while catching up, as a part of the period.
+        give_up: Lag in [s] beyond which deadlines are dropped while catching up.
+        prepare: Called once by the thread, before its first tick.
     """
+
+    _until: int | None
 
     def __init__(
         self,
@@ -64,16 +74,6 @@ class RealtimeLoop:
         give_up: float = 1.0,
         prepare: Callable[[], None] = lambda: None,
     ) -> None:
-        """Prepare the loop; ``start`` runs it.
-
-        Args:
-            tick: What to call; it must not raise.
-            period: Time between deadlines in [s]; 0: none.
-            overrun: ``catch_up``, ``skip`` or ``slow_down``.
-            closest: Least distance of ticks while catching up, as a part of the period.
-            give_up: Lag in [s] beyond which deadlines are dropped while catching up.
-            prepare: Called once by the thread, before its first tick.
-        """
         self._tick, self._prepare = tick, prepare
         self._period = round(1e9 * period)
         self._closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
@@ -149,8 +149,6 @@ class RealtimeLoop:
         dropped = -(-(late - self._give_up) // self._period)
         self._dropped += dropped
         return dropped * self._period
-
-    _until: int | None
 
 
 def _ask_for_exact_timers() -> None:

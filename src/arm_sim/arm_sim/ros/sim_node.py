@@ -7,15 +7,13 @@ import sys
 from typing import Any
 
 from rclpy.node import Node
-from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics.ros.common.diagnostics import Diagnosis
-from arm_dynamics.ros.common.executor import run, surviving
+from arm_dynamics.ros.common.executor import run
 from arm_dynamics.ros.common.params import declare, privileges, watch
-from arm_sim.ros.commands.input import CommandInput, WrenchInput
+from arm_sim.ros.commands.input import Inputs
 from arm_sim.ros.diagnostics import SimDiagnostics
-from arm_sim.ros.interfaces import COMMANDS, WRENCH
-from arm_sim.ros.latency import Percentiles
+from arm_sim.ros.interfaces import COMMANDS, WRENCH, subscribe
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import CLOCK, HAND, SimParams, simulator_of
@@ -35,8 +33,7 @@ class SimNode(Node):
         simulator: The simulation.
         params: Parameters in force.
         engine: What advances the simulation; knows no ROS.
-        input: Commands that come in.
-        wrenches: Wrenches that come in.
+        inputs: Commands and wrenches that come in.
         lockstep: What waits for answers, or None.
         loop: What ticks by the clock, and measures how well it keeps it.
         requests: The services.
@@ -56,22 +53,23 @@ class SimNode(Node):
         """
         super().__init__("sim", **node_kwargs)
         self.params = params = declare(self, SimParams)
-        self._privileges, self._refused_privileges = privileges(params), list[str]()
+        self._privileges = privileges(params)
+        self._refused_privileges: list[str] = []
         self.simulator = simulator_of(scene, params)
         self.engine = engine = TickEngine(
             self.simulator,
-            self.get_logger(),
             paused=params.paused,
             self_running=params.tick_source != HAND,
             wait_for_command=params.wait_for_command,
             wrench_timeout=params.wrench_timeout,
             wrench_reference=params.wrench_reference,
         )
+        engine.on_failure.append(self._report_failure)
+        engine.on_staleness.append(self._report_staleness)
         self._apply(params)
-        self.input, self.wrenches = CommandInput(self, engine), WrenchInput(self, engine)
-        self._outputs = Outputs(
-            self, engine, params, self.input.round_trip, lambda: self.diagnosis.heard
-        )
+        self.inputs = inputs = Inputs(self, engine)
+        trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
+        self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
         factor = params.realtime_factor
         self.loop = RealtimeLoop(
             engine.tick_unattended,
@@ -81,18 +79,15 @@ class SimNode(Node):
         )
         self.lockstep: Lockstep | None = None
         if params.lockstep:
-            self.lockstep = Lockstep(self, params, engine, self.input, self._outputs)
+            self.lockstep = Lockstep(self, params, engine, inputs, self._outputs)
         else:
-            self.input.open(self)
-        for topic, callback in ((COMMANDS, self.on_commands), (WRENCH, self.wrenches.on_wrench)):
-            self.create_subscription(
-                topic.type, topic.name, surviving(self, callback), topic.subscribe
-            )
+            inputs.open(self)
+        subscribe(self, COMMANDS, inputs.on_commands)
+        subscribe(self, WRENCH, inputs.on_wrench)
         self.requests = SimServices(self, engine, self._reset_counters)
         self.standard = StandardServices(self, engine)
         self.diagnostics = SimDiagnostics(
-            self, params, engine, self.loop, self.input, self.wrenches, self.lockstep,
-            self._refused_privileges,
+            self, params, engine, self.loop, inputs, self.lockstep, self._refused_privileges
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
         watch(self, lambda: self.params, self._apply)
@@ -120,8 +115,7 @@ class SimNode(Node):
     def _reset_counters(self) -> None:
         self.loop.reset()
         self.engine.commands.stale_count = self.engine.arbiter.refused = 0
-        self.input.reset_counters()
-        self.wrenches.refused = 0
+        self.inputs.reset_counters()
         if self.lockstep is not None:
             self.lockstep.asked_again = self.lockstep.ignored = 0
 
@@ -129,25 +123,26 @@ class SimNode(Node):
         """Do what was asked for since the last tick, then advance by one unless paused."""
         self.engine.tick()
 
-    def on_joint_commands(self, raw: bytes) -> int | None:
-        """Take efforts by joint name, see ``CommandInput.on_joint_commands``."""
-        return self.input.on_joint_commands(raw)
+    def _report_failure(self) -> None:
+        if self.context.ok():
+            self.get_logger().error(self.engine.failure)
 
-    def on_commands(self, message: Float64MultiArray) -> None:
-        """Take efforts in model order."""
-        self.input.on_commands(message)
-
-    def round_trip(self) -> Percentiles:
-        """How long commands took from state to effort."""
-        return self.input.round_trip.percentiles()
+    def _report_staleness(self) -> None:
+        if self.engine.commands.stale:
+            self.get_logger().warning(
+                f"no command for {self.params.command_timeout:g} s: "
+                f"the policy '{self.params.stale_policy}' acts"
+            )
+        else:
+            self.get_logger().info("commands are back")
 
     def destroy_node(self) -> None:
         """Stop ticking, report how it went, and take the node down."""
         self.loop.stop()
         self.engine.queue.served = False
-        self.input.close()
+        self.inputs.close()
         if self.params.tick_source == CLOCK:
-            loop, round_trip = self.loop.report(), self.round_trip()
+            loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
             self.get_logger().info(
                 f"{loop.ticks} ticks, {loop.rate:.2f} per second, {loop.missed} late by more than "
                 f"a tick, {loop.dropped} dropped; lateness {loop.lateness}; "

@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -24,7 +23,6 @@ MAX_STEPS = 10_000  # of one call
 _SILENCE = 1.0  # [s] after which a silent source is gone; a busy machine may well delay one
 
 Listeners = list[Callable[[], None]]
-_log = logging.getLogger(__name__)
 
 
 class TickEngine:
@@ -46,12 +44,13 @@ class TickEngine:
         on_idle: Called instead of a tick while time stands still.
         on_jump: Called when state or model changed other than by a tick.
         on_pause: Called when time was stopped or released.
+        on_failure: Called when the simulation has paused itself.
+        on_staleness: Called when the stale policy begins or ceases to act.
     """
 
     def __init__(
         self,
         simulator: Simulator,
-        log: Any = _log,
         *,
         paused: bool = False,
         self_running: bool = False,
@@ -63,15 +62,13 @@ class TickEngine:
 
         Args:
             simulator: The simulation.
-            log: A logger with ``info``, ``warning`` and ``error``.
             paused: Whether to start paused.
             self_running: Whether a clock or a partner makes it tick, rather than a caller.
             wait_for_command: Whether time stands still until the first command.
             wrench_timeout: Simulated time that a wrench acts in [s].
             wrench_reference: Axes of wrenches, see ``ExternalWrenches``.
         """
-        self.simulator, self._log = simulator, log
-        self._q = simulator.x[: simulator.n]
+        self.simulator, self._q = simulator, simulator.x[: simulator.n]
         self.commands = LatestCommand(simulator.dynamics)
         self.arbiter, self.queue = Arbiter(self.ticks(_SILENCE)), TickQueue()
         self.paused, self.failure, self._was_stale = paused, "", False
@@ -81,10 +78,8 @@ class TickEngine:
         self._pushable = self._pushing = False
         self._meter: EnergyMeter | None = None
         self.read_commands: Callable[[], None] = lambda: None
-        self.on_tick: Listeners = []
-        self.on_idle: Listeners = []
-        self.on_jump: Listeners = []
-        self.on_pause: Listeners = []
+        self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
+        self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
         self.configure(0.0, ZERO)
 
     def configure(self, command_timeout: float, stale_policy: str) -> None:
@@ -97,7 +92,7 @@ class TickEngine:
         ticks = self.ticks(command_timeout)
         self.commands.configure(ticks, stale_policy)
         self.arbiter.patience = max(ticks, self.ticks(_SILENCE))
-        self._command_timeout, self.stale_policy = command_timeout, stale_policy
+        self.stale_policy = stale_policy
 
     def ticks(self, duration: float) -> int:
         """Number of ticks in a duration in [s], at least one unless it is zero."""
@@ -118,10 +113,11 @@ class TickEngine:
             self.read_commands()
             if not (self._wait_for_command and self.commands.empty):
                 self._advance(self.commands.take(self._q))
-                self._report_staleness()
+                if self.commands.stale is not self._was_stale:
+                    self._was_stale = self.commands.stale
+                    _call(self.on_staleness)
                 return
-        for listener in self.on_idle:
-            listener()
+        _call(self.on_idle)
 
     def tick_unattended(self) -> None:
         """Tick where no caller would see an exception: one pauses the simulation."""
@@ -158,25 +154,12 @@ class TickEngine:
             return False
         if self._meter is not None:
             self._meter.note(push)
-        for listener in self.on_tick:
-            listener()
+        _call(self.on_tick)
         return True
 
     def _fail(self, why: str) -> None:
         self.paused, self.failure = True, why
-        self._log.error(why)
-
-    def _report_staleness(self) -> None:
-        if self.commands.stale is self._was_stale:
-            return
-        self._was_stale = self.commands.stale
-        if self._was_stale:
-            self._log.warning(
-                f"no command for {self._command_timeout:g} s: "
-                f"the policy '{self.stale_policy}' acts"
-            )
-        else:
-            self._log.info("commands are back")
+        _call(self.on_failure)
 
     # --- orders --------------------------------------------------------------------------------
 
@@ -185,8 +168,7 @@ class TickEngine:
         self.paused = stop
         if not stop:
             self.failure = ""
-        for listener in self.on_pause:
-            listener()
+        _call(self.on_pause)
 
     def reset(self) -> None:
         """Go back to the initial state and time zero, without commands, sources and wrenches."""
@@ -200,8 +182,7 @@ class TickEngine:
         """Run what changes state or model at once; the energy account is closed."""
         action()
         self._meter = None
-        for listener in self.on_jump:
-            listener()
+        _call(self.on_jump)
 
     # --- wrenches ------------------------------------------------------------------------------
 
@@ -252,3 +233,8 @@ class TickEngine:
     def account(self) -> Account | None:
         """Energies since the account was opened; None while it is closed."""
         return None if self._meter is None else self._meter.account()
+
+
+def _call(listeners: Listeners) -> None:
+    for listener in listeners:
+        listener()

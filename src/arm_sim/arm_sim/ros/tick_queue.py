@@ -14,12 +14,14 @@ from arm_dynamics import InvalidInput
 class TickQueue:
     """A queue of actions; while no thread serves it, an action runs at once.
 
+    Args:
+        timeout: How long a caller waits in [s].
+
     Attributes:
         served: Whether another thread empties the queue.
     """
 
     def __init__(self, timeout: float = 30.0) -> None:
-        """Start empty and unserved; ``timeout`` in [s] is how long a caller waits."""
         self.served = False
         self._timeout = timeout
         self._queue: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()

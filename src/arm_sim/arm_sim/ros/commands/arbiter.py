@@ -24,13 +24,15 @@ class Arbiter:
     process there. A source that has been silent for ``patience`` ticks loses its joints, and one
     that sends a command now and then does not own any.
 
+    Args:
+        patience: Ticks after which a silent source is gone.
+
     Attributes:
         refused: How many commands were refused.
         last_refusal: What the newest refusal said.
     """
 
     def __init__(self, patience: int) -> None:
-        """Start without any source; ``patience`` in ticks."""
         self.patience = patience
         self.refused = 0
         self.last_refusal = ""

@@ -22,26 +22,26 @@ _UNNAMED = "~/commands"  # the source of commands that cannot name one
 _AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
 
-class CommandInput:
-    """Reads commands into the engine's slot.
+class Inputs:
+    """Hands commands and wrenches to the engine, which asks for commands before each tick.
 
     Attributes:
         reader: Of efforts by joint name, in serialized JointStates.
         source: Where those come from when the engine asks for them; None: from nowhere.
         round_trip: How long commands take from state to effort.
         refused: How many commands were refused.
+        refused_wrenches: How many wrenches were refused.
     """
 
     def __init__(self, node: Node, engine: TickEngine) -> None:
-        """Prepare; the engine asks here for commands before each tick."""
         self._log, self._engine, self._model = node.get_logger(), engine, engine.simulator.model
         self._limit = self._model.command_limit.tolist()
         self.reader = make_reader(
             self._model.joint_names, ("effort",), partial=True, extra=False,
-            admit=engine.arbiter.admit, limit=self._limit, beyond=self._cut,
+            admit=engine.arbiter.admit, limit=self._limit, beyond=self._cut
         )  # fmt: skip
         self.source: JointStateSource | None = None
-        self.round_trip, self.refused = RoundTrip(), 0
+        self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         engine.read_commands = self._read_waiting
 
     def open(self, node: Node) -> None:
@@ -57,7 +57,7 @@ class CommandInput:
     def reset_counters(self) -> None:
         """Begin counting anew."""
         self.round_trip.reset()
-        self.refused = 0
+        self.refused = self.refused_wrenches = 0
 
     def _read_waiting(self) -> None:
         """Read the commands that came since the last tick; the newest that is admitted counts.
@@ -114,6 +114,16 @@ class CommandInput:
             self._cut(numbers) if any_beyond(numbers, self._limit) else numbers
         )
 
+    def on_wrench(self, message: WrenchStamped) -> None:
+        """Push the frame that the header names."""
+        force, moment = message.wrench.force, message.wrench.torque
+        wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
+        try:
+            self._engine.push(message.header.frame_id, wrench)
+        except ArmError as error:
+            self.refused_wrenches += 1
+            self._log.warning(f"wrench passed over: {error}", throttle_duration_sec=_THROTTLE)
+
     def _cut(self, tau: Numbers) -> Numbers:
         """Cut efforts to their limits, with a warning."""
         limits, model = self._limit, self._model
@@ -128,25 +138,3 @@ class CommandInput:
     def _refuse(self, why: InvalidInput) -> None:
         self.refused += 1
         self._log.warning(f"command passed over: {why}", throttle_duration_sec=_THROTTLE)
-
-
-class WrenchInput:
-    """Hands wrenches to the engine.
-
-    Attributes:
-        refused: How many wrenches were refused.
-    """
-
-    def __init__(self, node: Node, engine: TickEngine) -> None:
-        """Prepare."""
-        self._log, self._engine, self.refused = node.get_logger(), engine, 0
-
-    def on_wrench(self, message: WrenchStamped) -> None:
-        """Push the frame that the header names."""
-        force, moment = message.wrench.force, message.wrench.torque
-        wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
-        try:
-            self._engine.push(message.header.frame_id, wrench)
-        except ArmError as error:
-            self.refused += 1
-            self._log.warning(f"wrench passed over: {error}", throttle_duration_sec=_THROTTLE)

@@ -25,7 +25,6 @@ class LatestCommand:
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
-        """Start without a command: the policy is in force."""
         zero = np.zeros(dynamics.n)
         none: Sequence[float] = zero.tolist()
         self._policies: dict[str, Callable[[Array], Sequence[float]]] = {
