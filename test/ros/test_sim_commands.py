@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
 import pytest
 from harness import Ros
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, Waiting, by_hand, command, motion, ticks
@@ -101,6 +103,55 @@ def test_the_answer_to_the_newest_state_acts_whatever_waits_before_it(
     assert node.simulator.effort[0] == 3.0
 
 
+def test_all_commands_that_come_within_a_tick_are_looked_at(ros: Ros, node: SimNode) -> None:
+    """Sixteen: one who leads, and fifteen who would like to."""
+    for _ in range(10):
+        node.inputs.on_joint_commands(named(0, "leader", 0, 1.0))
+    publisher = ros.publisher(JointState, "/joint_commands")
+    publisher.publish(named(0, "leader", 0, 2.0))
+    for _ in range(15):
+        publisher.publish(named(0, "other", 0, 9.0))
+    time.sleep(0.3)  # all of them are there
+    node.tick()
+    assert node.simulator.effort[0] == 2.0
+    assert node.engine.arbiter.refused == 15
+
+
+def test_of_bare_commands_only_the_newest_is_taken(ros: Ros, node: SimNode) -> None:
+    publisher = ros.publisher(Float64MultiArray, "/sim/commands")
+    for count in range(1, 6):
+        publisher.publish(Float64MultiArray(data=[0.0] * (10 + count)))
+    time.sleep(0.3)  # all of them are there
+    ros.spin_until(lambda: node.inputs.refused)
+    end = time.monotonic() + 0.2
+    ros.spin_until(lambda: time.monotonic() > end)
+    assert node.inputs.refused == 1
+
+
+@pytest.mark.parametrize(
+    ("topic", "reliable"),
+    [
+        ("/joint_commands", False), ("/sim/commands", False), ("/sim/wrench", True),
+        ("/joint_states", True), ("/sim/energy", True), ("/clock", True),
+    ],
+)  # fmt: skip
+def test_quality_of_service(ros: Ros, topic: str, reliable: bool) -> None:
+    """Best effort where the newest counts, so that every publisher will do."""
+    by_hand(ros, publish_clock=True)
+    found: list[Any] = []
+
+    def ends() -> list[Any]:
+        found[:] = ros.peer.get_subscriptions_info_by_topic(topic)
+        found.extend(ros.peer.get_publishers_info_by_topic(topic))
+        return found
+
+    ros.spin_until(ends)
+    (end,) = found
+    wanted = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    assert end.qos_profile.reliability == wanted
+    assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
+
+
 def test_commands_go_by_name(node: SimNode) -> None:
     node.inputs.on_joint_commands(command(name=list(NAMES[::-1]), effort=TAU[::-1]))
     np.testing.assert_array_equal(acting(node), TAU)
@@ -147,15 +198,26 @@ def test_bad_arrays_are_passed_over(
     assert len(said) < 1000
 
 
-def test_effort_beyond_its_limit_is_cut_and_said(
-    ros: Ros, capfd: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize("topic", ["joint_commands", "~/commands"])
+@pytest.mark.parametrize("effort", [1000.0, -1000.0])
+def test_effort_beyond_its_limit_is_cut_and_told_once(
+    ros: Ros, topic: str, effort: float,
+    capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
     node = by_hand(ros, "panda")
-    node.inputs.on_commands(Float64MultiArray(data=[0.0, 1000.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    node.tick()
+    efforts = [1.0, effort, 0.0, 0.0, 0.0, 0.0, -2.0]
+    for _ in range(4):
+        if topic == "joint_commands":
+            node.inputs.on_joint_commands(command(name=node.simulator.joint_names, effort=efforts))
+        else:
+            node.inputs.on_commands(Float64MultiArray(data=efforts))
+        node.tick()
     limit = node.simulator.model.effort_limit[1]
-    assert node.simulator.effort[1] == limit
-    assert f"1000 of joint 'panda_joint2' is beyond its limit {limit:g}" in capfd.readouterr().err
+    expected = [1.0, np.copysign(limit, effort), 0.0, 0.0, 0.0, 0.0, -2.0]
+    np.testing.assert_array_equal(node.simulator.effort, expected)
+    told = f"effort {effort:g} of joint 'panda_joint2' is beyond its limit {limit:g} N m"
+    assert capfd.readouterr().err.count(told) == 1
+    assert not caplog.records  # the simulation itself has nothing to add
 
 
 @pytest.mark.parametrize("policy", ["zero", "hold", "gravity"])

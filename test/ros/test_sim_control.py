@@ -99,18 +99,6 @@ def test_bad_wrenches_are_passed_over(
     assert "1 wrenches passed over" in finding(node, "commands").message
 
 
-def test_the_energy_account_knows_of_pushes(ros: Ros) -> None:
-    node = by_hand(ros, wrench_timeout=10.0, integrator="rk4")
-    node._outputs.audited = True
-    ticks(node, 20)
-    node.inputs.on_wrench(pushed("tip", 5.0, 0.0, 3.0, 0.0, 0.0, 0.0))
-    ticks(node, 200)
-    account = node._outputs.account()
-    assert account is not None
-    assert abs(account.input) > 0.01
-    assert abs(account.balance) < 1e-4 * abs(account.input)
-
-
 # --- payload and friction ----------------------------------------------------------------------
 
 LOAD = {"frame": "tip", "mass": 0.5, "com": [0.0] * 3, "inertia": [0.0] * 6}
@@ -196,6 +184,37 @@ def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
     assert values["diverged"] == "false"
 
 
+def test_the_energy_account_is_kept_while_diagnostics_are_heard(ros: Ros) -> None:
+    node = by_hand(ros, energy_period=0.005)
+    ticks(node, 5)
+    assert node.engine.account() is None
+    heard = ros.peer.create_subscription(DiagnosticArray, "/diagnostics", lambda _: None, 10)
+    ros.spin_until(lambda: node.diagnosis.heard)
+    ticks(node, 5)
+    assert node.engine.account() is not None
+    ros.peer.destroy_subscription(heard)
+    ros.spin_until(lambda: not node.diagnosis.heard)
+    ticks(node, 5)
+    assert node.engine.account() is None
+
+
+def test_several_publishers_show_unless_each_leads_joints_of_its_own(ros: Ros) -> None:
+    node = by_hand(ros)
+    publishers = [ros.publisher(JointState, "/joint_commands")]
+    ros.spin_until(lambda: node.count_publishers("/joint_commands") == 1)
+    assert finding(node, "commands").level == DiagnosticStatus.OK
+    publishers.append(ros.publisher(JointState, "/joint_commands"))
+    ros.spin_until(lambda: node.count_publishers("/joint_commands") == 2)
+    found = finding(node, "commands")
+    assert found.level == DiagnosticStatus.WARN
+    assert found.message == "2 publishers on /joint_commands"
+    for source, joint in (("left", 0), ("right", 1)):
+        message = JointState(name=[NAMES[joint]], effort=[1.0])
+        message.header.frame_id = source
+        node.inputs.on_joint_commands(serialize_message(message))
+    assert finding(node, "commands").level == DiagnosticStatus.OK
+
+
 def test_stale_commands_show(ros: Ros) -> None:
     node = by_hand(ros, command_timeout=0.005)
     node.inputs.on_commands(Float64MultiArray(data=TAU))
@@ -256,8 +275,22 @@ def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     assert finding(node, "simulation").level == DiagnosticStatus.OK
 
 
-def test_counters_begin_afresh(ros: Ros) -> None:
-    node = by_hand(ros)
-    node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
+def test_counters_begin_anew(ros: Ros) -> None:
+    node = by_hand(ros, command_timeout=0.002)
+    for _ in range(STREAM):
+        node.inputs.on_joint_commands(command("one"))
+    for _ in range(3):
+        node.inputs.on_joint_commands(command("two"))
+    node.inputs.on_wrench(pushed("paw", *[1.0] * 6))
+    ticks(node, 5)
+    counts = lambda: [  # noqa: E731
+        node.inputs.refused, node.inputs.refused_wrenches, node.engine.arbiter.refused,
+        node.engine.commands.stale_count,
+    ]  # fmt: skip
+    assert counts() == [3, 1, 3, 1]
+    assert "3 commands passed over" in finding(node, "commands").message
     assert node.requests.on_reset_counters(Trigger.Request(), Trigger.Response()).success
-    assert node.inputs.refused == 0
+    assert counts() == [0, 0, 0, 0]
+    assert "passed over" not in finding(node, "commands").message
+    node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
+    assert "1 commands passed over" in finding(node, "commands").message

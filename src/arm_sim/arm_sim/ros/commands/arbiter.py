@@ -68,7 +68,7 @@ class Arbiter:
         if len(self._heard) > 1 or source not in self._heard:
             self._contest(source, joints)
         heard = self._heard.get(source)
-        if heard is None:
+        if heard is None or not self._fresh(heard):
             self._heard[source] = _Source(joints, self._now)
         else:
             heard.joints, heard.at, heard.count = joints, self._now, heard.count + 1
