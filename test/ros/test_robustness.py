@@ -197,53 +197,119 @@ def test_descriptions_of_any_content_leave_the_arm(nodes: Nodes, text: str) -> N
 # --- requests ----------------------------------------------------------------------------------
 
 
+sane = st.lists(st.floats(-100.0, 100.0), min_size=2, max_size=2)
+vectors = st.one_of(sane, few)
+orders = st.one_of(st.just([]), st.permutations(NAMES), names)
+
+
+def finite(*vectors: Any) -> bool:
+    return all(np.isfinite(vector).all() for vector in vectors)
+
+
+def fits(name: list[str], position: Any, *others: Any) -> bool:
+    """Whether a batch makes sense: each joint once, whole points, finite numbers."""
+    size = len(position)
+    return (
+        sorted(name or NAMES) == sorted(NAMES)
+        and size in (2, 4)
+        and all(len(other) in (0, size) for other in others)
+        and finite(position, *others)
+    )
+
+
+def points(name: list[str], values: Any, like: Any) -> np.ndarray:
+    """Rows in model order."""
+    rows = np.reshape(values if len(values) else np.zeros(len(like)), (-1, 2))
+    return rows[:, [(name or NAMES).index(joint) for joint in NAMES]]
+
+
 @bounded
-@given(names, few, few, few, st.integers(0, 255))
+@given(orders, vectors, vectors, vectors, st.integers(0, 17))
 def test_requests_of_any_content(
     nodes: Nodes, name: list[str], position: Any, velocity: Any, other: Any, terms: int
 ) -> None:
+    """What makes sense is answered as the core does, and the rest is refused."""
     common = {"joint_names": name, "position": position, "velocity": velocity}
-    node = nodes.dynamics
-    for answer, field in (
+    node, core = nodes.dynamics, nodes.dynamics.dynamics
+    whole, motion = fits(name, position, velocity, other), fits(name, position, velocity)
+    for answer, field, valid, expected in (
         (node.on_inverse_dynamics(
             InverseDynamics.Request(**common, acceleration=other, terms=terms),
-            InverseDynamics.Response()), "effort"),
+            InverseDynamics.Response()),
+         "effort", whole and terms < 16, lambda q, v, a: core.inverse(q, v, a, terms)),
         (node.on_forward_dynamics(
             ForwardDynamics.Request(**common, effort=other), ForwardDynamics.Response()),
-         "acceleration"),
+         "acceleration", whole, core.forward),
         (node.on_dynamics_terms(DynamicsTerms.Request(**common), DynamicsTerms.Response()),
-         "mass_matrix"),
+         "gravity", motion, lambda q, v, a: core.gravity(q)),
         (node.on_task_space(
             TaskSpace.Request(**common, frame="tip", direction=other[:2], axes=name[:2]),
-            TaskSpace.Response()), "jacobian"),
+            TaskSpace.Response()),
+         "jacobian", motion and not name and not other, None),
     ):  # fmt: skip
-        assert answer.success or answer.message
-        assert "unexpected" not in answer.message
-        assert np.isfinite(getattr(answer, field)).all()
+        values, large = getattr(answer, field), np.abs([*position, *velocity, *other, 0.0]) > 1e3
+        assert np.isfinite(values).all()
+        if not valid:
+            assert not answer.success
+            assert answer.message and "unexpected" not in answer.message
+        elif not large.any():
+            assert answer.success, answer.message
+        if answer.success and expected is not None:
+            third = other if len(other) == len(position) else []  # or it is not read
+            exact = expected(*(points(name, x, position) for x in (position, velocity, third)))
+            np.testing.assert_allclose(points(name, values, position), exact, rtol=1e-9, atol=1e-9)
 
 
 @bounded
-@given(names, few, few, numbers, st.integers(0, 2**32 - 1))
+@given(orders, vectors, vectors, st.one_of(st.floats(0.0, 10.0), numbers), st.integers(0, 12_000))
 def test_orders_of_any_content(
     nodes: Nodes, name: list[str], position: Any, velocity: Any, mass: float, count: int
 ) -> None:
-    requests = nodes.sim.requests
+    """What makes sense is done, and the rest is refused and changes nothing."""
+    requests, simulator = nodes.sim.requests, nodes.sim.simulator
+    joints = [NAMES.index(joint) for joint in name or NAMES if joint in NAMES]
+    named = len(joints) == len(name or NAMES) == len(set(joints))
+    q, v = simulator.state.q.copy(), simulator.state.v.copy()
+    answer = requests.on_set_joint_state(
+        SetJointState.Request(joint_names=name, position=position, velocity=velocity),
+        SetJointState.Response(),
+    )
+    lengths = {len(position), len(velocity)} <= {0, len(joints)}
+    assert answer.success == (named and lengths and finite(position, velocity)), answer.message
+    if answer.success:
+        q[joints] = position or q[joints]
+        v[joints] = velocity or 0.0
+    np.testing.assert_array_equal([simulator.state.q, simulator.state.v], [q, v])
+
+    before = simulator.parameters
     six = (velocity * 6 + [0.0] * 6)[:6]
-    for answer in (
-        requests.on_set_joint_state(
-            SetJointState.Request(joint_names=name, position=position, velocity=velocity),
-            SetJointState.Response()),
-        requests.on_set_payload(
-            SetPayload.Request(index=count % 3, mass=mass, com=six[:3], inertia=six),
-            SetPayload.Response()),
-        requests.on_set_friction(
-            SetFriction.Request(joint_names=name, viscous=position), SetFriction.Response()),
-        requests.on_step(Step.Request(steps=count if count > 10_000 else count % 20),
-                         Step.Response()),
-    ):  # fmt: skip
-        assert answer.success or answer.message
-        assert "unexpected" not in answer.message
-    assert np.isfinite(nodes.sim.simulator.state.q).all()
+    load = SetPayload.Request(index=count % 3, mass=mass, com=six[:3], inertia=six)
+    answer = requests.on_set_payload(load, SetPayload.Response())
+    possible = load.index == 0 and mass >= 0.0 and finite([mass], six)
+    assert possible if answer.success else not (possible and mass < 10.0 and not any(six))
+    if answer.success:
+        assert simulator.dynamics.model.scene.payloads[0].mass == mass
+    else:
+        np.testing.assert_array_equal(simulator.parameters, before)
+
+    before = simulator.dynamics.model.viscous.copy()
+    rub = SetFriction.Request(joint_names=name, viscous=position)
+    answer = requests.on_set_friction(rub, SetFriction.Response())
+    possible = named and len(position) == len(joints) and finite(position)
+    assert answer.success == (possible and min(position) >= 0.0), answer.message
+    if answer.success:
+        before[joints] = position
+    np.testing.assert_array_equal(simulator.dynamics.model.viscous, before)
+
+    count = count if count > 10_000 else count % 20
+    was = simulator.step_count
+    answer = requests.on_step(Step.Request(steps=count), Step.Response())
+    if answer.success:
+        assert 1 <= count <= 10_000
+        assert simulator.step_count == was + count
+    else:
+        assert count in (0, *range(10_001, 12_001)) or nodes.sim.engine.failure
+    assert np.isfinite(simulator.state.q).all()
     requests.on_set_payload(SetPayload.Request(mass=0.1), SetPayload.Response())
     requests.on_set_friction(SetFriction.Request(viscous=[0.0, 0.0]), SetFriction.Response())
     alive(nodes)
