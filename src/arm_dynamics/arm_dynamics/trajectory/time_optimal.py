@@ -9,15 +9,14 @@ toppra does it: ``pip install toppra``. Nothing else needs it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, Unreachable
-from arm_dynamics.model.arm import Array
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.joint_path import LAST, JointPath, paced
 from arm_dynamics.trajectory.reference import positive_limits
@@ -157,7 +156,9 @@ def _both(limit: Array) -> Array:
 
 def _library() -> tuple[Any, Any]:
     try:
-        import_module("toppra.algorithm")
-        return import_module("toppra"), import_module("toppra.constraint")
+        import toppra
+        import toppra.algorithm
+        import toppra.constraint
     except ImportError as error:
         raise ArmError(f"the library toppra is missing ({error}); pip install toppra") from None
+    return toppra, toppra.constraint

@@ -10,7 +10,7 @@ from rclpy.node import Node
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state.compiled import native
-from arm_sim.ros.commands.input import Inputs
+from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.realtime_loop import RealtimeLoop

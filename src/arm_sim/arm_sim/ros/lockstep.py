@@ -9,7 +9,7 @@ import time
 from rclpy.node import Node
 
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_sim.ros.commands.input import Inputs
+from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import subscribe
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams

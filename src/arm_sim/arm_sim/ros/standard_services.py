@@ -7,7 +7,6 @@ Definitions: github.com/ros-simulation/simulation_interfaces, version 1.
 from __future__ import annotations
 
 from collections.abc import Callable
-from importlib import import_module
 from types import SimpleNamespace
 from typing import Any
 
@@ -37,7 +36,7 @@ class StandardServices:
         self._engine, self._log = engine, node.get_logger()
         self.offered: list[str] = []
         try:
-            found = import_module("simulation_interfaces.srv")
+            from simulation_interfaces import srv as found
         except ImportError:
             return
         for kind, name, answer in (

@@ -1,5 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands on their way in: read and checked, arbitrated between sources, and the latest kept.
+"""Which command acts: arbitrated between sources, the latest kept until it is too old.
 
-``arbiter`` and ``latest`` know no ROS; ``input`` connects them to topics.
+The folder knows no ROS and nothing else of the node.
 """
+
+from arm_sim.ros.commands.arbiter import Arbiter
+from arm_sim.ros.commands.latest import LatestCommand
+
+__all__ = ["Arbiter", "LatestCommand"]
