@@ -12,12 +12,12 @@ import pytest
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.interfaces import NEWEST
+from arm_dynamics.ros.interfaces import NEWEST, PAUSE, RESET
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.closed_loop import Together
 from arm_sim.ros.sim_node import SimNode
@@ -139,13 +139,13 @@ def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
 
 def test_paused_it_waits_for_nobody(ros: Ros) -> None:
     sim = lockstep(ros, lockstep_timeout=0.05, lockstep_retry=0.01)
-    assert sim.requests.on_pause(SetBool.Request(data=True), SetBool.Response()).success
+    assert sim.requests.answer(PAUSE, SetBool.Request(data=True)).success
     answer(sim, 0)
     end = time.monotonic() + 0.2
     ros.spin_until(lambda: time.monotonic() > end)
     assert not sim.lockstep.gone
     assert sim.simulator.step_count == 0
-    assert sim.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    assert sim.requests.answer(PAUSE, SetBool.Request(data=False)).success
     answer(sim, 0)
     assert sim.simulator.step_count == 1
 
@@ -154,7 +154,7 @@ def test_after_a_reset_the_first_state_is_answered_anew(ros: Ros) -> None:
     sim = lockstep(ros)
     for stamp in range(0, 5_000_000, 1_000_000):
         answer(sim, stamp)
-    assert sim.requests.on_reset(Trigger.Request(), Trigger.Response()).success
+    assert sim.requests.answer(RESET).success
     answer(sim, 5_000_000)
     assert sim.simulator.step_count == 0
     answer(sim, 0)

@@ -32,6 +32,7 @@ import models
 from arm_dynamics import load_scene
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import RESET, SET_FRICTION, SET_JOINT_STATE, SET_PAYLOAD, STEP
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -83,7 +84,7 @@ def command(**fields: Any) -> bytes:
 def alive(nodes: Nodes) -> None:
     """The sim still takes a good command and moves by it, finitely."""
     sim = nodes.sim
-    sim.requests.on_reset(None, Step.Response())
+    sim.requests.answer(RESET)
     sim.engine.pause(False)
     sim.inputs.on_joint_commands(command())
     sim.tick()
@@ -270,9 +271,9 @@ def test_orders_of_any_content(
     joints = [NAMES.index(joint) for joint in name or NAMES if joint in NAMES]
     named = len(joints) == len(name or NAMES) == len(set(joints))
     q, v = simulator.state.q.copy(), simulator.state.v.copy()
-    answer = requests.on_set_joint_state(
+    answer = requests.answer(
+        SET_JOINT_STATE,
         SetJointState.Request(joint_names=name, position=position, velocity=velocity),
-        SetJointState.Response(),
     )
     lengths = {len(position), len(velocity)} <= {0, len(joints)}
     assert answer.success == (named and lengths and finite(position, velocity)), answer.message
@@ -284,7 +285,7 @@ def test_orders_of_any_content(
     before = simulator.parameters
     six = (velocity * 6 + [0.0] * 6)[:6]
     load = SetPayload.Request(index=count % 3, mass=mass, com=six[:3], inertia=six)
-    answer = requests.on_set_payload(load, SetPayload.Response())
+    answer = requests.answer(SET_PAYLOAD, load)
     possible = load.index == 0 and mass >= 0.0 and finite([mass], six)
     assert possible if answer.success else not (possible and mass < 10.0 and not any(six))
     if answer.success:
@@ -294,7 +295,7 @@ def test_orders_of_any_content(
 
     before = simulator.dynamics.model.viscous.copy()
     rub = SetFriction.Request(joint_names=name, viscous=position)
-    answer = requests.on_set_friction(rub, SetFriction.Response())
+    answer = requests.answer(SET_FRICTION, rub)
     possible = named and len(position) == len(joints) and finite(position)
     assert answer.success == (possible and min(position) >= 0.0), answer.message
     if answer.success:
@@ -303,15 +304,15 @@ def test_orders_of_any_content(
 
     count = count if count > 10_000 else count % 20
     was = simulator.step_count
-    answer = requests.on_step(Step.Request(steps=count), Step.Response())
+    answer = requests.answer(STEP, Step.Request(steps=count))
     if answer.success:
         assert 1 <= count <= 10_000
         assert simulator.step_count == was + count
     else:
         assert count in (0, *range(10_001, 12_001)) or nodes.sim.engine.failure
     assert np.isfinite(simulator.state.q).all()
-    requests.on_set_payload(SetPayload.Request(mass=0.1), SetPayload.Response())
-    requests.on_set_friction(SetFriction.Request(viscous=[0.0, 0.0]), SetFriction.Response())
+    requests.answer(SET_PAYLOAD, SetPayload.Request(mass=0.1))
+    requests.answer(SET_FRICTION, SetFriction.Request(viscous=[0.0, 0.0]))
     alive(nodes)
 
 

@@ -14,10 +14,10 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, Waiting, by_hand, command, motion, ticks
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
 
 import models
 from arm_dynamics.ros.common.convert import to_time
+from arm_dynamics.ros.interfaces import RESET
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -251,6 +251,6 @@ def test_reset_is_not_taken_for_a_command(
     for _ in range(150):
         node.tick()
     assert node.engine.commands.stale
-    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    node.requests.answer(RESET)
     node.tick()
     assert "commands are back" not in capfd.readouterr().err

@@ -15,10 +15,10 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, Waiting, by_hand, ticks
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
 
 import models
 from arm_dynamics import load_scene
+from arm_dynamics.ros.interfaces import RESET, RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.ros.commands.arbiter import STREAM
@@ -72,7 +72,7 @@ def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
     ros.spin_until(lambda: node.engine.pushed_frames)
     ticks(node, 10)
     assert np.any(node.simulator.state.q != models.simulator("two_link").state.q)
-    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    node.requests.answer(RESET)
     sim = models.simulator("two_link")
     for _ in range(10):
         node.tick()
@@ -113,10 +113,10 @@ def test_payload_and_friction_are_set_by_services(ros: Ros) -> None:
     node = by_hand(ros, scene(tunable=["payload", "friction"]), integrator="rk4")
     load = SetPayload.Request(index=0, mass=2.0, com=[0.1, 0.0, 0.0], inertia=[0.01, 0, 0] * 2)
     load.inertia = [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]
-    answer = node.requests.on_set_payload(load, SetPayload.Response())
+    answer = node.requests.answer(SET_PAYLOAD, load)
     assert answer.success, answer.message
     rub = SetFriction.Request(joint_names=["elbow"], viscous=[2.0])
-    answer = node.requests.on_set_friction(rub, SetFriction.Response())
+    answer = node.requests.answer(SET_FRICTION, rub)
     assert answer.success, answer.message
     heavy = {**LOAD, "mass": 2.0, "com": [0.1, 0.0, 0.0], "inertia": list(load.inertia)}
     joints = {**models.scene("two_link").model_dump(exclude_unset=True).get("joints", {})}
@@ -135,13 +135,13 @@ def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
         SetPayload.Request(mass=-1.0), SetPayload.Request(mass=np.nan),
         SetPayload.Request(index=1), SetPayload.Request(mass=1.0, inertia=[-1.0] * 6),
     ):  # fmt: skip
-        assert not node.requests.on_set_payload(request, SetPayload.Response()).success
+        assert not node.requests.answer(SET_PAYLOAD, request).success
     for rub in (
         SetFriction.Request(viscous=[1.0]), SetFriction.Request(viscous=[-1.0, 0.0]),
         SetFriction.Request(joint_names=["knee"], viscous=[1.0]),
         SetFriction.Request(viscous=[np.inf, 0.0]),
     ):  # fmt: skip
-        assert not node.requests.on_set_friction(rub, SetFriction.Response()).success
+        assert not node.requests.answer(SET_FRICTION, rub).success
     np.testing.assert_array_equal(node.simulator.parameters, before)
 
 
@@ -155,7 +155,7 @@ def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
     node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 5)
     assert node.simulator.step_count == 5
-    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    node.requests.answer(RESET)
     ticks(node, 5)
     assert node.simulator.step_count == 0
 
@@ -271,7 +271,7 @@ def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     found = finding(node, "simulation")
     assert found.level == DiagnosticStatus.ERROR
     assert "the last good state is kept" in found.message
-    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    node.requests.answer(RESET)
     assert finding(node, "simulation").level == DiagnosticStatus.OK
 
 
@@ -289,7 +289,7 @@ def test_counters_begin_anew(ros: Ros) -> None:
     ]  # fmt: skip
     assert counts() == [3, 1, 3, 1]
     assert "3 commands passed over" in finding(node, "commands").message
-    assert node.requests.on_reset_counters(Trigger.Request(), Trigger.Response()).success
+    assert node.requests.answer(RESET_COUNTERS).success
     assert counts() == [0, 0, 0, 0]
     assert "passed over" not in finding(node, "commands").message
     node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))

@@ -46,6 +46,11 @@ class SimDiagnostics:
         before, self._before[name] = self._before.get(name, 0), count
         return count - before if count >= before else count
 
+    def _warn(self, found: Finding, count: int, what: str) -> None:
+        """Complain if a counter has grown."""
+        if grown := self._grown(what, count):
+            found.complain(WARN, f"{grown} {what}")
+
     def _look_at_loop(self) -> Finding:
         report, params, found = self._loop.report(), self._params, Finding("loop")
         executor = self._node.executor
@@ -58,10 +63,8 @@ class SimDiagnostics:
             "executor": "none" if executor is None else type(executor).__name__,
             "messages": "in C" if native() is not None else "in Python",
         }  # fmt: skip
-        if missed := self._grown("missed", report.missed):
-            found.complain(WARN, f"{missed} ticks began after the next one was due")
-        if dropped := self._grown("dropped", report.dropped):
-            found.complain(WARN, f"{dropped} ticks dropped")
+        self._warn(found, report.missed, "ticks began after the next one was due")
+        self._warn(found, report.dropped, "ticks dropped")
         for refusal in self._refused_privileges:
             found.complain(WARN, refusal)
         return found
@@ -85,10 +88,8 @@ class SimDiagnostics:
             found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
         elif stopped:
             found.complain(WARN, "commands stopped, and are back")
-        if passed := self._grown("commands", inputs.refused):
-            found.complain(WARN, f"{passed} commands passed over")
-        if pushes := self._grown("wrenches", inputs.refused_wrenches):
-            found.complain(WARN, f"{pushes} wrenches passed over")
+        self._warn(found, inputs.refused, "commands passed over")
+        self._warn(found, inputs.refused_wrenches, "wrenches passed over")
         if self._grown("conflicts", arbiter.refused) or arbiter.conflict:
             found.complain(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
@@ -114,8 +115,7 @@ class SimDiagnostics:
             "asked again": lockstep.asked_again, "ignored": lockstep.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
-        if again := self._grown("again", lockstep.asked_again):
-            found.complain(WARN, f"{again} states had to be published again")
+        self._warn(found, lockstep.asked_again, "states had to be published again")
         if lockstep.gone:
             found.complain(ERROR, "the partner gives no answer; time stands still")
         return found

@@ -79,11 +79,7 @@ class Inputs:
                 return
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
-        """Take efforts by joint name from a serialized JointState.
-
-        Args:
-            raw: The message.
-            arrival: System time at which it came in [ns].
+        """Take efforts by joint name from a serialized JointState that came at ``arrival`` [ns].
 
         Returns:
             Its stamp in [ns], or None if it was refused.

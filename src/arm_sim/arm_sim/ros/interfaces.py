@@ -22,9 +22,7 @@ CLOCK = Topic("clock", Clock)
 WRENCH = Topic("~/wrench", WrenchStamped)
 
 
-def subscribe(
-    node: Node, topic: Topic, callback: Callable[[Any], Any], *, raw: bool = False
-) -> Any:
+def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
     """Subscribe by a callback whose failures are logged and do not end the node."""
     guarded = surviving(node, callback)
     return node.create_subscription(topic.type, topic.name, guarded, topic.subscribe, raw=raw)

@@ -49,7 +49,7 @@ class Lockstep:
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
         node.create_timer(self._glance, self.look)
         engine.on_jump.append(self.wait)
-        engine.on_pause.append(self._on_pause)
+        engine.on_pause += [outputs.publish, self.wait]
 
     def on_command(self, raw: bytes) -> None:
         """Take a command, and those that come soon after it, for ``_STRETCH`` at most.
@@ -91,10 +91,6 @@ class Lockstep:
         """Wait for the answer to the state published last, or for nothing while paused."""
         self._waiting = None if self._engine.paused else self._engine.stamp
         self._asked = self._first = time.monotonic_ns()
-
-    def _on_pause(self) -> None:
-        self._outputs.publish()
-        self.wait()
 
     def look(self) -> None:
         """Ask again, or report the partner gone, when it is time to."""

@@ -38,15 +38,9 @@ class Outputs:
         round_trip: RoundTrip,
         account_wanted: Callable[[], bool],
     ) -> None:
-        """Advertise the topics and follow the engine.
+        """Advertise the topics and follow the engine; ``round_trip`` is told of every state.
 
-        Args:
-            node: Who publishes.
-            engine: What is published.
-            params: How often.
-            round_trip: Told of every state that is published.
-            account_wanted: Whether anybody besides the listeners of ``~/energy`` wants the energy
-                account.
+        ``account_wanted`` tells whether the energy account is wanted besides on ``~/energy``.
         """
         self._engine, self._simulator = engine, engine.simulator
         self._round_trip, self._account_wanted = round_trip, account_wanted

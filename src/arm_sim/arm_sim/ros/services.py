@@ -1,93 +1,64 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sim node's services; what they ask for happens between two ticks.
-
-A new one is a method here, its type and name in ``arm_dynamics.ros.interfaces``, and a method of
-the client.
-"""
+"""The sim node's services; what they ask for happens between two ticks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
 
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import answering, joint_indices, spread
+from arm_dynamics.ros.interfaces import Service
 from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.runtime_changes import friction_change, payload_change
 
+Action = Callable[[], Any]
+
 
 class SimServices:
-    """Answers requests to a simulation; a bad one changes nothing."""
+    """Answers requests to a simulation; a bad one changes nothing.
 
-    def __init__(self, node: Node, engine: TickEngine, reset_counters: Callable[[], None]) -> None:
-        """Offer the services; ``reset_counters`` runs between ticks."""
-        self._engine, self._reset_counters = engine, reset_counters
-        self._log = node.get_logger()
-        for service, answer in (
-            (interfaces.RESET, self.on_reset),
-            (interfaces.PAUSE, self.on_pause),
-            (interfaces.STEP, self.on_step),
-            (interfaces.SET_JOINT_STATE, self.on_set_joint_state),
-            (interfaces.SET_PAYLOAD, self.on_set_payload),
-            (interfaces.SET_FRICTION, self.on_set_friction),
-            (interfaces.RESET_COUNTERS, self.on_reset_counters),
-        ):
-            node.create_service(service.type, service.name, answer)
+    A service is an order: it is given request and response, prepares in the calling thread what
+    takes long, and returns the action to run between two ticks.
+    """
 
-    def on_reset(self, request: Any, response: Any) -> Any:
-        """Answer ``~/reset``: back to the initial state and time zero, without a command."""
-        del request  # empty
-        return self._between_ticks(response, self._engine.reset)
+    def __init__(self, node: Node, engine: TickEngine, reset_counters: Action) -> None:
+        """Offer the services; ``reset_counters`` is run between ticks."""
+        self._engine, self._log = engine, node.get_logger()
+        self._orders: dict[Service, Callable[[Any, Any], Action]] = {
+            interfaces.RESET: lambda *_: engine.reset,
+            interfaces.PAUSE: lambda request, _: partial(engine.pause, request.data),
+            interfaces.STEP: self._step,
+            interfaces.SET_JOINT_STATE: lambda request, _: partial(self._set_joint_state, request),
+            interfaces.SET_PAYLOAD: self._set_payload,
+            interfaces.SET_FRICTION: self._set_friction,
+            interfaces.RESET_COUNTERS: lambda *_: reset_counters,
+        }
+        for service in self._orders:
+            node.create_service(service.type, service.name, partial(self._answer, service))
 
-    def on_pause(self, request: Any, response: Any) -> Any:
-        """Answer ``~/pause``: stop or go on."""
-        return self._between_ticks(response, lambda: self._engine.pause(request.data))
+    def answer(self, service: Service, request: Any = None) -> Any:
+        """The response to a request, by default an empty one."""
+        return self._answer(service, request or service.type.Request(), service.type.Response())
 
-    def on_step(self, request: Any, response: Any) -> Any:
-        """Answer ``~/step``: advance by whole ticks while nothing else does."""
-        self._between_ticks(response, lambda: self._engine.step(request.steps))
-        response.time = self._engine.simulator.step_count * self._engine.simulator.dt
-        return response
-
-    def on_set_joint_state(self, request: Any, response: Any) -> Any:
-        """Answer ``~/set_joint_state``: put joints where the request says, at once."""
-        return self._between_ticks(response, lambda: self._set_joint_state(request))
-
-    def on_set_payload(self, request: Any, response: Any) -> Any:
-        """Answer ``~/set_payload``: another mass in the hand."""
-        load = request.index, request.mass, request.com, request.inertia
-        return self._change(response, lambda: payload_change(self._engine.simulator, *load))
-
-    def on_set_friction(self, request: Any, response: Any) -> Any:
-        """Answer ``~/set_friction``: other viscous friction."""
-        simulator = self._engine.simulator
-
-        def prepare() -> Callable[[], None]:
-            joints = joint_indices(request.joint_names, simulator.joint_names)
-            present = simulator.dynamics.model.viscous
-            viscous = spread("viscous", request.viscous, joints, present)
-            return friction_change(simulator, viscous)
-
-        return self._change(response, prepare)
-
-    def on_reset_counters(self, request: Any, response: Any) -> Any:
-        """Answer ``~/reset_counters``: rate, misses, lateness and refusals begin anew."""
-        del request  # empty
-        return self._between_ticks(response, self._reset_counters)
-
-    def _between_ticks(self, response: Any, action: Callable[[], Any]) -> Any:
+    def _answer(self, service: Service, request: Any, response: Any) -> Any:
         with answering(response, self._log):
-            self._engine.queue.run(action)
+            self._engine.queue.run(self._orders[service](request, response))
         return response
 
-    def _change(self, response: Any, prepare: Callable[[], Callable[[], None]]) -> Any:
-        """Prepare a change here, which may take long, and put it in force between ticks."""
-        with answering(response, self._log):
-            change = prepare()
-            self._engine.queue.run(lambda: self._engine.change(change))
-        return response
+    def _step(self, request: Any, response: Any) -> Action:
+        """Advance by whole ticks while nothing else does."""
+
+        def action() -> None:
+            try:
+                self._engine.step(request.steps)
+            finally:
+                response.time = self._engine.simulator.step_count * self._engine.simulator.dt
+
+        return action
 
     def _set_joint_state(self, request: Any) -> None:
         """Named joints take the positions, or keep theirs, and the velocities, or stop."""
@@ -97,3 +68,16 @@ class SimServices:
         q = spread("position", request.position or state.q[joints], joints, state.q)
         v = spread("velocity", request.velocity or 0.0 * q[joints], joints, state.v)
         self._engine.change(lambda: simulator.set_state(q, v))
+
+    def _set_payload(self, request: Any, response: Any) -> Action:
+        """Another mass in the hand."""
+        load = request.index, request.mass, request.com, request.inertia
+        return partial(self._engine.change, payload_change(self._engine.simulator, *load))
+
+    def _set_friction(self, request: Any, response: Any) -> Action:
+        """Other viscous friction; joints that are not named keep theirs."""
+        simulator = self._engine.simulator
+        joints = joint_indices(request.joint_names, simulator.joint_names)
+        present = simulator.dynamics.model.viscous
+        viscous = spread("viscous", request.viscous, joints, present)
+        return partial(self._engine.change, friction_change(simulator, viscous))

@@ -83,11 +83,9 @@ class TickEngine:
         self.configure(0.0, ZERO)
 
     def configure(self, command_timeout: float, stale_policy: str) -> None:
-        """Choose what acts without a command.
+        """Choose the simulated time in [s] after which a command is old, 0: never, and the policy.
 
-        Args:
-            command_timeout: Simulated time after which a command is old in [s]; 0: never.
-            stale_policy: ``zero``, ``hold`` or ``gravity``, see ``LatestCommand``.
+        The policy is ``zero``, ``hold`` or ``gravity``, see ``LatestCommand``.
         """
         ticks = self.ticks(command_timeout)
         self.commands.configure(ticks, stale_policy)

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Any
 
 from arm_dynamics import InvalidInput
@@ -45,10 +45,7 @@ class TickQueue:
     def serve(self) -> None:
         """Run what is queued."""
         while not self._queue.empty():
-            try:
-                action, future = self._queue.get_nowait()
-            except Empty:
-                return
+            action, future = self._queue.get()
             if not future.set_running_or_notify_cancel():
                 continue
             try:
