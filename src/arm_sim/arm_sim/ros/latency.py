@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Counts durations of any length, at the cost of an addition."""
+"""How long things take: a histogram of durations, and the round trip of commands."""
 
 from __future__ import annotations
 
 import math
+import time
 from array import array
 from dataclasses import dataclass
 
@@ -12,11 +13,12 @@ import numpy as np
 _FINE = 20_000  # bins of 1 µs
 _COARSE = 512  # bins beyond, each longer than the one before by the factor 2 ** (1 / 32)
 _STEPS = 32
+_REMEMBERED = 256  # states; an answer to an older one is not counted
 
 
 @dataclass(frozen=True)
 class Percentiles:
-    """What a histogram says, in [s]; all zero when nothing was counted."""
+    """Summary of a histogram, in [s]; all zero when nothing was counted."""
 
     count: int
     p50: float
@@ -24,7 +26,7 @@ class Percentiles:
     max: float
 
     def __str__(self) -> str:
-        """Say it in microseconds."""
+        """In microseconds."""
         values = (f"{name} {1e6 * getattr(self, name):.0f}" for name in ("p50", "p99", "max"))
         return ", ".join(values) + " µs"
 
@@ -33,7 +35,6 @@ class Histogram:
     """Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes."""
 
     def __init__(self) -> None:
-        """Start empty."""
         self._counts = array("q", bytes(8 * (_FINE + _COARSE)))
         # Views and room that stay: large arrays that come and go every second leave holes in the
         # memory of a process that runs for days.
@@ -68,3 +69,42 @@ def _seconds(bin_: int) -> float:
     if bin_ < _FINE:
         return 1e-6 * bin_
     return float(1e-6 * _FINE * 2.0 ** ((bin_ - _FINE) / _STEPS))
+
+
+class RoundTrip:
+    """Time from a joint state to the command that bears its stamp.
+
+    Attributes:
+        newest: Stamp of the state published last, in [ns].
+    """
+
+    def __init__(self) -> None:
+        self.newest = 0
+        self._sent: dict[int, int] = {}
+        self.reset()
+
+    def reset(self) -> None:
+        """Begin counting anew."""
+        self._histogram = Histogram()
+
+    def sent(self, stamp: int) -> None:
+        """Note that the state of ``stamp`` in [ns] is published now."""
+        self.newest = stamp
+        self._sent[stamp] = time.time_ns()
+        if len(self._sent) > _REMEMBERED:
+            del self._sent[next(iter(self._sent))]
+
+    def answered(self, stamp: int, arrival: int) -> None:
+        """Note that a command for the state of ``stamp`` came; only the first one counts.
+
+        Args:
+            stamp: Time of the state in [ns].
+            arrival: System time at which the command came in [ns].
+        """
+        sent = self._sent.pop(stamp, None)
+        if sent is not None:
+            self._histogram.add(arrival - sent)
+
+    def percentiles(self) -> Percentiles:
+        """Summary of the answers so far."""
+        return self._histogram.percentiles()
