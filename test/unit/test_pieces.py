@@ -14,7 +14,7 @@ from arm_dynamics import kernel as kernels
 from arm_dynamics.kernel import Kernel, generate
 from arm_dynamics.pieces import divided
 from arm_sim.plant import Plant
-from benchmarks.urdf import chain_urdf
+from benchmarks.robots.urdf import chain_urdf
 
 PIECE = 100
 
