@@ -11,10 +11,10 @@ from importlib.resources import files
 import numpy as np
 
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.cartesian import line, timed
-from arm_dynamics.control_task import MotionForce
-from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.task_terms import Pose
+from arm_dynamics.control.task_space import MotionForce
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.cartesian import line, timed
 from arm_sim import Simulator
 
 PRESS = 20.0  # [N]

@@ -14,7 +14,7 @@ from rich.console import Console
 from rich.markup import escape
 from rich.table import Table
 
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from benchmarks.accuracy import friction, motors, sweep
 from benchmarks.accuracy.checks import checks
 from benchmarks.accuracy.page import write

@@ -15,7 +15,7 @@ except ImportError:  # only to compare with
     solve_ivp = None
 
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from benchmarks.accuracy.problems import Problem
 
 Row = dict[str, Any]

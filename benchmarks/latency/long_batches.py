@@ -20,8 +20,8 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from arm_dynamics.client import ArmClient
-from arm_dynamics.ros.transport import DISCOVERY, with_room
+from arm_dynamics.client.client import ArmClient
+from arm_dynamics.ros.common.transport import DISCOVERY, with_room
 from arm_sim.cli.demo.processes import Processes, free_domain
 
 POINTS = 1000, 3000, 10_000, 30_000, 100_000

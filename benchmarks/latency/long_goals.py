@@ -30,18 +30,18 @@ from rich.table import Table
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.ros.direct import Newest
+from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.privileges import Privileges
+from arm_dynamics.ros.common.transport import as_usual
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_PATH,
     JOINT_COMMANDS,
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter
-from arm_dynamics.ros.privileges import Privileges
-from arm_dynamics.ros.transport import as_usual
-from arm_dynamics.task_algebra import quaternions
-from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter
+from arm_dynamics.task_space.inertia import quaternions
+from arm_dynamics.task_space.task_space import TaskSpace
 from arm_sim.cli.demo.processes import Processes, free_domain
 
 FRAME = "panda_hand_tcp"

@@ -12,7 +12,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from arm_dynamics.ros.transport import as_usual
+from arm_dynamics.ros.common.transport import as_usual
 from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
 
 ROOT = Path(__file__).parents[2]
@@ -43,7 +43,7 @@ def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: boo
     processor shares, and lockstep. The exit status does not depend on the figures: they are of
     this machine and its load.
     """
-    from arm_dynamics.client import ArmClient
+    from arm_dynamics.client.client import ArmClient
     from benchmarks.loop.page import promises, write
 
     domain = free_domain()

@@ -15,14 +15,14 @@ from rclpy.parameter import Parameter
 from rclpy.signals import SignalHandlerOptions
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from arm_dynamics.motion import Waypoint
-from arm_dynamics.ros.executor import make_executor
-from arm_dynamics.trajectory import quintic
+from arm_dynamics.ros.common.executor import make_executor
+from arm_dynamics.trajectory.reference import Waypoint
+from arm_dynamics.trajectory.waypoints import quintic
 from arm_sim import Simulator
-from arm_sim.actuation import computed_torque
 from arm_sim.cli.demo.processes import DemoFailed, Processes
+from arm_sim.closed_loop import Together
+from arm_sim.plant.actuation import computed_torque
 from arm_sim.ros.sim_node import SimNode
-from arm_sim.together import Together
 
 START = 500_000_000  # [ns] of simulated time, when the motion begins
 POINTS, STEP = 5, 2.0  # points of the motion and time from one to the next in [s]

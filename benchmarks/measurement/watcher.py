@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.publisher import Publisher
 from rclpy.signals import SignalHandlerOptions
 
-from arm_dynamics.ros.executor import make_executor
+from arm_dynamics.ros.common.executor import make_executor
 from arm_sim.cli.demo.processes import postponed
 
 _GLANCE = 0.02  # [s]

@@ -13,11 +13,11 @@ from functools import lru_cache, partial
 import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.compiler import compiler_version, find_compiler
-from arm_dynamics.kernel import Kernel
+from arm_dynamics.codegen.compiler import compiler_version, find_compiler
+from arm_dynamics.codegen.kernel import Kernel
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.integrators import METHODS
-from arm_sim.plant import Plant
+from arm_sim.integrators.methods import METHODS
+from arm_sim.plant.plant import Plant
 from benchmarks.measurement.timing import Job, cpu
 from benchmarks.peers.base import OURS, TICK, Contestant, Vector, decades, halvings
 from benchmarks.robots.models import Robot

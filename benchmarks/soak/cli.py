@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from arm_dynamics.exceptions import ArmError
-from arm_dynamics.ros.transport import as_usual, by_udp
+from arm_dynamics.ros.common.transport import as_usual, by_udp
 from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
 
 ROOT = Path(__file__).parents[2]

@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from multiprocessing import get_context
 
 from arm_dynamics import ArmError, ArmModel, load_scene
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from benchmarks.stress.arms import MOST_JOINTS, Arm, draw
 from benchmarks.stress.motion import HORIZON, TICK, Motion, solve
 from benchmarks.stress.verdict import NAN, REFUSED, Result, Setting, attempt

@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from rich.console import Console
 
 import tolerances
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from benchmarks.accuracy import cli, friction, page, problems, sweep
 
 PENDULUM = problems.all_problems(tolerances.TRAJECTORY)[0]

@@ -15,7 +15,7 @@ from scipy.integrate import solve_ivp
 
 from arm_dynamics import ArmModel, load_scene
 from arm_sim import Recording, Simulator
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from benchmarks.stress import verdict
 from benchmarks.stress.arms import HARDSHIPS, Arm, draw
 from benchmarks.stress.balances import energy_balance, impulse_balance

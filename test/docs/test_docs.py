@@ -12,8 +12,9 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
-from arm_dynamics import scene as schema
-from arm_dynamics import scene_drive, scene_friction
+from arm_dynamics.scene import drive as scene_drive
+from arm_dynamics.scene import friction as scene_friction
+from arm_dynamics.scene import schema
 from arm_sim import Simulator
 
 ROOT = Path(__file__).parents[2]

@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.model import Array
-from arm_dynamics.stateful import Flow
+from arm_dynamics.actuation.internal_state import Flow
+from arm_dynamics.model.arm import Array
 
 
 @dataclass(frozen=True)

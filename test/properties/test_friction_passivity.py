@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics.laws import lugre
+from arm_dynamics.equations import lugre
 from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import assert_close

@@ -9,8 +9,8 @@ from pathlib import Path
 import pytest
 from harness import Ros
 
-from arm_dynamics.ros.shared_memory import clear_dead
-from arm_dynamics.ros.transport import by_udp
+from arm_dynamics.ros.common.shared_memory import clear_dead
+from arm_dynamics.ros.common.transport import by_udp
 
 
 def pytest_configure(config: pytest.Config) -> None:

@@ -20,7 +20,7 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from arm_dynamics.ros.transport import PROFILES, as_usual
+from arm_dynamics.ros.common.transport import PROFILES, as_usual
 
 DOMAINS = 100  # domains above 101 collide with ports that the system gives away
 RESERVATIONS = 22_119  # first of the ports that stand for domains in use

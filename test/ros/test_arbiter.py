@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from arm_dynamics import InvalidInput
-from arm_sim.ros.arbiter import STREAM, Arbiter
+from arm_sim.ros.commands.arbiter import STREAM, Arbiter
 
 pytestmark = pytest.mark.ros
 

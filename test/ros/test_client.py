@@ -16,11 +16,11 @@ from rclpy.service import Service
 
 import models
 from arm_dynamics import InvalidInput, Term
-from arm_dynamics.client import ArmClient
+from arm_dynamics.client.client import ArmClient
 from arm_dynamics.exceptions import NoAnswer, Refused
-from arm_dynamics.ros.direct import Asker
+from arm_dynamics.ros.common.direct import Asker
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
-from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.task_space.task_space import TaskSpace
 from tolerances import ALGEBRA
 
 pytestmark = pytest.mark.ros

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_sim.ros.commands import Commands
+from arm_sim.ros.commands.latest import Commands
 
 pytestmark = pytest.mark.ros
 

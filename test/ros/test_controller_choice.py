@@ -17,10 +17,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control import Measured
-from arm_dynamics.control_choice import NAMES, Settings, make_controller
-from arm_dynamics.motion import Reference
+from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.trajectory.reference import Reference
 from arm_sim.ros.sim_node import SimNode
 from tolerances import ALGEBRA, assert_close
 

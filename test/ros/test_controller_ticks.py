@@ -8,7 +8,7 @@ import re
 
 import pytest
 
-from arm_dynamics.ros.transport import DISCOVERY
+from arm_dynamics.ros.common.transport import DISCOVERY
 from benchmarks.latency import controller_ticks
 
 pytestmark = pytest.mark.ros

@@ -11,7 +11,7 @@ from harness import Ros
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from arm_dynamics.ros.executor import make_executor, spin, surviving
+from arm_dynamics.ros.common.executor import make_executor, spin, surviving
 
 pytestmark = pytest.mark.ros
 

@@ -18,8 +18,8 @@ from rclpy.serialization import deserialize_message, serialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.convert import to_nanoseconds
-from arm_dynamics.ros.goal_bytes import PathBytes, TrajectoryBytes
+from arm_dynamics.ros.common.convert import to_nanoseconds
+from arm_dynamics.ros.controller.goal_bytes import PathBytes, TrajectoryBytes
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 
 pytestmark = pytest.mark.ros

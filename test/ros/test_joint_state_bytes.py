@@ -13,9 +13,9 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state_bytes import JointStateReader, JointStateWriter
-from arm_dynamics.ros.joint_state_compiled import CompiledReader, make_reader
-from arm_dynamics.ros.joint_state_layout import FIELDS, layout_of
+from arm_dynamics.ros.joint_state.compiled import CompiledReader, make_reader
+from arm_dynamics.ros.joint_state.layout import FIELDS, layout_of
+from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter
 
 pytestmark = pytest.mark.ros
 

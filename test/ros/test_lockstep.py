@@ -16,11 +16,11 @@ from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
-from arm_dynamics.motion import Waypoint
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import NEWEST
+from arm_dynamics.trajectory.reference import Waypoint
+from arm_sim.closed_loop import Together
 from arm_sim.ros.sim_node import SimNode
-from arm_sim.together import Together
 
 pytestmark = pytest.mark.ros
 

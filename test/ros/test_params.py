@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.params import (
+from arm_dynamics.ros.common.params import (
     ControllerParams,
     DynamicsParams,
     declare,

@@ -15,12 +15,12 @@ from typist import Typist, answer
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.client import ArmClient
+from arm_dynamics.client.client import ArmClient
 from arm_dynamics.exceptions import NotReached, Refused, Unreachable
-from arm_dynamics.inverse_kinematics import InverseKinematics
 from arm_dynamics.ros.interfaces import MAX_POSES
-from arm_dynamics.task_algebra import quaternions
-from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.task_space.inertia import quaternions
+from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
+from arm_dynamics.task_space.task_space import TaskSpace
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros

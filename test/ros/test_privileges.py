@@ -12,8 +12,13 @@ import pytest
 from harness import Ros
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros import privileges
-from arm_dynamics.ros.privileges import Privileges, freeze_garbage, put_timers_aside, read_cpus
+from arm_dynamics.ros.common import privileges
+from arm_dynamics.ros.common.privileges import (
+    Privileges,
+    freeze_garbage,
+    put_timers_aside,
+    read_cpus,
+)
 
 pytestmark = pytest.mark.ros
 

@@ -15,7 +15,7 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import Trigger
 
 import models
-from arm_dynamics.ros.convert import to_time
+from arm_dynamics.ros.common.convert import to_time
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros

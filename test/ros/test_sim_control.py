@@ -19,9 +19,9 @@ from std_srvs.srv import Trigger
 
 import models
 from arm_dynamics import load_scene
-from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.task_space.task_space import TaskSpace
 from arm_sim import Simulator
-from arm_sim.ros.arbiter import STREAM
+from arm_sim.ros.commands.arbiter import STREAM
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros

@@ -7,7 +7,7 @@ import sys
 
 import pytest
 
-from arm_dynamics.ros.transport import by_udp, with_room
+from arm_dynamics.ros.common.transport import by_udp, with_room
 from arm_sim.cli.demo.processes import free_domain
 
 # Joins the graph, and prints the size of the largest piece of Fast DDS's shared memory it has.

@@ -11,11 +11,11 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput, Unreachable
-from arm_dynamics.cartesian_goal import CartesianGoals, Pace
-from arm_dynamics.joint_path import JointPath
-from arm_dynamics.motion import Limits, Motion, Reference
-from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.task_terms import Pose
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.joint_path import JointPath
+from arm_dynamics.trajectory.planner import CartesianGoals, Pace
+from arm_dynamics.trajectory.reference import Limits, Motion, Reference
 from tolerances import ALGEBRA, assert_close
 
 FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "kinova": "j2s6s200_end_effector",

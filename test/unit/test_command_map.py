@@ -10,11 +10,11 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.command_map import rigid_twin
-from arm_dynamics.control import ComputedTorque
-from arm_dynamics.motion import Reference
+from arm_dynamics.actuation.command_map import rigid_twin
+from arm_dynamics.control.computed_torque import ComputedTorque
+from arm_dynamics.trajectory.reference import Reference
 from arm_sim import Simulator
-from arm_sim.actuation import computed_torque
+from arm_sim.plant.actuation import computed_torque
 from models.driven import law, of_states, wheel
 from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, assert_close
 

@@ -16,8 +16,9 @@ import casadi as ca
 import numpy as np
 import pytest
 
-from arm_dynamics import KernelError, compiler
-from arm_dynamics.kernel import Kernel
+from arm_dynamics import KernelError
+from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.kernel import Kernel
 
 HERE = str(Path(__file__).parent)
 IMPORT = f"import sys; sys.path.insert(0, {HERE!r}); import test_compiler as t; "

@@ -9,10 +9,12 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, KernelError, batch_terms, compiler
-from arm_dynamics.batch import check, compiled
-from arm_dynamics.dynamics import MANY
-from arm_dynamics.pointwise import Pointwise
+from arm_dynamics import Dynamics, KernelError
+from arm_dynamics.codegen import compiler
+from arm_dynamics.dynamics import compiled_terms as batch_terms
+from arm_dynamics.dynamics.compiled_backend import check, compiled
+from arm_dynamics.dynamics.dynamics import MANY
+from arm_dynamics.dynamics.pinocchio_backend import Pointwise
 from models.linkages import body, inline, scene
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 

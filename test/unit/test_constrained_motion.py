@@ -14,7 +14,7 @@ import pytest
 import models
 from arm_dynamics import load_scene
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from models.linkages import body, inline, interpreted, scene, worst_gaps
 from tolerances import (
     CLOSURE,

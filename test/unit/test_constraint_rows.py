@@ -14,9 +14,9 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
-from arm_dynamics.constraint_rows import ConstraintRows
-from arm_dynamics.laws import constraint
-from arm_dynamics.laws.links import tree_of
+from arm_dynamics.equations import constraint
+from arm_dynamics.equations.tree import tree_of
+from arm_dynamics.model.constraint_rows import ConstraintRows
 from tolerances import ALGEBRA, FINITE_DIFF, INVERSE_PAIR, assert_close
 
 TYPES: dict[str, dict[str, Any]] = {

@@ -11,10 +11,10 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, SceneError, load_scene
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.contact_cone import several, single
-from arm_sim.contact_impact import impulse_for
-from arm_sim.contact_newton import Does
-from arm_sim.contact_report import contact_forces, contact_history
+from arm_sim.contact_forces import contact_forces, contact_history
+from arm_sim.stepping.contact_cone import several, single
+from arm_sim.stepping.contact_impact import impulse_for
+from arm_sim.stepping.contact_newton import Does
 from models.touching import contact, rails
 from tolerances import BACKENDS, CLOSED_FORM, assert_close
 

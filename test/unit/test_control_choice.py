@@ -8,12 +8,12 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control import Measured
-from arm_dynamics.control_choice import NAMES, Settings, make_controller
-from arm_dynamics.control_run import DisturbanceObserver, Saturated, Switch
-from arm_dynamics.motion import Reference, Waypoint
-from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.trajectory import quintic
+from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.control.wrappers import DisturbanceObserver, Saturated, Switch
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.trajectory.reference import Reference, Waypoint
+from arm_dynamics.trajectory.waypoints import quintic
 
 
 @pytest.mark.parametrize("observer", [None, 30.0])

@@ -10,11 +10,13 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, InvalidInput, compiler, control_compiled
-from arm_dynamics.control import ComputedTorque, Measured
-from arm_dynamics.control_choice import Settings, make_controller, preparation
-from arm_dynamics.control_compiled import CompiledComputedTorque
-from arm_dynamics.motion import Reference
+from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics.codegen import compiler
+from arm_dynamics.control import compiled_computed_torque as control_compiled
+from arm_dynamics.control.compiled_computed_torque import CompiledComputedTorque
+from arm_dynamics.control.computed_torque import ComputedTorque, Measured
+from arm_dynamics.control.factory import Settings, make_controller, preparation
+from arm_dynamics.trajectory.reference import Reference
 from tolerances import ALGEBRA, assert_close
 
 DRY = {

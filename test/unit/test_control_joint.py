@@ -9,9 +9,9 @@ from scipy.linalg import expm
 
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
-from arm_dynamics.control import ComputedTorque, Measured
-from arm_dynamics.control_friction import FrictionFeedForward
-from arm_dynamics.control_joint import (
+from arm_dynamics.control.computed_torque import ComputedTorque, Measured
+from arm_dynamics.control.friction_compensation import FrictionFeedForward
+from arm_dynamics.control.joint_space import (
     PD,
     PID,
     FeedForwardPD,
@@ -20,8 +20,8 @@ from arm_dynamics.control_joint import (
     PDGravity,
     tuned,
 )
-from arm_dynamics.control_run import DisturbanceObserver, HalfTickAhead, Saturated, Switch
-from arm_dynamics.motion import Reference
+from arm_dynamics.control.wrappers import DisturbanceObserver, HalfTickAhead, Saturated, Switch
+from arm_dynamics.trajectory.reference import Reference
 from arm_sim import Simulator
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 

@@ -9,9 +9,8 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.cartesian import line, timed
-from arm_dynamics.control import ComputedTorque, Measured
-from arm_dynamics.control_task import (
+from arm_dynamics.control.computed_torque import ComputedTorque, Measured
+from arm_dynamics.control.task_space import (
     AlongJoints,
     CartesianImpedance,
     MotionForce,
@@ -20,10 +19,11 @@ from arm_dynamics.control_task import (
     at_rest,
     task_reference,
 )
-from arm_dynamics.joint_path import joint_path
-from arm_dynamics.motion import Reference
-from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.task_terms import Pose
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.cartesian import line, timed
+from arm_dynamics.trajectory.joint_path import joint_path
+from arm_dynamics.trajectory.reference import Reference
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 

@@ -10,8 +10,8 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput, SceneError, load_scene
-from arm_dynamics.laws.table import Curve
-from arm_dynamics.model import ArmModel
+from arm_dynamics.equations.interpolation import Curve
+from arm_dynamics.model.arm import ArmModel
 from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close

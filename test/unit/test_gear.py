@@ -10,8 +10,8 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, SceneError, Term
-from arm_dynamics.control_friction import ahead
-from arm_dynamics.laws import gear
+from arm_dynamics.control.friction_compensation import ahead
+from arm_dynamics.equations import gear
 from arm_sim import Simulator
 from models.driven import wheel
 from tolerances import PINOCCHIO, assert_close

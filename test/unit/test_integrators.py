@@ -13,7 +13,7 @@ import pytest
 
 import models
 from arm_sim import Simulator
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from tolerances import ORDER
 
 DATA = Path(__file__).parents[1] / "reference/double_pendulum.json"

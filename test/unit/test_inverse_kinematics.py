@@ -9,14 +9,14 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, InvalidInput
-from arm_dynamics.cartesian import circle, line, timed
 from arm_dynamics.exceptions import Unreachable
-from arm_dynamics.inverse_kinematics import InverseKinematics
-from arm_dynamics.joint_path import joint_path, paced
-from arm_dynamics.pacing import torque_stretch
-from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.task_terms import Pose
-from arm_dynamics.timing import Quintic, Trapezoid
+from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.cartesian import circle, line, timed
+from arm_dynamics.trajectory.joint_path import joint_path, paced
+from arm_dynamics.trajectory.time_scaling import torque_stretch
+from arm_dynamics.trajectory.timing import Quintic, Trapezoid
 
 FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "puma560": None, "kinova": None}
 

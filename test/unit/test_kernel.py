@@ -9,10 +9,11 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
-from arm_dynamics.kernel import Kernel, check_forward, operations
-from arm_dynamics.laws import articulated, rigid_body
-from arm_dynamics.laws.links import Tree, tree_of
-from arm_sim.plant import Plant
+from arm_dynamics.codegen.kernel import Kernel, check_forward, operations
+from arm_dynamics.equations import articulated_body as articulated
+from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations.tree import Tree, tree_of
+from arm_sim.plant.plant import Plant
 from models.oracle import Oracle
 from models.random_tree import random_tree
 from tolerances import ALGEBRA, BACKENDS, assert_close

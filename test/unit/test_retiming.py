@@ -11,13 +11,13 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, InvalidInput, Unreachable
-from arm_dynamics.cartesian import line, timed
-from arm_dynamics.joint_path import JointPath, joint_path, paced
-from arm_dynamics.motion import Trajectory
-from arm_dynamics.retiming import Profile, retimed
-from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.task_terms import Pose
-from arm_dynamics.timing import Quintic
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.cartesian import line, timed
+from arm_dynamics.trajectory.joint_path import JointPath, joint_path, paced
+from arm_dynamics.trajectory.reference import Trajectory
+from arm_dynamics.trajectory.time_optimal import Profile, retimed
+from arm_dynamics.trajectory.timing import Quintic
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 pytestmark = pytest.mark.filterwarnings("ignore::SyntaxWarning")  # docstrings of toppra

@@ -31,7 +31,7 @@ def build(monkeypatch: pytest.MonkeyPatch) -> Build:
     def make(law: Motor, friction: dict[str, float] = FRICTION, **options: Any) -> Simulator:
         scene = models.scene("double_pendulum").model_dump(exclude_unset=True)
         scene["joints"] = {"*": {"friction": friction}}
-        monkeypatch.setattr("arm_sim.plant.laws_of", lambda model: (law,))
+        monkeypatch.setattr("arm_sim.plant.plant.laws_of", lambda model: (law,))
         return Simulator(scene, **options)
 
     return make

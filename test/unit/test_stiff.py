@@ -8,7 +8,7 @@ import pytest
 
 import models
 from arm_sim import SimulationDiverged, Simulator
-from arm_sim.choice import damping_rate
+from arm_sim.integrators.selection import damping_rate
 from tolerances import assert_close
 
 

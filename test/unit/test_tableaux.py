@@ -13,7 +13,7 @@ from math import prod
 import numpy as np
 import pytest
 
-from arm_sim.integrators import METHODS
+from arm_sim.integrators.methods import METHODS
 from tolerances import CLOSED_FORM
 
 Tree = tuple["Tree", ...]

@@ -7,8 +7,8 @@ import numpy as np
 import pytest
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.quintic import extremes
-from arm_dynamics.trajectory import (
+from arm_dynamics.trajectory.quintic import extremes
+from arm_dynamics.trajectory.waypoints import (
     Limits,
     Trajectory,
     Waypoint,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics.laws import transmission
+from arm_dynamics.equations import transmission
 from arm_sim import Simulator
 from models.driven import law, linear, of_states, wheel
 from tolerances import PINOCCHIO, assert_close

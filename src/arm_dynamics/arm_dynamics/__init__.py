@@ -9,7 +9,7 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from arm_dynamics.dynamics import Dynamics, Term
+    from arm_dynamics.dynamics.dynamics import Dynamics, Term
     from arm_dynamics.exceptions import (
         ArmError,
         ConstraintError,
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
         SceneError,
         Unreachable,
     )
-    from arm_dynamics.model import ArmModel
-    from arm_dynamics.scene import Scene
-    from arm_dynamics.scene_file import load_scene
+    from arm_dynamics.model.arm import ArmModel
+    from arm_dynamics.scene.load import load_scene
+    from arm_dynamics.scene.schema import Scene
 
 __all__ = [
     "ArmError",
@@ -38,11 +38,11 @@ __all__ = [
     "load_scene",
 ]
 _HOMES = {
-    "Dynamics": "dynamics",
-    "Term": "dynamics",
-    "ArmModel": "model",
-    "Scene": "scene",
-    "load_scene": "scene_file",
+    "Dynamics": "dynamics.dynamics",
+    "Term": "dynamics.dynamics",
+    "ArmModel": "model.arm",
+    "Scene": "scene.schema",
+    "load_scene": "scene.load",
 }
 
 

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from arm_dynamics.client_values import Postures
+    from arm_dynamics.client.values import Postures
 
 
 class ArmError(Exception):

@@ -5,11 +5,11 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from arm_sim.actuation import CompiledControl, computed_torque
-    from arm_sim.contact_report import contact_history
+    from arm_sim.contact_forces import contact_history
     from arm_sim.exceptions import SimulationDiverged
     from arm_sim.plan import Plan
-    from arm_sim.recording import Recording
+    from arm_sim.plant.actuation import CompiledControl, computed_torque
+    from arm_sim.recording.recording import Recording
     from arm_sim.simulator import Simulator
     from arm_sim.state import State
 
@@ -24,14 +24,14 @@ __all__ = [
     "contact_history",
 ]
 _HOMES = {
-    "CompiledControl": "actuation",
+    "CompiledControl": "plant.actuation",
     "Plan": "plan",
-    "Recording": "recording",
+    "Recording": "recording.recording",
     "SimulationDiverged": "exceptions",
     "Simulator": "simulator",
     "State": "state",
-    "computed_torque": "actuation",
-    "contact_history": "contact_report",
+    "computed_torque": "plant.actuation",
+    "contact_history": "contact_forces",
 }
 
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 from arm_dynamics import ArmError
 
 if TYPE_CHECKING:
-    from arm_sim.choice import Choice
-    from arm_sim.recording import Recording
+    from arm_sim.integrators.selection import Choice
+    from arm_sim.recording.recording import Recording
     from arm_sim.state import State
 
 

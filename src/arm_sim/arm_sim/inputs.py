@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import ArmModel, InvalidInput
-from arm_dynamics.arguments import finite_numbers, real_array, vector
-from arm_dynamics.model import Array
-from arm_sim.plant import Plant
+from arm_dynamics.arrays import finite_numbers, real_array, vector
+from arm_dynamics.model.arm import Array
+from arm_sim.plant.plant import Plant
 
 _log = logging.getLogger(__name__)
 

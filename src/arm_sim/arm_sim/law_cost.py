@@ -9,8 +9,8 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.kernel import Kernel, operations
-from arm_dynamics.stateful import StatefulLaw
+from arm_dynamics.actuation.internal_state import StatefulLaw
+from arm_dynamics.codegen.kernel import Kernel, operations
 
 EVALUATIONS = 1000
 REPEATS = 20

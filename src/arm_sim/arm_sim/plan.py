@@ -10,12 +10,12 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics import ArmModel
-from arm_dynamics.kernel import operations
-from arm_dynamics.model import Array
-from arm_sim.choice import Choice
+from arm_dynamics.codegen.kernel import operations
+from arm_dynamics.model.arm import Array
+from arm_sim.integrators.selection import Choice
 from arm_sim.law_cost import LawCost, cost_of
-from arm_sim.plant import Plant
-from arm_sim.stepper import Stepper
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.stepper import Stepper
 
 TIMED_TICKS = 200
 REPEATS = 5

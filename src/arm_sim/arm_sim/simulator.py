@@ -11,22 +11,22 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
-from arm_dynamics.model import Array
-from arm_sim import held
-from arm_sim.actuation import CompiledControl
-from arm_sim.audit import Audit
-from arm_sim.choice import Choice, choose
-from arm_sim.contact_report import contact_forces, trouble
+from arm_dynamics.model.arm import Array
+from arm_sim import constraint_state as held
+from arm_sim.contact_forces import contact_forces, trouble
 from arm_sim.exceptions import SimulationDiverged, diverged
 from arm_sim.inputs import SaturationNotice, tick_count, torque, torque_table
-from arm_sim.linearization import Linearizer, linearize
-from arm_sim.make import Steppers
+from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plan import Plan
-from arm_sim.plant import Plant
-from arm_sim.recording import Recording, record
-from arm_sim.rollout import Rollouts
+from arm_sim.plant.actuation import CompiledControl
+from arm_sim.plant.plant import Plant
+from arm_sim.recording.energy_account import Audit
+from arm_sim.recording.recording import Recording, record
 from arm_sim.state import State, read_only
-from arm_sim.stepper import Stepper
+from arm_sim.stepping.factory import Steppers
+from arm_sim.stepping.linearization import Linearizer, linearize
+from arm_sim.stepping.rollout import Rollouts
+from arm_sim.stepping.stepper import Stepper
 
 Control = Callable[[State], Any]
 

@@ -15,31 +15,36 @@ from nav_msgs.msg import Path
 from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
-from arm_dynamics.arguments import finite_numbers
-from arm_dynamics.background import Background, take_short_turns
-from arm_dynamics.command_map import rigid_twin
-from arm_dynamics.control import Checked, Measured
-from arm_dynamics.control_choice import (
+from arm_dynamics.actuation.command_map import rigid_twin
+from arm_dynamics.arrays import finite_numbers
+from arm_dynamics.control.computed_torque import Checked, Measured
+from arm_dynamics.control.factory import (
     IN_TASK_SPACE,
     Job,
     Settings,
     make_controller,
     preparation,
 )
-from arm_dynamics.control_run import AnyController, Saturated, Switch
-from arm_dynamics.dynamics import Dynamics
+from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
+from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.follower import Follower
-from arm_dynamics.model import Array
-from arm_dynamics.motion import Limits, Reference
-from arm_dynamics.ros import convert
-from arm_dynamics.ros.answer_log import AnswerLog
-from arm_dynamics.ros.cdr import as_bytes
-from arm_dynamics.ros.control_settings import settings_of
-from arm_dynamics.ros.diagnosis import Diagnosis, Finding
-from arm_dynamics.ros.direct import sender
-from arm_dynamics.ros.executor import run, surviving
-from arm_dynamics.ros.goals import Goals
+from arm_dynamics.model.arm import Array
+from arm_dynamics.ros.common import convert
+from arm_dynamics.ros.common.answer_log import AnswerLog
+from arm_dynamics.ros.common.background import Background, take_short_turns
+from arm_dynamics.ros.common.cdr import as_bytes
+from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
+from arm_dynamics.ros.common.direct import sender
+from arm_dynamics.ros.common.executor import run, surviving
+from arm_dynamics.ros.common.params import (
+    ControllerParams,
+    declare,
+    privileges,
+    task_axes,
+    watch,
+)
+from arm_dynamics.ros.controller.goals import Goals
+from arm_dynamics.ros.controller.settings import settings_of
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -48,17 +53,12 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state_bytes import JointStateWriter
-from arm_dynamics.ros.joint_state_compiled import make_reader
-from arm_dynamics.ros.params import (
-    ControllerParams,
-    declare,
-    privileges,
-    task_axes,
-    watch,
-)
-from arm_dynamics.scene_file import load_scene
-from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.ros.joint_state.compiled import make_reader
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter
+from arm_dynamics.scene.load import load_scene
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.trajectory.follower import Follower
+from arm_dynamics.trajectory.reference import Limits, Reference
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
 _FREE = "float"  # the law under which the arm is led by hand, away from its reference

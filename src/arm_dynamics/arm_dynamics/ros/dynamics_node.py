@@ -9,17 +9,18 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import String
 
-from arm_dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.ros import convert, interfaces
-from arm_dynamics.ros.constrained_answer import answer_constrained_dynamics
-from arm_dynamics.ros.diagnosis import Diagnosis
-from arm_dynamics.ros.executor import run, surviving
-from arm_dynamics.ros.params import DynamicsParams, declare, one_or_all, watch
-from arm_dynamics.ros.request_counts import RequestCounts
-from arm_dynamics.ros.task_answer import answer_inverse_kinematics, fill_task_space
-from arm_dynamics.scene_file import scene_from_urdf
-from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.ros import interfaces
+from arm_dynamics.ros.common import convert
+from arm_dynamics.ros.common.diagnostics import Diagnosis
+from arm_dynamics.ros.common.executor import run, surviving
+from arm_dynamics.ros.common.params import DynamicsParams, declare, one_or_all, watch
+from arm_dynamics.ros.common.request_counts import RequestCounts
+from arm_dynamics.ros.dynamics.constrained import answer_constrained_dynamics
+from arm_dynamics.ros.dynamics.task_space import answer_inverse_kinematics, fill_task_space
+from arm_dynamics.scene.load import scene_from_urdf
+from arm_dynamics.task_space.task_space import TaskSpace
 
 
 class DynamicsNode(Node):

@@ -85,7 +85,7 @@ def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> N
     It listens to joint_states and controller/joint_trajectory and publishes joint_commands. It
     may be given another scene than the simulator: that is a model error.
     """
-    from arm_dynamics.background import take_short_turns
+    from arm_dynamics.ros.common.background import take_short_turns
     from arm_dynamics.ros.controller_node import ControllerNode
 
     take_short_turns()
@@ -96,7 +96,7 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
     """Be the process of one node; return it after an orderly end, else exit with its status."""
     from rclpy.parameter import Parameter
 
-    from arm_dynamics.ros.executor import run
+    from arm_dynamics.ros.common.executor import run
 
     scene, rest = _split(scene, rest)
     if with_parent:

@@ -7,7 +7,7 @@ import os
 import time
 from typing import TYPE_CHECKING
 
-from arm_dynamics.ros.executor import surviving
+from arm_dynamics.ros.common.executor import surviving
 from arm_sim.ros import interfaces
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ from __future__ import annotations
 from arm_msgs.msg import Multipliers
 from rclpy.node import Node
 
-from arm_dynamics.ros.convert import to_time
+from arm_dynamics.ros.common.convert import to_time
 from arm_sim.ros import interfaces
 from arm_sim.simulator import Simulator
 

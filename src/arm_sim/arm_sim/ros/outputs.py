@@ -8,12 +8,12 @@ from arm_msgs.msg import Energy
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
-from arm_dynamics.model import Array
-from arm_dynamics.ros.cdr import HEADER, time_bytes
-from arm_dynamics.ros.convert import to_time
-from arm_dynamics.ros.direct import sender
-from arm_dynamics.ros.joint_state_bytes import JointStateWriter
-from arm_dynamics.ros.joint_state_compiled import make_sink
+from arm_dynamics.model.arm import Array
+from arm_dynamics.ros.common.cdr import HEADER, time_bytes
+from arm_dynamics.ros.common.convert import to_time
+from arm_dynamics.ros.common.direct import sender
+from arm_dynamics.ros.joint_state.compiled import make_sink
+from arm_dynamics.ros.joint_state.serialization import JointStateWriter
 from arm_sim.ros import interfaces
 from arm_sim.ros.energy_meter import Account, EnergyMeter
 from arm_sim.ros.multiplier_output import MultiplierOutput

@@ -7,11 +7,11 @@ from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros import convert
+from arm_dynamics.ros.common import convert
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.ros import interfaces
 from arm_sim.ros.standard_services import StandardServices
-from arm_sim.tuning import friction_change, payload_change
+from arm_sim.runtime_changes import friction_change, payload_change
 
 if TYPE_CHECKING:
     from arm_sim.ros.sim_node import SimNode

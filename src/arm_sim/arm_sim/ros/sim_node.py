@@ -10,22 +10,22 @@ from typing import Any
 from rclpy.node import Node
 from std_msgs.msg import Float64MultiArray
 
-from arm_dynamics.ros.diagnosis import Diagnosis
-from arm_dynamics.ros.executor import run, surviving
-from arm_dynamics.ros.params import declare, privileges, watch
+from arm_dynamics.ros.common.diagnostics import Diagnosis
+from arm_dynamics.ros.common.executor import run, surviving
+from arm_dynamics.ros.common.params import declare, privileges, watch
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.ros import interfaces
-from arm_sim.ros.command_input import CommandInput, PushInput
-from arm_sim.ros.commands import Commands
+from arm_sim.ros.commands.input import CommandInput, PushInput
+from arm_sim.ros.commands.latest import Commands
+from arm_sim.ros.diagnostics import Findings
 from arm_sim.ros.energy_meter import Account
-from arm_sim.ros.errands import Errands
-from arm_sim.ros.findings import Findings
 from arm_sim.ros.histogram import Percentiles
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams, simulator_of
 from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.services import SimServices
+from arm_sim.ros.tick_queue import Errands
 
 _PAUSED_PERIOD = 0.1  # [s] between joint states while time stands still
 _PATIENCE = 1.0  # [s] after which a silent source is gone; a busy machine may well silence one

@@ -11,7 +11,7 @@ from typing import Any
 import click
 import numpy as np
 
-from arm_dynamics.client import ArmClient
+from arm_dynamics.client.client import ArmClient
 from arm_dynamics.exceptions import NoAnswer, Refused
 from arm_sim.cli.output import console, number, show, table
 from arm_sim.cli.vectors import Vector

@@ -12,14 +12,14 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, Scene, Term, load_scene
-from arm_dynamics.cartesian import line, timed
-from arm_dynamics.inverse_kinematics import InverseKinematics
-from arm_dynamics.joint_path import JointPath, joint_path
-from arm_dynamics.model import Array
-from arm_dynamics.motion import Reference, Waypoint
-from arm_dynamics.task_space import TaskSpace
-from arm_dynamics.task_terms import Pose
-from arm_dynamics.trajectory import quintic
+from arm_dynamics.model.arm import Array
+from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.cartesian import line, timed
+from arm_dynamics.trajectory.joint_path import JointPath, joint_path
+from arm_dynamics.trajectory.reference import Reference, Waypoint
+from arm_dynamics.trajectory.waypoints import quintic
 
 SCENES = Path(__file__).parents[2] / "scenes"
 PLANTS = {

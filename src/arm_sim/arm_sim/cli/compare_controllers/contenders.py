@@ -3,9 +3,9 @@
 
 from __future__ import annotations
 
-from arm_dynamics.control import Array
-from arm_dynamics.control_choice import Settings, make_controller
-from arm_dynamics.control_run import AnyController
+from arm_dynamics.control.computed_torque import Array
+from arm_dynamics.control.factory import Settings, make_controller
+from arm_dynamics.control.wrappers import AnyController
 from arm_sim.cli.compare_controllers.cases import Arm
 
 OMEGA = 15.0  # [rad/s], critically damped

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.model import Array
-from arm_dynamics.motion import Reference
+from arm_dynamics.model.arm import Array
+from arm_dynamics.trajectory.reference import Reference
 from arm_sim.cli.compare_controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
 from arm_sim.cli.compare_controllers.contenders import CONTENDERS, contender
 from arm_sim.exceptions import SimulationDiverged
-from arm_sim.recording import Recording
+from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator
 
 _SETTLED = 0.02  # of the way

@@ -90,7 +90,7 @@ def _run(
     motion: Motion, output: Path, scratch: Path, say: Say, bar: Callable[[float], None]
 ) -> tuple[Seen, dict[str, Any]]:
     """Have the processes follow the motion; return what was seen and the sim node's report."""
-    from arm_dynamics.ros.transport import as_usual
+    from arm_dynamics.ros.common.transport import as_usual
     from arm_sim.cli.demo.observer import Observer
     from arm_sim.cli.demo.processes import Processes, free_domain
 

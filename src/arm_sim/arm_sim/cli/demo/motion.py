@@ -10,9 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene
-from arm_dynamics.motion import Limits, Trajectory, Waypoint
-from arm_dynamics.scene import Initial
-from arm_dynamics.trajectory import quintic
+from arm_dynamics.scene.schema import Initial
+from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
+from arm_dynamics.trajectory.waypoints import quintic
 
 Array = NDArray[np.float64]
 

@@ -19,9 +19,8 @@ from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from arm_dynamics.motion import Waypoint
-from arm_dynamics.ros.convert import to_nanoseconds
-from arm_dynamics.ros.executor import make_executor
+from arm_dynamics.ros.common.convert import to_nanoseconds
+from arm_dynamics.ros.common.executor import make_executor
 from arm_dynamics.ros.interfaces import (
     CONTROLLER_STATE,
     EVERY,
@@ -29,6 +28,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
     MODEL_INFO,
 )
+from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.demo.processes import DemoFailed, postponed
 from arm_sim.ros.interfaces import ENERGY, RESET_COUNTERS
 

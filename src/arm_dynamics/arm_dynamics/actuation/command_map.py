@@ -1,0 +1,87 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From the torque that a joint is to get to the command that its drive takes."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.equations import motor
+from arm_dynamics.equations.elementary import Quantity
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.drive import JointDrive
+from arm_dynamics.scene.schema import Scene
+
+
+class CommandMap:
+    """Commands that make the drives of an arm give wanted torques, as if they were rigid.
+
+    A torque stays what it is; a current is i = τ / (N K_t), a voltage u = R i + N K_e v, with the
+    torque of the poles taken off first. What a drive needs time for is left out: the current
+    that an inductance delays, the twist of a flexible transmission. Nothing is cut at limits.
+
+    Args:
+        model: The arm; without drives every command is the torque itself.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        drives = model.drives
+        self._gain = np.array([_gain(drive) if drive else 1.0 for drive in drives])
+        self._back_emf = np.array([_back_emf(drive) if drive else 0.0 for drive in drives])
+        self._poles = [(i, d.motor) for i, d in enumerate(drives) if d and d.motor.cogging]
+        self._idle = bool(np.all(self._gain == 1.0) and not self._back_emf.any())
+        self._idle = self._idle and not self._poles
+        soft = [drive if drive and drive.coupling else None for drive in drives]
+        self.rotor_inertia: Array = np.array([d.rotor_inertia if d else 0.0 for d in soft])
+        """Of rotors on flexible transmissions, which M does not hold, at the joint, shape (n,)."""
+        self.rotor_damping: Array = np.array([d.rotor_damping if d else 0.0 for d in soft])
+        """Of the same rotors, which F does not hold."""
+
+    def __call__(self, q: Quantity, v: Quantity, tau: Quantity) -> Quantity:
+        """Commands for torques.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n), or an expression.
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            tau: Wanted torques in [N m] or [N], likewise.
+
+        Returns:
+            Commands in the units of ``ArmModel.command_unit``, of the same shape.
+        """
+        if self._idle:
+            return tau
+        symbolic = isinstance(tau, ca.SX)
+        wanted = ca.SX(tau) if symbolic else np.array(tau, dtype=float)
+        for joint, m in self._poles:
+            assert m.cogging is not None
+            i = joint if symbolic else (..., joint)
+            wave = m.cogging.amplitude, m.cogging.order, m.cogging.phase
+            wanted[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], *wave)
+        like = ca.DM if symbolic else np.asarray
+        return like(self._gain) * wanted + like(self._back_emf) * v
+
+
+def rigid_twin(scene: Scene) -> Scene:
+    """The same arm with rigid transmissions: what a controller that sees only its joints knows.
+
+    Its M holds the rotors. A scene without transmissions is returned as it is.
+    """
+    if not any(joint.transmission for joint in scene.joints.values()):
+        return scene
+    joints = {
+        name: joint.model_copy(update={"transmission": None})
+        for name, joint in scene.joints.items()
+    }
+    return scene.model_copy(update={"joints": joints})
+
+
+def _gain(drive: JointDrive) -> float:
+    """Command per torque of a drive at rest."""
+    if drive.motor.command == "torque":
+        return 1.0
+    resistance = drive.motor.resistance if drive.motor.command == "voltage" else None
+    return (resistance or 1.0) / drive.torque_constant
+
+
+def _back_emf(drive: JointDrive) -> float:
+    return drive.back_emf_constant if drive.motor.command == "voltage" else 0.0

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Laws with states of their own, between the command u and the torque at the joints.
+
+The rigid arm has the states q and v. A motor adds a current, a belt the angle of its motor, a
+bristle its deflection: such a law brings states z of its own, says how they change, and what it
+stores, takes in and loses. The simulator integrates x = (q, v, z).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.model.arm import Array
+
+
+@dataclass(frozen=True)
+class Flow:
+    """What a law does at an instant.
+
+    Attributes:
+        torque: What it adds on the link side of each joint in [N m] or [N], shape (n,).
+        slope: Rate of change of its states, shape (nz,).
+    """
+
+    torque: ca.SX
+    slope: ca.SX
+
+
+class StatefulLaw(Protocol):
+    """A law with states of its own (perhaps none), or one that takes the place of the command.
+
+    Attributes:
+        title: What it is, for people: "LuGre friction".
+        names: Its states, for people, with joint and unit: "joint1 motor current [A]".
+        scale: For each state the size that matters, shape (nz,): an error of the tolerance times
+            this size is as bad as that of a radian.
+        replaces_command: Joints for which its torque takes the place of u, shape (n,); for the
+            others u acts directly.
+    """
+
+    @property
+    def title(self) -> str: ...  # noqa: D102
+
+    @property
+    def names(self) -> tuple[str, ...]: ...  # noqa: D102
+
+    @property
+    def scale(self) -> Array: ...  # noqa: D102
+
+    @property
+    def replaces_command(self) -> NDArray[np.bool_]: ...  # noqa: D102
+
+    def initial(self, q: Array, v: Array) -> Array:
+        """Its states when the arm is put to q, v, shape (nz,)."""
+
+    def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+        """What it does under the command u, shape (n,)."""
+
+    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
+        """Energy that it stores in [J]: elastic, magnetic, of rotors that M does not hold."""
+
+    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """Power that it takes from outside in [W], such as voltage times current."""
+
+    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """Power that it turns into heat in [W]."""
+
+
+@dataclass(frozen=True)
+class Ensemble:
+    """All the laws of a scene as one; the states follow one another in the laws' order.
+
+    Attributes:
+        laws: The laws.
+        n: Degrees of freedom.
+    """
+
+    laws: tuple[StatefulLaw, ...]
+    n: int
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """All states, for people."""
+        return tuple(name for law in self.laws for name in law.names)
+
+    @property
+    def scale(self) -> Array:
+        """Size that matters of each state, shape (nz,)."""
+        return np.concatenate([np.zeros(0), *(law.scale for law in self.laws)])
+
+    def initial(self, q: Array, v: Array) -> Array:
+        """States when the arm is put to q, v, shape (nz,)."""
+        return np.concatenate([np.zeros(0), *(law.initial(q, v) for law in self.laws)])
+
+    def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+        """Torque that acts on the links, friction of the laws included, and z'."""
+        flows = [law.equations(q, v, part, u) for law, part in self._parts(z)]
+        torque = ca.sparsify(ca.SX(ca.DM(self._direct().astype(float)))) * u
+        for flow in flows:
+            torque = torque + flow.torque
+        return Flow(torque, ca.vertcat(ca.SX(0, 1), *(flow.slope for flow in flows)))
+
+    def drive(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """Torque that the drives put on the links: u, or what a law has in its place."""
+        torque = ca.SX(ca.DM(self._direct().astype(float))) * u
+        for law, part in self._parts(z):
+            if law.replaces_command.any():
+                chosen = ca.DM(law.replaces_command.astype(float))
+                torque = torque + chosen * law.equations(q, v, part, u).torque
+        return torque
+
+    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
+        """Energy that the laws store in [J]."""
+        return _sum(law.stored(q, v, part) for law, part in self._parts(z))
+
+    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """Power from outside in [W]: what the laws take, and u·v where it acts directly."""
+        direct = ca.dot(ca.DM(self._direct().astype(float)) * u, v)
+        return direct + _sum(law.supplied(q, v, part, u) for law, part in self._parts(z))
+
+    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """Power that the laws turn into heat in [W]."""
+        return _sum(law.lost(q, v, part, u) for law, part in self._parts(z))
+
+    def _direct(self) -> NDArray[np.bool_]:
+        """Joints on which the command acts as a torque."""
+        replaced = np.zeros(self.n, dtype=bool)
+        for law in self.laws:
+            replaced |= law.replaces_command
+        return np.logical_not(replaced)
+
+    def _parts(self, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
+        ends = np.cumsum([0, *(len(law.names) for law in self.laws)])
+        return [(law, z[a:b]) for law, a, b in zip(self.laws, ends, ends[1:], strict=False)]
+
+
+def _sum(terms: Iterable[ca.SX]) -> ca.SX:
+    return sum(terms, ca.SX(0.0))

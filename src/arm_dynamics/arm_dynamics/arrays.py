@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Checks of the vectors that a caller hands over."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Collection, Iterable
+from operator import gt
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.arm import Array
+
+_FEW = 64  # numbers up to which a list is faster than an array
+
+
+def vector(name: str, value: ArrayLike, n: int) -> Array:
+    """Check an argument: finite numbers of shape (n,) or (k, n).
+
+    Args:
+        name: How the caller calls it.
+        value: What was given.
+        n: Degrees of freedom.
+
+    Returns:
+        The value as an array of float.
+
+    Raises:
+        InvalidInput: If it is anything else.
+    """
+    array = real_array(name, value)
+    if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
+        raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is wanted")
+    if not all_finite(array):
+        bad = np.argwhere(~np.isfinite(array))[0]
+        raise InvalidInput(
+            f"{name}{bad.tolist()} = {array[tuple(bad)]}; only finite numbers are allowed"
+        )
+    return array
+
+
+def all_finite(array: Array) -> bool:
+    """Whether all numbers are finite; for a few of them in a third of NumPy's time."""
+    many = array.size > _FEW
+    return bool(np.isfinite(array).all()) if many else finite_numbers(array.ravel().tolist())
+
+
+def finite_numbers(numbers: Collection[float]) -> bool:
+    """Whether all of a few plain numbers are finite."""
+    # A sum that overflows is looked at again.
+    return math.isfinite(sum(numbers)) or all(map(math.isfinite, numbers))
+
+
+def any_beyond(numbers: Iterable[float], limits: Iterable[float]) -> bool:
+    """Whether any of a few numbers is larger than its limit, whatever its sign."""
+    return any(map(gt, map(abs, numbers), limits))
+
+
+def real_array(name: str, value: ArrayLike) -> Array:
+    """The value as an array of float.
+
+    Args:
+        name: How the caller calls it.
+        value: What was given.
+
+    Raises:
+        InvalidInput: If it does not consist of real numbers.
+    """
+    try:
+        array = np.asarray(value)
+    except ValueError:
+        array = np.asarray(None)
+    if array.dtype.kind not in "fiu":
+        raise InvalidInput(f"{name} = {value!r}: real numbers are wanted")
+    return np.asarray(array, dtype=float)
+
+
+def vectors(n: int, **given: ArrayLike) -> list[Array]:
+    """Check arguments that belong together: each of shape (n,), or all batches of one length.
+
+    Args:
+        n: Degrees of freedom.
+        given: What was given, by the caller's names.
+
+    Returns:
+        The values; beside a batch all are of its shape (k, n).
+
+    Raises:
+        InvalidInput: If one is anything else, or batches differ in length.
+    """
+    arrays = [vector(name, value, n) for name, value in given.items()]
+    counts = {array.shape[0] for array in arrays if array.ndim == 2}
+    if len(counts) > 1:
+        raise InvalidInput(f"batches must be of one length, got {sorted(counts)}")
+    if not counts:
+        return arrays
+    return [x if x.ndim == 2 else np.broadcast_to(x, (*counts, n)) for x in arrays]

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The services of running nodes as functions: numpy in, numpy out, no spinning.
+
+Needs ROS 2 and the built workspace, which are imported when a client is made.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.client.orders import Orders
+from arm_dynamics.client.values import (
+    Array,
+    ConstrainedMotion,
+    ModelFacts,
+    Postures,
+    Terms,
+    agreed,
+    flat,
+    motion,
+    points,
+    rows,
+    shaped,
+    task_shapes,
+    whole,
+    words,
+)
+from arm_dynamics.exceptions import NotReached
+
+__all__ = ["ALL_TERMS", "ArmClient", "ConstrainedMotion", "ModelFacts", "Postures", "Terms"]
+
+ALL_TERMS = 15  # as arm_dynamics.Term.ALL, which would import Pinocchio
+
+
+class ArmClient(Orders):
+    """Asks a dynamics node and commands a sim node; one instance for each thread.
+
+    Every method waits for the node and for its answer, each at most ``timeout``. The reply to a
+    first call may get lost while the two ends find each other, so a first call is repeated where
+    that does no harm. Errors: ``NoAnswer`` when no node is there or answers, ``Refused`` with the
+    node's words when it will not do it, ``InvalidInput`` for arguments that cannot be sent.
+
+    Example:
+        >>> with ArmClient() as arm:
+        ...     tau = arm.inverse_dynamics(q, v, a)  # q of shape (n,), or (k, n) for k points
+    """
+
+    def model_info(self) -> ModelFacts:
+        """What the node knows about its arm."""
+        answer = self._asked(self._services.MODEL_INFO)
+        return ModelFacts(
+            joint_names=tuple(answer.joint_names),
+            joint_types=tuple(answer.joint_types),
+            position_lower=np.array(answer.position_lower),
+            position_upper=np.array(answer.position_upper),
+            velocity_limits=np.array(answer.velocity_limits),
+            effort_limits=np.array(answer.effort_limits),
+            frame_names=tuple(answer.frame_names),
+            total_mass=answer.total_mass,
+            gravity=np.array(answer.gravity, float),
+            summary=answer.summary,
+        )
+
+    def inverse_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        terms: int = ALL_TERMS,
+        joint_names: Sequence[str] = (),
+    ) -> Array:
+        """Torques that produce a motion: the chosen terms of M a + C v + G + F.
+
+        Args:
+            q: Positions in [rad] or [m], shape (n,), or (k, n) for k points in one call.
+            v: Velocities, of the same shape; None for zeros.
+            a: Accelerations, likewise.
+            terms: Sum of INERTIA 1, CORIOLIS 2, GRAVITY 4 and FRICTION 8.
+            joint_names: Order of all vectors; none for the model's.
+
+        Returns:
+            Torques in [N m] or [N], shape of ``q``.
+        """
+        fields = motion(joint_names, position=q, velocity=v, acceleration=a)
+        terms = whole("terms", terms, ALL_TERMS)
+        answer = self._asked(self._services.INVERSE_DYNAMICS, terms=terms, **fields)
+        return shaped(answer.effort, points(answer, q))
+
+    def forward_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        tau: ArrayLike | None = None,
+        joint_names: Sequence[str] = (),
+    ) -> Array:
+        """Accelerations that torques produce, shape of ``q``; see ``inverse_dynamics``."""
+        fields = motion(joint_names, position=q, velocity=v, effort=tau)
+        answer = self._asked(self._services.FORWARD_DYNAMICS, **fields)
+        return shaped(answer.acceleration, points(answer, q))
+
+    def dynamics_terms(
+        self, q: ArrayLike, v: ArrayLike | None = None, joint_names: Sequence[str] = ()
+    ) -> Terms:
+        """M, C, G, F and the energies; see ``inverse_dynamics`` for the arguments."""
+        fields = motion(joint_names, position=q, velocity=v)
+        answer = self._asked(self._services.DYNAMICS_TERMS, **fields)
+        shape = points(answer, q)
+        squares = (*shape, shape[-1])
+        return Terms(
+            tuple(answer.joint_names),
+            shaped(answer.mass_matrix, squares), shaped(answer.coriolis_matrix, squares),
+            shaped(answer.gravity, shape), shaped(answer.friction, shape),
+            shaped(answer.kinetic_energy, shape[:-1]),
+            shaped(answer.potential_energy, shape[:-1]),
+        )  # fmt: skip
+
+    def task_space(
+        self,
+        frame: str,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        *,
+        reference: str = "local_world_aligned",
+        axes: str | Sequence[str] = "pose",
+        direction: ArrayLike = (),
+        joint_names: Sequence[str] = (),
+    ) -> dict[str, Any]:
+        """The equation of motion as seen at a frame.
+
+        Args:
+            frame: A frame that moves.
+            q: Positions, as for ``inverse_dynamics``.
+            v: Velocities, likewise.
+            reference: ``local_world_aligned``, ``local`` or ``world``.
+            axes: ``pose``, ``position``, ``orientation``, or some of x, y, z, rx, ry, rz.
+            direction: Also answer the mass felt along it, one number for each axis.
+            joint_names: Order of all vectors; none for the model's.
+
+        Returns:
+            The fields of ``arm_msgs/TaskSpace`` by name, as arrays in their natural shapes; a
+            batch has k in front. ``axes`` and ``joint_names`` are tuples.
+        """
+        answer = self._asked(
+            self._services.TASK_SPACE, frame=str(frame), reference=str(reference),
+            axes=words("axes", axes), direction=flat("direction", direction),
+            **motion(joint_names, position=q, velocity=v),
+        )  # fmt: skip
+        n, m, batch = len(answer.joint_names), len(answer.axes), points(answer, q)[:-1]
+        found: dict[str, Any] = {
+            "axes": tuple(answer.axes), "joint_names": tuple(answer.joint_names)
+        }  # fmt: skip
+        for name, shape in task_shapes(n, m).items():
+            values = np.array(getattr(answer, name))
+            if values.size:
+                found[name] = values.reshape((*batch, *shape))
+        return found
+
+    def inverse_kinematics(
+        self,
+        frame: str,
+        pose: ArrayLike,
+        seed: ArrayLike | None = None,
+        *,
+        axes: str | Sequence[str] = "pose",
+        joint_names: Sequence[str] = (),
+    ) -> Postures:
+        """Joint positions that bring a frame to a pose, within joint limits.
+
+        Asked only once: a pose out of reach takes the node some tenths of a second, and the
+        client's timeout has to do for all of them.
+
+        Args:
+            frame: A frame that moves.
+            pose: Position x y z in [m] and quaternion x y z w of the frame in the world, shape
+                (7,), or (k, 7) for k poses in one call.
+            seed: Where to begin, in [rad] or [m], shape (n,), or (k, n) for each of k poses.
+                Without one of its own a search begins where the one before ended, so that poses
+                of a path are answered by neighbours; None: the first begins at the scene's initial
+                position.
+            axes: ``pose``, ``position``, ``orientation``, or some of x, y, z, rx, ry, rz.
+            joint_names: Order of all vectors; none for the model's.
+
+        Raises:
+            NotReached: If the arm cannot take every pose, with what was found in ``found``.
+        """
+        fields = motion(joint_names, pose=pose, seed=seed)
+        fields |= {"frame": str(frame), "axes": words("axes", axes)}
+        batch = rows("pose", pose, 7)
+        service = self._services.INVERSE_KINEMATICS
+        answer = self._answered(self._dynamics, service, fields, repeatable=False)
+        if not len(answer.reached):
+            agreed(answer)
+        names = tuple(answer.joint_names)
+        if seed is not None:
+            rows("seed", seed, len(names))
+        found = Postures(
+            names, shaped(answer.position, (*batch, len(names))),
+            np.array(answer.reached, bool).reshape(batch),
+            shaped(answer.distance, batch), shaped(answer.angle, batch),
+        )  # fmt: skip
+        if not answer.success:
+            raise NotReached(answer.message, found)
+        return found
+
+    def constrained_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        tau: ArrayLike | None = None,
+        joint_names: Sequence[str] = (),
+    ) -> ConstrainedMotion:
+        """Accelerations and forces that torques produce under the scene's constraints.
+
+        τ = M a + C v + G + F + Aᵀλ with A v = 0, for those that hold at the start.
+
+        Args:
+            q: Positions in [rad] or [m], shape (n,), or (k, n); the constraints should hold.
+            v: Velocities, of the same shape; None for zeros.
+            tau: Torques in [N m] or [N], likewise.
+            joint_names: Order of all joint vectors; none for the model's.
+        """
+        fields = motion(joint_names, position=q, velocity=v, effort=tau)
+        answer = self._asked(self._services.CONSTRAINED_DYNAMICS, **fields)
+        shape, names = points(answer, q), tuple(answer.constraint_names)
+        return ConstrainedMotion(
+            tuple(answer.joint_names), names, shaped(answer.acceleration, shape),
+            shaped(answer.multipliers, (*shape[:-1], len(names))),
+        )  # fmt: skip
+
+    def constrained_inverse_dynamics(
+        self,
+        q: ArrayLike,
+        v: ArrayLike | None = None,
+        a: ArrayLike | None = None,
+        multipliers: ArrayLike | None = None,
+        joint_names: Sequence[str] = (),
+    ) -> Array:
+        """Torques for a motion and for forces against the scene's constraints.
+
+        Args:
+            q: Positions in [rad] or [m], shape (n,), or (k, n).
+            v: Velocities, of the same shape; None for zeros.
+            a: Accelerations, likewise.
+            multipliers: λ as ``constrained_dynamics`` gives them, in [N] or [N m], shape (m,), or
+                (k, m); None for zeros.
+            joint_names: Order of all joint vectors; none for the model's.
+
+        Returns:
+            Torques in [N m] or [N], shape of ``q``.
+        """
+        fields = motion(
+            joint_names, position=q, velocity=v, acceleration=a, multipliers=multipliers
+        )
+        answer = self._asked(self._services.CONSTRAINED_DYNAMICS, inverse=True, **fields)
+        return shaped(answer.effort, points(answer, q))

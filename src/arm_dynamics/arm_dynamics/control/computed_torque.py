@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint controllers: small classes with one interface, ``torque(state, reference) -> τ``."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from arm_dynamics.arrays import all_finite, vector
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.trajectory.reference import Reference, numbers
+
+Array = NDArray[np.float64]
+_FLOAT = np.dtype(float)
+
+
+class Moving(Protocol):
+    """Anything with joint positions ``q`` in [rad] and velocities ``v`` in [rad/s], shape (n,)."""
+
+    @property
+    def q(self) -> Array:
+        """Joint positions."""
+
+    @property
+    def v(self) -> Array:
+        """Joint velocities."""
+
+
+@dataclass(frozen=True, slots=True)
+class Measured:
+    """Joint positions and velocities as measured.
+
+    Attributes:
+        q: Positions in [rad] or [m], shape (n,).
+        v: Velocities in [rad/s] or [m/s], shape (n,).
+    """
+
+    q: Array
+    v: Array
+
+
+class Checked(Measured):
+    """A state of which it is known that shapes fit and numbers are finite."""
+
+    __slots__ = ()
+
+
+class Controller(Protocol):
+    """Answers what torque leads a moving arm to its reference."""
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m], shape (n,)."""
+
+
+class ComputedTorque:
+    """Computed torque: τ = ID(q, q̇, q̈_d + K_d ė + K_p e), with e = q_d − q.
+
+    With an exact model every joint's error obeys ë + 2 ζ ω ė + ω² e = 0 (Craig, Introduction to
+    Robotics, section 10.4). A torque that is held for a tick acts half a tick late; so inverse
+    dynamics is taken for the middle of the tick, and the gains are those whose error, seen at the
+    ticks, falls as that equation says (``held_gains``). With dt = 0 it is the law of the books,
+    K_p = ω² and K_d = 2 ζ ω.
+
+    Dry friction of a joint at rest is compensated in the direction of the reference: the joint's
+    own motion would say nothing and leave it stuck. The law is not for actuators that saturate and
+    does nothing about model errors but feedback.
+    """
+
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        bandwidth: ArrayLike = 20.0,
+        damping_ratio: ArrayLike = 1.0,
+        dt: float = 1e-3,
+    ) -> None:
+        """Choose gains.
+
+        Args:
+            dynamics: The model; used from one thread only.
+            bandwidth: ω in [rad/s], a number or shape (n,), not negative.
+            damping_ratio: ζ, a number or shape (n,), not negative; 1 is critically damped.
+            dt: Time in [s] for which a torque is held, 0 for none.
+
+        Raises:
+            InvalidInput: If a gain or dt has a wrong shape or value.
+        """
+        self._rigid, self._n = RigidTerms(dynamics.model), dynamics.n
+        self._kp, self._kd = held_gains(bandwidth, damping_ratio, dynamics.n, dt)
+        self._dt = float(dt)
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m], shape (n,).
+
+        Args:
+            state: Where the arm is and how it moves.
+            reference: Where it should be and how it should move.
+        """
+        q, v = checked(state, self._n)
+        desired = (reference.q, reference.v, reference.a)
+        a = demanded_acceleration(q, v, desired, self._kp, self._kd)
+        middle, speed = halfway(q, v, a, self._dt)
+        tau, friction = self._rigid.inverse(middle, speed, a), self._rigid.model.friction
+        sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.directional else v
+        return np.asarray(friction.demanded(tau, speed, sliding, middle))
+
+
+def halfway(q: Any, v: Any, a: Any, dt: float) -> tuple[Any, Any]:
+    """Position and velocity half a tick later, to first order; for numpy and CasADi alike.
+
+    Args:
+        q: Joint positions in [rad] or [m], shape (n,).
+        v: Joint velocities, shape (n,).
+        a: Joint accelerations, shape (n,).
+        dt: Length of the tick in [s].
+    """
+    return q + 0.5 * dt * v, v + 0.5 * dt * a
+
+
+def demanded_acceleration(q: Any, v: Any, desired: Sequence[Any], kp: Any, kd: Any) -> Any:
+    """Acceleration that leads to a reference, q̈_d + K_d ė + K_p e; for numpy and CasADi alike.
+
+    Args:
+        q: Joint positions in [rad] or [m], shape (n,).
+        v: Joint velocities, shape (n,).
+        desired: Position, velocity and acceleration of the reference, each of shape (n,).
+        kp: K_p in [1/s²], shape (n,).
+        kd: K_d in [1/s], shape (n,).
+
+    Returns:
+        Joint accelerations, shape (n,).
+    """
+    q_d, v_d, a_d = desired
+    return a_d + kd * (v_d - v) + kp * (q_d - q)
+
+
+def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array, Array]:
+    """K_p = ω² and K_d = 2 ζ ω of every joint.
+
+    Args:
+        bandwidth: ω in [rad/s], a number or shape (n,), not negative.
+        damping_ratio: ζ, a number or shape (n,), not negative.
+        n: Number of joints.
+
+    Returns:
+        K_p in [1/s²] and K_d in [1/s], each of shape (n,).
+
+    Raises:
+        InvalidInput: If a gain has a wrong shape or value.
+    """
+    omega = gain("bandwidth", bandwidth, n)
+    return omega**2, 2.0 * gain("damping_ratio", damping_ratio, n) * omega
+
+
+def held_gains(
+    bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int, dt: float
+) -> tuple[Array, Array]:
+    """Gains of an acceleration that is held for dt: the error is to fall as with ``gains``.
+
+    Held, u = -K_p e - K_d ė takes ë = u from tick to tick by a matrix whose eigenvalues are made
+    those of the continuous equation, z = exp(λ dt) with λ² + 2 ζ ω λ + ω² = 0 (Åström and
+    Wittenmark, Computer-Controlled Systems, 1997, section 4.3):
+
+        K_p = (1 - z₁)(1 - z₂)/dt²,  K_d = (3 - z₁ - z₂ - z₁ z₂)/(2 dt).
+
+    So the loop is stable for any bandwidth; for dt → 0 these are ω² and 2 ζ ω.
+
+    Args:
+        bandwidth: ω in [rad/s], a number or shape (n,), not negative.
+        damping_ratio: ζ, a number or shape (n,), not negative.
+        n: Number of joints.
+        dt: Time in [s] for which an acceleration is held, not negative.
+
+    Returns:
+        K_p in [1/s²] and K_d in [1/s], each of shape (n,).
+
+    Raises:
+        InvalidInput: If a gain or dt has a wrong shape or value.
+    """
+    kp, kd = gains(bandwidth, damping_ratio, n)
+    if not 0.0 <= dt < np.inf:
+        raise InvalidInput(f"dt is {dt}; a time of at least zero is wanted")
+    if dt == 0.0:
+        return kp, kd
+    root = np.sqrt((0.25 * kd**2 - kp).astype(complex))
+    first, second = -np.expm1((root - 0.5 * kd) * dt), -np.expm1(-(root + 0.5 * kd) * dt)
+    both = -np.expm1(-kd * dt)
+    return (first * second).real / dt**2, ((first + second).real + both) / (2.0 * dt)
+
+
+def gain(name: str, value: ArrayLike, n: int) -> Array:
+    """Check a gain of every joint.
+
+    Args:
+        name: What it is called, for messages.
+        value: A number or shape (n,), not negative.
+        n: Number of joints.
+
+    Returns:
+        The gain of shape (n,).
+
+    Raises:
+        InvalidInput: If it has a wrong shape or value.
+    """
+    given = numbers(name, value)
+    if given.shape not in ((), (1,), (n,)):
+        raise InvalidInput(f"{name} has shape {given.shape}; allowed is a number or shape ({n},)")
+    if np.any(given < 0.0):
+        raise InvalidInput(f"{name} is {given}; allowed are numbers that are not negative")
+    return np.array(np.broadcast_to(given, (n,)))
+
+
+def checked(state: Moving, n: int) -> tuple[Array, Array]:
+    """Positions and velocities of a state, each of shape (n,) and finite.
+
+    Raises:
+        InvalidInput: If they are anything else.
+    """
+    q, v = state.q, state.v
+    if type(state) is Checked:
+        return q, v
+    if isinstance(q, np.ndarray) and isinstance(v, np.ndarray):
+        if (
+            q.shape == v.shape == (n,)
+            and q.dtype == v.dtype == _FLOAT
+            and all_finite(q)
+            and all_finite(v)
+        ):
+            return q, v
+    for name, value in (("state.q", q), ("state.v", v)):
+        if vector(name, value, n).ndim != 1:
+            raise InvalidInput(f"{name} has shape {np.shape(value)}; ({n},) is wanted")
+    return np.asarray(q, float), np.asarray(v, float)

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers by name, tuned alike, all following joint references: for parameters and tables."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.control import compiled_computed_torque as control_compiled
+from arm_dynamics.control.compiled_computed_torque import CompiledComputedTorque
+from arm_dynamics.control.computed_torque import Array
+from arm_dynamics.control.friction_compensation import FrictionFeedForward
+from arm_dynamics.control.joint_space import (
+    PD,
+    PID,
+    FeedForwardPD,
+    GravityCompensation,
+    JointImpedance,
+    PDGravity,
+    tuned,
+)
+from arm_dynamics.control.task_space import (
+    AlongJoints,
+    CartesianImpedance,
+    MotionForce,
+    OperationalSpace,
+)
+from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.sampling import postures
+from arm_dynamics.task_space import compiled as task_kernel
+from arm_dynamics.task_space.axes import chosen_axes
+from arm_dynamics.task_space.inertia import axis_masses
+from arm_dynamics.task_space.task_space import TaskSpace
+
+Job = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """What a controller made by name is tuned to.
+
+    Attributes:
+        dt: Time between calls in [s].
+        bandwidth: ω in [rad/s], a number or one for each joint; task controllers take a number.
+        damping_ratio: ζ, likewise.
+        frame: Frame that the task controllers lead; they need one.
+        axes: Axes of their task.
+        direction: Direction in the world along which ``motion_force`` presses, shape (3,).
+        force: With how much, in [N].
+        friction: Whether to feed the model's friction forward; computed torque always does.
+        observer: Bandwidth of a disturbance observer in [1/s], or None for none.
+        limit: Torque limits in [N m] or [N], a number or shape (n,), for what remembers.
+        saturate: Whether to cut torques at these limits.
+    """
+
+    dt: float = 1e-3
+    bandwidth: ArrayLike = 20.0
+    damping_ratio: ArrayLike = 1.0
+    frame: str | None = None
+    axes: str | tuple[str, ...] = "pose"
+    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
+    force: float = 0.0
+    friction: bool = False
+    observer: float | None = None
+    limit: ArrayLike = np.inf
+    saturate: bool = False
+
+
+def make_controller(
+    name: str, dynamics: Dynamics, settings: Settings | None = None
+) -> AnyController:
+    """Make a controller that follows joint references (``motion.Reference``).
+
+    Args:
+        name: One of ``NAMES``.
+        dynamics: The model it knows; used from one thread only.
+        settings: What it is tuned to.
+
+    Raises:
+        InvalidInput: If the name is unknown, a task controller has no frame, or a setting is not
+            allowed.
+
+    Example:
+        >>> control = make_controller("computed_torque", Dynamics("panda.yaml"))
+    """
+    if name not in _BUILDERS:
+        raise InvalidInput(f"controller = {name!r}; allowed: {known_names(_BUILDERS)}")
+    settings = settings or Settings()
+    control, limit = _BUILDERS[name](dynamics, settings), settings.limit
+    if settings.observer is not None:
+        control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
+    return Saturated(control, limit, dynamics.n) if settings.saturate else control
+
+
+def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None:
+    """What takes time before a controller gives its first torque; None if that is done.
+
+    Args:
+        name: One of ``NAMES``.
+        dynamics: The model it knows.
+        settings: What it is tuned to.
+    """
+    model = dynamics.model
+    if name in IN_TASK_SPACE and settings.frame is not None:
+        task = settings.frame, chosen_axes(settings.axes)
+        built = task_kernel.is_built(model, *task)
+        return None if built else partial(task_kernel.build, model, *task)
+    if name == _COMPILED and not control_compiled.is_built(model):
+        return partial(control_compiled.build, model)
+    return None
+
+
+def _pd(dynamics: Dynamics, s: Settings) -> AnyController:
+    return _rubbed(PD(dynamics.n, *_tuned(dynamics, s)), dynamics, s)
+
+
+def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
+    kp, kd = _tuned(dynamics, s)
+    ki = kp * np.asarray(s.bandwidth, float) / 3.0
+    return _rubbed(PID(dynamics.n, kp, ki, kd, s.dt, s.limit), dynamics, s)
+
+
+def _pd_gravity(dynamics: Dynamics, s: Settings) -> AnyController:
+    return _rubbed(PDGravity(dynamics, *_tuned(dynamics, s)), dynamics, s)
+
+
+def _feed_forward(dynamics: Dynamics, s: Settings) -> AnyController:
+    return _rubbed(FeedForwardPD(dynamics, *_tuned(dynamics, s)), dynamics, s, "dry")
+
+
+def _computed_torque(dynamics: Dynamics, s: Settings) -> AnyController:
+    return CompiledComputedTorque(dynamics, s.bandwidth, s.damping_ratio, s.dt)
+
+
+def _joint_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
+    stiffness, _ = _tuned(dynamics, s)
+    return _rubbed(JointImpedance(dynamics, stiffness, s.damping_ratio), dynamics, s, "dry")
+
+
+def _operational_space(dynamics: Dynamics, s: Settings) -> AnyController:
+    task = _task(dynamics, s)
+    law = OperationalSpace(
+        task, s.bandwidth, s.damping_ratio, posture_bandwidth=s.bandwidth, friction=s.friction
+    )
+    return AlongJoints(law, task)
+
+
+def _motion_force(dynamics: Dynamics, s: Settings) -> AnyController:
+    task = _task(dynamics, s)
+    law = MotionForce(
+        task, s.direction, s.bandwidth, s.damping_ratio,
+        posture_bandwidth=s.bandwidth, friction=s.friction,
+    )  # fmt: skip
+    return AlongJoints(law, task, s.force)
+
+
+def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
+    task = _task(dynamics, s)
+    mass = _typical_masses(task, dynamics)
+    law = CartesianImpedance(
+        task, np.asarray(s.bandwidth, float) ** 2 * mass, s.damping_ratio,
+        posture_bandwidth=s.bandwidth, friction=s.friction,
+    )  # fmt: skip
+    return AlongJoints(law, task)
+
+
+def _float(dynamics: Dynamics, s: Settings) -> AnyController:
+    return GravityCompensation(dynamics)
+
+
+_BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
+    "pd": _pd,
+    "pid": _pid,
+    "pd_gravity": _pd_gravity,
+    "feed_forward": _feed_forward,
+    "computed_torque": _computed_torque,
+    "operational_space": _operational_space,
+    "motion_force": _motion_force,
+    "joint_impedance": _joint_impedance,
+    "cartesian_impedance": _cartesian_impedance,
+    "float": _float,
+}
+NAMES: tuple[str, ...] = tuple(_BUILDERS)
+_COMPILED = "computed_torque"
+IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
+
+
+def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:
+    return tuned(dynamics, s.bandwidth, s.damping_ratio, dt=s.dt)
+
+
+def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:
+    """Median mass of every axis over postures, shape (m,)."""
+    q = postures(dynamics.model, 200)
+    J, W = task.jacobian(q), np.linalg.inv(dynamics.mass_matrix(q))
+    A = J @ W @ np.swapaxes(J, 1, 2)
+    masses = [axis_masses(*pair) for pair in zip(A, task.terms(q).inertia, strict=True)]
+    return np.asarray(np.median(masses, axis=0))
+
+
+def _rubbed(
+    control: AnyController, dynamics: Dynamics, s: Settings, terms: str = "all"
+) -> AnyController:
+    return FrictionFeedForward(control, dynamics.model, terms) if s.friction else control
+
+
+def _task(dynamics: Dynamics, s: Settings) -> TaskSpace:
+    if s.frame is None:
+        known = known_names(dynamics.model.frame_names)
+        raise InvalidInput(f"frame is not given; a task controller needs one of {known}")
+    return TaskSpace(dynamics, s.frame, selection=s.axes)

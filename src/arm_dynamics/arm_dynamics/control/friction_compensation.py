@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Friction fed forward from the reference's velocity, so that noise and chatter stay out of it."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from arm_dynamics.control.computed_torque import Array, Moving
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.trajectory.reference import Reference
+
+BAND = 0.01
+"""Speed in [rad/s] or [m/s] over which the feed-forward of dry friction changes sign."""
+
+
+def ahead(model: ArmModel, v: Array, q: Array, load: Array, viscous: bool = True) -> Array:
+    """Friction torques of the model at a velocity that is wanted, shape (n,).
+
+    Dry friction changes sign over ``BAND`` and is zero for a reference at rest.
+
+    Args:
+        model: The model.
+        v: Joint velocities in [rad/s] or [m/s], shape (n,).
+        q: Joint positions in [rad] or [m], for friction that depends on them, shape (n,).
+        load: Torques of the drives in [N m] or [N], likewise.
+        viscous: Whether viscous friction is part of it.
+    """
+    law = model.friction
+    tau = law.smooth(v) if viscous else np.zeros_like(v)
+    if law.has_dry or law.bristles:
+        way = np.tanh(v / BAND)
+        tau = tau + law.gearless.steady_dry(v, way, q, load)
+        tau = law.gear_input(load + tau, way) - load if law.gears else tau
+    return np.asarray(tau)
+
+
+class _JointController(Protocol):
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+
+
+class FrictionFeedForward:
+    """A joint controller with the friction of the reference's motion added."""
+
+    def __init__(self, control: _JointController, model: ArmModel, terms: str = "all") -> None:
+        """Choose what to add.
+
+        Args:
+            control: Any joint controller.
+            model: The model whose friction it is.
+            terms: ``all``, or ``dry`` for controllers that compensate viscous friction already
+                (``FeedForwardPD``, ``JointImpedance``).
+
+        Raises:
+            InvalidInput: If ``terms`` is something else.
+        """
+        if terms not in ("all", "dry"):
+            raise InvalidInput(f"terms = {terms!r}; allowed: all, dry")
+        self._control, self._model, self._viscous = control, model, terms == "all"
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        tau = self._control.torque(state, reference)
+        return tau + ahead(self._model, reference.v, reference.q, tau, self._viscous)

@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers in task space: motion, motion and force, impedance.
+
+They ask the model once a tick, by the task's compiled kernel, which the first torque builds.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import vector
+from arm_dynamics.control.computed_torque import Array, Moving, checked, gain, gains
+from arm_dynamics.control.friction_compensation import ahead
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.task_space.compiled import Instant
+from arm_dynamics.task_space.inertia import axis_masses
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.trajectory.reference import Reference
+
+
+@dataclass(frozen=True, slots=True)
+class TaskReference:
+    """Where the frame should be, in the world.
+
+    Attributes:
+        position: In [m], shape (3,).
+        rotation: Rotation matrix of shape (3, 3).
+        velocity: Linear and angular, axes of the world, in [m/s] and [rad/s], shape (6,).
+        acceleration: Likewise in [m/s²] and [rad/s²], shape (6,).
+        force: Force to press with along a controller's direction in [N].
+        posture: Joint positions to prefer where the task leaves a choice, shape (n,), or None.
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+    force: float = 0.0
+    posture: Array | None = None
+
+
+class TaskController(Protocol):
+    """Answers what torque leads a moving arm's frame to its reference."""
+
+    def torque(self, state: Moving, reference: TaskReference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+
+
+class OperationalSpace:
+    """Computed torque in the task's axes: ẍ = ẍ_d + K_d ė + K_p e, with posture in the null space.
+
+    τ = Jᵀ (Λ (ẍ - J̇ q̇) + µ + p) + Nᵀ τ_posture, evaluated as inverse dynamics of the posture's
+    acceleration q̈_p and a force on top, M q̈_p + C q̇ + G + Jᵀ Λ (ẍ - J̇ q̇ - J q̈_p), which is the
+    same (Khatib 1987; see ``task_space``). Near a singularity Λ is damped: the arm gives way in
+    the direction it cannot serve.
+    """
+
+    def __init__(
+        self,
+        task: TaskSpace,
+        bandwidth: ArrayLike = 20.0,
+        damping_ratio: ArrayLike = 1.0,
+        posture: ArrayLike | None = None,
+        posture_bandwidth: ArrayLike = 4.0,
+        friction: bool = False,
+    ) -> None:
+        """Choose gains.
+
+        Args:
+            task: The task, in axes ``local_world_aligned``; used from one thread only.
+            bandwidth: ω in [rad/s] of every axis, a number or shape (m,).
+            damping_ratio: ζ of every axis, likewise.
+            posture: Joint positions to prefer, shape (n,); None to only brake free motion.
+            posture_bandwidth: ω of the posture in [rad/s], a number or shape (n,).
+            friction: Whether to feed the model's friction forward.
+
+        Raises:
+            InvalidInput: If a number has a wrong shape or value, or the axes are others.
+        """
+        self._arm = _Arm(task, posture, posture_bandwidth, friction)
+        self._kp, self._kd = gains(bandwidth, damping_ratio, task.m)
+
+    def torque(self, state: Moving, reference: TaskReference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        now = self._arm.look(state, reference)
+        wanted = now.ahead + self._kd * now.rate + self._kp * now.error
+        return self._arm.drive(now, reference, wanted)
+
+
+class MotionForce:
+    """Operational-space motion in all directions but one, and a force along that one.
+
+    Along the direction the frame presses with ``reference.force`` and only brakes: at rest in
+    contact the surface feels exactly this force (Khatib 1987, section V, for one direction).
+    """
+
+    def __init__(
+        self,
+        task: TaskSpace,
+        direction: ArrayLike,
+        bandwidth: ArrayLike = 20.0,
+        damping_ratio: ArrayLike = 1.0,
+        posture: ArrayLike | None = None,
+        posture_bandwidth: ArrayLike = 4.0,
+        friction: bool = False,
+    ) -> None:
+        """Choose the direction in the world, shape (3,); the rest is as in ``OperationalSpace``.
+
+        Raises:
+            InvalidInput: If the direction is zero or not among the task's axes, and as there.
+        """
+        self._arm = _Arm(task, posture, posture_bandwidth, friction)
+        self._kp, self._kd = gains(bandwidth, damping_ratio, task.m)
+        self._along = _direction(task, direction)
+        square = np.outer(self._along, self._along)
+        self._across = np.eye(task.m) - square
+        self._brake = (self._kd @ self._along**2) * square
+
+    def torque(self, state: Moving, reference: TaskReference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        now, u = self._arm.look(state, reference), self._along
+        wanted = now.ahead + self._kd * now.rate + self._kp * now.error
+        wanted = self._across @ wanted - self._brake @ now.arm.velocity
+        return self._arm.drive(now, reference, wanted) + (reference.force * u) @ now.arm.J
+
+
+class CartesianImpedance:
+    """The frame as springs and dampers about its path: Λ ë + D ė + K e = -f_ext.
+
+    The arm keeps its own effective inertia, so no force need be measured (Hogan, "Impedance
+    control", ASME J. Dyn. Sys. Meas. Control 107, 1985; Ott, Cartesian Impedance Control of
+    Redundant and Flexible-Joint Robots, 2008, section 3.2). D = 2 ζ √(K m) with m the mass
+    of each axis, see ``task_algebra.axis_masses``.
+    """
+
+    def __init__(
+        self,
+        task: TaskSpace,
+        stiffness: ArrayLike,
+        damping_ratio: ArrayLike = 0.7,
+        posture: ArrayLike | None = None,
+        posture_bandwidth: ArrayLike = 4.0,
+        friction: bool = False,
+    ) -> None:
+        """Choose how it feels.
+
+        Args:
+            task: The task, in axes ``local_world_aligned``; used from one thread only.
+            stiffness: K in [N/m] and [N m/rad], a number or shape (m,), not negative.
+            damping_ratio: ζ of every axis alone, likewise.
+            posture: As in ``OperationalSpace``.
+            posture_bandwidth: Likewise.
+            friction: Likewise.
+
+        Raises:
+            InvalidInput: If a number has a wrong shape or value, or the axes are others.
+        """
+        self._arm = _Arm(task, posture, posture_bandwidth, friction)
+        self._stiffness = gain("stiffness", stiffness, task.m)
+        self._ratio = 2.0 * gain("damping_ratio", damping_ratio, task.m)
+
+    def torque(self, state: Moving, reference: TaskReference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        now, K = self._arm.look(state, reference), self._stiffness
+        mass = axis_masses(now.arm.A, now.arm.inertia)
+        force = K * now.error + self._ratio * np.sqrt(K * mass) * now.rate
+        return self._arm.drive(now, reference, now.ahead) + force @ now.arm.J
+
+
+class AlongJoints:
+    """Lets a task controller follow joint references: their pose, velocity and acceleration."""
+
+    def __init__(self, control: TaskController, task: TaskSpace, force: float = 0.0) -> None:
+        """Take a controller, the task it was made for and the force in [N] to press with."""
+        self._control, self._task, self._force = control, task, force
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        meant = self._task.kernel.meant(reference.q, reference.v, reference.a)
+        return self._control.torque(state, TaskReference(*meant, self._force, reference.q))
+
+
+def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) -> TaskReference:
+    """What a joint reference means for a frame: x, J q̇ and J q̈ + J̇ q̇, the posture included.
+
+    Args:
+        task: The task, in axes ``local_world_aligned``.
+        reference: Joint positions, velocities and accelerations, each of shape (n,).
+        force: Force along the controller's direction in [N].
+    """
+    q = reference.q
+    return TaskReference(*task.motion.accelerated(q, reference.v, reference.a), force, q)
+
+
+def at_rest(task: TaskSpace, q: ArrayLike, force: float = 0.0) -> TaskReference:
+    """Reference that stays where the frame is for joint positions ``q``, shape (n,)."""
+    here, still = vector("q", q, task.n), np.zeros(task.n)
+    return replace(task_reference(task, Reference(here, still, still), force), posture=None)
+
+
+class _Now(NamedTuple):
+    """What a task controller needs of one instant, in the task's axes."""
+
+    q: Array
+    v: Array
+    arm: Instant
+    error: Array
+    rate: Array
+    ahead: Array
+
+
+class _Arm:
+    """Everything the task controllers share but their law."""
+
+    def __init__(
+        self, task: TaskSpace, posture: ArrayLike | None, bandwidth: ArrayLike, friction: bool
+    ) -> None:
+        if task.reference != "local_world_aligned":
+            raise InvalidInput(
+                f"reference = '{task.reference}' of the task; 'local_world_aligned' is wanted"
+            )
+        self._task = task
+        self._posture = None if posture is None else vector("posture", posture, task.n)
+        self._kp, self._kd = gains(bandwidth, 1.0, task.n)
+        self._friction = friction
+
+    def look(self, state: Moving, reference: TaskReference) -> _Now:
+        q, v = checked(state, self._task.n)
+        arm, rows = self._task.kernel.look(q, v), self._task.rows
+        error = np.empty(6)
+        error[:3] = reference.position - arm.position
+        error[3:] = pin.log3(reference.rotation @ arm.rotation.T)
+        rate = reference.velocity[rows] - arm.velocity
+        return _Now(q, v, arm, error[rows], rate, reference.acceleration[rows])
+
+    def drive(self, now: _Now, reference: TaskReference, wanted: Array) -> Array:
+        """Torque that accelerates the frame as wanted and otherwise seeks the posture."""
+        arm = now.arm
+        goal = self._posture if reference.posture is None else reference.posture
+        a = -self._kd * now.v
+        if goal is not None:
+            a += self._kp * (goal - now.q)
+        force = arm.inertia @ (wanted - arm.drift - arm.J @ a)
+        tau = arm.M @ a + arm.bias + force @ arm.J
+        if self._friction:
+            way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
+            tau += ahead(self._task.model, way, now.q, tau)
+        return np.asarray(tau)
+
+
+def _direction(task: TaskSpace, direction: ArrayLike) -> Array:
+    """The direction as a unit vector of the task's axes, shape (m,)."""
+    u = vector("direction", direction, 3)
+    length = float(np.linalg.norm(u))
+    if u.ndim != 1 or length < 1e-12:
+        raise InvalidInput(f"direction = {u}; a vector of shape (3,) but zero is wanted")
+    along = np.zeros(6)
+    along[:3] = u / length
+    chosen = along[task.rows]
+    if np.linalg.norm(chosen) < 1.0 - 1e-9:
+        raise InvalidInput(f"direction = {u} is not among the axes of the task, {task.axes}")
+    return np.array(chosen)

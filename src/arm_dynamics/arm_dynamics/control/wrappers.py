@@ -1,0 +1,244 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is put around a controller: limits, a disturbance observer, hand-over to another one."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol, runtime_checkable
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.control.computed_torque import Array, Measured, Moving, checked, gain
+from arm_dynamics.control.joint_space import cut, positive
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.trajectory.reference import positive_limits
+
+
+class AnyController(Protocol):
+    """A controller of whatever kind of reference."""
+
+    def torque(self, state: Moving, reference: Any) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+
+
+@runtime_checkable
+class Restartable(Protocol):
+    """A controller that remembers."""
+
+    def restart(self) -> None:
+        """Forget the past."""
+
+
+class Saturated:
+    """Cuts torques at limits and says so.
+
+    Cutting a joint's torque changes the direction of the arm's acceleration: no law that cancels
+    the dynamics keeps its promise while ``saturated`` is true anywhere.
+    """
+
+    def __init__(self, control: AnyController, limit: ArrayLike, n: int) -> None:
+        """Set limits in [N m] or [N], positive, inf for none, a number or shape (n,)."""
+        self._control, self._limit = control, positive_limits("limit", limit, n)
+        self._asked = np.zeros(n)
+
+    @property
+    def asked(self) -> Array:
+        """What the controller asked for last, before the limits, shape (n,)."""
+        return self._asked.copy()
+
+    @property
+    def saturated(self) -> Array:
+        """Which joints were cut in the last tick, shape (n,)."""
+        return np.asarray(abs(self._asked) > self._limit)
+
+    def restart(self) -> None:
+        """Let the controller forget the past."""
+        restart(self._control)
+
+    def torque(self, state: Moving, reference: Any) -> Array:
+        """Return joint torques within the limits in [N m] or [N], shape (n,)."""
+        self._asked = self._control.torque(state, reference)
+        return cut(self._asked, self._limit)
+
+
+class DisturbanceObserver:
+    """A controller with the disturbance that a momentum observer sees taken off its torque.
+
+    r = K (p - ∫ (τ + Cᵀ v - G - F + r) dt) with p = M v follows the torque that the model does not
+    know (payload, friction, contact) with first-order lag 1/K, without acceleration (De Luca and
+    Mattone, "Actuator failure detection and isolation using generalized momenta", ICRA 2003).
+    """
+
+    def __init__(
+        self,
+        control: AnyController,
+        dynamics: Dynamics,
+        dt: float,
+        bandwidth: ArrayLike = 20.0,
+        limit: ArrayLike = np.inf,
+    ) -> None:
+        """Choose how fast it is.
+
+        Args:
+            control: The controller to help.
+            dynamics: The model; used from one thread only.
+            dt: Time between calls in [s].
+            bandwidth: K in [1/s], a number or shape (n,); K dt must stay below one.
+            limit: Largest torque that can act in [N m] or [N]: the observer must know what acted.
+
+        Raises:
+            InvalidInput: If a number has a wrong shape or value.
+        """
+        self._control, self._n, self._rigid = control, dynamics.n, RigidTerms(dynamics.model)
+        self._dt, self._gain = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
+        if np.any(self._gain * self._dt >= 1.0):
+            raise InvalidInput(
+                f"bandwidth = {bandwidth!r} with dt = {dt}: their product must stay below one"
+            )
+        self._limit = positive_limits("limit", limit, dynamics.n)
+        self.restart()
+
+    @property
+    def disturbance(self) -> Array:
+        """Torque from outside as last seen in [N m] or [N], shape (n,)."""
+        return self._r.copy()
+
+    def restart(self) -> None:
+        """Forget what was seen."""
+        n = self._n
+        self._r, self._last, self._integral = np.zeros(n), np.zeros(n), None
+        restart(self._control)
+
+    def torque(self, state: Moving, reference: Any) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        self._observe(*checked(state, self._n))
+        tau = self._control.torque(state, reference) - self._r
+        self._last = cut(tau, self._limit)
+        return self._last.copy()
+
+    def _observe(self, q: Array, v: Array) -> None:
+        rigid = self._rigid
+        momentum = rigid.mass(q) @ v
+        if self._integral is None:
+            self._integral = momentum
+        else:
+            lost = rigid.model.friction.steady(v, np.sign(v), q, self._last)
+            known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - lost
+            self._integral = self._integral + self._dt * (self._last + known + self._r)
+        self._r = self._gain * (momentum - self._integral)
+
+    _integral: Array | None
+
+
+class HalfTickAhead:
+    """A controller that sees the state in the middle of the tick for which its torque is held.
+
+    Holding a torque for a tick delays it by half a tick on the average, which costs an error of
+    first order in dt; predicting the state that far with the model makes it one of second order.
+    Sample the reference half a tick ahead as well.
+    """
+
+    def __init__(self, control: AnyController, dynamics: Dynamics, dt: float) -> None:
+        """Take a controller, the model and the time dt in [s] between calls.
+
+        Raises:
+            InvalidInput: If dt is not positive.
+        """
+        self._control, self._n, self._rigid = control, dynamics.n, RigidTerms(dynamics.model)
+        self._half = 0.5 * positive("dt", dt)
+        self._last: Array | None = None
+
+    def restart(self) -> None:
+        """Forget the last torque."""
+        self._last = None
+        restart(self._control)
+
+    def torque(self, state: Moving, reference: Any) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        q, v = checked(state, self._n)
+        h, a = self._half, np.zeros_like(v)
+        if self._last is not None:
+            lost = self._rigid.model.friction.steady(v, np.sign(v), q, self._last)
+            known = self._rigid.bias(q, v) + lost
+            a = self._rigid.mobility(q) @ (self._last - known)
+        ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)
+        self._last = self._control.torque(ahead, reference)
+        return self._last.copy()
+
+
+class Switch:
+    """Hands over from one controller to another without a jump of the torque.
+
+    The first torque of the new one is the last of the old one; the difference fades out smoothly.
+    References may be of another kind after the hand-over.
+
+    Example:
+        >>> control = Switch(PDGravity(dyn, kp, kd), dt=1e-3)
+        >>> tau = control.torque(state, reference)
+        >>> control.to(ComputedTorque(dyn))
+    """
+
+    def __init__(self, control: AnyController, dt: float, fade: float = 0.2) -> None:
+        """Begin with a controller.
+
+        Args:
+            control: The first one.
+            dt: Time between calls in [s].
+            fade: Time in [s] that a hand-over takes, zero for at once after the first tick.
+
+        Raises:
+            InvalidInput: If a time is out of range.
+        """
+        if not 0.0 <= fade < np.inf:
+            raise InvalidInput(f"fade is {fade}; a time of at least zero is wanted")
+        self._active, self._ticks = control, max(1, round(fade / positive("dt", dt)))
+        self._last: Array | None = None
+        self._offset: Array | None = None
+        self._left = 0
+
+    @property
+    def active(self) -> AnyController:
+        """The controller that is in charge."""
+        return self._active
+
+    @property
+    def fading(self) -> bool:
+        """Whether a hand-over is still under way."""
+        return self._left > 0
+
+    def to(self, control: AnyController) -> None:
+        """Hand over to ``control`` at the next tick; what it remembers is forgotten."""
+        restart(control)
+        self._active, self._offset, self._left = control, None, self._ticks
+
+    def retune(self, control: AnyController) -> None:
+        """Put the same law with other gains in charge: at once, unless it remembers something."""
+        if isinstance(control, Restartable):
+            self.to(control)
+        else:
+            self._active = control
+
+    def restart(self) -> None:
+        """Forget the past: a hand-over that is under way, and what the controller remembers."""
+        self._last, self._offset, self._left = None, None, 0
+        restart(self._active)
+
+    def torque(self, state: Moving, reference: Any) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        tau = self._active.torque(state, reference)
+        if self._left and self._last is not None:
+            first = self._offset is None
+            offset = self._last - tau if self._offset is None else self._offset
+            s = self._left / self._ticks
+            tau = self._last if first else tau + offset * (s * s * (3.0 - 2.0 * s))
+            self._offset, self._left = offset, self._left - 1
+        self._last = tau
+        return tau.copy()
+
+
+def restart(control: object) -> None:
+    """Let a controller forget the past, if it has one."""
+    if isinstance(control, Restartable):
+        control.restart()

@@ -1,0 +1,212 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The terms that batches are asked for: as expressions, and what their error is measured by.
+
+The expressions are those of ``laws``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.codegen.kernel import CHECK_STATES, operations
+from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.equations import constraint, rigid_body
+from arm_dynamics.equations.forward_dynamics import algorithms
+from arm_dynamics.equations.tree import gravity_of, tree_of
+from arm_dynamics.exceptions import known_names
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.constraint_rows import ConstraintRows
+
+Answer = Callable[..., Array]
+
+
+@dataclass(frozen=True)
+class BatchTerm:
+    """One term.
+
+    Attributes:
+        name: Name of its function.
+        title: The same for people.
+        shape: Of one point's answer.
+        expression: From an arm to the function of one point's vectors, a matrix transposed.
+        error: Largest difference of an answer from Pinocchio's on random states, relative to the
+            size of what is added up, which does not vanish where the sum happens to.
+    """
+
+    name: str
+    title: str
+    shape: Callable[[ArmModel], tuple[int, ...]]
+    expression: Callable[[ArmModel], ca.Function]
+    error: Callable[[Pointwise, Answer], float]
+
+
+def _inverse(model: ArmModel) -> ca.Function:
+    q, v, a = _symbols(model.n, "qva")
+    gravity = ca.SX.sym("gravity", 3)
+    return _function([q, v, a, gravity], rigid_body.inverse(tree_of(model), q, v, a, gravity))
+
+
+def _inverse_error(points: Pointwise, answer: Answer) -> float:
+    q, v, a = _states(points.model.n)
+    still, none, weight = np.zeros_like(q), np.zeros(3), _weight(points.model)
+    parts = (
+        points.inverse(q, still, a, none),
+        points.inverse(q, v, still, none),
+        points.inverse(q, still, still, weight),
+    )
+    size = np.sum(np.abs(parts), axis=0)
+    pairs = [(answer(q, v, a, g), points.inverse(q, v, a, g)) for g in (weight, none)]
+    return float(np.max([_relative(made - wanted, size) for made, wanted in pairs]))
+
+
+def _forward(model: ArmModel) -> ca.Function:
+    q, v, tau = _symbols(model.n, ("q", "v", "tau"))
+    tree, gravity = tree_of(model), gravity_of(model)
+    ways = [
+        _function([q, v, tau], law(tree, q, v, tau, gravity))
+        for _, law in algorithms(tree, model.n)
+    ]
+    return min(ways, key=operations)
+
+
+def _forward_error(points: Pointwise, answer: Answer) -> float:
+    """In torques: their difference, unlike that of accelerations, does not grow with M⁻¹."""
+    q, v, tau = _states(points.model.n)
+    a, still, weight = answer(q, v, tau), np.zeros_like(q), _weight(points.model)
+    bias = points.inverse(q, v, still, weight)
+    heavy = (abs(points.mass_matrix(q)) @ abs(a)[..., None])[..., 0]
+    size = heavy + abs(bias) + abs(tau)
+    return _relative(points.inverse(q, v, a, weight) - tau, size)
+
+
+def _mass_matrix(model: ArmModel) -> ca.Function:
+    (q,) = _symbols(model.n, "q")
+    return _function([q], rigid_body.mass_matrix(tree_of(model), q))
+
+
+def _mass_error(points: Pointwise, answer: Answer) -> float:
+    q, _, _ = _states(points.model.n)
+    M = points.mass_matrix(q)
+    return _relative(answer(q) - M, M)
+
+
+def _coriolis_matrix(model: ArmModel) -> ca.Function:
+    q, v = _symbols(model.n, "qv")
+    return _function([q, v], rigid_body.coriolis_matrix(tree_of(model), q, v).T)
+
+
+def _coriolis_error(points: Pointwise, answer: Answer) -> float:
+    q, v, _ = _states(points.model.n)
+    difference = answer(q, v) - points.coriolis_matrix(q, v)
+    fastest = abs(v).max(axis=1)[:, None, None]
+    return _relative(difference, points.mass_matrix(q) * fastest)
+
+
+def _gravity(model: ArmModel) -> ca.Function:
+    (q,) = _symbols(model.n, "q")
+    return _function([q], rigid_body.gravity_torque(tree_of(model), q, gravity_of(model)))
+
+
+def _gravity_error(points: Pointwise, answer: Answer) -> float:
+    q, _, _ = _states(points.model.n)
+    G = points.gravity(q)
+    inertia = abs(points.mass_matrix(q)).sum(axis=2)
+    return _relative(answer(q) - G, abs(G) + inertia)
+
+
+def _energies(model: ArmModel) -> ca.Function:
+    q, v = _symbols(model.n, "qv")
+    still, none = ca.SX(model.n, 1), ca.SX(3, 1)
+    momentum = rigid_body.inverse(tree_of(model), q, still, v, none)  # M v, without all of M
+    whole, gravity = tree_of(model, regroup=False), gravity_of(model)
+    return _function(
+        [q, v], ca.vertcat(ca.dot(v, momentum) / 2, rigid_body.potential_energy(whole, q, gravity))
+    )
+
+
+def _energy_error(points: Pointwise, answer: Answer) -> float:
+    q, v, _ = _states(points.model.n)
+    wanted = points.energies(q, v)
+    kinetic, potential = abs(wanted).T
+    sizes = kinetic, kinetic + potential
+    differences = (answer(q, v) - wanted).T
+    return float(np.max([_relative(*pair) for pair in zip(differences, sizes, strict=True)]))
+
+
+def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
+    """A and γ side by side of the constraints of these names."""
+
+    def expression(model: ArmModel) -> ca.Function:
+        q, v = _symbols(model.n, "qv")
+        named = ConstraintRows(model)
+        places = [i for i, name in zip(named.places, named.names, strict=True) if name in names]
+        sides = constraint.complete_rows(model, tree_of(model), q, v, places)
+        return _function([q, v], ca.horzcat(*sides).T)
+
+    def shape(model: ArmModel) -> tuple[int, ...]:
+        named = ConstraintRows(model)
+        pairs = zip(named.counts, named.names, strict=True)
+        return sum(count for count, name in pairs if name in names), model.n + 1
+
+    def error(points: Pointwise, answer: Answer) -> float:
+        q, v, _ = _states(points.model.n)
+        wanted = points.constraint_rows(q, v, names)
+        size = abs(wanted)
+        fastest = abs(v).max(axis=1)[:, None] ** 2
+        size[..., -1] += size[..., :-1].max(axis=2, initial=0.0) * fastest
+        difference = answer(q, v) - wanted
+        parts = (difference[..., :-1], size[..., :-1]), (difference[..., -1], size[..., -1])
+        return float(np.max([_relative(*part) for part in parts]))
+
+    title = f"rows of constraints {known_names(names)}"
+    return BatchTerm(f"constraint_rows {names}", title, shape, expression, error)
+
+
+def _vector(model: ArmModel) -> tuple[int, ...]:
+    return (model.n,)
+
+
+def _square(model: ArmModel) -> tuple[int, ...]:
+    return (model.n, model.n)
+
+
+def _pair(_: ArmModel) -> tuple[int, ...]:
+    return (2,)
+
+
+INVERSE = BatchTerm("inverse", "inverse dynamics", _vector, _inverse, _inverse_error)
+FORWARD = BatchTerm("forward", "forward dynamics", _vector, _forward, _forward_error)
+MASS_MATRIX = BatchTerm("mass_matrix", "mass matrix", _square, _mass_matrix, _mass_error)
+CORIOLIS_MATRIX = BatchTerm(
+    "coriolis_matrix", "Coriolis matrix", _square, _coriolis_matrix, _coriolis_error
+)
+GRAVITY = BatchTerm("gravity", "gravity", _vector, _gravity, _gravity_error)
+ENERGIES = BatchTerm("energies", "energies", _pair, _energies, _energy_error)
+
+
+def _symbols(n: int, names: str | tuple[str, ...]) -> list[ca.SX]:
+    return [ca.SX.sym(name, n) for name in names]
+
+
+def _function(arguments: list[ca.SX], result: ca.SX) -> ca.Function:
+    return ca.Function("point", arguments, [ca.densify(result)], {"cse": True})
+
+
+def _weight(model: ArmModel) -> Array:
+    return np.array(model.scene.gravity, dtype=float)
+
+
+def _states(n: int) -> Array:
+    return np.random.default_rng(0).uniform(-np.pi, np.pi, (3, CHECK_STATES, n))
+
+
+def _relative(difference: Array, size: Array) -> float:
+    """Largest difference of each point over the largest size there, then of all points."""
+    count = len(difference)
+    worst = abs(difference).reshape(count, -1).max(axis=1, initial=0.0)
+    scale = abs(size).reshape(count, -1).max(axis=1, initial=0.0)
+    return float(np.max(worst / np.maximum(scale, np.finfo(float).tiny)))

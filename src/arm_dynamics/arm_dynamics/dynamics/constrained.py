@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Constrained dynamics as numbers: τ = M a + h + Aᵀλ under A v = 0.
+
+Gauss' principle: the acceleration is the one nearest to the free one, in the metric of M, that
+obeys A a + γ = 0; λ is of least norm where rows depend on one another (Udwadia, Kalaba, Analytical
+Dynamics, 1996, chapter 3). λ is what the robot exerts against the constraints: force and moment of
+the first frame upon the second, in axes of the second.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Collection
+from typing import TYPE_CHECKING
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from arm_dynamics.exceptions import InvalidInput, KernelError, known_names
+from arm_dynamics.model.arm import Array
+from arm_dynamics.model.loop_closure import RANK, Closure, cholesky
+from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_dynamics.scene.constraint import WORLD, CouplingConstraint
+from arm_dynamics.scene.contact import Contact
+
+if TYPE_CHECKING:
+    from arm_dynamics.dynamics.compiled_backend import Batches
+    from arm_dynamics.dynamics.dynamics import Dynamics
+    from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+
+CHECK_TOLERANCE = 1e-10
+CHECK_STATES = 20
+AT_ONCE = 4096  # points: what is in memory at once
+
+
+class Constrained:
+    """Forward and inverse dynamics of a scene under its bilateral constraints.
+
+    Args:
+        dynamics: The scene's dynamics; used from one thread only.
+
+    Attributes:
+        closure: States that obey the constraints.
+
+    Raises:
+        SceneError: If the scene has no bilateral constraint, or one that leaves nothing to move.
+    """
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        self._dynamics, self.model = dynamics, dynamics.model
+        self.closure = Closure(self.model)
+        self._gravity = np.array(self.model.scene.gravity)
+
+    @property
+    def m(self) -> int:
+        """Number of multipliers."""
+        return sum(self.closure.rows.counts)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Name of the constraint that each multiplier belongs to."""
+        rows = self.closure.rows
+        return tuple(np.repeat(rows.names, rows.counts).tolist())
+
+    def forward(
+        self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
+    ) -> tuple[Array, Array]:
+        """Accelerations and multipliers of τ = M a + C v + G + F + Aᵀλ under A a + Ȧ v = 0.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n); the constraints should hold.
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            tau: Joint torques in [N m] or [N], likewise.
+            active: Names of the constraints that hold; None for those that do at the start.
+
+        Returns:
+            Accelerations, shape of the arguments, and λ in [N] and [N m], shape (m,) or (k, m): of
+            least norm where constraints depend on one another, zero where they do not hold.
+
+        Raises:
+            InvalidInput: If a shape, value or name is not allowed.
+        """
+        if q.ndim == 1:
+            a, lam = self.forward(q[None], v[None], tau[None], active)
+            return a[0], lam[0]
+        names = self.closure.chosen(active)
+        free = tau - self._dynamics.friction(v, q=q, load=tau)
+        rigid = self._dynamics.rigid(q)
+        parts = [
+            self._solved(rigid, q[part], v[part], free[part], names)
+            for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE))
+        ]
+        accelerations, multipliers = zip(*parts, strict=True)
+        return np.concatenate(accelerations), np.concatenate(multipliers)
+
+    def inverse(self, q: Array, v: Array, a: Array, lam: ArrayLike) -> Array:
+        """Torques M a + C v + G + F + Aᵀλ for a motion and forces λ against the constraints.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            a: Joint accelerations in [rad/s²] or [m/s²], likewise.
+            lam: Multipliers as ``forward`` gives them, shape (m,) or (k, m).
+
+        Returns:
+            Torques in [N m] or [N], shape of ``q``.
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed.
+        """
+        multipliers = self._checked("lam", lam, self.m, q)
+        rigid = self._dynamics.rigid(q)
+        rows = rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
+        reaction = _times(_transposed(rows[..., :-1]), multipliers)
+        needed = rigid.inverse(q, v, a, self._gravity) + reaction
+        tau: Array = self.model.friction.demanded(needed, v, np.sign(v), q)
+        return tau
+
+    def _solved(
+        self, rigid: Pointwise | Batches, q: Array, v: Array, free: Array, active: tuple[str, ...]
+    ) -> tuple[Array, Array]:
+        """Accelerations and multipliers of a batch; see the singular values of ``Factors``."""
+        still = np.zeros_like(q)
+        rows, C = rigid.constraint_rows(q, v, active), cholesky(rigid.mass_matrix(q))
+        forces = free - rigid.inverse(q, v, still, self._gravity)
+        U, s, Vt = np.linalg.svd(_transposed(np.linalg.solve(C, _transposed(rows[..., :-1]))),
+                                 full_matrices=False)  # fmt: skip
+        counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < self._rank(active, q[0]))
+        inverted = np.divide(1.0, s, out=np.zeros_like(s), where=counted)
+        x = np.linalg.solve(C, forces[..., None])[..., 0]
+        wanted = inverted * _times(_transposed(U), -rows[..., -1])
+        lacking = wanted - counted * _times(Vt, x)
+        multipliers = np.zeros((len(q), self.m))
+        multipliers[:, np.isin(self.names, active)] = -_times(U, lacking * inverted)
+        a = np.linalg.solve(_transposed(C), (x + _times(_transposed(Vt), lacking))[..., None])
+        return a[..., 0], multipliers
+
+    def _rank(self, active: tuple[str, ...], near: Array) -> int:
+        """Independent rows; those that hold at the start are closed at the initial position."""
+        closed = set(active) <= set(self.closure.initially_active)
+        return self.closure.rank(active, self.model.q0 if closed else near)
+
+    def _checked(self, name: str, value: ArrayLike, size: int, like: Array) -> Array:
+        array = np.asarray(value, dtype=float)
+        if array.shape not in ((size,), (*like.shape[:-1], size)):
+            wanted = f"({size},)" if like.ndim == 1 else f"({size},) or ({len(like)}, {size})"
+            raise InvalidInput(f"{name} has shape {array.shape}; {wanted} is wanted")
+        if not np.isfinite(array).all():
+            raise InvalidInput(f"{name} holds numbers that are not finite")
+        return np.broadcast_to(array, (*like.shape[:-1], size))
+
+
+def contact_torque(
+    dynamics: Dynamics, q: Array, wrench: ArrayLike, frame: str | None = None
+) -> Array:
+    """Torques with which an arm pushes: Jᵀ f, which is Aᵀλ where f is what a constraint bears.
+
+    Args:
+        dynamics: Of the arm.
+        q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+        wrench: Force in [N], shape (3,), or force and moment in [N m], shape (6,), that the arm
+            exerts upon the world, in the world's axes; or a row for each of k.
+        frame: Frame at whose origin; None for the one place where the scene lets the arm touch
+            the world.
+
+    Returns:
+        Joint torques in [N m] or [N], shape of ``q``, to be added to those of the motion.
+
+    Raises:
+        InvalidInput: If a shape, value or name is not allowed, or ``frame`` is wanted.
+    """
+    name, point = _contact_place(dynamics, frame)
+    f = np.asarray(wrench, dtype=float)
+    if f.shape[-1:] not in ((3,), (6,)) or f.ndim > q.ndim or not np.isfinite(f).all():
+        raise InvalidInput(
+            f"wrench = {wrench!r}: a force of 3 or force and moment of 6 finite numbers is wanted"
+        )
+    motion = FrameMotion(dynamics.model, name, "local_world_aligned")
+
+    def push(qi: Array, fi: Array) -> Array:
+        J = motion.jacobian(qi)
+        r = motion.placement(qi)[1] @ point
+        J = np.vstack([J[:3] - pin.skew(r) @ J[3:], J[3:]])
+        torque: Array = J[: len(fi)].T @ fi
+        return torque
+
+    return _each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))
+
+
+def _contact_place(dynamics: Dynamics, frame: str | None) -> tuple[str, Array]:
+    """The frame that touches, and the point of it."""
+    if frame is not None:
+        return frame, np.zeros(3)
+    places: list[tuple[str, Array]] = []
+    for constraint in dynamics.model.scene.constraints:
+        if isinstance(constraint, Contact):
+            places.append((constraint.frame, np.array(constraint.point)))
+        elif not isinstance(constraint, CouplingConstraint) and WORLD in constraint.frames:
+            own = constraint.frames.index(WORLD) ^ 1
+            places.append((constraint.frames[own], np.array(constraint.points[own])))
+    if len(places) != 1:
+        raise InvalidInput(
+            f"frame is wanted: the scene has {len(places)} places that touch the world, not one; "
+            f"allowed: {known_names(dynamics.model.frame_names)}"
+        )
+    return places[0]
+
+
+def check_constrained(
+    dynamics: Dynamics, acceleration: Callable[[Array, Array, Array], Array]
+) -> None:
+    """Hold a constrained forward-dynamics kernel against Pinocchio on random states.
+
+    The acceleration must obey A a + γ = 0, and what torque it lacks must be a reaction Aᵀλ.
+
+    Args:
+        dynamics: The reference.
+        acceleration: Function of q, v, tau, each of shape (n,).
+
+    Raises:
+        KernelError: If either is missed by more than 1e-10 of the terms that make it up.
+    """
+    closure, rng, worst = Closure(dynamics.model), np.random.default_rng(0), 0.0
+    kept = closure.kept(closure.initially_active)
+    for _ in range(CHECK_STATES):
+        q, v, tau = rng.uniform(-np.pi, np.pi, (3, dynamics.n))
+        row = closure.rows.stacked(q, v, closure.initially_active)
+        A, drift = row.jacobian[kept], row.drift[kept]
+        a = np.array(acceleration(q, v, tau))
+        if not np.isfinite(a).all():
+            raise KernelError("generated forward dynamics is not finite: a joint moves no mass?")
+        free = np.linalg.solve(dynamics.mass_matrix(q), tau - dynamics.inverse(q, v, 0 * a))
+        terms = abs(A) @ (abs(a) + abs(free)) + abs(drift)
+        open_ = abs(A @ a + drift) / max(terms.max(initial=0.0), 1e-9)
+        lacking = tau - dynamics.inverse(q, v, a)
+        basis = np.linalg.qr(A.T)[0]
+        size = abs(dynamics.mass_matrix(q)) @ abs(a) + abs(tau) + abs(lacking)
+        odd = abs(lacking - basis @ (basis.T @ lacking)) / size.max()
+        worst = max(worst, open_.max(initial=0.0), odd.max())
+    if worst > CHECK_TOLERANCE:
+        raise KernelError(
+            f"generated constrained dynamics differs from Pinocchio by {worst:.2e} (relative); "
+            f"{CHECK_TOLERANCE:.0e} is allowed: does every joint move some mass?"
+        )
+
+
+def _each(law: Callable[[Array, Array], Array], q: Array, x: Array) -> Array:
+    if q.ndim == 1:
+        return law(q, x)
+    return np.array([law(*row) for row in zip(q, x, strict=True)])
+
+
+def _transposed(matrices: Array) -> Array:
+    return np.swapaxes(matrices, -1, -2)
+
+
+def _times(matrices: Array, vectors: Array) -> Array:
+    product: Array = (matrices @ vectors[..., None])[..., 0]
+    return product

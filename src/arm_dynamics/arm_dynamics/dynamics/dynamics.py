@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numeric answers from Pinocchio: the reference for everything else in the suite."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from enum import IntFlag
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.arrays import vectors
+from arm_dynamics.dynamics.constrained import Constrained, contact_torque
+from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.scene.load import load_scene
+from arm_dynamics.scene.schema import Scene
+
+if TYPE_CHECKING:
+    from arm_dynamics.dynamics.compiled_backend import Batches
+
+# Rows from which on a batch is worth compiled code.
+MANY = 256
+
+
+class Term(IntFlag):
+    """Terms of the equation of motion τ = M q̈ + C q̇ + G + F that inverse dynamics may add up."""
+
+    INERTIA = 1
+    CORIOLIS = 2
+    GRAVITY = 4
+    FRICTION = 8
+    ALL = 15
+
+
+_BITS = tuple(int(term) for term in (Term.INERTIA, Term.CORIOLIS, Term.GRAVITY, Term.FRICTION))
+_WEIGHTLESS = np.zeros(3)
+
+
+class Dynamics:
+    """Inverse and forward dynamics of one scene; keep one instance per thread.
+
+    Every method takes vectors of shape (n,) or batches of shape (k, n) in the order of
+    ``joint_names`` and answers in kind. Source of the algorithms: Featherstone, Rigid Body
+    Dynamics Algorithms, 2008, as implemented by Pinocchio.
+
+    Args:
+        scene: A scene, or anything ``load_scene`` takes, or a model that was built already.
+
+    Attributes:
+        model: The arm.
+        command_map: From torques to commands of the drives.
+    """
+
+    def __init__(self, scene: Scene | ArmModel | Any) -> None:
+        self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        self.command_map = CommandMap(self.model)
+        self._points = Pointwise(self.model)
+        self._gravity = np.array(self.model.scene.gravity)
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return self.model.n
+
+    @property
+    def joint_names(self) -> tuple[str, ...]:
+        """Order of every vector."""
+        return self.model.joint_names
+
+    def rigid(self, q: Array) -> Pointwise | Batches:
+        """What answers, without friction and checks, for positions of the shape of ``q``."""
+        return self._batches if q.ndim == 2 and len(q) >= MANY else self._points
+
+    def inverse(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
+    ) -> Array:
+        """Torques that produce a motion: the chosen terms of M a + C v + G + F.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            a: Joint accelerations in [rad/s²] or [m/s²], likewise.
+            terms: Which terms to add up.
+
+        Returns:
+            Joint torques in [N m] or [N], shape of the arguments.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed.
+        """
+        inertia, coriolis, gravity, friction = _chosen(terms)
+        q, v, a = vectors(self.n, q=q, v=v, a=a)
+        moving = v if coriolis else np.zeros_like(v)
+        pushed = a if inertia else np.zeros_like(a)
+        tau = self.rigid(q).inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
+        if not friction:
+            return tau
+        law = self.model.friction
+        sliding = np.sign(v) if law.directional else v
+        needed: Array = law.demanded(tau, v, sliding, q)
+        return needed
+
+    def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
+        """Commands that hold a motion, in the units of ``model.command_unit``; drives as if rigid.
+
+        Args and errors as those of ``inverse``, whose sum of all terms it is without drives.
+        """
+        tau, (q, v, a) = self.inverse(q, v, a), vectors(self.n, q=q, v=v, a=a)
+        rotors = self.command_map.rotor_inertia * a + self.command_map.rotor_damping * v
+        command: Array = self.command_map(q, v, tau + rotors)
+        return command
+
+    def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
+        """Accelerations that torques produce: M⁻¹ (τ - C v - G - F).
+
+        Where the scene has bilateral constraints, they hold: see ``constrained_forward``.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise.
+            tau: Joint torques in [N m] or [N], likewise.
+
+        Returns:
+            Joint accelerations in [rad/s²] or [m/s²], shape of the arguments.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed.
+        """
+        q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
+        if self.model.scene.bilateral:
+            return self.constrained.forward(q, v, tau)[0]
+        free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
+        return self.rigid(q).forward(q, v, free)
+
+    @cached_property
+    def constrained(self) -> Constrained:
+        """The bilateral constraints as numbers: names, multipliers, closed states."""
+        return Constrained(self)
+
+    def constrained_forward(
+        self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, active: Collection[str] | None = None
+    ) -> tuple[Array, Array]:
+        """Accelerations and λ of τ = M a + C v + G + F + Aᵀλ; see ``Constrained.forward``."""
+        q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
+        return self.constrained.forward(q, v, tau, active)
+
+    def constrained_inverse(
+        self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike
+    ) -> Array:
+        """Torques M a + C v + G + F + Aᵀλ; see ``Constrained.inverse``."""
+        q, v, a = vectors(self.n, q=q, v=v, a=a)
+        return self.constrained.inverse(q, v, a, lam)
+
+    def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
+        """Torques Jᵀ f with which the arm pushes on the world; see ``constrained``."""
+        return contact_torque(self, vectors(self.n, q=q)[0], wrench, frame)
+
+    def mass_matrix(self, q: ArrayLike) -> Array:
+        """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
+        (q,) = vectors(self.n, q=q)
+        return self.rigid(q).mass_matrix(q)
+
+    def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
+        q, v = vectors(self.n, q=q, v=v)
+        return self.rigid(q).coriolis_matrix(q, v)
+
+    def gravity(self, q: ArrayLike) -> Array:
+        """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
+        (q,) = vectors(self.n, q=q)
+        return self.rigid(q).gravity(q)
+
+    def friction(
+        self,
+        v: ArrayLike,
+        direction: ArrayLike | None = None,
+        q: ArrayLike | None = None,
+        load: ArrayLike | None = None,
+    ) -> Array:
+        """Friction torques F(v) of a steady motion in [N m] or [N], shape of ``v``.
+
+        Args:
+            v: Joint velocities in [rad/s] or [m/s], shape (n,) or (k, n).
+            direction: Which way joints slide, a sign each; None for the sign of ``v``. At rest dry
+                friction may be anything up to its level; where the sign is zero, zero is given.
+            q: Joint positions in [rad] or [m]; wanted where friction depends on them.
+            load: Torques of the drives in [N m] or [N], for friction that depends on them; zero
+                unless given.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed, or positions are wanted.
+        """
+        law = self.model.friction
+        if q is None and law.by_position:
+            raise InvalidInput("friction depends on the position in this scene: q is wanted")
+        still = np.zeros(self.n)
+        v, direction, q, load = vectors(
+            self.n,
+            v=v,
+            direction=v if direction is None else direction,
+            q=still if q is None else q,
+            load=still if load is None else load,
+        )
+        torques: Array = law.steady(v, np.sign(direction), q, load)
+        return torques
+
+    def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
+        """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).
+
+        The kinetic energy includes that of the armature.
+        """
+        q, v = vectors(self.n, q=q, v=v)
+        both = self.rigid(q).energies(q, v)
+        kinetic, potential = both[..., 0], both[..., 1]
+        return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
+
+    @cached_property
+    def _batches(self) -> Batches:
+        from arm_dynamics.dynamics.compiled_backend import Batches  # stands on this module
+
+        return Batches(self._points)
+
+
+def _chosen(terms: Term | int) -> list[bool]:
+    """Which of inertia, Coriolis, gravity and friction."""
+    if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:
+        raise InvalidInput(
+            f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8"
+        )
+    bits = int(terms)
+    return [bool(bits & bit) for bit in _BITS]

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The LuGre law: dry friction as the bending of bristles.
+
+Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with friction",
+IEEE Trans. Automatic Control 40(3), 1995, equations (2) to (4); Åström, Canudas de Wit,
+"Revisiting the LuGre friction model", IEEE Control Systems Magazine 28(6), 2008:
+
+    z' = v - σ0 |v| z / g(v),   F = σ0 z + σ1(v) z' + σ2 v,   g(v) = Fc + (Fs - Fc) exp(-(v/vs)²)
+
+σ2 v is viscous friction and stands in ``laws.friction``. The damping of the bristles may fade with
+speed, σ1(v) = σ1 exp(-(v/vd)²) (Olsson, Control systems with friction, thesis, Lund 1996, section
+4.3), which keeps the law passive. The laws take numpy arrays and CasADi expressions alike.
+"""
+
+from __future__ import annotations
+
+import math
+
+from arm_dynamics.equations import friction
+from arm_dynamics.equations.elementary import Quantity, exponential, size
+
+FADING = 4.0 * math.sqrt(2.0 * math.e)
+"""Largest σ1 vd / Fc of a passive law whose damping fades; see ``is_passive``."""
+
+
+def bending(v: Quantity, z: Quantity, sigma0: Quantity, level: Quantity) -> Quantity:
+    """Rate z' at which bristles bend, in [rad/s] or [m/s].
+
+    Args:
+        v: Velocity in [rad/s] or [m/s].
+        z: Deflection in [rad] or [m].
+        sigma0: Stiffness in [N m/rad] or [N/m].
+        level: g(v) in [N m] or [N], positive.
+    """
+    return v - sigma0 * size(v) * z / level
+
+
+def level(v: Quantity, coulomb: Quantity, excess: Quantity, stribeck: Quantity) -> Quantity:
+    """g(v): what the friction of a steady motion at v comes to, in [N m] or [N]."""
+    return friction.dry(v, 1.0, coulomb, excess, stribeck)
+
+
+def faded(v: Quantity, sigma1: Quantity, velocity: Quantity | None) -> Quantity:
+    """σ1(v) in [N m s/rad] or [N s/m]; no ``velocity``, no fading."""
+    return sigma1 if velocity is None else sigma1 * exponential(-((v / velocity) ** 2))
+
+
+def torque(z: Quantity, rate: Quantity, sigma0: Quantity, sigma1: Quantity) -> Quantity:
+    """What the bristles hold against the motion, σ0 z + σ1 z', in [N m] or [N]."""
+    return sigma0 * z + sigma1 * rate
+
+
+def heat(
+    v: Quantity, z: Quantity, rate: Quantity, sigma0: Quantity, sigma1: Quantity, level: Quantity
+) -> Quantity:
+    """Power lost in [W]: F v less the rate of the stored energy σ0 z²/2.
+
+    F v - σ0 z z' = σ0² |v| z² / g + σ1 z' v.
+    """
+    return (sigma0 * z) ** 2 * size(v) / level + sigma1 * rate * v
+
+
+def is_passive(
+    sigma1: float, sigma2: float, coulomb: float, static: float, velocity: float | None
+) -> bool:
+    """Whether the law never gives energy back that it does not store.
+
+    With y = σ0 z, of which |y| <= Fs always, and w = |v|, the power lost is
+    w (y²/g - σ1 w y/g + σ1 w + σ2 w) for y along the motion, the worst case.
+
+    - At constant σ1 the bracket is at least w (σ1 (1 - Fs/Fc) + σ2), since y <= Fs and g >= Fc:
+      σ2 >= σ1 (Fs - Fc)/Fc suffices, and at high speed it is needed (Barahona, Canudas de Wit,
+      in Åström, Canudas de Wit, 2008).
+    - With b = σ1(w) w the bracket is (y² - b y + b g)/g + σ2 w, never negative if b <= 4 g. The
+      largest b is σ1 vd / sqrt(2 e), so σ1 vd <= 4 sqrt(2 e) Fc suffices.
+    """
+    if sigma2 * coulomb >= sigma1 * (static - coulomb):
+        return True
+    return velocity is not None and sigma1 * velocity <= FADING * coulomb

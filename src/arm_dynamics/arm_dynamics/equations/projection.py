@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motion under constraints in the metric of M, through singular positions too.
+
+Gauss' principle: of all accelerations that obey A a = b, nature takes the one that is nearest to
+the free one in the metric of M (Udwadia, Kalaba, Analytical Dynamics, 1996). With M = LᵀDL and
+x = D^½ L a that metric is the identity and the rows are vectors y = D^-½ L^-ᵀ Aᵀ. These are made
+orthogonal one after another (modified Gram-Schmidt; Björck, Numerical Methods for Least Squares
+Problems, 1996, section 2.4). A row that depends on those before it leaves nothing but rounding and
+is left out. A M⁻¹ Aᵀ, whose condition is that of the rows squared, is never formed.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from arm_dynamics.equations.rigid_body import eliminated, factored, substituted
+
+# Under this part of the largest row what is new in a row is rounding.
+DEPENDENT = 1e-9
+# Entries of A under this, in m or 1, are rounding.
+NOTHING = 1e-13
+# Under this part the robot passes a singular position, where rounding turns the directions along
+# which it can go on: what a row demands of accelerations fades out there, and velocities are kept.
+SINGULAR = 1e-5
+_TINY = 1e-200
+SHARP = 1e9
+
+
+class Metric:
+    """Coordinates x in which M is the identity.
+
+    Args:
+        M: Joint-space inertia in [kg m²] or [kg], shape (n, n).
+    """
+
+    def __init__(self, M: ca.SX) -> None:
+        self._factors = factored(M)
+        self._root = 1 / ca.sqrt(ca.diag(self._factors))
+        self.mobility = ca.sumsqr(self._root)
+
+    def of_forces(self, forces: ca.SX) -> ca.SX:
+        """D^-½ L^-ᵀ f for columns of generalised forces, shape (n, k)."""
+        return ca.sparsify(ca.diag(self._root) @ eliminated(self._factors, forces))
+
+    def motion(self, x: ca.SX) -> ca.SX:
+        """Acceleration, velocity or displacement L⁻¹ D^-½ x, shape (n,)."""
+        return substituted(self._factors, self._root * x)
+
+
+class Held:
+    """Orthogonal directions that constraint rows take from the motion.
+
+    Args:
+        metric: Of the robot at its position.
+        A: Rows, shape (m, n).
+        least: Rows that are new by less than this part of the largest are left out.
+    """
+
+    def __init__(self, metric: Metric, A: ca.SX, least: float = DEPENDENT) -> None:
+        Y = metric.of_forces(A.T)
+        self._metric, self._rows = metric, [Y[:, k] for k in range(A.shape[0])]
+        sizes = [ca.sumsqr(y) for y in self._rows]
+        largest = ca.SX(0)
+        for size in sizes:
+            largest = ca.fmax(largest, size)
+        self._least = least**2 * largest + NOTHING**2 * metric.mobility + _TINY
+        self._singular = SINGULAR**2 * largest + _TINY
+        self._overlap: list[list[ca.SX]] = []
+        self._sizes: list[ca.SX] = []
+        self._bars: list[ca.SX] = []
+        self._gains: list[ca.SX] = []
+        for k in range(len(self._rows)):
+            self._orthogonalise(k)
+
+    def nearest(self, x: ca.SX, b: ca.SX) -> ca.SX:
+        """The vector nearest to ``x`` that obeys the first rows: y_k·x = b_k, shape (n,)."""
+        found, reached = x, list[ca.SX]()
+        for k in range(b.shape[0]):
+            y, w = self._rows[k], b[k]
+            for j, r in enumerate(self._overlap[k]):
+                w = w - r * reached[j]
+            reached.append(self._gains[k] * self._sizes[k] * w)
+            found = found + y * (self._gains[k] * w - self._bars[k] * ca.dot(y, found))
+        return found
+
+    def _orthogonalise(self, k: int) -> None:
+        y, overlap = self._rows[k], list[ca.SX]()
+        for j in range(k):
+            r = self._bars[j] * ca.dot(self._rows[j], y)
+            y = y - r * self._rows[j]
+            overlap.append(r)
+        size, least = ca.sumsqr(y), self._least
+        # 0 under the threshold, else 1; no branches, so that vectors of arms can run it.
+        gate = ca.fmin(1, ca.fmax(0, SHARP * (size - least) / least))
+        self._rows[k] = y
+        self._sizes.append(size)
+        self._overlap.append(overlap)
+        self._bars.append(gate / ca.fmax(size, least))
+        self._gains.append(gate / ca.fmax(size, self._singular))

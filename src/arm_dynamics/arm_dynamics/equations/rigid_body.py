@@ -1,0 +1,249 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Rigid-body dynamics of a tree: inverse dynamics, M, C, gravity, energy and forward dynamics.
+
+Recursive Newton-Euler with the angular tensor of Khalil and Dombre (Modeling, Identification and
+Control of Robots, 2002, chapter 9) and composite rigid bodies (Featherstone, Rigid Body Dynamics
+Algorithms, 2008, chapters 5 and 6). ``articulated.py`` has the third classic, which is shorter for
+long chains.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from arm_dynamics.equations.tree import Link, Tree, cross, moved, skew, spread_map
+
+
+class Rotation:
+    """Placement of a link in its parent's frame at joint position ``q``.
+
+    Attributes:
+        R: Rotation from link to parent axes, shape (3, 3).
+        p: Origin of the link frame in the parent's in [m], shape (3,).
+    """
+
+    def __init__(self, link: Link, q: ca.SX) -> None:
+        R, p = ca.sparsify(ca.SX(ca.DM(link.R))), ca.sparsify(ca.SX(ca.DM(link.p)))
+        if link.prismatic:
+            self.R, self.p = R, ca.sparsify(p + R[:, 2] * q)
+            return
+        c, s = ca.cos(q), ca.sin(q)
+        turn = ca.vertcat(ca.horzcat(c, -s, 0), ca.horzcat(s, c, 0), ca.horzcat(0, 0, 1))
+        self.R, self.p = R @ ca.sparsify(turn), p
+
+
+def placements(tree: Tree, q: ca.SX) -> list[Rotation]:
+    """Placements of all links for independent joint positions ``q`` of shape (n,)."""
+    full = _spread(tree, q) + ca.sparsify(ca.SX(ca.DM(tree.offsets)))
+    return [Rotation(link, full[i]) for i, link in enumerate(tree.links)]
+
+
+def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Torques M a + C v + G of a tree, by recursive Newton-Euler.
+
+    Args:
+        tree: The robot.
+        q: Joint positions in [rad] or [m], shape (n,).
+        v: Joint velocities, shape (n,).
+        a: Joint accelerations, shape (n,).
+        gravity: Gravity in the world frame in [m/s²], shape (3,).
+
+    Returns:
+        Joint torques in [N m] or [N], shape (n,).
+    """
+    pose = placements(tree, q)
+    v_full, a_full = _spread(tree, v), _spread(tree, a)
+    omega, alpha, acc = _motion(tree, pose, v_full, a_full, gravity)
+    tau = ca.SX(len(tree.links), 1)
+    force = [ca.SX(3, 1) for _ in tree.links]
+    moment = [ca.SX(3, 1) for _ in tree.links]
+    for i in reversed(range(len(tree.links))):
+        link = tree.links[i]
+        f = force[i] + link.m * acc[i] + _angular_tensor(omega[i], alpha[i]) @ link.h
+        n = (
+            moment[i]
+            + link.I @ alpha[i]
+            + cross(omega[i], link.I @ omega[i])
+            + cross(link.h, acc[i])
+        )
+        tau[i] = (f if link.prismatic else n)[2] + float(tree.armature[i]) * a_full[i]
+        if link.parent >= 0:
+            f = pose[i].R @ f
+            force[link.parent] += f
+            moment[link.parent] += pose[i].R @ n + cross(pose[i].p, f)
+    return _gather(tree, tau)
+
+
+def mass_matrix(tree: Tree, q: ca.SX) -> ca.SX:
+    """Joint-space inertia M(q) in [kg m²] or [kg], shape (n, n), armature included.
+
+    Source: composite rigid bodies, see the top of this module.
+    """
+    pose = placements(tree, q)
+    count = len(tree.links)
+    mass = [link.m for link in tree.links]
+    h = [link.h for link in tree.links]
+    inertia = [link.I for link in tree.links]
+    M = ca.SX(count, count)
+    for i in reversed(range(count)):
+        link = tree.links[i]
+        if link.parent >= 0:
+            h_moved, inertia_moved = moved(pose[i].R, pose[i].p, mass[i], h[i], inertia[i])
+            mass[link.parent] = mass[link.parent] + mass[i]
+            h[link.parent] = h[link.parent] + h_moved
+            inertia[link.parent] = inertia[link.parent] + inertia_moved
+        if link.prismatic:
+            f, n = ca.vertcat(0, 0, mass[i]), ca.vertcat(h[i][1], -h[i][0], 0)
+        else:
+            f, n = ca.vertcat(-h[i][1], h[i][0], 0), inertia[i][:, 2]
+        M[i, i] = (f if link.prismatic else n)[2] + float(tree.armature[i])
+        _project(tree, pose, M, i, ca.sparsify(f), ca.sparsify(n))
+    return spread_map(tree).T @ M @ spread_map(tree) if tree.has_followers else M
+
+
+def coriolis_matrix(tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Coriolis matrix C(q, v) of Christoffel's symbols, with dM/dt - 2 C skew, shape (n, n).
+
+    Their sum over the velocities is C = (Ṁ + P - Pᵀ) / 2 with P = ∂(M v)/∂q (Siciliano and others,
+    Robotics: Modelling, Planning and Control, 2009, section 7.2.1).
+    """
+    M = mass_matrix(tree, q)
+    P = ca.jacobian(M @ v, q)
+    return ca.sparsify((ca.jtimes(M, q, v) + P - P.T) / 2)
+
+
+def potential_energy(tree: Tree, q: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Energy of the weight in [J], zero where every centre of mass is at the world's origin.
+
+    Args:
+        tree: The robot, its inertia not regrouped.
+        q: Joint positions in [rad] or [m], shape (n,).
+        gravity: Gravity in the world frame in [m/s²], shape (3,).
+    """
+    pose = placements(tree, q)
+    mass = [link.m for link in tree.links]
+    h = [link.h for link in tree.links]
+    grounded = ca.SX(3, 1)
+    for i in reversed(range(len(tree.links))):
+        carried, parent = pose[i].R @ h[i] + mass[i] * pose[i].p, tree.links[i].parent
+        if parent >= 0:
+            mass[parent], h[parent] = mass[parent] + mass[i], h[parent] + carried
+        else:
+            grounded += carried
+    return -ca.dot(gravity, grounded)
+
+
+def forward_dense(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Accelerations M⁻¹ (tau - C v - G), shape (n,).
+
+    M comes from composite rigid bodies and is factored as LᵀDL.
+    """
+    bias = inverse(tree, q, v, ca.SX(v.shape[0], 1), gravity)
+    return solve(mass_matrix(tree, q), tau - bias)
+
+
+def gravity_torque(tree: Tree, q: ca.SX, gravity: ca.SX) -> ca.SX:
+    """Torques G(q) in [N m] or [N] that carry the arm's weight, shape (n,)."""
+    still = ca.SX(q.shape[0], 1)
+    return inverse(tree, q, still, still, gravity)
+
+
+def solve(M: ca.SX, b: ca.SX) -> ca.SX:
+    """Solve M x = b for symmetric positive definite M by M = LᵀDL from the leaves down.
+
+    Eliminating leaves first keeps the zeros that branches leave in M (Featherstone, Rigid Body
+    Dynamics Algorithms, 2008, section 6.5).
+    """
+    F = factored(M)
+    x = eliminated(F, b)
+    for k in range(M.shape[0]):
+        x[k] = x[k] / F[k, k]
+    return substituted(F, x)
+
+
+def factored(M: ca.SX) -> ca.SX:
+    """L and D of M = LᵀDL in one matrix: D on the diagonal, L below it, its ones left out."""
+    F = ca.SX(M)
+    for k in reversed(range(M.shape[0])):
+        for i in reversed(range(k)):
+            if not F.sparsity().has_nz(k, i):
+                continue
+            factor = F[k, i] / F[k, k]
+            for j in range(i + 1):
+                if F.sparsity().has_nz(k, j):
+                    F[i, j] = F[i, j] - factor * F[k, j]
+            F[k, i] = factor
+    return F
+
+
+def eliminated(F: ca.SX, b: ca.SX) -> ca.SX:
+    """L^-ᵀ b for the factors of M and columns b of shape (n, k)."""
+    x = ca.SX(b)
+    for k in reversed(range(F.shape[0])):
+        for i in reversed(range(k)):
+            if F.sparsity().has_nz(k, i):
+                x[i, :] = x[i, :] - F[k, i] * x[k, :]
+    return x
+
+
+def substituted(F: ca.SX, b: ca.SX) -> ca.SX:
+    """L⁻¹ b for the factors of M and a vector b of shape (n,)."""
+    x = ca.SX(b)
+    for k in range(F.shape[0]):
+        for i in range(k):
+            if F.sparsity().has_nz(k, i):
+                x[k] = x[k] - F[k, i] * x[i]
+    return x
+
+
+def _motion(
+    tree: Tree, pose: list[Rotation], v: ca.SX, a: ca.SX, gravity: ca.SX
+) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+    """Angular velocity, angular and linear acceleration of every link frame, in link axes."""
+    omega: list[ca.SX] = []
+    alpha: list[ca.SX] = []
+    acc: list[ca.SX] = []
+    z = ca.sparsify(ca.SX([0, 0, 1]))
+    for i, link in enumerate(tree.links):
+        R, p = pose[i].R, pose[i].p
+        if link.parent < 0:
+            w, dw, dv = ca.SX(3, 1), ca.SX(3, 1), R.T @ -gravity
+        else:
+            j = link.parent
+            w, dw = R.T @ omega[j], R.T @ alpha[j]
+            dv = R.T @ (acc[j] + _angular_tensor(omega[j], alpha[j]) @ p)
+        if link.prismatic:
+            dv = dv + 2 * v[i] * cross(w, z) + a[i] * z
+        else:
+            dw = dw + v[i] * cross(w, z) + a[i] * z
+            w = w + v[i] * z
+        omega.append(ca.sparsify(w))
+        alpha.append(ca.sparsify(dw))
+        acc.append(ca.sparsify(dv))
+    return omega, alpha, acc
+
+
+def _angular_tensor(omega: ca.SX, alpha: ca.SX) -> ca.SX:
+    """[alpha]x + [omega]x²: takes a point of a link to its acceleration relative to the origin."""
+    return skew(alpha) + skew(omega) @ skew(omega)
+
+
+def _project(tree: Tree, pose: list[Rotation], M: ca.SX, i: int, f: ca.SX, n: ca.SX) -> None:
+    """Fill row and column ``i`` of M.
+
+    The wrench that accelerates the subtree of joint ``i`` is carried down to the ground.
+    """
+    j = i
+    while tree.links[j].parent >= 0:
+        f = pose[j].R @ f
+        n = pose[j].R @ n + cross(pose[j].p, f)
+        j = tree.links[j].parent
+        M[i, j] = M[j, i] = (f if tree.links[j].prismatic else n)[2]
+
+
+def _spread(tree: Tree, x: ca.SX) -> ca.SX:
+    return spread_map(tree) @ x if tree.has_followers else x
+
+
+def _gather(tree: Tree, tau: ca.SX) -> ca.SX:
+    return spread_map(tree).T @ tau if tree.has_followers else tau

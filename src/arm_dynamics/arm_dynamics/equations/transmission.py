@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What stands between gear and link: shafts, belts and harmonic drives that give.
+
+The motor's angle is written as it is seen at the joint, θ = θ_motor / N, so that a rigid
+transmission has θ = q; the twist is δ = θ + e(θ) - q. Two coordinates for a joint: Spong,
+"Modeling and control of elastic joint robots", ASME J. Dyn. Sys. Meas. Control 109, 1987. All
+functions take numbers, numpy arrays and CasADi expressions.
+"""
+
+from __future__ import annotations
+
+from arm_dynamics.equations.elementary import Quantity, choose, cos, larger, sin, smaller, within
+
+
+def engaged(twist: Quantity, backlash: Quantity) -> Quantity:
+    """The part of a twist that bends something: zero within the play, a dead zone.
+
+    Source: Nordin and Gutman, "Controlling mechanical systems with backlash - a survey",
+    Automatica 38(10), 2002, section 2.
+
+    Args:
+        twist: δ in [rad] or [m].
+        backlash: Width of the play in [rad] or [m].
+    """
+    return twist - within(twist, -backlash / 2.0, backlash / 2.0)
+
+
+def elastic_torque(twist: Quantity, stiffness: Quantity, stiffening: Quantity) -> Quantity:
+    """Torque k δ + k₃ δ³ in [N m] or [N].
+
+    The cubic stiffness of harmonic drives: Tuttle and Seering, "A nonlinear model of a harmonic
+    drive gear transmission", IEEE Trans. Robotics and Automation 12(3), 1996.
+    """
+    return stiffness * twist + stiffening * twist**3
+
+
+def elastic_energy(twist: Quantity, stiffness: Quantity, stiffening: Quantity) -> Quantity:
+    """Energy k δ²/2 + k₃ δ⁴/4 in [J]."""
+    return (0.5 * stiffness + 0.25 * stiffening * twist**2) * twist**2
+
+
+def flank_torque(engagement: Quantity, elastic: Quantity, damping: Quantity) -> Quantity:
+    """Torque between teeth with play: a flank pushes and never pulls.
+
+    The damper acts with the spring, and only as far as their sum keeps the teeth together (Nordin,
+    Galić and Gutman, "New models for backlash and gear play", Int. J. Adaptive Control 11, 1997,
+    without the memory of the damper that has come loose). It never gives energy.
+
+    Args:
+        engagement: The twist beyond the play in [rad] or [m].
+        elastic: Torque of the spring in [N m] or [N], of the same sign.
+        damping: Torque of the damper, d δ'.
+    """
+    whole = elastic + damping
+    pushing = choose(engagement > 0.0, larger(whole, 0.0), 0.0)
+    return choose(engagement < 0.0, smaller(whole, 0.0), pushing)
+
+
+def hysteresis_slope(
+    state: Quantity, twist_rate: Quantity, deflection: Quantity, sharpness: Quantity
+) -> Quantity:
+    """Rate w' of the Bouc-Wen law for a hysteretic torque H w with |w| ≤ 1.
+
+    w' = (δ' - ½ (δ' |w|ⁿ + |δ'| w |w|ⁿ⁻¹)) / D (Wen, "Method for random vibration of hysteretic
+    systems", ASCE J. Eng. Mech. 102, 1976, with β = γ). So chosen, w moves away from zero
+    as 1 - |w|ⁿ and towards zero as a spring, and H D w²/2 is an energy that it stores: the law is
+    passive (Ismail, Ikhouane and Rodellar, "The hysteresis Bouc-Wen model, a survey", Arch. Comp.
+    Methods Eng. 16, 2009, section 3). It does not depend on how fast the twist changes.
+
+    Args:
+        state: w.
+        twist_rate: δ' in [rad/s] or [m/s].
+        deflection: D in [rad] or [m].
+        sharpness: n, at least 1.
+    """
+    size = larger(state, -state)
+    speed = larger(twist_rate, -twist_rate)
+    bent = twist_rate * size + speed * state
+    return (twist_rate - 0.5 * bent * size ** (sharpness - 1.0)) / deflection
+
+
+def hysteresis_energy(state: Quantity, torque: Quantity, deflection: Quantity) -> Quantity:
+    """Energy H D w²/2 in [J], what unloading gives back."""
+    return 0.5 * torque * deflection * state**2
+
+
+def kinematic_error(
+    angle: Quantity, amplitude: Quantity, order: Quantity, phase: Quantity
+) -> Quantity:
+    """How far the gear's output is ahead of the motor: e = A sin(m θ_motor + φ) in [rad] or [m].
+
+    A property of the geometry, not a torque: the transmission bends by it, and by virtual work its
+    torque acts on the motor times 1 + de/dθ. Source: Tuttle and Seering, as above; a harmonic
+    drive's main component repeats twice in a turn of the wave generator, m = 2.
+    """
+    return amplitude * sin(order * angle + phase)
+
+
+def kinematic_error_slope(
+    angle: Quantity, amplitude: Quantity, order: Quantity, phase: Quantity
+) -> Quantity:
+    """de/dθ_motor."""
+    return amplitude * order * cos(order * angle + phase)

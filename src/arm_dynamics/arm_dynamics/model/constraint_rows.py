@@ -1,0 +1,233 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Constraint rows as numbers, by Pinocchio: residual φ, A and γ = Ȧ v of a scene at a state.
+
+The same rows in the same order as ``laws.constraint`` writes as expressions, found independently:
+from velocities and accelerations of the frames, as seen from the second frame of a constraint
+(relative kinematics: Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.equations.constraint import across
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.scene.constraint import (
+    WORLD,
+    Bilateral,
+    CouplingConstraint,
+    DistanceConstraint,
+    FrameBased,
+    FrameConstraint,
+    LineConstraint,
+    PlaneConstraint,
+    PointConstraint,
+    RollingConstraint,
+    label,
+)
+from arm_dynamics.scene.contact import Contact
+
+_ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+
+
+@dataclass(frozen=True)
+class Row:
+    """Rows of one constraint at a state.
+
+    Attributes:
+        residual: φ in [m] or [rad], shape (k,); zeros for rolling.
+        jacobian: A, shape (k, n).
+        drift: γ = Ȧ v, shape (k,).
+    """
+
+    residual: Array
+    jacobian: Array
+    drift: Array
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Motion of a point or of a frame's orientation: value, Jacobian, rate, rate of the rate."""
+
+    value: Array
+    J: Array
+    rate: Array
+    drift: Array
+
+
+class ConstraintRows:
+    """Rows of all bilateral constraints of a model, in the order of the scene.
+
+    Args:
+        model: The model; used from one thread only.
+
+    Attributes:
+        constraints: The scene's, without contacts.
+        names: What each is called.
+        places: Its place in the scene's list.
+        counts: How many rows each has.
+
+    Raises:
+        SceneError: If a constraint ties two frames that cannot move against each other.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        self._model, self._data = model, model.pin.createData()
+        listed = [(i, c) for i, c in enumerate(model.scene.constraints)
+                  if not isinstance(c, Contact)]  # fmt: skip
+        self.constraints = tuple(c for _, c in listed)
+        self.places = tuple(i for i, _ in listed)
+        self.names = tuple(label(c, i) for i, c in listed)
+        for name, constraint in zip(self.names, self.constraints, strict=True):
+            self._check_mobile(name, constraint)
+        still = np.zeros(model.n)
+        self.counts = tuple(len(row.residual) for row in self.at(still, still))
+
+    def at(self, q: Array, v: Array) -> list[Row]:
+        """Rows of each constraint at positions and velocities of shape (n,)."""
+        model, data = self._model, self._data
+        full = model.configuration(q), model.spread(v)
+        pin.forwardKinematics(model.pin, data, *full, np.zeros(model.pin.nv))
+        pin.computeJointJacobians(model.pin, data, full[0])
+        pin.updateFramePlacements(model.pin, data)
+        return [self._rows(constraint, q) for constraint in self.constraints]
+
+    def stacked(self, q: Array, v: Array, names: Collection[str]) -> Row:
+        """Rows of the named constraints in one, in the order of the scene."""
+        pairs = zip(self.names, self.at(q, v), strict=True)
+        rows = [row for name, row in pairs if name in names]
+        return Row(
+            np.concatenate([np.zeros(0), *(row.residual for row in rows)]),
+            np.vstack([np.zeros((0, len(q))), *(row.jacobian for row in rows)]),
+            np.concatenate([np.zeros(0), *(row.drift for row in rows)]),
+        )
+
+    def _rows(self, constraint: Bilateral, q: Array) -> Row:
+        if isinstance(constraint, CouplingConstraint):
+            return _coupled(constraint, self._model, q)
+        u, turn, R = self._relative(constraint)
+        if isinstance(constraint, PointConstraint):
+            return Row(u.value, u.J, u.drift)
+        if isinstance(constraint, FrameConstraint):
+            w = _turned(R, turn, pin.rpy.rpyToMatrix(*constraint.rpy))
+            value, drift = np.r_[u.value, w.value], np.r_[u.drift, w.drift]
+            return Row(value, np.vstack([u.J, w.J]), drift)
+        if isinstance(constraint, LineConstraint):
+            T = across(constraint.direction)
+            return Row(T @ u.value, T @ u.J, T @ u.drift)
+        if isinstance(constraint, PlaneConstraint):
+            T = np.array([constraint.normal])
+            return Row(T @ u.value - constraint.height, T @ u.J, T @ u.drift)
+        if isinstance(constraint, DistanceConstraint):
+            return _rod(u, constraint.distance)
+        return _slip(constraint, u, turn, R)
+
+    def _relative(self, constraint: FrameBased) -> tuple[_Motion, _Motion, Array]:
+        """First point and first frame's turn as seen from the second frame, and R of the two."""
+        a, b = (
+            self._frame(*pair) for pair in zip(constraint.frames, constraint.points, strict=True)
+        )
+        (p, spin, R_a), (p_b, spin_b, R_b) = a, b
+        d, d_dot, omega, alpha = p.value - p_b.value, p.rate - p_b.rate, spin_b.rate, spin_b.drift
+        drift = p.drift - p_b.drift - np.cross(alpha, d) - 2 * np.cross(omega, d_dot)
+        u = _Motion(
+            R_b.T @ d,
+            R_b.T @ (p.J - p_b.J + pin.skew(d) @ spin_b.J),
+            R_b.T @ (d_dot - np.cross(omega, d)),
+            R_b.T @ (drift + np.cross(omega, np.cross(omega, d))),
+        )
+        w = spin.rate - omega
+        turn = _Motion(
+            np.zeros(3),
+            R_b.T @ (spin.J - spin_b.J),
+            R_b.T @ w,
+            R_b.T @ (spin.drift - alpha - np.cross(omega, w)),
+        )
+        return u, turn, R_b.T @ R_a
+
+    def _frame(
+        self, name: str, point: tuple[float, float, float]
+    ) -> tuple[_Motion, _Motion, Array]:
+        """A point of a frame, the frame's spin, in world axes, and its rotation."""
+        model, data = self._model, self._data
+        nothing = np.zeros((3, model.n))
+        index = None if name == WORLD else model.pin.getFrameId(name)
+        if index is None or model.pin.frames[index].parentJoint == 0:
+            M = pin.SE3.Identity() if index is None else data.oMf[index]
+            place = _Motion(M.act(np.array(point)), nothing, np.zeros(3), np.zeros(3))
+            return (
+                place,
+                _Motion(np.zeros(3), nothing, np.zeros(3), np.zeros(3)),
+                M.rotation.copy(),
+            )
+        M = data.oMf[index]
+        J = pin.getFrameJacobian(model.pin, data, index, _ALIGNED).reshape(6, -1)
+        J = J @ model.followers if model.has_followers else J
+        v = pin.getFrameVelocity(model.pin, data, index, _ALIGNED)
+        a = pin.getFrameClassicalAcceleration(model.pin, data, index, _ALIGNED)
+        r = M.rotation @ np.array(point)
+        w, alpha = v.angular.copy(), a.angular.copy()
+        moved = _Motion(
+            M.translation + r,
+            J[:3] - pin.skew(r) @ J[3:],
+            v.linear + np.cross(w, r),
+            a.linear + np.cross(alpha, r) + np.cross(w, np.cross(w, r)),
+        )
+        return moved, _Motion(np.zeros(3), J[3:], w, alpha), M.rotation.copy()
+
+    def _check_mobile(self, name: str, constraint: Bilateral) -> None:
+        if isinstance(constraint, CouplingConstraint):
+            return
+        bodies = self._model.pin
+        joints = [0 if frame == WORLD else bodies.frames[bodies.getFrameId(frame)].parentJoint
+                  for frame in constraint.frames]  # fmt: skip
+        if joints[0] == joints[1]:
+            raise SceneError(
+                f"scene: constraint '{name}' ties '{constraint.frames[0]}' to "
+                f"'{constraint.frames[1]}', which cannot move against each other: no joint is "
+                "between them, or all that are, are locked"
+            )
+
+
+def _coupled(constraint: CouplingConstraint, model: ArmModel, q: Array) -> Row:
+    i, j = (model.joint_names.index(name) for name in constraint.joints)
+    A = np.zeros((1, model.n))
+    A[0, i], A[0, j] = 1.0, -constraint.ratio
+    return Row(A @ q - constraint.offset, A, np.zeros(1))
+
+
+def _turned(R: Array, turn: _Motion, wanted: Array) -> _Motion:
+    """2 sin(θ/2) along the axis, in the second frame: twice the quaternion's vector part."""
+    quaternion = pin.Quaternion(wanted.T @ R).coeffs()
+    x = 2 * np.copysign(1.0, quaternion[3]) * wanted @ quaternion[:3]
+    w = max(abs(quaternion[3]), 1e-9)
+    G = w * np.eye(3) - pin.skew(x) / 2
+    rate = G @ turn.rate
+    G_dot = -(x @ rate) / (4 * w) * np.eye(3) - pin.skew(rate) / 2
+    return _Motion(x, G @ turn.J, rate, G @ turn.drift + G_dot @ turn.rate)
+
+
+def _rod(u: _Motion, length: float) -> Row:
+    residual = (u.value @ u.value - length**2) / (2 * length)
+    drift = (u.value @ u.drift + u.rate @ u.rate) / length
+    return Row(np.array([residual]), (u.value @ u.J / length)[None], np.array([drift]))
+
+
+def _slip(constraint: RollingConstraint, u: _Motion, turn: _Motion, R: Array) -> Row:
+    n, w = np.array(constraint.normal), turn.rate
+    down, down_rate = -n, np.zeros(3)
+    if constraint.axle is not None:
+        e = R @ np.array(constraint.axle)
+        e_rate = np.cross(w, e)
+        s, s_rate = (n @ e) * e - n, (n @ e_rate) * e + (n @ e) * e_rate
+        size = max(float(np.linalg.norm(s)), 1e-9)
+        down = s / size
+        down_rate = (s_rate - down * (down @ s_rate)) / size
+    T, r = across(constraint.normal), constraint.radius
+    drift = u.drift + r * (np.cross(turn.drift, down) + np.cross(w, down_rate))
+    return Row(np.zeros(2), T @ (u.J - r * pin.skew(down) @ turn.J), T @ drift)

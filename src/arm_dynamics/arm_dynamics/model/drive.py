@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The drive of one joint as numbers, checked as a whole."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.scene.drive import Actuator, Transmission
+from arm_dynamics.scene.schema import Joint, Scene
+
+
+@dataclass(frozen=True)
+class JointDrive:
+    """A motor with its gear, and what is flexible behind it.
+
+    Attributes:
+        motor: Motor and gear.
+        coupling: What is flexible between gear and link; None for a rigid drive, whose rotor turns
+            with the joint.
+    """
+
+    motor: Actuator
+    coupling: Transmission | None
+
+    @property
+    def rotor_inertia(self) -> float:
+        """Of the rotor as it is felt at the joint, J N², in [kg m²] or [kg]."""
+        return self.motor.rotor_inertia * self.motor.gear_ratio**2
+
+    @property
+    def rotor_damping(self) -> float:
+        """Of the rotor as it is felt at the joint, b N², in [N m s/rad] or [N s/m]."""
+        return self.motor.rotor_damping * self.motor.gear_ratio**2
+
+    @property
+    def armature(self) -> float:
+        """What the rotor adds to the joint's inertia in [kg m²] or [kg]; 0 if it is flexible."""
+        return 0.0 if self.coupling else self.rotor_inertia
+
+    @property
+    def viscous(self) -> float:
+        """What the rotor adds to the joint's viscous friction; 0 if it is flexible."""
+        return 0.0 if self.coupling else self.rotor_damping
+
+    @property
+    def torque_constant(self) -> float:
+        """Torque per current as it is felt at the joint, N K_t, in [N m/A] or [N/A]."""
+        return (self.motor.torque_constant or 1.0) * self.motor.gear_ratio
+
+    @property
+    def back_emf_constant(self) -> float:
+        """Voltage per joint speed, N K_e, in [V s/rad] or [V s/m]."""
+        motor = self.motor
+        return (motor.back_emf_constant or motor.torque_constant or 0.0) * motor.gear_ratio
+
+    @property
+    def has_current(self) -> bool:
+        """Whether its current is a state: a voltage acts on it through an inductance."""
+        return self.motor.command == "voltage" and bool(self.motor.inductance)
+
+    @property
+    def transmission(self) -> str:
+        """What is between motor and link, for people."""
+        if self.coupling is None:
+            return "rigid"
+        c = self.coupling
+        details = {
+            "stiffening": c.stiffening,
+            "backlash": c.backlash,
+            "hysteresis": c.hysteresis,
+            "kinematic error": c.kinematic_error,
+        }
+        flexible = f"flexible, {c.stiffness:g}"
+        return ", ".join([flexible, *(name for name, given in details.items() if given)])
+
+    @property
+    def torque_limit(self) -> float:
+        """Most that its current and voltage limits let it give in [N m] or [N], at rest."""
+        motor, torque = self.motor, abs(self.torque_constant)
+        stall = (motor.voltage_limit or np.inf) / (motor.resistance or 1.0)
+        return torque * min(motor.current_limit or np.inf, stall)
+
+    @property
+    def passes_torque(self) -> bool:
+        """Whether the command is the joint's torque, and all that the motor has is inertia."""
+        plain = self.motor.command == "torque" and self.motor.torque_constant is None
+        return plain and self.motor.cogging is None and self.coupling is None
+
+    def command_limit(self, effort: float) -> float:
+        """Largest command, in the command's unit.
+
+        Args:
+            effort: Largest torque of the joint in [N m] or [N], inf for none; it has no say in a
+                voltage.
+        """
+        motor = self.motor
+        if motor.command == "voltage":
+            return motor.voltage_limit or np.inf
+        if motor.command == "torque":
+            return effort
+        return min(motor.current_limit or np.inf, effort / abs(self.torque_constant))
+
+    def command_unit(self, torque: str) -> str:
+        """Unit of the command, where ``torque`` is that of the joint's torque."""
+        return {"torque": torque, "current": "A", "voltage": "V"}[self.motor.command]
+
+
+def drives_of(
+    scene: Scene, free: Iterable[str], followers: Iterable[str]
+) -> list[JointDrive | None]:
+    """Drives of the independent joints, None for those without.
+
+    Args:
+        scene: The scene.
+        free: Names of the independent joints.
+        followers: Names of the joints that follow others.
+
+    Raises:
+        SceneError: If what a drive is given does not go together, or a follower is given one.
+    """
+    for name in followers:
+        own = scene.joints.get(name)
+        if own is not None and (own.actuator or own.transmission):
+            raise SceneError(
+                f"scene: 'joints.{name}.actuator': a mimic joint has none of its own; "
+                "the joint that it follows may have one"
+            )
+    return [_drive(f"scene: 'joints.{name}", scene.joint(name)) for name in free]
+
+
+def command_units(
+    drives: Sequence[JointDrive | None], joint_types: Sequence[str]
+) -> tuple[str, ...]:
+    """What the command of each joint is, as its unit; without a drive it is a torque."""
+    torques = ["N" if kind == "prismatic" else "N m" for kind in joint_types]
+    pairs = zip(drives, torques, strict=True)
+    return tuple(drive.command_unit(torque) if drive else torque for drive, torque in pairs)
+
+
+def torque_limits(drives: Sequence[JointDrive | None], given: Sequence[float]) -> list[float]:
+    """Largest torque of each joint: that of URDF or scene, or what its motor can give if less."""
+    pairs = zip(drives, given, strict=True)
+    return [min(drive.torque_limit, limit) if drive else limit for drive, limit in pairs]
+
+
+def command_limits(
+    drives: Sequence[JointDrive | None], effort_limit: NDArray[np.float64]
+) -> list[float]:
+    """Largest command of each joint in its unit, inf where there is none."""
+    pairs = zip(drives, effort_limit.tolist(), strict=True)
+    return [drive.command_limit(effort) if drive else effort for drive, effort in pairs]
+
+
+def _drive(where: str, joint: Joint) -> JointDrive | None:
+    motor, coupling = joint.actuator, joint.transmission
+    if motor is None and coupling is None:
+        return None
+    if motor is None or (coupling and motor.rotor_inertia == 0.0):
+        inertia = "missing" if motor is None else motor.rotor_inertia
+        raise SceneError(
+            f"{where}.actuator.rotor_inertia' = {inertia}: a flexible transmission carries the "
+            "rotor on a spring, so the rotor needs an inertia of more than zero"
+        )
+    _check_motor(where, motor)
+    if coupling is not None:
+        _check_coupling(where, coupling, motor)
+    return JointDrive(motor, coupling)
+
+
+def _check_motor(where: str, motor: Actuator) -> None:
+    if motor.command != "torque" or motor.current_limit or motor.voltage_limit:
+        _want(where, "torque_constant", motor.torque_constant, _why(motor, "current_limit"))
+    if motor.command == "voltage" or motor.voltage_limit:
+        _want(where, "resistance", motor.resistance, _why(motor, "voltage_limit"))
+
+
+def _why(motor: Actuator, limit: str) -> str:
+    return f"command: {motor.command}" if motor.command != "torque" else limit
+
+
+def _want(where: str, key: str, value: float | None, reason: str) -> None:
+    if value is None:
+        raise SceneError(
+            f"{where}.actuator.{key}' is missing: '{reason}' needs it, a positive number"
+        )
+
+
+def _check_coupling(where: str, coupling: Transmission, motor: Actuator) -> None:
+    if coupling.stiffness is None:
+        raise SceneError(
+            f"{where}.transmission.stiffness' is missing: a positive number is wanted; "
+            "a rigid drive has no 'transmission'"
+        )
+    if coupling.backlash and coupling.hysteresis:
+        raise SceneError(
+            f"{where}.transmission.backlash' = {coupling.backlash}: with 'hysteresis' none is "
+            "allowed, for teeth that do not touch pass nothing on"
+        )
+    error = coupling.kinematic_error
+    if error and error.amplitude * error.order * abs(motor.gear_ratio) >= 1.0:
+        raise SceneError(
+            f"{where}.transmission.kinematic_error.amplitude' = {error.amplitude}: amplitude · "
+            f"order · |gear_ratio| = {error.amplitude * error.order * abs(motor.gear_ratio):g} "
+            "must stay below 1, or the output would turn back while the motor goes on"
+        )

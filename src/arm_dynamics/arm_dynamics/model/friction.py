@@ -1,0 +1,288 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The friction of a scene's joints as numbers, and F as one law for everybody who needs it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.equations import friction, gear
+from arm_dynamics.equations.elementary import Quantity, size
+from arm_dynamics.equations.interpolation import Curve
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Bristles:
+    """Joints whose dry friction is a LuGre law; arrays of shape (m,), one entry for each of them.
+
+    Attributes:
+        joints: Which joints, in model order.
+        sigma0: Stiffness in [N m/rad] or [N/m].
+        sigma1: Damping in [N m s/rad] or [N s/m].
+        fading: Speed at which the damping fades in [rad/s] or [m/s]; inf where it does not.
+        coulomb: Fc in [N m] or [N].
+        static: Fs in [N m] or [N].
+        stribeck_velocity: vs in [rad/s] or [m/s]; 1 where Fs is Fc.
+    """
+
+    joints: tuple[int, ...]
+    sigma0: Array
+    sigma1: Array
+    fading: Array
+    coulomb: Array
+    static: Array
+    stribeck_velocity: Array
+
+
+@dataclass(frozen=True)
+class JointFriction:
+    """Friction of the joints of a scene; arrays of shape (n,) in model order.
+
+    Where the two directions differ, a coefficient is their mean, and its skew half the difference
+    of the positive and the negative one. The levels of joints with bristles are zero here.
+
+    Attributes:
+        viscous: Viscous friction in [N m s/rad] or [N s/m].
+        viscous_skew: Its skew.
+        coulomb: Dry friction in sliding in [N m] or [N].
+        coulomb_skew: Its skew.
+        static: Dry friction at rest in [N m] or [N], at least ``coulomb``.
+        static_skew: Its skew.
+        excess: Dry friction at creeping speed beyond ``coulomb``; zero where it falls at once.
+        excess_skew: Its skew.
+        stribeck_velocity: Speed of that fall in [rad/s] or [m/s]; 1 where there is none.
+        position: Factor of dry friction by position, or None, for each joint.
+        load: Factor of dry friction by the size of the drive's torque, or None, for each joint.
+        bristles: Joints with a LuGre law, or None.
+        efficiency: Part of the power that a joint's gear passes on.
+    """
+
+    viscous: Array
+    viscous_skew: Array
+    coulomb: Array
+    coulomb_skew: Array
+    static: Array
+    static_skew: Array
+    excess: Array
+    excess_skew: Array
+    stribeck_velocity: Array
+    position: tuple[Curve | None, ...]
+    load: tuple[Curve | None, ...]
+    bristles: Bristles | None
+    efficiency: Array
+
+    @cached_property
+    def has_dry(self) -> bool:
+        """Whether a joint can stick."""
+        return bool(self.level.any())
+
+    @cached_property
+    def directional(self) -> bool:
+        """Whether it asks which way a joint slides, or is about to."""
+        return self.has_dry or self.bristles is not None or bool(self.gears)
+
+    @cached_property
+    def skewed(self) -> bool:
+        """Whether viscous friction depends on the direction."""
+        return bool(self.viscous_skew.any())
+
+    @cached_property
+    def level(self) -> Array:
+        """Scale of ``relative_hold``: ``static``, or 1 where only a gear's loss holds."""
+        only_gear = (self.static == 0.0) & (self.efficiency < 1.0)
+        return np.where(only_gear, 1.0, self.static)
+
+    @cached_property
+    def gearless(self) -> JointFriction:
+        """The same without the gears' losses."""
+        return replace(self, efficiency=np.ones_like(self.efficiency)) if self.gears else self
+
+    @cached_property
+    def gears(self) -> tuple[int, ...]:
+        """Joints with a gear that loses power."""
+        return tuple(np.flatnonzero(self.efficiency < 1.0).tolist())
+
+    @cached_property
+    def by_position(self) -> bool:
+        """Whether it depends on the joints' positions."""
+        return any(curve is not None for curve in self.position)
+
+    @cached_property
+    def by_load(self) -> bool:
+        """Whether it depends on the drives' torques."""
+        return any(curve is not None for curve in self.load)
+
+    def smooth(self, v: Quantity, coefficient: Quantity = None) -> Quantity:
+        """Viscous friction at v; another ``coefficient`` than the scene's, if given."""
+        like = _like(v)
+        mean = like(self.viscous) if coefficient is None else coefficient
+        return friction.viscous(v, mean, like(self.viscous_skew) if self.skewed else None)
+
+    def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        """Friction of joints that slide the way of ``direction`` and have no bristles.
+
+        Args:
+            v: Joint velocities in [rad/s] or [m/s], shape (…, n).
+            direction: -1, 0 or 1 for each joint.
+            q: Joint positions in [rad] or [m]; used only if ``by_position``.
+            load: Drives' torques in [N m] or [N]; used only if ``by_load``.
+
+        Returns:
+            Torques in [N m] or [N], of the sign of ``direction``.
+        """
+        like = _like(v)
+        fall = like(self.stribeck_velocity)
+        mean = friction.dry(v, direction, like(self.coulomb), like(self.excess), fall)
+        if self.coulomb_skew.any() or self.excess_skew.any():
+            skew = like(self.coulomb_skew), like(self.excess_skew)
+            mean = mean + direction * friction.dry(v, direction, skew[0], skew[1], fall)
+        rubbing = self._times_factor(mean, q, load)
+        if not self.gears:
+            return rubbing
+        lost = {
+            i: _column(rubbing, i)
+            + gear.loss(_column(direction, i), _column(load, i), self.efficiency[i])
+            for i in self.gears
+        }
+        return _replaced(rubbing, lost)
+
+    def relative_hold(self, reaction: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        """A torque that holds a sticking joint, on a scale on which ``level`` is the level."""
+        like, whole = _like(reaction), reaction
+        if self.static_skew.any():
+            level = np.where(self.static > 0.0, self.static, 1.0)
+            reaction = reaction / (1.0 + like(self.static_skew / level) * _sign(reaction))
+        factors = self._factors(q, load)
+        held = reaction if factors is None else reaction / factors
+        return self._held_by_gears(held, whole, factors, load) if self.gears else held
+
+    def _held_by_gears(
+        self, held: Quantity, reaction: Quantity, factors: Quantity | None, load: Quantity
+    ) -> Quantity:
+        relative = {}
+        for i in self.gears:
+            push = _column(reaction, i)
+            level = self.static[i] + self.static_skew[i] * _sign(push)
+            level = level if factors is None else level * _column(factors, i)
+            lost = size(gear.loss(_sign(push), _column(load, i), self.efficiency[i]))
+            relative[i] = push * self.level[i] / (level + lost + UNLOADED)
+        return _replaced(held, relative)
+
+    def steady(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        """All the friction of a steady motion, shape (…, n): viscous, dry, and bristles bent."""
+        if not (self.has_dry or self.bristles):
+            return self.smooth(v)
+        return self.smooth(v) + self.steady_dry(v, direction, q, load)
+
+    def steady_dry(
+        self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity
+    ) -> Quantity:
+        """The part of ``steady`` that changes sign with ``direction``."""
+        if not self.bristles:
+            return self.dry(v, direction, q, load)
+        return self.bent(v, direction) + (self.dry(v, direction, q, load) if self.has_dry else 0.0)
+
+    def bent(self, v: Quantity, direction: Quantity) -> Quantity:
+        """Friction of the bristles of a steady motion, of the sign of ``direction``."""
+        b, like = self.bristles, _like(v)
+        if b is None:
+            return 0.0 * v
+        spread = np.eye(len(self.viscous))[list(b.joints)]
+        coulomb, excess = like(b.coulomb @ spread), like((b.static - b.coulomb) @ spread)
+        fall = like(b.stribeck_velocity @ spread + 1.0 - spread.sum(axis=0))
+        return friction.dry(v, direction, coulomb, excess, fall)
+
+    def demanded(self, rigid: Quantity, v: Quantity, direction: Quantity, q: Quantity) -> Quantity:
+        """Torque that moves the rigid arm and overcomes its own load's friction.
+
+        Solves tau = rigid + F(v, q, tau). A factor by load makes F grow with tau, by less than tau
+        does (see ``joint_friction``), so that the repetition converges.
+
+        Args:
+            rigid: M a + C v + G in [N m] or [N], shape (…, n).
+            v: Joint velocities in [rad/s] or [m/s].
+            direction: Which way joints slide; used only if ``directional``.
+            q: Joint positions in [rad] or [m]; used only if ``by_position``.
+
+        Returns:
+            Torques of the shape of ``rigid``.
+        """
+        tau = rigid + self.gearless.steady(v, direction, q, rigid)
+        for _ in range(REPETITIONS if self.by_load else 0):
+            tau = rigid + self.gearless.steady(v, direction, q, tau)
+        return self.gear_input(tau, direction)
+
+    def gear_input(self, wanted: Quantity, direction: Quantity) -> Quantity:
+        """Torques of the motors of which ``wanted`` arrives behind the gears.
+
+        Args:
+            wanted: In [N m] or [N], shape (…, n).
+            direction: Which way joints slide, -1 to 1; a part of one takes that part of the loss.
+        """
+        motors = {}
+        for i in self.gears:
+            way, torque = _column(direction, i), _column(wanted, i)
+            lost = gear.motor_torque(way, torque, self.efficiency[i]) - torque
+            motors[i] = torque + size(way) * lost
+        return _replaced(wanted, motors) if motors else wanted
+
+    def _times_factor(self, torque: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        factors = self._factors(q, load)
+        return torque if factors is None else torque * factors
+
+    def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
+        if not (self.by_position or self.by_load):
+            return None
+        product: Any = 1.0
+        for curves, x in ((self.position, q), (self.load, load)):
+            if any(curve is not None for curve in curves):
+                product = product * _applied(curves, x if curves is self.position else size(x))
+        return product
+
+
+REPETITIONS = 40
+STEEPEST = 0.5
+"""Most that friction may grow with the torque that causes it; each repetition halves the error."""
+UNLOADED = 1e-12
+"""What a gear without load holds in [N m] or [N], so that nothing is divided by zero."""
+
+
+def _column(x: Quantity, i: int) -> Quantity:
+    return x[i] if isinstance(x, ca.SX) else np.asarray(x)[..., i]
+
+
+def _replaced(x: Quantity, columns: dict[int, Quantity]) -> Quantity:
+    """``x`` with the entries of some joints replaced."""
+    changed = ca.SX(x) if isinstance(x, ca.SX) else np.array(x, dtype=float)
+    for i, column in columns.items():
+        changed[i if isinstance(x, ca.SX) else (..., i)] = column
+    return changed
+
+
+def _applied(curves: Sequence[Curve | None], x: Quantity) -> Quantity:
+    if isinstance(x, ca.SX):
+        return ca.vertcat(*[1.0 if c is None else c(x[i]) for i, c in enumerate(curves)])
+    x = np.asarray(x)
+    ones = np.ones(x.shape[:-1])
+    return np.stack([ones if c is None else c(x[..., i]) for i, c in enumerate(curves)], axis=-1)
+
+
+def _like(x: Quantity) -> Any:
+    """What turns coefficients into the kind of ``x``; zeros vanish from an expression."""
+    return _expression if isinstance(x, ca.SX) else np.asarray
+
+
+def _expression(values: Array) -> ca.SX:
+    return ca.sparsify(ca.SX(ca.DM(values)))
+
+
+def _sign(x: Quantity) -> Quantity:
+    return ca.sign(x) if isinstance(x, ca.SX) else np.sign(x)

@@ -1,0 +1,269 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States that obey the constraints, and how many constraint rows are independent.
+
+In coordinates x = Cᵀ a, with M = C Cᵀ, the metric of M is the identity, and the constraints are
+Y x = b with Y = A C^-ᵀ; everything here follows from the singular values of Y.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.exceptions import ConstraintError, InvalidInput, ModelError, known_names
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.constraint_rows import ConstraintRows, Row
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+
+# Constraints count as closed at this residual in [m] or [rad]; Newton goes on to rounding.
+CLOSED = 1e-10
+NEWTON_STEPS = 100
+# Longest step of a joint on the way to a closed position, in [rad] or [m].
+LONGEST = 0.3
+# Singular values under this part of the largest count as zero.
+RANK = 1e-9
+# Positions at which the rank is looked at, and how far the robot wanders between them.
+SAMPLES, WANDER = 6, 0.2
+
+
+@dataclass(frozen=True)
+class Factors:
+    """Singular values of the constraints in the metric of M; those that count as zero left out.
+
+    Attributes:
+        C: Lower factor of M = C Cᵀ, shape (n, n).
+        U: Shape (m, r).
+        s: Largest first, shape (r,).
+        Vt: Shape (r, n).
+    """
+
+    C: Array
+    U: Array
+    s: Array
+    Vt: Array
+
+    def nearest(self, b: Array) -> Array:
+        """Shortest motion with A a = b in the metric of M, shape (n,)."""
+        motion: Array = np.linalg.solve(self.C.T, self.Vt.T @ (self.U.T @ b / self.s))
+        return motion
+
+
+class Closure:
+    """Closed states of one model; for single states of shape (n,).
+
+    Args:
+        model: The model; used from one thread only.
+
+    Attributes:
+        rows: Its constraint rows.
+
+    Raises:
+        SceneError: If a constraint leaves nothing to move.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        self.model, self.rows = model, ConstraintRows(model)
+        self._rigid = RigidTerms(model)
+        self._ranks: dict[tuple[str, ...], int] = {}
+
+    @property
+    def initially_active(self) -> tuple[str, ...]:
+        """Names of the constraints that hold at the start."""
+        pairs = zip(self.rows.names, self.rows.constraints, strict=True)
+        return tuple(name for name, constraint in pairs if constraint.active)
+
+    def chosen(self, active: Collection[str] | None) -> tuple[str, ...]:
+        """Check names of constraints; None stands for those that hold at the start."""
+        if active is None:
+            return self.initially_active
+        for name in active:
+            if name not in self.rows.names:
+                allowed = known_names(self.rows.names)
+                raise InvalidInput(f"there is no constraint '{name}'; allowed: {allowed}")
+        return tuple(name for name in self.rows.names if name in active)
+
+    def closed(
+        self, q: Array, v: Array, active: Collection[str] | None = None
+    ) -> tuple[Array, Array]:
+        """The state near a given one that obeys the constraints, near in the metric of M.
+
+        Args:
+            q: Joint positions, shape (n,).
+            v: Joint velocities, shape (n,).
+            active: Names of the constraints that hold; None for those that do at the start.
+
+        Returns:
+            Positions and velocities.
+
+        Raises:
+            ConstraintError: If there is none on the way downhill from here.
+        """
+        names = self.chosen(active)
+        q = self._closed_position(q, names)
+        A = self.rows.stacked(q, v, names).jacobian
+        return q, v + self.factors(q, A, self.rank(names, q)).nearest(-(A @ v))
+
+    def residuals(self, q: Array, active: Collection[str] | None = None) -> dict[str, float]:
+        """How far each constraint is open in [m] or [rad]."""
+        names = self.chosen(active)
+        pairs = zip(self.rows.names, self.rows.at(q, np.zeros_like(q)), strict=True)
+        return {name: float(abs(row.residual).max()) for name, row in pairs if name in names}
+
+    def factors(self, q: Array, A: Array, rank: int) -> Factors:
+        """Factors of rows A of shape (m, n) with at most ``rank`` singular values."""
+        C = cholesky(self._rigid.mass(q))
+        U, s, Vt = np.linalg.svd(np.linalg.solve(C, A.T).T, full_matrices=False)
+        r = min(rank, int(np.sum(s > RANK * s[0]))) if s.size and s[0] > 0.0 else 0
+        return Factors(C, U[:, :r], s[:r], Vt[:r])
+
+    def rank(self, names: tuple[str, ...], near: Array) -> int:
+        """Independent rows of the named constraints at a general closed position.
+
+        An overconstrained linkage moves only because its rows depend on one another wherever it is
+        closed; where it is not, be it by rounding, they seem independent.
+        """
+        if names not in self._ranks:
+            places = self._wander(near, names)
+            A = [self.rows.stacked(q, 0 * q, names).jacobian for q in places]
+            found = [self.factors(q, a, min(a.shape)).s for q, a in zip(places, A, strict=True)]
+            self._ranks[names] = max(len(s) for s in found)
+        return self._ranks[names]
+
+    def kept(self, names: tuple[str, ...]) -> list[int]:
+        """Which rows of the named constraints, stacked, are among ``model.constraint_rows``."""
+        kept, first = list[int](), 0
+        for name, place, count in zip(
+            self.rows.names, self.rows.places, self.rows.counts, strict=True
+        ):
+            if name in names:
+                kept += [first + k for k in self.model.constraint_rows[place]]
+                first += count
+        return kept
+
+    def independent_rows(self) -> dict[int, tuple[int, ...]]:
+        """Rows that imply all others wherever the constraints are closed.
+
+        A row of a constraint that can be switched off is left out only if those that cannot, and
+        rows of its own, imply it.
+
+        Returns:
+            Numbers of the rows to keep, by the constraint's place in the scene's list.
+        """
+        rows = self.rows
+        owner = np.repeat(np.arange(len(rows.names)), rows.counts)
+        fixed = [i for i, constraint in enumerate(rows.constraints) if not constraint.switchable]
+        kept = self._pivots(fixed, np.flatnonzero(np.isin(owner, fixed)), [])
+        free = [i for i in range(len(rows.names)) if i not in fixed]
+        extra = [self._pivots([*fixed, i], np.flatnonzero(owner == i), kept) for i in free]
+        kept = sorted([*kept, *(k for group in extra for k in group)])
+        first = np.concatenate([[0], np.cumsum(rows.counts)])
+        return {
+            place: tuple(int(k - first[i]) for k in kept if owner[k] == i)
+            for i, place in enumerate(rows.places)
+        }
+
+    def _pivots(
+        self, active: list[int], candidates: NDArray[np.intp], taken: list[int]
+    ) -> list[int]:
+        """Choose among rows, one after the other, the one with most that is new."""
+        names = tuple(self.rows.names[i] for i in sorted(active))
+        if not len(candidates):
+            return []
+        try:
+            bases = [self._metric_rows(q) for q in self._wander(self.model.q0, names)]
+        except ConstraintError:  # one that is off need not be within reach
+            return [int(k) for k in candidates]
+        for k in taken:
+            bases = [_without(Y, k) for Y in bases]
+        chosen: list[int] = []
+        for _ in range(self.rank(names, self.model.q0) - len(taken)):
+            sizes = np.array([np.linalg.norm(Y[candidates], axis=1) for Y in bases])
+            # One of the positions may be singular by chance: no single one decides.
+            best = int(candidates[np.argmax(np.log(np.maximum(sizes, RANK)).sum(0))])
+            bases = [_without(Y, best) for Y in bases]
+            chosen.append(best)
+        return chosen
+
+    def _metric_rows(self, q: Array) -> Array:
+        """Y of all constraints, shape (m, n)."""
+        A = self.rows.stacked(q, 0 * q, self.rows.names).jacobian
+        Y: Array = np.linalg.solve(np.linalg.cholesky(self._rigid.mass(q)), A.T).T
+        return Y
+
+    def _wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
+        """Some closed positions along the motion that the constraints leave."""
+        rng, places = np.random.default_rng(0), [self._closed_position(start, names)]
+        for _ in range(SAMPLES - 1):
+            q = places[-1]
+            A = self.rows.stacked(q, 0 * q, names).jacobian
+            v = rng.normal(size=len(q))
+            v = v - self.factors(q, A, min(A.shape)).nearest(A @ v)
+            try:
+                q = self._closed_position(q + WANDER * v / max(1e-9, abs(v).max()), names)
+            except ConstraintError:
+                continue
+            places.append(q)
+        return places
+
+    def _closed_position(self, q: Array, names: tuple[str, ...]) -> Array:
+        """Newton's method in the metric of M, damped so that the residual falls."""
+        row = self.rows.stacked(q, 0 * q, names)
+        size = float(np.linalg.norm(row.residual))
+        for _ in range(NEWTON_STEPS):
+            if size == 0.0:
+                break
+            A = row.jacobian
+            step = self.factors(q, A, min(A.shape)).nearest(-row.residual)
+            step *= min(1.0, LONGEST / max(abs(step).max(), 1e-300))
+            found = self._downhill(q, step, size, names)
+            if found is None:
+                break
+            q, row = found
+            size = float(np.linalg.norm(row.residual))
+        if size > CLOSED:
+            raise self._open(q, names)
+        return q
+
+    def _downhill(
+        self, q: Array, step: Array, size: float, names: tuple[str, ...]
+    ) -> tuple[Array, Row] | None:
+        for halving in range(12):
+            trial = q + 0.5**halving * step
+            row = self.rows.stacked(trial, 0 * q, names)
+            if np.linalg.norm(row.residual) < (1.0 - 1e-3 * 0.5**halving) * size:
+                return trial, row
+        return None
+
+    def _open(self, q: Array, names: tuple[str, ...]) -> ConstraintError:
+        left = self.residuals(q, names)
+        said = ", ".join(f"'{name}' by {size:.3g}" for name, size in left.items() if size > CLOSED)
+        return ConstraintError(
+            f"constraints cannot be closed from this position; left open, in m or rad: {said}. "
+            "Do they contradict one another, or is the position too far off?",
+            left,
+        )
+
+
+def cholesky(M: Array) -> Array:
+    """Lower factors C of mass matrices M = C Cᵀ, shape (…, n, n).
+
+    Raises:
+        ModelError: If one is not positive definite.
+    """
+    try:
+        return np.linalg.cholesky(M)
+    except np.linalg.LinAlgError:
+        raise ModelError(
+            "a joint moves no mass; give a link inertia, the joint an armature, or lock it"
+        ) from None
+
+
+def _without(Y: Array, k: int) -> Array:
+    """Rows with the direction of row ``k`` taken out."""
+    size = np.linalg.norm(Y[k])
+    y = Y[k] / size if size > RANK else np.zeros_like(Y[k])
+    rest: Array = Y - np.outer(Y @ y, y)
+    return rest

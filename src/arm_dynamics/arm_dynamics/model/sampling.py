@@ -1,0 +1,23 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint positions all over an arm's reach, always the same ones: for seeds and typical values."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_dynamics.model.arm import ArmModel, Array
+
+
+def postures(model: ArmModel, count: int) -> Array:
+    """Positions in [rad] or [m] within the joint limits, a turn where there are none.
+
+    Args:
+        model: The arm.
+        count: How many.
+
+    Returns:
+        Shape (count, n).
+    """
+    low = np.where(np.isfinite(model.position_lower), model.position_lower, -np.pi)
+    high = np.where(np.isfinite(model.position_upper), model.position_upper, np.pi)
+    return np.random.default_rng(0).uniform(low, high, (count, model.n))

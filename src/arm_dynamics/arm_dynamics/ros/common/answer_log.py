@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a controller has answered: the last answer again, and how it is doing."""
+
+from __future__ import annotations
+
+import time
+
+from rclpy.node import Node
+
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
+
+SILENCE = 1.0  # [s] without a joint state that are worth a word
+
+
+class AnswerLog:
+    """Remembers the last state and its answer, and counts.
+
+    A state that comes again, byte for byte, gets the same answer: a partner in lockstep asks again
+    when a message was lost, and a law that remembers must not take that for another tick.
+
+    Attributes:
+        passed_over: States that could not be used.
+        jumps: How often time went backwards, or on by too much.
+    """
+
+    def __init__(self) -> None:
+        """Start without any."""
+        self._raw, self._command = b"", b""
+        self._seen = self._since = time.monotonic()
+        self._answers = self.passed_over = self.jumps = 0
+        self._before = (0, 0, 0)
+
+    def again(self, raw: bytes) -> bytes | None:
+        """The answer that this state got if it is the last one, else None."""
+        self._seen = time.monotonic()
+        return self._command if raw == self._raw else None
+
+    def note(self, raw: bytes, command: bytes) -> None:
+        """Take note of an answer."""
+        self._raw, self._command = raw, command
+        self._answers += 1
+
+    def forget(self) -> None:
+        """Answer the next state anew even if it is the last one."""
+        self._raw = b""
+
+    def finding(
+        self, node: Node, law: str, cut: list[str], goals: dict[str, str | int]
+    ) -> Finding:
+        """How it is doing, for ``/diagnostics``.
+
+        Args:
+            node: The controller.
+            law: The law in force.
+            cut: Joints whose torque was cut at its limit.
+            goals: What became of the newest goal, and how many ``goals refused``.
+        """
+        now, found = time.monotonic(), Finding("controller")
+        executor = type(node.executor).__name__ if node.executor is not None else "none"
+        found.values = {
+            "law": law, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
+            "last state [s]": now - self._seen, "states passed over": self.passed_over,
+            "jumps of time": self.jumps, **goals, "executor": executor,
+        }  # fmt: skip
+        if now - self._seen > SILENCE:
+            found.complain(ERROR, f"no joint state for {now - self._seen:.1f} s")
+        refused = int(goals["goals refused"])
+        states, refusals, jumps = self._before
+        if self.passed_over > states:
+            found.complain(WARN, f"{self.passed_over - states} joint states passed over")
+        if refused > refusals:
+            found.complain(WARN, f"{refused - refusals} goals refused")
+        if self.jumps > jumps:
+            found.complain(WARN, "time jumped; held where the arm was")
+        if cut:
+            found.complain(WARN, f"torque cut at the effort limit: {', '.join(cut)}")
+        self._before = self.passed_over, refused, self.jumps
+        self._answers, self._since = 0, now
+        return found

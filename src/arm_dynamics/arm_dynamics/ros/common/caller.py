@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Calls services of running nodes and says what is wrong when there is no answer."""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable
+from functools import partial
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from arm_dynamics.exceptions import NoAnswer
+from arm_dynamics.ros.common.direct import Asker
+from arm_dynamics.ros.common.privileges import put_timers_aside
+from arm_dynamics.ros.interfaces import Service
+
+_RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
+_SETTLE = 0.3  # [s] for the server to see the client, where a request must not be repeated
+_GLANCE = 0.05  # [s] between looks at who offers a service, while its answer is awaited
+_LOOK = 0.01  # [s] between looks whether anybody offers it
+
+
+class Caller:
+    """A node that asks other ones. It has a context of its own."""
+
+    def __init__(self, timeout: float, domain: int | None = None) -> None:
+        """Join the ROS graph; ``close`` leaves it.
+
+        Args:
+            timeout: How long to wait for a node, and for each of its answers, in [s].
+            domain: ROS domain; None for that of the environment.
+        """
+        self._timeout = timeout
+        self._context = Context()
+        rclpy.init(
+            args=[], context=self._context, domain_id=domain,
+            signal_handler_options=SignalHandlerOptions.NO,
+        )  # fmt: skip
+        self._node = Node(
+            f"arm_call_{os.getpid()}_{id(self) & 0xFFFFFF:x}", context=self._context,
+            enable_rosout=False, start_parameter_services=False,
+        )  # fmt: skip
+        put_timers_aside()
+        self._askers: dict[tuple[str, str], Asker] = {}
+        self._answered: set[Asker] = set()
+        self._offering: dict[Asker, int] = {}
+
+    def close(self) -> None:
+        """Leave the graph; calling it again does no harm."""
+        if self._context.ok():
+            self._askers.clear()
+            self._node.destroy_node()
+            self._context.try_shutdown()
+
+    def ask(self, node: str, service: Service, request: Any, repeatable: bool = True) -> Any:
+        """Call a service; a request that brings no answer is repeated.
+
+        Args:
+            node: Name of the node to be asked, with its namespace if it has one.
+            service: Which one.
+            request: The request.
+            repeatable: Whether asking twice does no harm.
+
+        Returns:
+            The response.
+
+        Raises:
+            NoAnswer: If nobody offers the service, or nobody answers.
+        """
+        asker = self._asker(node, service)
+        if not _until(asker.ready, self._timeout):
+            self._answered.discard(asker)
+            raise NoAnswer(self._nobody(asker.name))
+        met = asker in self._answered
+        if not (met or repeatable):
+            time.sleep(_SETTLE)
+        # One that has answered before may have been started anew since; but give it time to work.
+        patience = self._timeout / 3.0 if met else _RETRY
+        response = self._response(asker, request, patience if repeatable else None)
+        if response is None:
+            self._answered.discard(asker)
+            raise NoAnswer(self._silence(asker.name, repeatable))
+        self._answered.add(asker)
+        return response
+
+    def _asker(self, node: str, service: Service) -> Asker:
+        asker = self._askers.get((node, service.name))
+        if asker is None:
+            name = service.name.replace("~", "/" + node.strip("/"))
+            asker = self._askers[node, service.name] = Asker(self._node, service, name)
+        return asker
+
+    def _response(self, asker: Asker, request: Any, patience: float | None) -> Any | None:
+        """What is answered; asked again after ``patience`` in [s], unless that is None."""
+        end, response, asked = time.monotonic() + self._timeout, None, set[int]()
+        while response is None and (left := end - time.monotonic()) > 0.0:
+            asked.add(asker.ask(request))
+            if patience is None:
+                return asker.answer(asked, left)
+            response, changed = self._watched(asker, asked, min(patience, left))
+            # Later each time, but three times at least.
+            longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
+            patience = _RETRY if changed else longer
+        return response
+
+    def _watched(self, asker: Asker, asked: set[int], patience: float) -> tuple[Any | None, bool]:
+        """Wait for an answer; say whether who offers the service has changed before it came.
+
+        One that was killed still counts as there for up to 20 s: what was asked of it is lost.
+        """
+        count = partial(self._node.count_services, asker.name)
+        if asker not in self._offering:
+            self._offering[asker] = count()
+        end = time.monotonic() + patience
+        while (left := end - time.monotonic()) > 0.0:
+            if (response := asker.answer(asked, min(_GLANCE, left))) is not None:
+                return response, False
+            if (now := count()) != self._offering[asker]:
+                self._offering[asker] = now
+                return None, True
+        return None, False
+
+    def _nobody(self, name: str) -> str:
+        lines = [f"no node offers {name} (waited {self._timeout:g} s)"]
+        wanted, offered = name.rsplit("/", 1)[1], self._node.get_service_names_and_types()
+        others = [o for o, _ in offered if o.rsplit("/", 1)[1] == wanted and o != name]
+        if others:
+            lines.append(f"it is offered as {', '.join(others)}")
+        nodes = [
+            f"{'' if space == '/' else space}/{node}"
+            for node, space in self._node.get_node_names_and_namespaces()
+            if node != self._node.get_name()
+        ]
+        lines.append(f"nodes seen: {', '.join(sorted(nodes)) or 'none'}")
+        domain = self._context.get_domain_id()
+        lines.append(f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}")
+        return "\n  ".join(lines)
+
+    def _silence(self, name: str, repeatable: bool) -> str:
+        return (
+            f"{name} is there but gave no answer within {self._timeout:g} s; is its node busy or "
+            "stopped?"
+            + ("" if repeatable else " The request may have been carried out all the same")
+        )
+
+
+def _until(condition: Callable[[], bool], timeout: float) -> bool:
+    end = time.monotonic() + timeout
+    while not (met := condition()) and time.monotonic() < end:
+        time.sleep(_LOOK)
+    return met

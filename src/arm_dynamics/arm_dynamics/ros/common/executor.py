@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The fastest executor that works here, and the life of a process that runs one node."""
+
+from __future__ import annotations
+
+import signal
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.context import Context
+from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.ros.common.core_log import core_log_of
+from arm_dynamics.ros.common.privileges import freeze_garbage, put_timers_aside
+
+FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
+_PROBE_TIMEOUT = 0.5  # [s]
+_GLANCE = 0.1  # [s] between looks at whether to end, when nothing happens
+_THROTTLE = 2.0  # [s] between messages of one kind
+
+
+def make_executor(node: Node) -> Executor:
+    """Give a node the events executor if it dispatches, else the single-threaded one.
+
+    The events executor takes a tenth of the processor time, but its ``spin`` dispatches nothing in
+    some releases; drive either by ``spin_once``.
+
+    Args:
+        node: The node to be spun; it is added.
+    """
+    try:
+        from rclpy.experimental.events_executor import EventsExecutor
+    except ImportError:
+        return _single_threaded(node)
+    executor = EventsExecutor(context=node.context)
+    executor.add_node(node)
+    if _dispatches(executor, node):
+        return executor
+    executor.remove_node(node)
+    executor.shutdown()
+    return _single_threaded(node)
+
+
+def _single_threaded(node: Node) -> Executor:
+    executor = SingleThreadedExecutor(context=node.context)
+    executor.add_node(node)
+    return executor
+
+
+def _dispatches(executor: Executor, node: Node) -> bool:
+    """See whether a timer of the node is called."""
+    called: list[bool] = []
+    timer = node.create_timer(0.001, lambda: called.append(True))
+    end = time.monotonic() + _PROBE_TIMEOUT
+    try:
+        # More than once: a request that waits already comes first.
+        while not called and (left := end - time.monotonic()) > 0.0:
+            executor.spin_once(timeout_sec=left)
+    finally:
+        node.destroy_timer(timer)
+    return bool(called)
+
+
+def spin(node: Node, done: Callable[[], bool]) -> None:
+    """Run a node's callbacks until ``done``, or until its context is shut down."""
+    executor = make_executor(node)
+    try:
+        while node.context.ok() and not done():
+            executor.spin_once(timeout_sec=_GLANCE)
+    except ExternalShutdownException:
+        pass
+    finally:
+        executor.remove_node(node)  # before what its callbacks point to is gone
+        executor.shutdown()
+
+
+def surviving(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], None]:
+    """Wrap the callback of a topic: what goes wrong in it is logged and does not end the node."""
+
+    def guarded(message: Any) -> None:
+        try:
+            callback(message)
+        except Exception as error:
+            node.get_logger().error(
+                f"a message was passed over after an unexpected failure: {error!r}",
+                throttle_duration_sec=_THROTTLE,
+            )
+
+    return guarded
+
+
+def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
+    """Be the process of one node: start, spin until SIGINT or SIGTERM, leave nothing behind.
+
+    The signals only ask for the end, so that the node is taken down while ROS still works.
+
+    Args:
+        make_node: The node's class, called with ``context=``.
+        args: ROS command line, that of the process when None.
+
+    Returns:
+        0 after an orderly end, 2 when the node could not start, with the reason on stderr.
+    """
+    asked: list[int] = []
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda received, _: asked.append(received))
+    context = Context()
+    node: Any = None
+    try:
+        _initialize(context, args)
+        node = make_node(context=context)
+        put_timers_aside()
+        if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
+            freeze_garbage()
+        with core_log_of(node):
+            spin(node, lambda: bool(asked))
+    except ArmError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    finally:
+        if node is not None:
+            node.destroy_node()
+        context.try_shutdown()
+    return 0
+
+
+def _initialize(context: Context, args: list[str] | None) -> None:
+    try:
+        rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
+    except RuntimeError as error:
+        raise InvalidInput(f"ROS cannot start: {error}") from error

@@ -1,0 +1,191 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller node is told to follow: trajectories, poses and paths, planned aside.
+
+Planning may take longer than a tick, so it has a thread of its own; a motion is taken between two
+ticks, where the reference is as it was planned from. The newest goal counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+
+from geometry_msgs.msg import PoseStamped
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.ros.common import convert
+from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.params import ControllerParams, task_axes
+from arm_dynamics.ros.controller.goal_bytes import PathBytes, TrajectoryBytes
+from arm_dynamics.ros.dynamics.poses import goal_of, path_of
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.trajectory.follower import Follower, Outset
+from arm_dynamics.trajectory.joint_path import paced
+from arm_dynamics.trajectory.planner import CartesianGoals, Pace
+from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory
+from arm_dynamics.trajectory.time_optimal import retimed
+
+_TIMINGS = {"smooth": paced, "time_optimal": retimed}
+_AT_ONCE = 10  # points that are planned within two ticks
+_LEAD = 50_000_000  # [ns] to plan in, while the arm moves
+_TRIES = 8  # each with twice the lead
+
+
+@dataclass(frozen=True)
+class _Goal:
+    """Something to follow: what it is, when its times count from, and how it is planned."""
+
+    kind: str
+    about: str
+    start: int | None
+    plan: Callable[[Outset], Motion]
+
+
+class Goals:
+    """Plans what is asked for and has a follower follow it.
+
+    Attributes:
+        follower: What gives references; None until the arm has been seen.
+        stamp: Stamp of the newest state in [ns].
+        outcome: What became of the newest goal, for people; empty before the first.
+        refused: How many goals were refused.
+    """
+
+    def __init__(self, model: ArmModel, limits: Limits, log: RcutilsLogger) -> None:
+        """Take the model, which is only read, the limits of all motions and a place to say it."""
+        self.follower: Follower | None = None
+        self.stamp = -1
+        self.outcome = ""
+        self.refused = 0
+        self._model, self._limits, self._log = model, limits, log
+        self._background = Background("planner")
+
+    @property
+    def busy(self) -> bool:
+        """Whether a goal is being planned."""
+        return self._background.busy
+
+    def close(self) -> None:
+        """End the planner's thread."""
+        self._background.close()
+
+    def deliver(self) -> None:
+        """Take what has been planned, if anything."""
+        self._background.deliver()
+
+    def hold(self, q: Array) -> None:
+        """Stand still at ``q``, shape (n,); what is being planned is given up."""
+        self.follower = Follower(q, self._limits)
+        if self._background.give_up():
+            self.outcome = "given up, the arm is held where it is"
+
+    def reference(self, stamp: int) -> Reference:
+        """The reference at a stamp in [ns]."""
+        self.stamp = stamp
+        return self.follower.reference(stamp)
+
+    def trajectory(self, raw: bytes) -> None:
+        """Follow a serialized JointTrajectory from the present reference on, or say why not."""
+        n = self._model.n
+        if (message := self._result("trajectory", lambda: TrajectoryBytes.of(raw, n))) is None:
+            return
+
+        def plan(outset: Outset) -> Motion:
+            points = convert.waypoints(message, self._model.joint_names, outset.here)
+            motion = outset.through(points, self._limits)
+            while points:  # given back one by one: all in one go would hold up the loop
+                points.pop()
+            return motion
+
+        goal = _Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
+        self._follow(goal, at_once=message.count <= _AT_ONCE)
+
+    def pose(self, message: PoseStamped, params: ControllerParams) -> None:
+        """Lead the task's frame straight to a pose, or say why not."""
+
+        def plan(outset: Outset) -> Motion:
+            goal = goal_of(message, self._model)
+            return self._planner(params).line(outset.here, goal)
+
+        self._follow(_Goal("Cartesian goal", "a straight line", None, plan))
+
+    def path(self, raw: bytes, params: ControllerParams) -> None:
+        """Lead the task's frame through the poses of a serialized Path, or say why not."""
+        if (message := self._result("Cartesian path", lambda: PathBytes.of(raw))) is None:
+            return
+
+        def plan(outset: Outset) -> Motion:
+            poses = path_of(message, self._model)
+            return self._planner(params).through(outset.here, poses)
+
+        self._follow(_Goal("Cartesian path", f"{message.count} poses", None, plan))
+
+    def _planner(self, params: ControllerParams) -> CartesianGoals:
+        """One of its own for every plan: it works on the planner's thread."""
+        if not params.task_frame:
+            raise InvalidInput("parameter 'task_frame' is empty; allowed is a frame that moves")
+        dynamics = Dynamics(self._model)
+        task = TaskSpace(dynamics, params.task_frame, selection=task_axes(params))
+        pace = Pace(params.cartesian_speed, params.cartesian_acceleration, self._limits)
+        return CartesianGoals(task, dynamics, pace, _TIMINGS[params.cartesian_timing])
+
+    def _follow(self, goal: _Goal, at_once: bool = False, tries: int = 0) -> None:
+        follower = self.follower
+        if follower is None:
+            self._refuse(goal.kind, ": no joint state has been seen yet")
+            return
+        moving = follower.remaining(self.stamp) > 0.0
+        lead = 0 if at_once or not moving else _LEAD << tries
+        outset = follower.outset(self.stamp, goal.start, lead)
+        plan = partial(goal.plan, outset)
+        if at_once:
+            self._take(goal, follower, outset, _TRIES, plan)
+            return
+        self.outcome = f"planning {goal.kind}: {goal.about}"
+        if self._background.start(plan, partial(self._take, goal, follower, outset, tries)):
+            self._log.info("a newer goal takes the place of one that was being planned")
+
+    def _take(
+        self,
+        goal: _Goal,
+        follower: Follower,
+        outset: Outset,
+        tries: int,
+        result: Callable[[], Motion],
+    ) -> None:
+        """Follow what has been planned, or plan it again where that came too late."""
+        motion = self._result(goal.kind, result)
+        if motion is None:
+            return
+        if follower.take(outset, motion, self.stamp):
+            self._background.give_up()
+            self._accept(goal, motion)
+        elif tries < _TRIES:
+            self._follow(goal, tries=tries + 1)
+        else:
+            self._refuse(goal.kind, ": the arm's reference changed faster than it was planned")
+
+    def _result[T](self, kind: str, result: Callable[[], T]) -> T | None:
+        kept = ", the one before goes on: "
+        try:
+            return result()
+        except ArmError as error:
+            self._refuse(kind, f"{kept}{error}")
+        except Exception as error:
+            self._refuse(kind, f"{kept}unexpected failure: {error!r}")
+        return None
+
+    def _accept(self, goal: _Goal, motion: Motion) -> None:
+        stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
+        slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
+        self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
+        self._log.info(self.outcome)
+
+    def _refuse(self, kind: str, why: str) -> None:
+        self.outcome = f"{kind} refused{why}"
+        self.refused += 1
+        self._log.error(self.outcome)

@@ -1,0 +1,243 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Constraints of a scene: closed chains, an arm that touches the world, coupled joints.
+
+A frame is a link or joint of the URDF, or ``world``. What is measured in axes is measured in those
+of the *second* frame.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, field_validator, model_validator
+
+from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.scene.contact import Contact, check_contact
+from arm_dynamics.scene.types import Direction, Finite, Part, Positive, Vector3
+from arm_dynamics.scene.urdf import Urdf
+
+Array = NDArray[np.float64]
+
+WORLD = "world"
+Frames = tuple[str, str]
+ORIGIN = (0.0, 0.0, 0.0)
+UPWARD = (0.0, 0.0, 1.0)
+
+
+class _Constraint(Part):
+    """What all constraints have.
+
+    Attributes:
+        name: What messages and ``set_constraint`` call it; by default type and place in the list.
+        switchable: Whether it can be switched on and off while the simulator runs.
+        active: Whether it holds at the start; false only for a switchable one.
+    """
+
+    name: str | None = Field(default=None, min_length=1)
+    switchable: bool = False
+    active: bool = True
+
+    @model_validator(mode="after")
+    def _may_be_off(self) -> _Constraint:
+        if not self.active and not self.switchable:
+            raise ValueError("active: false is for a constraint with switchable: true")
+        return self
+
+
+class _BetweenFrames(_Constraint):
+    """A constraint between two frames.
+
+    Attributes:
+        frames: The two, first and second.
+        points: A point of each, in its own axes, in [m].
+    """
+
+    frames: Frames
+    points: tuple[Vector3, Vector3] = (ORIGIN, ORIGIN)
+
+    @field_validator("frames")
+    @classmethod
+    def _two(cls, value: Frames) -> Frames:
+        if value[0] == value[1]:
+            raise ValueError("two different frames are wanted")
+        return value
+
+
+class PointConstraint(_BetweenFrames):
+    """The two points coincide: a ball joint, or in the plane a hinge."""
+
+    type: Literal["point"]
+
+
+class FrameConstraint(_BetweenFrames):
+    """The frames are welded together.
+
+    Attributes:
+        rpy: Roll, pitch and yaw of the first frame in the second in [rad].
+    """
+
+    type: Literal["frame"]
+    rpy: Vector3 = ORIGIN
+
+
+class LineConstraint(_BetweenFrames):
+    """The first point stays on a line through the second one.
+
+    Attributes:
+        direction: Of the line, in the second frame.
+    """
+
+    type: Literal["line"]
+    direction: Direction
+
+
+class PlaneConstraint(_BetweenFrames):
+    """The first point stays on a plane through the second one.
+
+    Attributes:
+        normal: Of the plane, in the second frame.
+        height: Of the first point above the plane in [m].
+    """
+
+    type: Literal["plane"]
+    normal: Direction = UPWARD
+    height: Finite = 0.0
+
+
+class DistanceConstraint(_BetweenFrames):
+    """The points keep their distance, as if a massless rod held them.
+
+    Attributes:
+        distance: In [m].
+    """
+
+    type: Literal["distance"]
+    distance: Positive
+
+
+class RollingConstraint(_BetweenFrames):
+    """The first frame is the centre of a wheel or a ball that rolls on a plane without slipping.
+
+    The material point that touches does not move along the plane. Nothing keeps the centre at its
+    height; a ``plane`` constraint does that.
+
+    Attributes:
+        radius: In [m].
+        normal: Of the plane, in the second frame, towards the wheel.
+        axle: Axis of a wheel, in the first frame; a ball if absent.
+    """
+
+    type: Literal["rolling"]
+    radius: Positive
+    normal: Direction = UPWARD
+    axle: Direction | None = None
+
+
+class CouplingConstraint(_Constraint):
+    """Two joints move together: position of the first = ratio * that of the second + offset.
+
+    Attributes:
+        joints: The two.
+        ratio: A gear's is negative where the joints turn against each other.
+        offset: In [rad] or [m].
+    """
+
+    type: Literal["coupling"]
+    joints: tuple[str, str]
+    ratio: Finite
+    offset: Finite = 0.0
+
+    @field_validator("joints")
+    @classmethod
+    def _two(cls, value: tuple[str, str]) -> tuple[str, str]:
+        if value[0] == value[1]:
+            raise ValueError("two different joints are wanted")
+        return value
+
+
+FrameBased = (
+    PointConstraint
+    | FrameConstraint
+    | LineConstraint
+    | PlaneConstraint
+    | DistanceConstraint
+    | RollingConstraint
+)
+Bilateral = FrameBased | CouplingConstraint
+Constraint = Annotated[Bilateral | Contact, Field(discriminator="type")]
+SCHEMAS: dict[str, type[Part]] = {
+    "point": PointConstraint,
+    "frame": FrameConstraint,
+    "line": LineConstraint,
+    "plane": PlaneConstraint,
+    "distance": DistanceConstraint,
+    "rolling": RollingConstraint,
+    "coupling": CouplingConstraint,
+    "contact": Contact,
+}
+
+
+def switchable(constraints: tuple[Constraint, ...]) -> list[int]:
+    """Places of the constraints that can be switched on and off."""
+    return [i for i, c in enumerate(constraints) if not isinstance(c, Contact) and c.switchable]
+
+
+def switches(constraints: tuple[Constraint, ...]) -> Array:
+    """1 or 0 for each switchable constraint: does it hold at the start?"""
+    held = [constraints[i] for i in switchable(constraints)]
+    return np.array([float(not isinstance(c, Contact) and c.active) for c in held])
+
+
+def label(constraint: Constraint, place: int) -> str:
+    """What a constraint is called: its name, else its type and place in the scene's list."""
+    return constraint.name or f"{constraint.type}_{place}"
+
+
+def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: set[str]) -> None:
+    """Every frame and joint that a constraint names must exist and be free to obey.
+
+    Args:
+        constraints: Those of the scene.
+        urdf: The robot.
+        locked: Joints that do not move.
+
+    Raises:
+        SceneError: Naming the constraint, the name and what is allowed.
+    """
+    labels = [label(constraint, i) for i, constraint in enumerate(constraints)]
+    for i, (name, constraint) in enumerate(zip(labels, constraints, strict=True)):
+        if name in labels[:i]:
+            raise SceneError(f"scene: two constraints are called '{name}'; names must differ")
+        if isinstance(constraint, CouplingConstraint):
+            _check_joints(f"constraints.{i}.joints", constraint.joints, urdf, locked)
+            continue
+        if isinstance(constraint, Contact):
+            check_contact(f"constraints.{i}.frame", constraint, urdf)
+            continue
+        for frame in constraint.frames:
+            if frame != WORLD and frame not in urdf.frames:
+                raise SceneError(
+                    f"scene: 'constraints.{i}.frames' names '{frame}', which does not exist; "
+                    f"allowed: {known_names([WORLD, *urdf.frames])}"
+                )
+
+
+def _check_joints(key: str, joints: tuple[str, str], urdf: Urdf, locked: set[str]) -> None:
+    free = [name for name in urdf.moving if name not in urdf.mimics and name not in locked]
+    for name in joints:
+        if name in free:
+            continue
+        trouble = (
+            "is locked"
+            if name in locked
+            else f"follows '{urdf.mimics[name].leader}'"
+            if name in urdf.mimics
+            else "is fixed"
+            if name in urdf.joints
+            else "does not exist"
+        )
+        raise SceneError(
+            f"scene: '{key}' names joint '{name}', which {trouble}; allowed: {known_names(free)}"
+        )

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene says of the friction of a joint.
+
+What keys mean together is checked when the joint's own entry has been laid over that of ``"*"``
+and over the URDF's: see ``joint_friction``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+import numpy as np
+from pydantic import Discriminator, Field, Tag, model_validator
+
+from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
+
+
+class Sides(Part):
+    """A coefficient for each direction of motion.
+
+    Attributes:
+        positive: Where the joint moves, or is about to move, in its positive direction.
+        negative: In the other one.
+    """
+
+    positive: NonNegative
+    negative: NonNegative
+
+
+def _kind(value: object) -> str:
+    return "sides" if isinstance(value, dict | Sides) else "number"
+
+
+Sided = Annotated[
+    Annotated[NonNegative, Tag("number")] | Annotated[Sides, Tag("sides")], Discriminator(_kind)
+]
+"""One number for both directions, or one for each."""
+
+KINDS = ("number", "sides")
+"""Words that pydantic puts into the place of an error in a ``Sided``."""
+
+
+class Table(Part):
+    """A factor that dry friction is multiplied with, by points.
+
+    Between the points runs a cubic that rises and falls only where they do (Fritsch, Butland, SIAM
+    J. Sci. Stat. Comput. 5(2), 1984); it is level at the first and last, and held beyond them.
+
+    Attributes:
+        at: Where the points are, increasing: the joint's position in [rad] or [m], or the load in
+            [N m] or [N].
+        factor: The factor there.
+        period: Length after which the table repeats, in the unit of ``at``; if absent it does not.
+    """
+
+    at: tuple[Finite, ...] = Field(min_length=2)
+    factor: tuple[Positive, ...] = Field(min_length=2)
+    period: Positive | None = None
+
+    @model_validator(mode="after")
+    def _consistent(self) -> Table:
+        if len(self.at) != len(self.factor):
+            raise ValueError(f"{len(self.at)} points 'at', but {len(self.factor)} of 'factor'")
+        if not (np.diff(self.at) > 0.0).all():
+            raise ValueError("'at' must increase from point to point")
+        if self.period is not None and self.period <= self.at[-1] - self.at[0]:
+            raise ValueError(f"period = {self.period}: longer than the table is wanted")
+        return self
+
+
+class Lugre(Part):
+    """Bristles that carry the dry friction of a joint.
+
+    Attributes:
+        sigma0: Stiffness of the bristles in [N m/rad] or [N/m].
+        sigma1: Their damping in [N m s/rad] or [N s/m].
+        sigma1_velocity: Speed at which that damping has faded to 37 % in [rad/s] or [m/s]; if
+            absent it does not fade.
+    """
+
+    sigma0: Positive
+    sigma1: NonNegative = 0.0
+    sigma1_velocity: Positive | None = None
+
+
+class Friction(Part):
+    """Friction of one joint; a number that is not given comes from the URDF's ``<dynamics>``.
+
+    Attributes:
+        viscous: Torque per speed in [N m s/rad] or [N s/m].
+        coulomb: Dry friction of a joint that slides, in [N m] or [N].
+        static: Dry friction that a joint at rest withstands in [N m] or [N], at least ``coulomb``.
+        stribeck_velocity: Speed at which friction has fallen to 37 % of the way from static to
+            coulomb, in [rad/s] or [m/s]; if absent it falls at once.
+        position: Factor of the dry friction by the joint's position.
+        load: Factor of the dry friction by the size of the torque of the drive at the joint.
+        lugre: Bristles in place of stick and slip.
+    """
+
+    viscous: Sided | None = None
+    coulomb: Sided | None = None
+    static: Sided | None = None
+    stribeck_velocity: Positive | None = None
+    position: Table | None = None
+    load: Table | None = None
+    lugre: Lugre | None = None

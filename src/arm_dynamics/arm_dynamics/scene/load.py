@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Find, read and check a scene: YAML file, URDF file, URDF text or dictionary."""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.scene.constraint import check_constraints
+from arm_dynamics.scene.schema import Scene, validated
+from arm_dynamics.scene.urdf import Urdf, read_urdf
+
+
+def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Scene:
+    """Load and check a scene.
+
+    Args:
+        source: Path or ``package://`` URI of a scene file (YAML) or of a URDF, URDF text, a
+            dictionary of the same shape as a scene file, or a scene, which is returned as it is.
+
+    Returns:
+        The scene with the URDF's text in ``robot.urdf``.
+
+    Raises:
+        SceneError: If something is missing, unknown or not allowed.
+        ModelError: If it is the robot description that cannot be used.
+
+    Example:
+        >>> load_scene({"robot": {"urdf": "arm.urdf"}, "gravity": [0, 0, 0]})  # doctest: +SKIP
+    """
+    if isinstance(source, Scene):
+        return source
+    if isinstance(source, Mapping):
+        return _complete(dict(source), Path.cwd())
+    if not isinstance(source, str | os.PathLike):
+        raise SceneError(
+            f"scene: {source!r} is of type {type(source).__name__}; "
+            "a path, URDF text or a dictionary is wanted"
+        )
+    text = os.fspath(source)
+    if _is_urdf(text):
+        return scene_from_urdf(text)
+    path = find_file(text, Path.cwd())
+    content = _read(path)
+    if _is_urdf(content):
+        return scene_from_urdf(content)
+    return _complete(_yaml(content, path), path.parent)
+
+
+def scene_from_urdf(text: str) -> Scene:
+    """The scene that a bare robot description stands for; ``text`` is never taken for a path.
+
+    Args:
+        text: URDF as XML.
+
+    Returns:
+        The scene.
+
+    Raises:
+        ModelError: If the description cannot be used.
+    """
+    read_urdf(text)
+    return validated({"robot": {"urdf": text}})
+
+
+def find_file(name: str, folder: Path) -> Path:
+    """Resolve a path or ``package://`` URI.
+
+    Args:
+        name: What the user wrote.
+        folder: Where relative paths start.
+
+    Returns:
+        An existing file.
+
+    Raises:
+        SceneError: If there is none, with the places that were searched.
+    """
+    if name.startswith("package://"):
+        inside = Path(name.removeprefix("package://"))
+        places = [root / inside for root in _package_roots()]
+    elif "\n" in name or "\0" in name or not name.strip():
+        raise SceneError(f"scene: {name[:60]!r} is neither URDF text nor the name of a file")
+    else:
+        places = [folder / Path(name.removeprefix("file://")).expanduser()]
+    for place in places:
+        if place.is_file():
+            return place
+    raise SceneError(
+        f"scene: no file '{name}'; looked at {known_names(map(str, places), 4) or 'no place'}"
+    )
+
+
+def _package_roots() -> list[Path]:
+    """Folders whose sub-folders are packages: ROS first, then what robot wheels bring along."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    workspaces = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+    wheels = [Path(entry) / "cmeel.prefix/share" for entry in sys.path if entry]
+    return [
+        *(Path(prefix) / "share" for prefix in prefixes if prefix),
+        *(Path(workspace) for workspace in workspaces if workspace),
+        *wheels,
+        *(wheel / "example-robot-data/robots" for wheel in wheels),
+    ]
+
+
+def _is_urdf(text: str) -> bool:
+    return text.lstrip("\ufeff \t\r\n").startswith("<")
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError) as error:
+        raise SceneError(f"scene: cannot read '{path}': {error}") from None
+
+
+def _yaml(content: str, path: Path) -> dict[str, Any]:
+    try:
+        data = yaml.safe_load(content)
+    except yaml.YAMLError as error:
+        raise SceneError(f"scene: '{path}' is not well-formed YAML: {error}") from None
+    if not isinstance(data, dict):
+        raise SceneError(
+            f"scene: '{path}' holds {type(data).__name__}, a mapping with 'robot' is wanted"
+        )
+    return data
+
+
+def _complete(data: dict[str, Any], folder: Path) -> Scene:
+    scene = validated(data)
+    text = scene.robot.urdf
+    if not _is_urdf(text):
+        text = _read(find_file(text, folder))
+    _check_names(scene, read_urdf(text))
+    robot = scene.robot.model_copy(update={"urdf": text})
+    return scene.model_copy(update={"robot": robot})
+
+
+def _check_names(scene: Scene, urdf: Urdf) -> None:
+    """Every joint and frame that the scene names must exist."""
+    moving = urdf.moving
+    for key, names in {
+        "robot.lock": scene.robot.lock,
+        "joints": [name for name in scene.joints if name != "*"],
+        "initial.position": list(scene.initial.position),
+        "initial.velocity": list(scene.initial.velocity),
+    }.items():
+        for name in names:
+            if name not in moving:
+                trouble = "is fixed" if name in urdf.joints else "does not exist"
+                raise SceneError(
+                    f"scene: '{key}' names joint '{name}', which {trouble}; "
+                    f"allowed: {known_names(moving)}"
+                )
+    for i, payload in enumerate(scene.payloads):
+        if payload.frame not in urdf.frames:
+            raise SceneError(
+                f"scene: 'payloads.{i}.frame' = '{payload.frame}' does not exist; "
+                f"allowed: {known_names(urdf.frames)}"
+            )
+    check_constraints(scene.constraints, urdf, set(scene.robot.lock))
+    _check_followers(scene, urdf)
+
+
+def _check_followers(scene: Scene, urdf: Urdf) -> None:
+    for name, rule in urdf.mimics.items():
+        if name in scene.robot.lock and rule.leader not in scene.robot.lock:
+            raise SceneError(
+                f"scene: 'robot.lock' locks '{name}', which follows '{rule.leader}'; "
+                "lock that one too"
+            )
+        for key, given in (
+            ("position", scene.initial.position),
+            ("velocity", scene.initial.velocity),
+        ):
+            if name in given and name not in scene.robot.lock:
+                raise SceneError(
+                    f"scene: 'initial.{key}' names '{name}', which follows '{rule.leader}'; "
+                    "set that one"
+                )

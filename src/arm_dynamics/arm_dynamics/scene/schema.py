@@ -1,0 +1,251 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scene: one validated description of the physics, shared by every node.
+
+The schema below is the scene file (see ``docs/scene-reference.md``). Physics
+that is absent from it is not computed.
+"""
+
+from __future__ import annotations
+
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic_core import ErrorDetails
+
+from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.scene.constraint import SCHEMAS, Constraint, label
+from arm_dynamics.scene.contact import Contact, Plane
+from arm_dynamics.scene.drive import Actuator, Hysteresis, Transmission, Wave
+from arm_dynamics.scene.friction import KINDS, Friction, Lugre, Sides, Table
+from arm_dynamics.scene.types import (
+    Finite,
+    Inertia6,
+    Limit,
+    NonNegative,
+    Part,
+    Positive,
+    Vector3,
+)
+
+
+class Robot(Part):
+    """Which robot, and which of its joints are held fast.
+
+    Attributes:
+        urdf: Path (relative to the scene file), ``package://`` URI, or the URDF text itself.
+        lock: Names of joints that do not move; each stays at its initial position, else at zero.
+    """
+
+    urdf: str = Field(min_length=1)
+    lock: tuple[str, ...] = ()
+
+
+class Limits(Part):
+    """Limits of one joint that replace the URDF's ``<limit>``.
+
+    Attributes:
+        effort: Largest torque in [N m] or force in [N]; commands beyond it are saturated.
+        velocity: Largest speed in [rad/s] or [m/s], for planning.
+        lower: Lower position in [rad] or [m], for planning.
+        upper: Upper position in [rad] or [m], for planning.
+    """
+
+    effort: Limit | None = None
+    velocity: Limit | None = None
+    lower: Finite | None = None
+    upper: Finite | None = None
+
+    @model_validator(mode="after")
+    def _ordered(self) -> Limits:
+        if self.lower is not None and self.upper is not None and self.lower > self.upper:
+            raise ValueError(f"lower = {self.lower} is above upper = {self.upper}")
+        return self
+
+
+class Joint(Part):
+    """What the scene says of one joint, or of all (``"*"``).
+
+    Attributes:
+        friction: Friction coefficients.
+        armature: Inertia of the drive seen at the joint in [kg m²] or [kg].
+        actuator: Motor and gear; without one the command is the torque at the joint.
+        transmission: What is flexible between gear and link.
+        limits: Limits in place of the URDF's.
+    """
+
+    friction: Friction = Friction()
+    armature: NonNegative | None = None
+    actuator: Actuator | None = None
+    transmission: Transmission | None = None
+    limits: Limits = Limits()
+
+
+class Payload(Part):
+    """A rigid body welded to a frame.
+
+    Attributes:
+        frame: Link or joint frame of the URDF that carries it.
+        mass: Mass in [kg].
+        com: Centre of mass in the frame in [m].
+        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, frame axes, in [kg m²].
+    """
+
+    frame: str
+    mass: NonNegative
+    com: Vector3 = (0.0, 0.0, 0.0)
+    inertia: Inertia6 = (0.0,) * 6
+
+    @field_validator("inertia")
+    @classmethod
+    def _positive_semidefinite(cls, value: Inertia6) -> Inertia6:
+        moments = np.linalg.eigvalsh(inertia_matrix(value))
+        if moments[0] < -1e-12 * max(1.0, moments[-1]):
+            raise ValueError(
+                f"the tensor must not be negative in any direction; principal {moments}"
+            )
+        return value
+
+
+class Initial(Part):
+    """Where the robot starts; a joint that is not named starts at zero, at rest.
+
+    Attributes:
+        position: Joint positions by name in [rad] or [m].
+        velocity: Joint velocities by name in [rad/s] or [m/s].
+    """
+
+    position: dict[str, Finite] = {}
+    velocity: dict[str, Finite] = {}
+
+
+class Sim(Part):
+    """How the scene is integrated unless the caller says otherwise.
+
+    Attributes:
+        integrator: Name of the integration method, or ``auto``.
+        dt: Length of one tick in [s].
+        tolerance: Scaled error that a sub-step may have; turns on error control inside each tick.
+    """
+
+    integrator: str | None = None
+    dt: Positive = 1.0e-3
+    tolerance: Positive | None = None
+
+
+class Scene(Part):
+    """A whole scene, checked.
+
+    Attributes:
+        robot: The robot.
+        gravity: Gravity in the world frame in [m/s²].
+        joints: Joint settings by name; ``"*"`` speaks for all and gives way to a name.
+        payloads: Bodies welded to frames.
+        constraints: What ties the robot to itself or to the world.
+        initial: Start of the motion.
+        sim: Integration.
+        tunable: What may differ between arms of a rollout or change while the simulator runs;
+            costs a little. ``external`` are joint torques from outside, zero at first.
+    """
+
+    robot: Robot
+    gravity: Vector3 = (0.0, 0.0, -9.81)
+    joints: dict[str, Joint] = {}
+    payloads: tuple[Payload, ...] = ()
+    constraints: tuple[Constraint, ...] = ()
+    initial: Initial = Initial()
+    sim: Sim = Sim()
+    tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
+
+    @property
+    def bilateral(self) -> bool:
+        """Whether a constraint is not a contact."""
+        return len(self.constraints) > len(self.contacts)
+
+    @property
+    def contacts(self) -> tuple[tuple[str, Contact], ...]:
+        """The constraints that are contacts, with their names."""
+        numbered = enumerate(self.constraints)
+        return tuple((label(c, i), c) for i, c in numbered if isinstance(c, Contact))
+
+    def joint(self, name: str) -> Joint:
+        """What the scene says of the joint ``name``: its own entry laid over that of ``"*"``."""
+        common, own = self.joints.get("*"), self.joints.get(name)
+        if common is None or own is None:
+            return own or common or Joint()
+        return Joint.model_validate(_overlay(_given(common), _given(own)))
+
+
+def _given(part: Part) -> dict[str, Any]:
+    return part.model_dump(exclude_unset=True, exclude_none=True)
+
+
+def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
+    merged = dict(below)
+    for key, value in above.items():
+        both = isinstance(value, dict) and isinstance(merged.get(key), dict)
+        merged[key] = _overlay(merged[key], value) if both else value
+    return merged
+
+
+def inertia_matrix(six: Inertia6) -> NDArray[np.float64]:
+    """Symmetric 3 by 3 tensor from ixx, ixy, ixz, iyy, iyz, izz in [kg m²]."""
+    xx, xy, xz, yy, yz, zz = six
+    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+
+
+def validated(data: dict[str, Any]) -> Scene:
+    """Check a scene given as a dictionary.
+
+    Args:
+        data: The content of a scene file.
+
+    Returns:
+        The scene.
+
+    Raises:
+        SceneError: Naming each offending key, its value and what is allowed.
+    """
+    try:
+        return Scene.model_validate(data)
+    except ValidationError as error:
+        raise SceneError("\n".join(_complaint(e) for e in error.errors())) from None
+
+
+def _complaint(error: ErrorDetails) -> str:
+    where = ".".join(str(key) for key in error["loc"] if key not in KINDS) or "scene"
+    if error["type"] == "extra_forbidden":
+        allowed = known_names(_fields_at(error["loc"][:-1]))
+        return f"scene: unknown key '{where}' = {error['input']!r}; allowed here: {allowed}"
+    said = error["msg"].removeprefix("Value error, ")
+    return f"scene: '{where}' = {error['input']!r}: {said}"
+
+
+def _fields_at(path: tuple[int | str, ...]) -> list[str]:
+    """Names of the keys that the schema allows at ``path``."""
+    places: dict[str, type[Part]] = {
+        "robot": Robot,
+        "joints": Joint,
+        "friction": Friction,
+        "viscous": Sides,
+        "coulomb": Sides,
+        "static": Sides,
+        "position": Table,
+        "load": Table,
+        "lugre": Lugre,
+        "limits": Limits,
+        "actuator": Actuator,
+        "transmission": Transmission,
+        "hysteresis": Hysteresis,
+        "cogging": Wave,
+        "kinematic_error": Wave,
+        "payloads": Payload,
+        "initial": Initial,
+        "sim": Sim,
+        **SCHEMAS,
+    }
+    if "contact" in path:
+        places["plane"] = Plane  # which is no constraint there, but what a contact may touch
+    named = [places[key] for key in map(str, path) if key in places]
+    return list((named[-1] if named else Scene).model_fields)

@@ -1,0 +1,209 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What task controllers ask of the model at every tick, compiled: one call instead of a dozen.
+
+The expressions are those of ``laws``; each kernel is held against Pinocchio when it is built.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.codegen.kernel import CHECK_STATES, CHECK_TOLERANCE, Kernel
+from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations.frame import drift, frame_of, jacobian, placement
+from arm_dynamics.equations.tree import gravity_of, tree_of
+from arm_dynamics.exceptions import KernelError, ModelError
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
+from arm_dynamics.task_space.axes import AXES, rows_of
+from arm_dynamics.task_space.inertia import regularized
+
+
+class Instant(NamedTuple):
+    """The arm at one state, in the task's m axes; overwritten by the next look.
+
+    Attributes:
+        position: Position of the frame in the world in [m], shape (3,).
+        rotation: Rotation of the frame in the world, shape (3, 3).
+        J: Jacobian, shape (m, n).
+        velocity: J v, shape (m,).
+        drift: J̇ v, shape (m,).
+        M: Mass matrix, shape (n, n).
+        bias: C v + G, shape (n,).
+        B: M⁻¹ Jᵀ, shape (n, m).
+        A: Mobility J M⁻¹ Jᵀ, shape (m, m).
+        inertia: Λ = A⁻¹, damped near a singularity, shape (m, m).
+    """
+
+    position: Array
+    rotation: Array
+    J: Array
+    velocity: Array
+    drift: Array
+    M: Array
+    bias: Array
+    B: Array
+    A: Array
+    inertia: Array
+
+
+class TaskKernel:
+    """Looks at states and references of one frame; keep one instance per thread.
+
+    Args:
+        model: The model.
+        frame: Name of a frame that moves.
+        axes: Axes of the task, as from ``task_axes.chosen_axes``.
+        threshold: As that of ``TaskSpace``.
+
+    Raises:
+        ModelError: If a joint that carries the frame moves no mass.
+        KernelError: If generated code differs from Pinocchio, or cannot be compiled.
+    """
+
+    def __init__(
+        self, model: ArmModel, frame: str, axes: tuple[str, ...], threshold: float
+    ) -> None:
+        self._threshold, self._bound = threshold, 1.0 / threshold
+        kernel = build(model, frame, axes)
+        self._state, self._meant = kernel.call("state"), kernel.call("meant")
+        self._instant = _instant(self._state.outputs, model.n, len(axes))
+        self._scaled = self._state.outputs[-2].reshape((len(axes), -1), order="F")
+
+    def look(self, q: Array, v: Array) -> Instant:
+        """Everything at a state, vectors of shape (n,) that were checked already."""
+        *_, bound, _, scale = self._state(q, v)
+        if bound[0] < self._bound:
+            return self._instant
+        damped = regularized(self._scaled, scale, self._threshold)
+        return self._instant._replace(inertia=damped.matrix)
+
+    def meant(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+        """Position, rotation, J v and J a + J̇ v of all six axes, for a joint reference.
+
+        Shapes (3,), (3, 3), (6,) and (6,), axes of the world; overwritten by the next call.
+        """
+        position, rotation, velocity, acceleration = self._meant(q, v, a)
+        return position, rotation, velocity, acceleration
+
+
+_built: WeakKeyDictionary[ArmModel, dict[tuple[str, tuple[str, ...]], Kernel]]
+_built = WeakKeyDictionary()
+
+
+def is_built(model: ArmModel, frame: str, axes: tuple[str, ...]) -> bool:
+    """Tell whether a kernel for this frame and these axes can be had at once."""
+    return (frame, axes) in _built.get(model, {})
+
+
+def build(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
+    """The functions of a frame, built once for a model; arguments as of ``TaskKernel``.
+
+    Raises:
+        ModelError: If a joint that carries the frame moves no mass.
+        KernelError: If generated code differs from Pinocchio, or cannot be compiled.
+    """
+    known = _built.setdefault(model, {})
+    if (frame, axes) not in known:
+        kernel = Kernel(_functions(model, frame, axes))
+        _check(kernel, model, frame, axes)
+        known[frame, axes] = kernel
+    return known[frame, axes]
+
+
+def _functions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Function]:
+    tree, frame = tree_of(model), frame_of(model, name)
+    q, v, a = (ca.SX.sym(letter, model.n) for letter in "qva")
+    placed = placement(tree, frame, q)
+    J = jacobian(tree, frame, q)
+    moving = drift(J, q, v)
+    rows = [AXES.index(axis) for axis in axes]
+    gravity = gravity_of(model)
+    bias = rigid_body.inverse(tree, q, v, ca.SX(model.n, 1), gravity)
+    M, part = rigid_body.mass_matrix(tree, q), J[rows, :]
+    B = _solved(M, part.T)
+    A = part @ B
+    inertia = _solved(A, ca.SX.eye(len(rows)))
+    scale = _scales(A, sum(axis in AXES[:3] for axis in axes))
+    bound, scaled = _largest(inertia, scale), A / (scale @ scale.T)
+    state = [*placed, part, part @ v, moving[rows], M, bias, B, A, inertia, bound, scaled, scale]
+    meant = [*placed, J @ v, J @ a + moving]
+    return [
+        ca.Function("state", [q, v], [ca.densify(x) for x in state], {"cse": True}),
+        ca.Function("meant", [q, v, a], [ca.densify(x) for x in meant], {"cse": True}),
+    ]
+
+
+def _instant(outputs: tuple[Array, ...], n: int, m: int) -> Instant:
+    """The memory of a kernel as matrices, those of one column too."""
+    shapes = ((3,), (3, 3), (m, n), (m,), (m,), (n, n), (n,), (n, m), (m, m), (m, m))
+    return Instant._make(
+        memory.reshape(shape, order="F") for memory, shape in zip(outputs, shapes, strict=False)
+    )
+
+
+def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
+    """Solve for every column; what they share is computed once (``cse``)."""
+    return ca.horzcat(*[rigid_body.solve(matrix, column) for column in ca.horzsplit(right)])
+
+
+def _scales(A: ca.SX, linear: int) -> ca.SX:
+    """The scales of ``task_algebra.task_inertia``, shape (m,)."""
+    mobility, parts = ca.fmax(ca.diag(A), 0), []
+    for first, end in ((0, linear), (linear, A.shape[0])):
+        if first < end:
+            scale = ca.sqrt(ca.sum1(mobility[first:end]) / (end - first))
+            parts.append(ca.repmat(ca.if_else(scale < 1e-9, 1, scale), end - first))
+    return ca.densify(ca.vertcat(*parts))
+
+
+def _largest(inertia: ca.SX, scale: ca.SX) -> ca.SX:
+    """Bound of the greatest eigenvalue of the scaled Λ; inf where Λ is no inertia at all.
+
+    That is its trace, for they are all positive where Λ is one.
+    """
+    mass = ca.diag(inertia)
+    sound = ca.logic_and(ca.mmin(mass) > 0, ca.mmax(mass) < np.inf)
+    return ca.if_else(sound, ca.sum1(scale**2 * mass), np.inf)
+
+
+def _check(kernel: Kernel, model: ArmModel, frame: str, axes: tuple[str, ...]) -> None:
+    """Hold a kernel against Pinocchio on random states.
+
+    Raises:
+        ModelError: If a joint moves no mass.
+        KernelError: If it is off by more than 1e-10 of the greatest entry.
+    """
+    rigid, motion = RigidTerms(model), FrameMotion(model, frame, "local_world_aligned")
+    rows, state, rng = rows_of(axes), kernel.call("state"), np.random.default_rng(0)
+    now = _instant(state.outputs, model.n, len(axes))
+    for _ in range(CHECK_STATES):
+        q, v = rng.uniform(-np.pi, np.pi, (2, model.n))
+        state(q, v)
+        if not np.isfinite(now.B).all():
+            raise ModelError(
+                f"a joint that carries frame '{frame}' moves no mass; give its links inertia, "
+                "the joint an armature, or lock it"
+            )
+        position, rotation, J, J_dot = motion.moving(q, v)
+        M, bias = rigid.mass(q), rigid.bias(q, v)
+        _compare(frame, "position", now.position, position)
+        _compare(frame, "rotation", now.rotation, rotation)
+        _compare(frame, "J", now.J, J[rows])
+        _compare(frame, "J' v", now.drift, J_dot[rows] @ v)
+        _compare(frame, "M", now.M, M)
+        _compare(frame, "C v + G", now.bias, bias)
+        _compare(frame, "M inverse", M @ now.B, J[rows].T)
+
+
+def _compare(frame: str, what: str, made: Array, wanted: Array) -> None:
+    error = abs(made - wanted).max() / max(1.0, abs(wanted).max())
+    if not error <= CHECK_TOLERANCE:
+        raise KernelError(
+            f"generated {what} of frame '{frame}' differs from Pinocchio by {error:.2e}; "
+            f"{CHECK_TOLERANCE:.0e} is allowed"
+        )

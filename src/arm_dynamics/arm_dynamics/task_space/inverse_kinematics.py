@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint positions for a pose: damped least squares within joint limits, from several seeds.
+
+Levenberg-Marquardt with damping that follows the error (Sugihara, "Solvability-unconcerned inverse
+kinematics by the Levenberg-Marquardt method", IEEE Trans. Robotics 27(5), 2011), and joints that
+reach a limit are held there while the others go on.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike, NDArray
+
+from arm_dynamics.arrays import vector
+from arm_dynamics.exceptions import InvalidInput, Unreachable
+from arm_dynamics.model.arm import Array
+from arm_dynamics.model.sampling import postures
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+
+_ANGLE = 0.3  # [m/rad]: how much an angle counts against a distance
+_BIAS = 1e-6  # damping that stays when the error is gone
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Where the search ended.
+
+    Attributes:
+        q: Joint positions in [rad] or [m], within limits, shape (n,).
+        reached: Whether the pose is reached.
+        distance: What is missing in [m].
+        angle: What is missing in [rad].
+        seeds: How many starting points were tried.
+        iterations: Steps taken in all.
+        at_limit: Names of the joints that stand at a limit.
+    """
+
+    q: Array
+    reached: bool
+    distance: float
+    angle: float
+    seeds: int
+    iterations: int
+    at_limit: tuple[str, ...]
+
+
+class InverseKinematics:
+    """Finds joint positions for poses of a task's frame, for the axes of the task.
+
+    Args:
+        task: The task, in axes ``local_world_aligned``; used from one thread only.
+        distance: Largest error in [m].
+        angle: Largest error in [rad].
+        iterations: Steps from one seed.
+        seeds: Starting points: the one given, the scene's, then random ones, always the same.
+
+    Raises:
+        InvalidInput: If the task has other axes or a number is not allowed.
+    """
+
+    def __init__(
+        self,
+        task: TaskSpace,
+        distance: float = 1e-9,
+        angle: float = 1e-9,
+        iterations: int = 100,
+        seeds: int = 20,
+    ) -> None:
+        if task.reference != "local_world_aligned":
+            raise InvalidInput(
+                f"reference = '{task.reference}' of the task; 'local_world_aligned' is wanted"
+            )
+        if not (distance > 0.0 and angle > 0.0 and iterations > 0 and seeds > 0):
+            given = f"{distance}, {angle}, {iterations}, {seeds}"
+            raise InvalidInput(
+                f"distance, angle, iterations, seeds = {given}; positive numbers are wanted"
+            )
+        self.task = task
+        self._distance, self._angle = distance, angle
+        self._iterations, self._seeds = iterations, seeds
+        self._lower, self._upper = task.model.position_lower, task.model.position_upper
+        self._weight = np.where(np.arange(6) < 3, 1.0, _ANGLE)[task.rows]
+
+    def solve(self, pose: Pose, seed: ArrayLike | None = None) -> Solution:
+        """Look for joint positions; the answer says whether they were found.
+
+        Args:
+            pose: Where the frame should be in the world.
+            seed: Where to begin, shape (n,); None for the scene's initial position.
+
+        Raises:
+            InvalidInput: If the pose is no pose or the seed has a wrong shape or value.
+        """
+        pose = checked_pose(pose)
+        tries = []
+        for start in self._starts(seed):
+            tries.append(self._descend(pose, start))
+            if self._reached(*tries[-1][1:3]):
+                break
+        q, distance, angle, _ = min(tries, key=lambda end: end[1] + _ANGLE * end[2])
+        q.setflags(write=False)
+        reached, steps = self._reached(distance, angle), sum(end[3] for end in tries)
+        return Solution(q, reached, distance, angle, len(tries), steps, self._at_limit(q))
+
+    def reach(self, pose: Pose, seed: ArrayLike | None = None) -> Array:
+        """Joint positions for a pose.
+
+        Args:
+            pose: Where the frame should be in the world.
+            seed: Where to begin, shape (n,); None for the scene's initial position.
+
+        Returns:
+            Positions in [rad] or [m], shape (n,).
+
+        Raises:
+            Unreachable: If no seed led there, with what is missing.
+            InvalidInput: If the pose or the seed is not allowed.
+        """
+        found = self.solve(pose, seed)
+        if found.reached:
+            return found.q
+        limits = f"; at a limit: {', '.join(found.at_limit)}" if found.at_limit else ""
+        raise Unreachable(
+            f"frame '{self.task.frame}' cannot be brought to position {pose.position}: "
+            f"{found.distance:.3g} m and {found.angle:.3g} rad are missing after {found.seeds} "
+            f"seeds{limits}",
+            found.distance + _ANGLE * found.angle,
+        )
+
+    def correct(self, pose: Pose, q: Array) -> Array:
+        """A few steps towards a pose that is near, limits not looked at; for paths."""
+        for _ in range(4):
+            error, J = self._error(pose, q)
+            if np.max(abs(error)) < 1e-13:
+                break
+            q = q + np.linalg.lstsq(J, error, rcond=1e-9)[0]
+        return q
+
+    def missing(self, pose: Pose, q: Array) -> tuple[float, float]:
+        """How far the frame is from a pose, in [m] and [rad], for joint positions (n,)."""
+        return self._missing(self._error(pose, q)[0])
+
+    def _starts(self, seed: ArrayLike | None) -> list[Array]:
+        model = self.task.model
+        first = model.q0 if seed is None else vector("seed", seed, model.n)
+        if first.ndim != 1:
+            raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is wanted")
+        starts = [first] if seed is None else [first, model.q0]
+        both = [*starts, *postures(model, self._seeds)][: self._seeds]
+        return [np.clip(q, self._lower, self._upper) for q in both]
+
+    def _descend(self, pose: Pose, q: Array) -> tuple[Array, float, float, int]:
+        """Step until the pose is reached or nothing is gained any more."""
+        error, J = self._error(pose, q)
+        worth, patience = self._worth(error), 0
+        for step in range(self._iterations):
+            if self._near(error):
+                return q, *self._missing(error), step
+            new = np.clip(q + self._step(error, J, q), self._lower, self._upper)
+            error_new, J_new = self._error(pose, new)
+            worth_new = self._worth(error_new)
+            patience = 0 if worth_new < 0.95 * worth else patience + 1
+            if patience > 8:
+                break
+            q, error, J, worth = new, error_new, J_new, min(worth, worth_new)
+        return q, *self._missing(error), step + 1
+
+    def _step(self, error: Array, J: Array, q: Array) -> Array:
+        e, Jw = self._weight * error, self._weight[:, None] * J
+        damping = 0.5 * (e @ e) + _BIAS**2
+        free = np.ones(len(q), bool)
+        for _ in range(3):
+            part = Jw[:, free]
+            H = part.T @ part + damping * np.eye(part.shape[1])
+            dq = np.zeros(len(q))
+            dq[free] = np.linalg.solve(H, part.T @ e)
+            stuck = free & self._pushes_out(q, dq)
+            if not stuck.any():
+                break
+            free &= ~stuck
+        largest = float(abs(dq).max())
+        return dq if largest <= 1.0 else dq / largest
+
+    def _pushes_out(self, q: Array, dq: Array) -> NDArray[np.bool_]:
+        return ((q <= self._lower) & (dq < 0.0)) | ((q >= self._upper) & (dq > 0.0))
+
+    def _error(self, pose: Pose, q: Array) -> tuple[Array, Array]:
+        motion, rows = self.task.motion, self.task.rows
+        position, rotation = motion.placement(q)
+        error = np.empty(6)
+        error[:3] = pose.position - position
+        error[3:] = pin.log3(pose.rotation @ rotation.T)
+        return error[rows], motion.jacobian(q)[rows]
+
+    def _worth(self, error: Array) -> float:
+        return float(np.linalg.norm(self._weight * error))
+
+    def _missing(self, error: Array) -> tuple[float, float]:
+        linear = self.task.linear
+        return float(np.linalg.norm(error[:linear])), float(np.linalg.norm(error[linear:]))
+
+    def _near(self, error: Array) -> bool:
+        distance, angle = self._missing(error)
+        return distance <= 0.5 * self._distance and angle <= 0.5 * self._angle
+
+    def _reached(self, distance: float, angle: float) -> bool:
+        return distance <= self._distance and angle <= self._angle
+
+    def _at_limit(self, q: Array) -> tuple[str, ...]:
+        held = (q <= self._lower) | (q >= self._upper)
+        names = self.task.model.joint_names
+        return tuple(name for name, yes in zip(names, held, strict=True) if yes)
+
+
+def checked_pose(pose: Pose) -> Pose:
+    """Check a pose that came from outside.
+
+    Raises:
+        InvalidInput: If a shape is wrong, a number is not finite, or the rotation is none.
+    """
+    position = vector("pose.position", pose.position, 3)
+    rotation = vector("pose.rotation", pose.rotation, 3)
+    if position.ndim != 1 or rotation.shape != (3, 3):
+        shapes = f"{position.shape} and {rotation.shape}"
+        raise InvalidInput(f"pose has shapes {shapes}; (3,) and (3, 3) are wanted")
+    off = abs(rotation @ rotation.T - np.eye(3)).max()
+    if off > 1e-6 or np.linalg.det(rotation) < 0.0:
+        raise InvalidInput(
+            f"pose.rotation = {rotation.tolist()} is no rotation: R Rᵀ is off by {off:.3g}, "
+            f"det R = {np.linalg.det(rotation):.3g}; allowed is 1e-6 and a determinant of one"
+        )
+    return Pose(position, rotation)

@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dynamics of an arm as seen at one of its frames: f = Λ ẍ + µ + p.
+
+Source: Khatib, "A unified approach for motion and force control of robot manipulators: the
+operational space formulation", IEEE J. Robotics and Automation 3(1), 1987. Craig writes Λ, µ and p
+as M_x, V_x and G_x (Introduction to Robotics, section 6.9).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable
+from dataclasses import fields
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import vector, vectors
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput, ModelError
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
+from arm_dynamics.task_space.axes import AXES, chosen_axes, rows_of
+from arm_dynamics.task_space.compiled import TaskKernel
+from arm_dynamics.task_space.inertia import (
+    THRESHOLD,
+    condition_number,
+    manipulability,
+    task_inertia,
+)
+from arm_dynamics.task_space.terms import EffectiveMass, MassEllipsoid, Pose, TaskTerms
+
+__all__ = ["EffectiveMass", "MassEllipsoid", "Pose", "TaskSpace", "TaskTerms"]
+
+
+class TaskSpace:
+    """Dynamics at a frame; keep one instance per thread.
+
+    Methods take vectors of shape (n,) or batches (k, n), as those of ``Dynamics``. In the frame
+    ``local`` the rates are those of the components along the moving axes.
+
+    Args:
+        dynamics: A ``Dynamics`` or an ``ArmModel``.
+        frame: Name of a frame that moves.
+        reference: Axes and point of the velocities: ``local_world_aligned`` (the frame's origin,
+            axes of the world), ``local`` (axes of the frame), ``world`` (spatial velocity at the
+            world's origin).
+        selection: ``pose``, ``position``, ``orientation``, or some of x, y, z, rx, ry, rz.
+        threshold: Scaled mobility, dimensionless, under which answers are damped; see
+            ``task_algebra.task_inertia``.
+
+    Raises:
+        InvalidInput: If a name is unknown or the threshold is not in (0, 1).
+
+    Example:
+        >>> hand = TaskSpace(Dynamics("panda.yaml"), "panda_hand", selection="position")
+        >>> hand.effective_mass(q, [0, 0, 1]).mass  # doctest: +SKIP
+    """
+
+    def __init__(
+        self,
+        dynamics: Dynamics | ArmModel,
+        frame: str,
+        reference: str = "local_world_aligned",
+        selection: str | Iterable[str] = "pose",
+        threshold: float = THRESHOLD,
+    ) -> None:
+        self.model = dynamics.model if isinstance(dynamics, Dynamics) else dynamics
+        self.frame, self.reference = frame, reference
+        self.axes = chosen_axes(selection)
+        if not 0.0 < threshold < 1.0:
+            raise InvalidInput(f"threshold = {threshold}; allowed is a number between 0 and 1")
+        self.threshold = float(threshold)
+        self.rows = rows_of(self.axes)
+        self.linear = sum(axis in AXES[:3] for axis in self.axes)
+        self.rigid = RigidTerms(self.model)
+        self.motion = FrameMotion(self.model, frame, reference)
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom of the arm."""
+        return self.model.n
+
+    @property
+    def m(self) -> int:
+        """Number of axes of the task."""
+        return len(self.axes)
+
+    @cached_property
+    def kernel(self) -> TaskKernel:
+        """The same compiled, for controllers; in axes ``local_world_aligned``.
+
+        Built when it is first asked for, in about half a second; in a tenth when it was built
+        before on this machine.
+
+        Raises:
+            ModelError: If a joint that carries the frame moves no mass.
+            KernelError: If generated code differs from Pinocchio, or cannot be compiled.
+        """
+        return TaskKernel(self.model, self.frame, self.axes, self.threshold)
+
+    def pose(self, q: ArrayLike) -> Pose:
+        """Where the frame is, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""
+        position, rotation = _each(self.motion.placement, *vectors(self.n, q=q))
+        return Pose(_plain(position), _plain(rotation))
+
+    def jacobian(self, q: ArrayLike) -> Array:
+        """J of shape (m, n) or (k, m, n)."""
+        (J,) = _each(lambda qi: (self.motion.jacobian(qi)[self.rows],), *vectors(self.n, q=q))
+        return J
+
+    def jacobian_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """J̇ of shape (m, n) or (k, m, n)."""
+        law = self.motion.moving
+        (J_dot,) = _each(lambda *s: (law(*s)[3][self.rows],), *vectors(self.n, q=q, v=v))
+        return J_dot
+
+    def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
+        """J̇ v in [m/s²] and [rad/s²], shape (m,) or (k, m)."""
+        law = self.motion.moving
+        state = vectors(self.n, q=q, v=v)
+        (bias,) = _each(lambda qi, vi: (law(qi, vi)[3][self.rows] @ vi,), *state)
+        return bias
+
+    def terms(self, q: ArrayLike, v: ArrayLike | None = None) -> TaskTerms:
+        """Everything at a state, see ``TaskTerms``.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise; None for rest.
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed.
+            ModelError: If a joint moves no mass.
+        """
+        still = np.zeros(self.n) if v is None else v
+        q, v = vectors(self.n, q=q, v=still)
+        position, rotation, J, J_dot, W, bias, gravity = _each(self._state, q, v)
+        A, drift = self._mobility(J, W), _times(J_dot, v)
+        inertia = task_inertia(A, self.linear, self.threshold)
+        JW, L = J @ W, inertia.matrix
+        J_bar = np.swapaxes(JW, -1, -2) @ L
+        made = {
+            "position": position,
+            "rotation": rotation,
+            "jacobian": J,
+            "velocity": _times(J, v),
+            "bias": drift,
+            "inertia": L,
+            "coriolis": _times(L, _times(JW, bias - gravity) - drift),
+            "gravity": _times(L, _times(JW, gravity)),
+            "inverse": J_bar,
+            "null_space": np.eye(self.n) - J_bar @ J,
+            "manipulability": manipulability(J),
+            "condition": condition_number(J),
+            "damped": inertia.damped,
+        }
+        return TaskTerms(**{f.name: _plain(made[f.name]) for f in fields(TaskTerms)})
+
+    def effective_mass(self, q: ArrayLike, direction: ArrayLike) -> EffectiveMass:
+        """Mass that a hand feels when it pushes along a direction: 1 / (uᵀ Λ⁻¹ u).
+
+        Force per acceleration along ``u``, the frame free to give way in all other directions
+        (Khatib, "Inertial properties in robotic manipulation", IJRR 14(1), 1995, equation (22)).
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            direction: In the task's axes, shape (m,), any length but zero.
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed.
+        """
+        (q,), u = vectors(self.n, q=q), self._unit(direction)
+        A = self._mobility(*_each(self._frozen, q))
+        reference = np.trace(A, axis1=-2, axis2=-1) / self.m
+        mobility, floor = (A @ u) @ u, self.threshold * np.maximum(reference, 1e-12)
+        damped = mobility < floor
+        return EffectiveMass(_plain(1.0 / np.maximum(mobility, floor)), _plain(damped))
+
+    def mass_ellipsoid(self, q: ArrayLike) -> MassEllipsoid:
+        """Principal effective masses: eigenvectors of Λ, for axes of one kind.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+
+        Raises:
+            InvalidInput: If the task has linear and angular axes, which do not compare.
+        """
+        if self.linear not in (0, self.m):
+            raise InvalidInput(
+                f"an ellipsoid over {self.axes} mixes kg and kg m²; allowed are tasks of linear "
+                "or of angular axes alone"
+            )
+        A = self._mobility(*_each(self._frozen, *vectors(self.n, q=q)))
+        values, axes = np.linalg.eigh(A)
+        floor = self.threshold * np.maximum(values.mean(-1, keepdims=True), 1e-12)
+        masses = 1.0 / np.maximum(values, floor)
+        damped = (values < floor).any(-1)
+        return MassEllipsoid(masses[..., ::-1], axes[..., ::-1], _plain(damped))
+
+    def _state(self, q: Array, v: Array) -> tuple[Array, ...]:
+        position, rotation, J, J_dot = self.motion.moving(q, v)
+        rows, rigid = self.rows, self.rigid
+        terms = rigid.mobility(q), rigid.bias(q, v), rigid.gravity(q)
+        return position, rotation, J[rows], J_dot[rows], *terms
+
+    def _frozen(self, q: Array) -> tuple[Array, Array]:
+        return self.motion.jacobian(q)[self.rows], self.rigid.mobility(q)
+
+    def _mobility(self, J: Array, W: Array) -> Array:
+        A = J @ W @ np.swapaxes(J, -1, -2)
+        if not np.isfinite(A).all():
+            raise ModelError(
+                f"a joint that carries frame '{self.frame}' moves no mass; give its links "
+                "inertia, the joint an armature, or lock it"
+            )
+        return 0.5 * (A + np.swapaxes(A, -1, -2))
+
+    def _unit(self, direction: ArrayLike) -> Array:
+        u = vector("direction", direction, self.m)
+        length = float(np.linalg.norm(u))
+        if u.ndim != 1 or length < 1e-12:
+            raise InvalidInput(
+                f"direction = {u}; a vector of shape ({self.m},) but zero is wanted"
+            )
+        return u / length
+
+
+def _each(law: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
+    if vectors[0].ndim == 1:
+        return tuple(np.array(part) for part in law(*vectors))
+    rows = [law(*row) for row in zip(*vectors, strict=True)]
+    return tuple(np.array(part) for part in zip(*rows, strict=True))
+
+
+def _times(matrix: Array, x: Array) -> Array:
+    return np.asarray((matrix @ x[..., None])[..., 0])
+
+
+def _plain(value: Any) -> Any:
+    """Arrays that are handed out are read-only, single numbers are Python's own."""
+    array = np.asarray(value)
+    if array.ndim == 0:
+        return array.item()
+    array.setflags(write=False)
+    return array

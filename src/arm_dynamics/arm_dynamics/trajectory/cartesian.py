@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Straight lines and circles of a frame in the world, and their timing.
+
+A path gives the frame's placement over u in [0, 1] and its first two derivatives; the rotation
+turns about one fixed axis at constant rate in u (slerp; Shoemake, "Animating rotation with
+quaternion curves", SIGGRAPH 1985).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
+
+import numpy as np
+import pinocchio as pin
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import vector
+from arm_dynamics.control.task_space import TaskReference
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.arm import Array
+from arm_dynamics.task_space.inverse_kinematics import checked_pose
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
+
+
+class Place(NamedTuple):
+    """Placement on a path and its derivatives in u.
+
+    Attributes:
+        position: In [m], shape (3,).
+        rotation: Shape (3, 3).
+        first: Linear and angular, axes of the world, shape (6,).
+        second: Likewise, shape (6,).
+    """
+
+    position: Array
+    rotation: Array
+    first: Array
+    second: Array
+
+
+class Path(Protocol):
+    """A way through space over u in [0, 1]."""
+
+    @property
+    def length(self) -> float:
+        """Way of the origin in [m], or the angle in [rad] where it only turns."""
+
+    def at(self, u: float) -> Place:
+        """Placement and derivatives at ``u``."""
+
+
+@dataclass(frozen=True)
+class Line:
+    """Straight from one pose to another, turning evenly. Made by ``line``."""
+
+    start: Pose
+    step: Array
+    turn: Array
+
+    @property
+    def length(self) -> float:
+        """Way of the origin in [m], or the angle in [rad] where it only turns."""
+        way = float(np.linalg.norm(self.step))
+        return way if way > 1e-9 else float(np.linalg.norm(self.turn))
+
+    def at(self, u: float) -> Place:
+        """Placement and derivatives at ``u``."""
+        rotation = pin.exp3(u * self.turn) @ self.start.rotation
+        first = np.concatenate([self.step, self.turn])
+        return Place(self.start.position + u * self.step, rotation, first, np.zeros(6))
+
+
+@dataclass(frozen=True)
+class Circle:
+    """An arc about an axis. Made by ``circle``."""
+
+    start: Pose
+    centre: Array
+    axis: Array
+    angle: float
+    turn: Array
+
+    @property
+    def length(self) -> float:
+        """Way of the origin in [m]."""
+        return float(abs(self.angle) * np.linalg.norm(self.start.position - self.centre))
+
+    def at(self, u: float) -> Place:
+        """Placement and derivatives at ``u``."""
+        turned = pin.exp3(u * self.angle * self.axis)
+        arm = turned @ (self.start.position - self.centre)
+        rate = self.angle * self.axis
+        along = np.cross(rate, arm)
+        first = np.concatenate([along, self.turn])
+        second = np.concatenate([np.cross(rate, along), np.zeros(3)])
+        rotation = pin.exp3(u * self.turn) @ self.start.rotation
+        return Place(self.centre + arm, rotation, first, second)
+
+
+def line(start: Pose, end: Pose) -> Line:
+    """A straight line with an even turn, by the shorter way round.
+
+    Args:
+        start: Pose at u = 0.
+        end: Pose at u = 1.
+
+    Raises:
+        InvalidInput: If a pose is none, or both are the same.
+    """
+    start, end = checked_pose(start), checked_pose(end)
+    turn = pin.log3(end.rotation @ start.rotation.T)
+    made = Line(start, end.position - start.position, turn)
+    if made.length < 1e-9:
+        raise InvalidInput(f"start and end are the same, {start.position}; different are wanted")
+    return made
+
+
+def circle(
+    start: Pose, centre: ArrayLike, axis: ArrayLike, angle: float, turning: bool = False
+) -> Circle:
+    """An arc.
+
+    Args:
+        start: Pose at u = 0.
+        centre: Centre in [m], shape (3,), in the plane of the circle.
+        axis: Axis of the circle, right-handed, shape (3,), any length but zero.
+        angle: How far in [rad]; 2π is a whole circle.
+        turning: Whether the frame turns with the circle, else it keeps its rotation.
+
+    Raises:
+        InvalidInput: If a number is not allowed, or the centre lies outside the plane.
+    """
+    start, middle = checked_pose(start), vector("centre", centre, 3)
+    around = vector("axis", axis, 3)
+    length = float(np.linalg.norm(around))
+    arm = start.position - middle
+    radius = float(np.linalg.norm(arm))
+    if length < 1e-12 or radius < 1e-9 or not 0.0 < abs(angle) < np.inf:
+        raise InvalidInput(
+            f"axis = {around}, radius = {radius} m, angle = {angle}: none of them may be zero"
+        )
+    around = around / length
+    off = abs(float(arm @ around))
+    if off > 1e-6 * radius:
+        raise InvalidInput(
+            f"the centre {middle} is {off:.3g} m beside the plane through {start.position} across "
+            f"the axis {around}; allowed are centres in that plane"
+        )
+    turn = angle * around if turning else np.zeros(3)
+    return Circle(start, middle, around, float(angle), turn)
+
+
+@dataclass(frozen=True)
+class CartesianTrajectory:
+    """A path with a timing: references for controllers in task space.
+
+    Attributes:
+        path: The way.
+        timing: How it is covered.
+    """
+
+    path: Path
+    timing: Timing
+
+    @property
+    def duration(self) -> float:
+        """Time it takes in [s]."""
+        return self.timing.duration
+
+    def sample(self, t: float) -> TaskReference:
+        """Where the frame should be at the time ``t`` in [s]."""
+        u, rate, rise = self.timing.at(t)
+        place = self.path.at(u)
+        first, second = place.first * rate, place.second * rate**2 + place.first * rise
+        return TaskReference(place.position, place.rotation, first, second)
+
+
+def timed(
+    path: Path, speed: float, acceleration: float, profile: str = "quintic"
+) -> CartesianTrajectory:
+    """Cover a path as quickly as a speed and an acceleration along it allow.
+
+    Args:
+        path: The way.
+        speed: Largest speed in [m/s] ([rad/s] where the frame only turns).
+        acceleration: Largest acceleration along the way in [m/s²] ([rad/s²]).
+        profile: ``quintic`` or ``trapezoid``.
+
+    Raises:
+        InvalidInput: If a number or the profile is not allowed.
+    """
+    profiles: dict[str, Callable[[float, float, float], Timing]]
+    profiles = {"quintic": Quintic.within, "trapezoid": Trapezoid.within}
+    if profile not in profiles:
+        raise InvalidInput(f"profile = {profile!r}; allowed: quintic, trapezoid")
+    return CartesianTrajectory(path, profiles[profile](path.length, speed, acceleration))

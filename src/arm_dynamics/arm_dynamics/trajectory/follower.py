@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The reference a controller follows at every instant: the latest trajectory, or standing still.
+
+Time is the stamp of the measured state as an integer of nanoseconds, so nothing drifts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, Waypoint, hold
+from arm_dynamics.trajectory.waypoints import quintic
+
+
+@dataclass(frozen=True)
+class Outset:
+    """Where a motion that is being planned will begin.
+
+    Attributes:
+        start: Stamp in [ns] that the times of waypoints count from.
+        begin: Stamp in [ns] of the motion's beginning, not before ``start``.
+        here: The reference then.
+    """
+
+    start: int
+    begin: int
+    here: Reference
+
+    def through(self, waypoints: Sequence[Waypoint], limits: Limits | None) -> Trajectory:
+        """Plan to pass waypoints, with times in [s] after ``start``; those over are left out.
+
+        Raises:
+            InvalidInput: If they cannot be passed.
+        """
+        late = 1e-9 * (self.begin - self.start)
+        ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
+        if not ahead:
+            raise InvalidInput(
+                f"none of {len(waypoints)} waypoints lies in the future; allowed are times after "
+                f"{late:g} s, as the arm needs time to get there"
+            )
+        here = self.here
+        return quintic([Waypoint(0.0, here.q, here.v, here.a), *ahead], limits)
+
+
+class Follower:
+    """Gives the reference at a time and takes new trajectories without a jump in q, v or a.
+
+    Example:
+        >>> follower = Follower(limits, q)
+        >>> follower.follow([Waypoint(2.0, goal)], now=stamp)
+        >>> follower.reference(stamp).q
+    """
+
+    def __init__(self, q: ArrayLike, limits: Limits | None = None) -> None:
+        """Stand still at ``q`` in [rad], shape (n,); ``limits`` hold for every trajectory."""
+        self._limits = limits
+        self._start: int = 0
+        self._active: Motion = hold(q)
+        self._next: tuple[int, Motion] | None = None
+
+    def reference(self, now: int) -> Reference:
+        """Return the reference at the stamp ``now`` in [ns]."""
+        if self._next is not None and now >= self._next[0]:
+            (self._start, self._active), self._next = self._next, None
+        return self._active.sample(1e-9 * (now - self._start))
+
+    def remaining(self, now: int) -> float:
+        """Time in [s] until everything accepted so far has been followed, else 0."""
+        start, trajectory = self._next or (self._start, self._active)
+        return max(0.0, trajectory.duration - 1e-9 * (now - start))
+
+    def hold(self, q: ArrayLike) -> None:
+        """Forget every trajectory and stand still at ``q``, shape (n,)."""
+        self._start, self._active, self._next = 0, hold(q), None
+
+    def follow(
+        self, waypoints: Sequence[Waypoint], now: int, start: int | None = None
+    ) -> Trajectory:
+        """Follow waypoints, from wherever the reference is and however it moves when they begin.
+
+        Args:
+            waypoints: Points with times in [s] after ``start``; those that are over are left out.
+            now: Stamp of the present in [ns].
+            start: Stamp in [ns] that times count from: the present when None; until a later one
+                the motion under way goes on.
+
+        Returns:
+            The trajectory that will be followed.
+
+        Raises:
+            InvalidInput: If it cannot be followed; the one under way goes on.
+        """
+        outset = self.outset(now, start)
+        trajectory = outset.through(waypoints, self._limits)
+        self.take(outset, trajectory, now)
+        return trajectory
+
+    def outset(self, now: int, start: int | None = None, lead: int = 0) -> Outset:
+        """Say where a motion that will be known ``lead`` after ``now`` can begin.
+
+        Args:
+            now: Stamp of the present in [ns].
+            start: Stamp in [ns] that times count from; None for the beginning.
+            lead: Time for planning in [ns].
+        """
+        self.reference(now)
+        begin = max(now + lead, start or 0)
+        return Outset(begin if start is None else start, begin, self._at(begin))
+
+    def take(self, outset: Outset, motion: Motion, now: int) -> bool:
+        """Follow a motion that was planned from an outset of this follower.
+
+        A motion that comes late begins late where the reference has been standing still since;
+        else there would be a jump.
+
+        Args:
+            outset: Where it begins.
+            motion: What was planned.
+            now: Stamp of the present in [ns].
+
+        Returns:
+            Whether it is followed; else the one under way goes on.
+        """
+        self.reference(now)
+        begin = max(outset.begin, now)
+        if not _same(self._at(begin), outset.here):
+            return False
+        if begin > now:
+            self._next = (begin, motion)
+        else:
+            self._start, self._active, self._next = begin, motion, None
+        return True
+
+    def _at(self, time: int) -> Reference:
+        """Reference at a time to come, if nothing else is taken until then."""
+        return self._active.sample(1e-9 * (time - self._start))
+
+
+def _same(one: Reference, other: Reference) -> bool:
+    pairs = ((one.q, other.q), (one.v, other.v), (one.a, other.a))
+    return all(np.array_equal(a, b) for a, b in pairs)

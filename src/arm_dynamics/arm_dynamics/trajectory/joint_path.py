@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint motion along a Cartesian path, with velocity and acceleration exact from J and J̇.
+
+Along the path dq/du = J⁺ x' is integrated, the least joint motion that follows it; the second
+derivative is that of this very field, null space included (Golub and Pereyra, "The differentiation
+of pseudo-inverses", SIAM J. Numer. Anal. 10(2), 1973, for full row rank):
+
+    q'' = J⁺ (x'' - J' q') + (1 - J⁺ J) J'ᵀ (J Jᵀ)⁻¹ x'
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput, Unreachable
+from arm_dynamics.model.arm import Array
+from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
+from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
+from arm_dynamics.trajectory.quintic import segment_coefficients
+from arm_dynamics.trajectory.reference import Reference, Trajectory, positive_limits
+from arm_dynamics.trajectory.time_scaling import torque_stretch, velocity_stretch
+from arm_dynamics.trajectory.timing import Timing, samples
+
+
+@dataclass(frozen=True)
+class JointPath:
+    """Joint positions along a path, timed.
+
+    Attributes:
+        over: Joint positions over u in [0, 1]; its "time" is u.
+        timing: How u goes with time.
+    """
+
+    over: Trajectory
+    timing: Timing
+
+    @property
+    def duration(self) -> float:
+        """Time it takes in [s]."""
+        return self.timing.duration
+
+    def sample(self, t: float) -> Reference:
+        """Position, velocity and acceleration at the time ``t`` in [s], each of shape (n,)."""
+        u, rate, rise = self.timing.at(t)
+        at = self.over.sample(min(max(u, 0.0), LAST))
+        return Reference(at.q, at.v * rate, at.a * rate**2 + at.v * rise)
+
+    def slower(self, stretch: float) -> JointPath:
+        """The same with all times multiplied by ``stretch``."""
+        return replace(self, timing=self.timing.slower(stretch))
+
+    def table(self, count: int) -> tuple[Array, Array, Array, Array]:
+        """Times of shape (count,), positions, velocities and accelerations of shape (count, n)."""
+        t, u, rate, rise = samples(self.timing, count)
+        along = [self.over.sample(min(float(x), LAST)) for x in u]
+        q, first = np.array([x.q for x in along]), np.array([x.v for x in along])
+        second = np.array([x.a for x in along])
+        rate, rise = rate[:, None], rise[:, None]
+        return t, q, first * rate, second * rate**2 + first * rise
+
+
+LAST = 1.0 - 1e-15  # beyond its end a trajectory stands still, which a path over u does not
+
+
+def joint_path(
+    task: TaskSpace,
+    trajectory: CartesianTrajectory,
+    seed: ArrayLike | None = None,
+    knots: int = 100,
+) -> JointPath:
+    """Turn a timed path of the frame into joint references.
+
+    Args:
+        task: The task, in axes ``local_world_aligned``.
+        trajectory: The motion of its frame.
+        seed: Joint positions near the start, shape (n,); None for the scene's initial ones.
+        knots: Number of segments of the joint path; its error falls with the sixth power.
+
+    Returns:
+        The joint path, with the trajectory's timing.
+
+    Raises:
+        Unreachable: If the start cannot be reached, the path runs through a singularity or a
+            joint leaves its limits; the message says where.
+        InvalidInput: If an argument is not allowed.
+    """
+    if knots < 1:
+        raise InvalidInput(f"knots = {knots}; at least one is wanted")
+    path, solver = trajectory.path, InverseKinematics(task)
+    start = path.at(0.0)
+    q = solver.reach(Pose(start.position, start.rotation), seed)
+    us = np.linspace(0.0, 1.0, knots + 1)
+    rows: list[tuple[Array, Array, Array]] = []
+    for u in us:
+        if rows:
+            q = _advance(task, path, u - 1.0 / knots, 1.0 / knots, q)
+            place = path.at(u)
+            q = solver.correct(Pose(place.position, place.rotation), q)
+        rows.append((q, *derivatives(task, path.at(u), q, u)))
+        check_limits(task, q, u)
+    positions, first, second = (np.array(part) for part in zip(*rows, strict=True))
+    h = np.diff(us)
+    coefficients = segment_coefficients(h, positions, first, second)
+    return JointPath(Trajectory(us, coefficients, positions[[0, -1]]), trajectory.timing)
+
+
+def paced(
+    motion: JointPath,
+    dynamics: Dynamics,
+    limit: ArrayLike | None = None,
+    count: int = 400,
+    acceleration: ArrayLike = np.inf,
+) -> JointPath:
+    """Slow a joint path down until joint speeds, accelerations and torques keep to their limits.
+
+    All times are stretched by one factor, found from a single batched call of inverse dynamics.
+
+    Args:
+        motion: The motion.
+        dynamics: The model.
+        limit: Torque limits in [N m] or [N], a number or shape (n,); None for the model's.
+        count: How many points along the path are looked at.
+        acceleration: Limits of joint accelerations in [rad/s²] or [m/s²], positive, likewise.
+
+    Returns:
+        The motion, slower if need be.
+
+    Raises:
+        Unreachable: If the arm's own weight and dry friction exceed a limit at any pace.
+    """
+    _, q, v, a = motion.table(count)
+    given = (
+        dynamics.model.effort_limit
+        if limit is None
+        else positive_limits("limit", limit, dynamics.n)
+    )
+    by_torque = torque_stretch(dynamics, q, v, a, given)
+    by_acceleration = float(
+        np.sqrt(np.max(abs(a) / positive_limits("acceleration", acceleration, dynamics.n)))
+    )
+    return motion.slower(max(by_torque, velocity_stretch(dynamics.model, v), by_acceleration))
+
+
+def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array:
+    """One step of the classical Runge-Kutta method along dq/du = J⁺ x'."""
+
+    def field(at: float, here: Array) -> Array:
+        return pseudo_inverse(task.motion.jacobian(here)[task.rows]) @ path.at(at).first[task.rows]
+
+    try:
+        k1 = field(u, q)
+        k2 = field(u + h / 2, q + h / 2 * k1)
+        k3 = field(u + h / 2, q + h / 2 * k2)
+        k4 = field(u + h, q + h * k3)
+    except np.linalg.LinAlgError:
+        raise _singular(task, u) from None
+    return q + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+
+
+def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Array, Array]:
+    """Derivatives q' and q'' of the joints at a place of a path, each of shape (n,).
+
+    Raises:
+        Unreachable: If the frame is singular there, at the share ``u`` of its way.
+    """
+    rows = task.rows
+    J = task.motion.jacobian(q)[rows]
+    if task.m > task.n or task_inertia(J @ J.T, task.linear, task.threshold).damped:
+        raise _singular(task, u)
+    J_plus = pseudo_inverse(J)
+    x1, x2 = place.first[rows], place.second[rows]
+    first = J_plus @ x1
+    J_dot = task.motion.moving(q, first)[3][rows]
+    turned = J_dot.T @ np.linalg.solve(J @ J.T, x1)
+    return first, J_plus @ (x2 - J_dot @ first) + turned - J_plus @ (J @ turned)
+
+
+def _singular(task: TaskSpace, u: float) -> Unreachable:
+    return Unreachable(
+        f"the path runs into a singularity of frame '{task.frame}' at {u:.1%} of its way; choose "
+        "another path or seed, or a task with fewer axes"
+    )
+
+
+def check_limits(task: TaskSpace, q: Array, u: float) -> None:
+    """Check joint positions at the share ``u`` of a path.
+
+    Raises:
+        Unreachable: If one lies beyond its limits.
+    """
+    model = task.model
+    beyond = np.maximum(model.position_lower - q, q - model.position_upper)
+    joint = int(np.argmax(beyond))
+    if beyond[joint] > 1e-9:
+        raise Unreachable(
+            f"at {u:.1%} of the path joint '{model.joint_names[joint]}' would be at "
+            f"{q[joint]:.6g}; allowed is {model.position_lower[joint]:.6g} to "
+            f"{model.position_upper[joint]:.6g}",
+            float(beyond[joint]),
+        )

@@ -1,0 +1,129 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint motion through poses: straight pieces, densely divided, joined by a least-jerk spline."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.exceptions import InvalidInput, Unreachable
+from arm_dynamics.model.arm import Array
+from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.cartesian import Line, Place, line
+from arm_dynamics.trajectory.joint_path import check_limits, derivatives
+from arm_dynamics.trajectory.quintic import knot_derivatives, segment_coefficients
+from arm_dynamics.trajectory.reference import Trajectory
+
+ARM = 0.25
+"""Way in [m] that counts as much as a turn by 1 rad."""
+
+MAX_KNOTS = 10_000
+_SPACING = 0.02  # [m] between knots
+_NEAR = 1e-7  # [m], [rad] at a knot
+_FAR = 0.3  # [rad], [m] from knot to knot
+
+
+class Through(NamedTuple):
+    """A way through poses.
+
+    Attributes:
+        over: Joint positions over the share u of the way; its "times" go from 0 to 1.
+        length: Length of the way in [m].
+    """
+
+    over: Trajectory
+    length: float
+
+
+def way(task: TaskSpace, start: Pose, end: Pose) -> float:
+    """Length of a way in [m], a turn counting as at ``ARM`` from its axis; for the task's axes."""
+    turn = float(np.linalg.norm(pin.log3(end.rotation @ start.rotation.T)))
+    step = float(np.linalg.norm(end.position - start.position))
+    return max(step if task.linear else 0.0, ARM * turn if task.linear < task.m else 0.0)
+
+
+def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> Through | None:
+    """Lead a frame through poses, from where it is.
+
+    At corners the way is rounded within a few knots, 20 mm apart.
+
+    Args:
+        task: The task, in axes ``local_world_aligned``.
+        q: Where the joints are, shape (n,).
+        poses: Where the frame is to pass, one after another; one like the pose before is passed
+            over.
+
+    Returns:
+        The way, or None where the frame is at its end already.
+
+    Raises:
+        Unreachable: If the way cannot be followed; the message says where.
+        InvalidInput: If there are no poses, or the way is too long.
+    """
+    if not poses:
+        raise InvalidInput("no poses; at least one is wanted")
+    pieces, ways = _pieces(task, task.pose(q), poses)
+    if not pieces:
+        return None
+    length, counts = sum(ways), [int(np.ceil(w / _SPACING)) for w in ways]
+    if sum(counts) > MAX_KNOTS:
+        raise InvalidInput(f"the way is {length:.4g} m; allowed is {MAX_KNOTS * _SPACING:g} m")
+    places = [
+        (piece.at(k / count), w / length / count)
+        for piece, w, count in zip(pieces, ways, counts, strict=True)
+        for k in range(1, count + 1)
+    ]
+    us = np.concatenate([[0.0], np.cumsum([step for _, step in places])])
+    us[-1] = 1.0
+    joints = _joints(task, q, [place for place, _ in places], us)
+    first = _scaled(pieces[0].at(0.0), length / ways[0])
+    last = _scaled(pieces[-1].at(1.0), length / ways[-1])
+    return Through(_spline(task, us, joints, (first, last)), length)
+
+
+def _pieces(task: TaskSpace, start: Pose, poses: Sequence[Pose]) -> tuple[list[Line], list[float]]:
+    pieces, ways, at = [], [], start
+    for pose in poses:
+        length = way(task, at, pose)
+        if length > 1e-9:
+            pieces.append(line(at, pose))
+            ways.append(length)
+            at = pose
+    return pieces, ways
+
+
+def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
+    """Joint positions at every knot, each found from the one before, shape (k, n)."""
+    solver, rows = InverseKinematics(task), [q]
+    for place, u in zip(places, us[1:], strict=True):
+        pose = Pose(place.position, place.rotation)
+        rows.append(solver.correct(pose, rows[-1]))
+        distance, angle = solver.missing(pose, rows[-1])
+        leap = float(abs(rows[-1] - rows[-2]).max())
+        if not (max(distance, angle) < _NEAR and leap < _FAR):
+            raise Unreachable(
+                f"frame '{task.frame}' cannot be led on after {u:.1%} of its way: {distance:.3g} "
+                f"m and {angle:.3g} rad are missing, or a joint would leap by {leap:.3g}",
+                distance + ARM * angle,
+            )
+        check_limits(task, rows[-1], u)
+    return np.array(rows)
+
+
+def _spline(task: TaskSpace, us: Array, q: Array, ends: tuple[Place, Place]) -> Trajectory:
+    v, a = np.full_like(q, np.nan), np.full_like(q, np.nan)
+    v[0], a[0] = derivatives(task, ends[0], q[0], 0.0)
+    v[-1], a[-1] = derivatives(task, ends[1], q[-1], 1.0)
+    h = np.diff(us)
+    v, a = knot_derivatives(h, q, v, a)
+    return Trajectory(us, segment_coefficients(h, q, v, a), q[[0, -1]])
+
+
+def _scaled(place: Place, factor: float) -> Place:
+    """The same place on a way whose u runs ``factor`` times as fast."""
+    return place._replace(first=factor * place.first)

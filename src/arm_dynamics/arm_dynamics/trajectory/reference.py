@@ -1,0 +1,239 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a motion is made of: references, waypoints, limits and piecewise quintic trajectories."""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from arm_dynamics.exceptions import InvalidInput
+
+if TYPE_CHECKING:
+    from arm_dynamics.model.arm import ArmModel
+
+Array = NDArray[np.float64]
+
+
+@dataclass(frozen=True, slots=True)
+class Reference:
+    """Where the joints should be.
+
+    Attributes:
+        q: Positions in [rad] or [m], shape (n,).
+        v: Velocities in [rad/s] or [m/s], shape (n,).
+        a: Accelerations in [rad/s²] or [m/s²], shape (n,).
+    """
+
+    q: Array
+    v: Array
+    a: Array
+
+
+class Motion(Protocol):
+    """References over time; it stands still before its start and after its end."""
+
+    @property
+    def duration(self) -> float:
+        """Time it takes in [s]."""
+
+    def sample(self, t: float) -> Reference:
+        """Position, velocity and acceleration at the time ``t`` in [s] from its start."""
+
+
+@dataclass(frozen=True)
+class InTurn:
+    """One motion, and from its end on another that begins where it ends.
+
+    Attributes:
+        first: What comes first.
+        then: What comes after it.
+    """
+
+    first: Motion
+    then: Motion
+
+    @property
+    def duration(self) -> float:
+        """Time both take in [s]."""
+        return self.first.duration + self.then.duration
+
+    def sample(self, t: float) -> Reference:
+        """Position, velocity and acceleration at the time ``t`` in [s]."""
+        left = t - self.first.duration
+        return self.first.sample(t) if left < 0.0 else self.then.sample(left)
+
+
+@dataclass(frozen=True, slots=True)
+class Waypoint:
+    """A point to pass at a time.
+
+    Attributes:
+        time: Time from the start of the trajectory in [s].
+        q: Positions in [rad] or [m], shape (n,).
+        v: Velocities there, or None to have them chosen.
+        a: Accelerations there, or None to have them chosen.
+    """
+
+    time: float
+    q: ArrayLike
+    v: ArrayLike | None = None
+    a: ArrayLike | None = None
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What a trajectory must keep to; infinite where there is no limit.
+
+    Attributes:
+        velocity: Largest speed in [rad/s], shape (n,).
+        acceleration: Largest acceleration in [rad/s²], shape (n,).
+        lower: Lowest position in [rad], shape (n,).
+        upper: Highest position in [rad], shape (n,).
+        joint_names: Names for error messages; numbers are used when empty.
+    """
+
+    velocity: Array
+    acceleration: Array
+    lower: Array
+    upper: Array
+    joint_names: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, model: ArmModel, acceleration: float = np.inf) -> Limits:
+        """Take the limits of a robot.
+
+        Args:
+            model: An ``ArmModel``.
+            acceleration: Largest acceleration of every joint in [rad/s²].
+
+        Returns:
+            Velocity and position limits of the model, and this acceleration.
+        """
+        return cls(
+            np.where(np.asarray(model.velocity_limit) > 0.0, model.velocity_limit, np.inf),
+            np.full(model.n, float(acceleration)),
+            np.asarray(model.position_lower, float),
+            np.asarray(model.position_upper, float),
+            tuple(model.joint_names),
+        )
+
+    def name(self, joint: int) -> str:
+        """Return the name of joint number ``joint`` for a message."""
+        return self.joint_names[joint] if self.joint_names else f"number {joint}"
+
+
+@dataclass(frozen=True)
+class Trajectory:
+    """Quintic segments, and standing still before the first and after the last.
+
+    Attributes:
+        times: Knot times in [s] from 0, shape (w,).
+        coefficients: Polynomials of every segment in τ = (t − tᵢ)/hᵢ, shape (w − 1, n, 6).
+        ends: Positions of the first and the last knot, shape (2, n).
+        stretch: How much slower than asked, so that limits hold; 1 when as asked.
+    """
+
+    times: Array
+    coefficients: Array
+    ends: Array
+    stretch: float = 1.0
+    _stacked: Array = field(init=False, repr=False, compare=False)
+    _knots: list[float] = field(init=False, repr=False, compare=False)
+    _rest: tuple[Reference, Reference] = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        """Tabulate the three derivatives of every segment, so that a sample is one product."""
+        h = np.diff(self.times)[:, None, None]
+        c, k = self.coefficients, np.arange(6.0)
+        stacked = np.zeros((len(c), 3, *c.shape[1:]))
+        stacked[:, 0] = c
+        stacked[:, 1, :, :5] = (c * k)[..., 1:] / h
+        stacked[:, 2, :, :4] = (c * k * (k - 1))[..., 2:] / h**2
+        still = np.zeros(self.ends.shape[1])
+        for array in (self.times, self.coefficients, self.ends, still):
+            array.setflags(write=False)
+        object.__setattr__(self, "_stacked", stacked)
+        object.__setattr__(self, "_knots", self.times.tolist())
+        rest = tuple(Reference(q, still, still) for q in self.ends)
+        object.__setattr__(self, "_rest", rest)
+
+    @property
+    def duration(self) -> float:
+        """Time from the first to the last knot in [s]."""
+        return self._knots[-1]
+
+    def sample(self, t: float) -> Reference:
+        """Evaluate the trajectory.
+
+        Args:
+            t: Time from the start in [s]; before 0 and after the duration it stands still.
+
+        Returns:
+            Position, velocity and acceleration; read-only arrays of shape (n,).
+        """
+        knots = self._knots
+        if t >= knots[-1]:
+            return self._rest[1]
+        if t < 0.0:
+            return self._rest[0]
+        i = bisect_right(knots, t) - 1
+        s = (t - knots[i]) / (knots[i + 1] - knots[i])
+        powers = np.array((1.0, s, s * s, s**3, s**4, s**5))
+        motion = self._stacked[i] @ powers
+        motion.setflags(write=False)
+        return Reference(motion[0], motion[1], motion[2])
+
+
+def numbers(what: str, values: ArrayLike) -> Array:
+    """Read numbers from the outside.
+
+    Args:
+        what: Their name, for messages.
+        values: Anything.
+
+    Returns:
+        A new array of finite numbers.
+
+    Raises:
+        InvalidInput: If it is anything else.
+    """
+    try:
+        array = np.array(values, float)
+    except (TypeError, ValueError):
+        raise InvalidInput(f"{what} is {values!r}; numbers are wanted") from None
+    if not np.isfinite(array).all():
+        raise InvalidInput(f"{what} is {array}; allowed are finite numbers")
+    return array
+
+
+def positive_limits(what: str, limit: ArrayLike, n: int) -> Array:
+    """Read limits from the outside.
+
+    Args:
+        what: Their name, for messages.
+        limit: Positive, inf for none, a number or shape (n,).
+        n: Degrees of freedom.
+
+    Returns:
+        Shape (n,).
+
+    Raises:
+        InvalidInput: If they are anything else.
+    """
+    try:
+        array = np.asarray(limit, float)
+    except (TypeError, ValueError):
+        array = np.zeros(())
+    if array.shape not in ((), (n,)) or not np.all(array > 0.0):
+        raise InvalidInput(f"{what} is {limit!r}; allowed are positive numbers, one or ({n},)")
+    return np.array(np.broadcast_to(array, (n,)))
+
+
+def hold(q: ArrayLike) -> Trajectory:
+    """Stand still at ``q`` for ever, shape (n,)."""
+    ends = np.stack([numbers("position", q)] * 2)
+    return Trajectory(np.zeros(1), np.empty((0, ends.shape[1], 6)), ends)

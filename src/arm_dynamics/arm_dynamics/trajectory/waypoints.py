@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint trajectories of quintic segments: position, velocity and acceleration are continuous.
+
+Each segment is the quintic fixed by position, velocity and acceleration at its two ends
+(Craig, Introduction to Robotics, section 7.3). What a waypoint leaves open is chosen so that the
+integral of the squared jerk over the whole trajectory is least (Flash and Hogan, Journal of
+Neuroscience 5(7), 1985): where velocity and acceleration are open, jerk and snap are continuous.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.trajectory.quintic import extremes, knot_derivatives, segment_coefficients
+from arm_dynamics.trajectory.reference import (
+    Limits,
+    Reference,
+    Trajectory,
+    Waypoint,
+    hold,
+    numbers,
+)
+
+__all__ = [
+    "Limits",
+    "Reference",
+    "Trajectory",
+    "Waypoint",
+    "hold",
+    "quintic",
+    "quintic_through",
+    "stop",
+]
+
+Array = NDArray[np.float64]
+
+MAX_WAYPOINTS = 10_001  # 10 000 after the start
+_STRETCH_TRIES = 60
+_BALANCE_ROUNDS = 8
+
+
+def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Trajectory:
+    """Pass waypoints at their times, slower where limits ask for it.
+
+    Motion starts as the first waypoint says (at rest where it says nothing) and ends at rest. When
+    a velocity or acceleration exceeds its limit, all times are stretched by one factor, and the
+    velocities asked for at waypoints shrink with it: the path through space stays what it was.
+    Only the motion at the first waypoint is kept as it is, because the arm is in it.
+
+    Args:
+        waypoints: At least two, first at time 0, times rising.
+        limits: What to keep to, or None.
+
+    Returns:
+        The trajectory; its ``stretch`` says how much slower it became.
+
+    Raises:
+        InvalidInput: If waypoints are malformed, or no stretching brings the motion within limits.
+    """
+    knots = _Knots.of(waypoints)
+    if limits is None:
+        return knots.trajectory(1.0)
+    _check_positions(knots.q, knots.q[0], limits)
+    stretch = 1.0
+    for _ in range(_STRETCH_TRIES):
+        trajectory = knots.trajectory(stretch)
+        peaks = extremes(trajectory.coefficients)
+        excess = float(_excess(trajectory, peaks, limits).max())
+        if excess <= 1.0 + 1e-9 or knots.from_rest:
+            _check_positions(np.concatenate(peaks[:, 0]), knots.q[0], limits)
+            return trajectory if excess <= 1.0 else knots.trajectory(stretch * excess)
+        stretch *= min(max(excess, 1.02), 2.0)
+    raise InvalidInput(
+        f"the motion at the start, velocity {knots.v[0]} and acceleration {knots.a[0]}, cannot be "
+        "led to the waypoints within velocity and acceleration limits at any pace; allowed are "
+        "waypoints that leave room to slow down, or a start nearer to rest"
+    )
+
+
+def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
+    """Pass through positions as fast as limits allow, from rest to rest.
+
+    Durations start from the rest-to-rest quintic (peak speed 15/8 Δq/h, peak acceleration
+    10/√3 Δq/h²; Craig, section 7.3), are balanced between segments and then scaled as a whole, so
+    that one limit is reached and none is exceeded.
+
+    Args:
+        positions: Points to pass, shape (w, n), w >= 2, neighbours different.
+        limits: Velocity or acceleration must be finite for every joint that moves.
+
+    Returns:
+        The trajectory.
+
+    Raises:
+        InvalidInput: If points are malformed, coincide, or nothing limits the motion.
+    """
+    q = numbers("positions", positions)
+    if q.ndim != 2 or len(q) < 2:
+        raise InvalidInput(f"positions have shape {q.shape}; allowed is (w, n) with w >= 2")
+    step = np.abs(np.diff(q, axis=0))
+    h = np.fmax(
+        15 / 8 * step / limits.velocity, np.sqrt(10 / np.sqrt(3) * step / limits.acceleration)
+    ).max(axis=1)
+    if not np.all(h > 0.0):
+        i = int(np.argmin(h > 0.0))
+        raise InvalidInput(
+            f"positions {i} and {i + 1} coincide or nothing limits the motion between them; "
+            "allowed are different positions and finite velocity or acceleration limits"
+        )
+    for _ in range(_BALANCE_ROUNDS):
+        h = h * np.sqrt(_excess_of(_through(h, q), limits))
+    h = h * _excess_of(_through(h, q), limits).max()
+    return quintic(_through(h, q), limits)
+
+
+def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
+    """Come to rest evenly, every joint where that leads it.
+
+    Speed falls as v (1 - 3 s² + 2 s³), so the way is v T/2 and the deceleration up to 1.5 v/T.
+
+    Args:
+        here: The motion to end.
+        limits: What to keep to.
+        least: Least time to take in [s].
+
+    Raises:
+        InvalidInput: If it cannot be ended within limits.
+    """
+    time = max(least, 1.5 * float(np.max(abs(here.v) / limits.acceleration)))
+    start = Waypoint(0.0, here.q, here.v, here.a)
+    return quintic([start, Waypoint(time, here.q + 0.5 * time * here.v)], limits)
+
+
+@dataclass(frozen=True)
+class _Knots:
+    """Checked waypoints as arrays; NaN rows of v and a are open."""
+
+    times: Array
+    q: Array
+    v: Array
+    a: Array
+
+    @classmethod
+    def of(cls, waypoints: Sequence[Waypoint]) -> _Knots:
+        if not 2 <= len(waypoints) <= MAX_WAYPOINTS:
+            raise InvalidInput(f"{len(waypoints)} waypoints; allowed are 2 to {MAX_WAYPOINTS}")
+        times = np.array([w.time for w in waypoints], float)
+        if not np.all(np.isfinite(times)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
+            raise InvalidInput(f"waypoint times are {times} s; allowed is rising from 0")
+        n = np.size(waypoints[0].q)
+        return cls(
+            times,
+            np.stack([_row(w.q, n, f"position of waypoint {i}") for i, w in enumerate(waypoints)]),
+            _derivative([w.v for w in waypoints], n, "velocity"),
+            _derivative([w.a for w in waypoints], n, "acceleration"),
+        )
+
+    @property
+    def from_rest(self) -> bool:
+        return not (np.any(self.v[0]) or np.any(self.a[0]))
+
+    def trajectory(self, stretch: float) -> Trajectory:
+        slower = np.full((len(self.times), 1), stretch)
+        slower[0] = 1.0
+        times = self.times * stretch
+        h = np.diff(times)
+        v, a = knot_derivatives(h, self.q, self.v / slower, self.a / slower**2)
+        return Trajectory(times, segment_coefficients(h, self.q, v, a), self.q[[0, -1]], stretch)
+
+
+def _derivative(rows: list[ArrayLike | None], n: int, what: str) -> Array:
+    """Stack derivatives given at waypoints; open ends are zero, open inner rows are NaN."""
+    stacked = np.full((len(rows), n), np.nan)
+    stacked[[0, -1]] = 0.0
+    for i, row in enumerate(rows):
+        if row is not None:
+            stacked[i] = _row(row, n, f"{what} of waypoint {i}")
+    if np.any(stacked[-1]):
+        raise InvalidInput(f"{what} of the last waypoint is {stacked[-1]}; allowed is zero")
+    return stacked
+
+
+def _row(values: ArrayLike, n: int, what: str) -> Array:
+    row = numbers(what, values)
+    if row.shape != (n,):
+        raise InvalidInput(f"{what} has shape {row.shape}; allowed is ({n},)")
+    return row
+
+
+def _through(h: Array, q: Array) -> list[Waypoint]:
+    times = [0.0, *np.cumsum(h).tolist()]
+    return [Waypoint(t, p) for t, p in zip(times, q, strict=True)]
+
+
+def _excess_of(waypoints: list[Waypoint], limits: Limits) -> Array:
+    trajectory = quintic(waypoints)
+    return _excess(trajectory, extremes(trajectory.coefficients), limits)
+
+
+def _excess(trajectory: Trajectory, peaks: Array, limits: Limits) -> Array:
+    """Factor by which each segment is too fast, shape (w − 1,)."""
+    h = np.diff(trajectory.times)[:, None]
+    peaks = np.abs(peaks).max(axis=0)
+    speed = peaks[1] / h / limits.velocity
+    acceleration = peaks[2] / h**2 / limits.acceleration
+    excess: Array = np.maximum(speed, np.sqrt(acceleration)).max(axis=1)
+    return excess
+
+
+def _check_positions(q: Array, start: Array, limits: Limits) -> None:
+    """Refuse positions beyond limits, except where the start is beyond them already."""
+    beyond = np.maximum(np.minimum(limits.lower, start) - q, q - np.maximum(limits.upper, start))
+    if np.all(beyond <= 1e-9):
+        return
+    i, joint = np.unravel_index(np.argmax(beyond), beyond.shape)
+    raise InvalidInput(
+        f"the trajectory takes joint {limits.name(int(joint))} to {q[i, joint]:.6g}; allowed is "
+        f"{limits.lower[joint]:.6g} to {limits.upper[joint]:.6g}"
+    )

@@ -1,0 +1,83 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulation and controller in one process, tick by tick: what the nodes do, without messages."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from arm_dynamics import Dynamics
+from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.factory import Settings, make_controller
+from arm_dynamics.control.wrappers import Switch
+from arm_dynamics.model.arm import Array
+from arm_dynamics.trajectory.follower import Follower
+from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
+from arm_sim.recording.recording import Recording
+from arm_sim.simulator import Simulator
+from arm_sim.state import State
+
+
+class Together:
+    """A simulated arm and the controller that leads it, in lockstep.
+
+    The same classes do the same work in the same order as in the sim node and the controller node,
+    so a run equals one of the two nodes in lockstep to the bit.
+
+    Example:
+        >>> pair = Together("panda.yaml")
+        >>> pair.follow([Waypoint(2.0, goal)])
+        >>> recording = pair.run(3.0)
+    """
+
+    def __init__(
+        self,
+        scene: Any,
+        controller: str = "computed_torque",
+        settings: Settings | None = None,
+        *,
+        believed: Any = None,
+        acceleration_limit: float = float("inf"),
+        **simulator: Any,
+    ) -> None:
+        """Build both.
+
+        Args:
+            scene: What is simulated; anything ``load_scene`` takes.
+            controller: Name of the law, see ``arm_dynamics.control.factory``.
+            settings: What it is tuned to.
+            believed: The controller's scene; None for the simulated one.
+            acceleration_limit: Of trajectories in [rad/s²] or [m/s²].
+            **simulator: For ``Simulator``: integrator, dt, tolerance, backend.
+
+        Raises:
+            ArmError: If a scene, the law or a setting cannot be used.
+        """
+        self.simulator = Simulator(scene, **simulator)
+        self._dynamics = Dynamics(scene if believed is None else believed)
+        settings = settings or Settings(dt=self.simulator.dt)
+        self._control = Switch(make_controller(controller, self._dynamics, settings), settings.dt)
+        self._limits = Limits.of(self._dynamics.model, acceleration_limit)
+        self._follower = Follower(self.simulator.state.q, self._limits)
+
+    @property
+    def stamp(self) -> int:
+        """Simulated time in [ns]."""
+        return round(1e9 * self.simulator.state.time)
+
+    def follow(self, waypoints: Sequence[Waypoint], start: int | None = None) -> Trajectory:
+        """Follow waypoints from the stamp ``start`` in [ns] on; see ``Follower.follow``."""
+        return self._follower.follow(waypoints, self.stamp, start)
+
+    def run(self, duration: float) -> Recording:
+        """Advance for a while in [s] and record every tick.
+
+        Raises:
+            InvalidInput: If the duration is not allowed.
+            SimulationDiverged: If a number stops being finite; it holds the motion so far.
+        """
+        return self.simulator.run(duration, self._answer)
+
+    def _answer(self, state: State) -> Array:
+        reference = self._follower.reference(round(1e9 * state.time))
+        return self._control.torque(Measured(state.q, state.v), reference)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Wrenches on frames of an arm, as torques of its joints: τ = Jᵀ f."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics import Dynamics
+from arm_dynamics.arrays import vector
+from arm_dynamics.model.arm import Array
+from arm_dynamics.task_space.task_space import TaskSpace
+
+
+@dataclass(frozen=True)
+class _Push:
+    task: TaskSpace
+    wrench: Array
+    until: int
+
+
+class ExternalWrenches:
+    """The newest wrench on each frame, for as long as it acts.
+
+    Virtual work: f·(J q̇) = (Jᵀ f)·q̇ for every q̇ (Craig, Introduction to Robotics, section 5.9).
+    """
+
+    def __init__(self, dynamics: Dynamics, reference: str = "local") -> None:
+        """Start without any.
+
+        Args:
+            dynamics: The arm.
+            reference: Axes and point of the wrenches: ``local`` (the frame's), or
+                ``local_world_aligned`` (at the frame's origin, axes of the world).
+
+        Raises:
+            InvalidInput: If the reference is unknown.
+        """
+        self._dynamics, self._reference = dynamics, reference
+        self._pushes: dict[str, _Push] = {}
+
+    @property
+    def active(self) -> tuple[str, ...]:
+        """Frames that are pushed."""
+        return tuple(self._pushes)
+
+    def push(self, frame: str, wrench: ArrayLike, until: int) -> None:
+        """Push a frame.
+
+        Args:
+            frame: A frame that moves.
+            wrench: Force in [N] and moment in [N m], shape (6,).
+            until: Last tick in which it acts.
+
+        Raises:
+            InvalidInput: If the frame is unknown or never moves, or a number is not finite.
+        """
+        task = TaskSpace(self._dynamics, frame, self._reference)
+        self._pushes[frame] = _Push(task, vector("wrench", wrench, 6), until)
+
+    def clear(self) -> None:
+        """Let go."""
+        self._pushes.clear()
+
+    def torque(self, q: Array, tick: int) -> Array:
+        """Joint torques of all wrenches that act in a tick, shape (n,); those that are over end.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,).
+            tick: Number of the tick.
+        """
+        self._pushes = {f: push for f, push in self._pushes.items() if tick <= push.until}
+        tau = np.zeros(self._dynamics.n)
+        for push in self._pushes.values():
+            tau += push.task.jacobian(q).T @ push.wrench
+        return tau

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""One-step methods, and builders that turn x' = f(x, u, p) into a step of length h."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+
+from arm_dynamics.model.arm import Array
+from arm_sim.integrators import extrapolation as implicit
+from arm_sim.integrators.tableaux import (
+    DOP853,
+    DORMAND_PRINCE,
+    EULER,
+    HEUN,
+    MIDPOINT,
+    RK4,
+    Tableau,
+)
+
+Rhs = Callable[[ca.MX], ca.MX]
+
+
+@dataclass(frozen=True)
+class Method:
+    """A one-step method.
+
+    Attributes:
+        name: As the user writes it.
+        order: Order of convergence.
+        source: Where it comes from.
+        tableau: Coefficients, or None where the step is built in another way.
+        adaptive: Whether it estimates its own error.
+    """
+
+    name: str
+    order: int
+    source: str
+    tableau: Tableau | None = None
+    adaptive: bool = False
+
+
+def _from_tableau(name: str, tableau: Tableau) -> Method:
+    return Method(name, tableau.order, tableau.source, tableau, bool(tableau.errors))
+
+
+METHODS = {
+    method.name: method
+    for method in (
+        _from_tableau("euler", EULER),
+        Method(
+            "semi_implicit_euler",
+            1,
+            "Hairer, Lubich, Wanner, Geometric Numerical Integration, 2006, I.1.2",
+        ),
+        _from_tableau("midpoint", MIDPOINT),
+        _from_tableau("heun", HEUN),
+        _from_tableau("rk4", RK4),
+        _from_tableau("dopri5", DORMAND_PRINCE),
+        _from_tableau("dop853", DOP853),
+        Method("implicit", implicit.ORDER, implicit.SOURCE, adaptive=True),
+    )
+}
+
+
+def build_step(
+    method: Method, rhs: ca.Function, n: int, project: ca.Function | None = None
+) -> ca.Function:
+    """Compose one step of fixed length.
+
+    Args:
+        method: The method.
+        rhs: Function (x, u, p) -> x'.
+        n: Degrees of freedom; x starts with q and v of n each.
+        project: What brings (q, v) back to the constraints, see ``Plant.project``.
+
+    Returns:
+        Function ``step`` (x, u, p, h) -> x at the end of the step.
+    """
+    x, u, p, h = _symbols(rhs)
+    after, _ = _advance(method, rhs, n, x, u, p, h)
+    if project is not None:
+        after, *_ = _projected(project, n, x, after, p)
+    return ca.Function("step", [x, u, p, h], [after], {"cse": True})
+
+
+def build_attempt(
+    method: Method, rhs: ca.Function, n: int, scale: Array, project: ca.Function | None = None
+) -> ca.Function:
+    """Compose one step of a method that estimates its error.
+
+    The error of a step is the largest over x of |error| / (scale + |x|); DOP853 mixes its
+    estimates of order 5 and 3 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
+    1993, section II.10).
+
+    Args:
+        method: The method; it must have an error estimate.
+        rhs: Function (x, u, p) -> x'.
+        n: Degrees of freedom.
+        scale: Size that matters of each number of x, shape (nx,); 1 for q and v.
+        project: What brings (q, v) back to the constraints; how far a step has left them counts
+            as error too.
+
+    Returns:
+        Function ``attempt`` (x, u, p, h) -> (x at the end, scaled error, largest error of q).
+    """
+    if not method.adaptive:
+        raise ValueError(f"{method.name} has no error estimate")
+    x, u, p, h = _symbols(rhs)
+    after, estimates = _advance(method, rhs, n, x, u, p, h)
+    measure = _norms(scale, len(estimates), n)
+    error, error_q = measure(x, after, *estimates)
+    if project is not None:
+        after, gap, gap_v = _projected(project, n, x, after, p)
+        error, error_q = ca.fmax(error, ca.fmax(gap, gap_v)), ca.fmax(error_q, gap)
+    return ca.Function("attempt", [x, u, p, h], [after, error, error_q], {"cse": True})
+
+
+def _advance(
+    method: Method, rhs: ca.Function, n: int, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX
+) -> tuple[ca.MX, list[ca.MX]]:
+    """State at the end of a step, and estimates of its error if the method has any."""
+    if method.name == "implicit":
+        after, estimate = implicit.extrapolated_step(rhs, n, x, u, p, h)
+        return after, [estimate]
+    if method.tableau is None:
+        return _semi_implicit(lambda y: rhs(y, u, p), x, h, n), []
+    slopes = _slopes(method.tableau, lambda y: rhs(y, u, p), x, h)
+    after = x + h * _combine(method.tableau.b, slopes)
+    return after, [h * _combine(weights, slopes) for weights in method.tableau.errors]
+
+
+def _projected(
+    project: ca.Function, n: int, x: ca.MX, after: ca.MX, p: ca.MX
+) -> tuple[ca.MX, ca.MX, ca.MX]:
+    """The state brought back to the constraints, and how far positions and speeds were off."""
+    found, gap, gap_v = project(x[: 2 * n], after[: 2 * n], p)
+    return ca.vertcat(found, after[2 * n :]), gap, gap_v
+
+
+def _symbols(rhs: ca.Function) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
+    x, u, p = (ca.MX.sym(name, rhs.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
+    return x, u, p, ca.MX.sym("h")
+
+
+def _slopes(tableau: Tableau, f: Rhs, x: ca.MX, h: ca.MX) -> list[ca.MX]:
+    slopes: list[ca.MX] = []
+    for row in tableau.a:
+        slopes.append(f(x + h * _combine(row, slopes)) if any(row) else f(x))
+    return slopes
+
+
+def _combine(weights: Sequence[float], slopes: list[ca.MX]) -> ca.MX:
+    total = ca.MX(slopes[0].shape[0], 1)
+    for weight, slope in zip(weights, slopes, strict=True):
+        if weight:
+            total = total + weight * slope
+    return total
+
+
+def _semi_implicit(f: Rhs, x: ca.MX, h: ca.MX, n: int) -> ca.MX:
+    """Step v first, then q with the new v."""
+    after = x + h * f(x)
+    return ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
+
+
+def _norms(scale: Array, estimates: int, n: int) -> ca.Function:
+    nx = len(scale)
+    before, after = ca.SX.sym("x", nx), ca.SX.sym("y", nx)
+    errors = [ca.SX.sym(f"e{i}", nx) for i in range(estimates)]
+    size = ca.SX(ca.DM(scale)) + ca.fmax(ca.fabs(before), ca.fabs(after))
+    norms = [_largest(ca.fabs(error) / size) for error in errors]
+    worst = norms[0]
+    if estimates == 2:
+        # Hairer's blend: near the order-5 estimate, damped where the order-3 one is far larger.
+        worst = worst * worst / ca.sqrt(worst * worst + 0.01 * norms[1] * norms[1] + 1e-300)
+    return ca.Function(
+        "measure", [before, after, *errors], [worst, _largest(ca.fabs(errors[0][:n]))]
+    )
+
+
+def _largest(values: ca.SX) -> ca.SX:
+    # NaN must win, or a diverged step would look perfect: fmax drops NaN, the sum does not.
+    return ca.mmax(values) + 0 * ca.sum1(values)

@@ -1,0 +1,193 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which method integrates a scene, and why."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics.model.arm import Array
+from arm_sim.integrators.methods import METHODS, Method
+from arm_sim.plant.plant import Plant
+
+DT_RANGE = (1e-9, 10.0)
+TOLERANCE_RANGE = (1e-14, 1e-1)
+# Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
+# Differential Equations II, figure IV.2.1); the rate grows as the arm folds, hence the margin.
+STIFF = 1.4
+# Error of a sub-step through stiff bristles unless the caller says: a tick is 1.1 to 2.7 sub-steps
+# on the average, 150 where a joint reverses, and half a second ends within 1e-7 rad of the truth.
+BRISTLES = 1e-6
+# Drives answer within a tick, so a step of fixed length is never sure of them: see
+# docs/friction-and-actuation.md for what these tolerances cost. From about this rate on the
+# extrapolated implicit method takes less time than DOP853.
+DRIVEN_TOLERANCE = 1e-10
+DRIVEN_STIFF, DRIVEN_STIFF_TOLERANCE = 50.0, 1e-8
+
+
+@dataclass(frozen=True)
+class Choice:
+    """How a scene is integrated.
+
+    Attributes:
+        method: The method.
+        dt: Length of a tick in [s].
+        tolerance: Scaled error per sub-step, None for one step of fixed length per tick.
+        reason: Why this method, for people.
+    """
+
+    method: Method
+    dt: float
+    tolerance: float | None
+    reason: str
+
+    @property
+    def remark(self) -> str:
+        """What to try when a tick cannot be computed."""
+        if self.tolerance is None:
+            return f" at dt = {self.dt:g} s (a smaller dt or a tolerance may help)"
+        return f" to a tolerance of {self.tolerance:g} (a larger one may help)"
+
+
+def choose(
+    plant: Plant, integrator: str | None, dt: float | None, tolerance: float | None
+) -> Choice:
+    """Settle method, tick and tolerance: the caller's word, else the scene's, else the default.
+
+    Args:
+        plant: The scene's equation of motion.
+        integrator: Name of a method, ``auto`` or None.
+        dt: Length of a tick in [s] or None.
+        tolerance: Scaled error per sub-step or None.
+
+    Returns:
+        The choice.
+
+    Raises:
+        InvalidInput: If one of them is not allowed or they do not go together.
+    """
+    scene = plant.model.scene
+    name = integrator or scene.sim.integrator or "auto"
+    if tolerance is None and integrator is None:
+        tolerance = scene.sim.tolerance
+    dt = _within("dt", scene.sim.dt if dt is None else dt, DT_RANGE, " s")
+    tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
+    if name not in ("auto", *METHODS):
+        raise InvalidInput(f"integrator = {name!r}; allowed: auto, {', '.join(METHODS)}")
+    bristles = bristle_rate(plant.model)
+    if bristles * dt > STIFF and (name == "auto" or tolerance is None):
+        reason = f"LuGre friction answers in {1 / bristles:.2g} s: implicit, with error control"
+        return Choice(METHODS["implicit"], dt, tolerance or BRISTLES, reason)
+    if name == "auto":
+        if plant.nz:
+            return _driven(plant, dt, tolerance)
+        method, reason = _automatic(plant, dt, tolerance is not None)
+        return Choice(method, dt, tolerance, reason)
+    method = METHODS[name]
+    if tolerance is not None and not method.adaptive:
+        able = ", ".join(m.name for m in METHODS.values() if m.adaptive)
+        raise InvalidInput(
+            f"integrator = {name!r} has no error estimate; with a tolerance: auto, {able}"
+        )
+    return Choice(method, dt, tolerance, "asked for")
+
+
+def _automatic(plant: Plant, dt: float, error_control: bool) -> tuple[Method, str]:
+    rate = fastest_rate(plant)
+    if rate * dt > STIFF:
+        what = "friction stops a joint" if plant.laws is None else "a joint or its drive responds"
+        return METHODS["implicit"], f"stiff: {what} in {1 / rate:.2g} s"
+    if error_control:
+        return METHODS["dop853"], "not stiff, error control: the highest order"
+    return METHODS["rk4"], "not stiff, fixed step: the least error for the time"
+
+
+def _driven(plant: Plant, dt: float, tolerance: float | None) -> Choice:
+    rate = fastest_rate(plant)
+    if rate * dt > DRIVEN_STIFF:
+        reason = f"stiff, error control: a drive answers in {1 / rate:.2g} s"
+        return Choice(METHODS["implicit"], dt, tolerance or DRIVEN_STIFF_TOLERANCE, reason)
+    reason = "drives with states: error control, the highest order"
+    return Choice(METHODS["dop853"], dt, tolerance or DRIVEN_TOLERANCE, reason)
+
+
+def fastest_rate(plant: Plant) -> float:
+    """How fast the scene answers at its initial state, in [1/s].
+
+    Args:
+        plant: The scene's equation of motion.
+
+    Returns:
+        Largest absolute eigenvalue of the exact Jacobian ∂x'/∂x: decay of currents, springs and
+        friction, and the frequency of springs; without laws that have states, of friction alone.
+    """
+    if plant.laws is None:
+        return damping_rate(plant.model)
+    x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
+    J = ca.Function("J", [x, u, p], [ca.jacobian(plant.rhs(x, u, p), x)])
+    model = plant.model
+    state = np.concatenate([model.q0, model.v0, plant.initial(model.q0, model.v0)])
+    sliding = np.ones(p.shape[0] - len(plant.parameters.nominal))
+    values = np.array(J(state, 0.0, np.concatenate([plant.parameters.nominal, sliding])))
+    if not np.isfinite(values).all():
+        return 0.0  # a joint without mass is refused with its name when the kernel is checked
+    return float(np.abs(np.linalg.eigvals(values)).max())
+
+
+def bristle_rate(model: ArmModel) -> float:
+    """How fast LuGre friction answers, in [1/s], whatever the initial state.
+
+    Args:
+        model: The robot.
+
+    Returns:
+        The larger of the frequency of the arm on its bristles, the root of the largest eigenvalue
+        of M⁻¹ diag(σ0), and of σ0 |v| / Fc, at which they bend over when a joint slides at 1 rad/s
+        or 1 m/s, or as fast as it starts; 0 without bristles.
+    """
+    b = model.friction.bristles
+    if b is None:
+        return 0.0
+    joints, stiffness = list(b.joints), np.zeros(model.n)
+    stiffness[joints] = b.sigma0
+    speed = np.maximum(1.0, abs(model.v0[joints]))
+    bending = float(np.max(b.sigma0 * speed / b.coulomb))
+    return max(math.sqrt(max(0.0, _rate(model, stiffness))), bending)
+
+
+def damping_rate(model: ArmModel) -> float:
+    """Fastest decay that viscous friction causes at the initial position, in [1/s].
+
+    Args:
+        model: The robot.
+
+    Returns:
+        Largest eigenvalue of M⁻¹ diag(viscous); 0 without viscous friction.
+    """
+    viscous = model.viscous + abs(model.friction.viscous_skew)
+    if not viscous.any():
+        return 0.0
+    return _rate(model, viscous)
+
+
+def _rate(model: ArmModel, diagonal: Array) -> float:
+    """Largest eigenvalue of M⁻¹ diag(…) at the initial position."""
+    M = Dynamics(model).mass_matrix(model.q0)
+    try:
+        return float(np.max(np.linalg.eigvals(np.linalg.solve(M, np.diag(diagonal))).real))
+    except np.linalg.LinAlgError:
+        return 0.0  # a joint without mass is refused with its name when the plant is built
+
+
+def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
+    try:
+        number = float(value)
+    except (TypeError, ValueError):
+        number = np.nan
+    if not allowed[0] <= number <= allowed[1]:
+        raise InvalidInput(f"{name} = {value!r}; allowed: {allowed[0]:g} to {allowed[1]:g}{unit}")
+    return number

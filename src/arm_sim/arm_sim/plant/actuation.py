@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From what is wanted to the command that acts: the controller, if any, then the limits."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics import ArmModel
+from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.control import compiled_computed_torque as control_compiled
+from arm_dynamics.control.computed_torque import held_gains
+from arm_dynamics.equations.tree import constant
+from arm_dynamics.model.arm import Array
+from arm_dynamics.trajectory.reference import Reference
+from arm_sim.plant.plant import Plant
+
+
+@dataclass(frozen=True)
+class CompiledControl:
+    """A controller that runs in compiled code, once a tick, on the state at the tick's beginning.
+
+    Attributes:
+        law: CasADi function (x, r) -> command of shape (n,), with x = (q, v).
+        reference: Rows r of references for times of shape (k,) in [s].
+    """
+
+    law: ca.Function
+    reference: Callable[[Array], Array]
+
+
+def computed_torque(
+    model: ArmModel,
+    sample: Callable[[float], Reference],
+    bandwidth: float | Array = 20.0,
+    damping_ratio: float | Array = 1.0,
+    dt: float = 1e-3,
+) -> CompiledControl:
+    """Computed torque as ``arm_dynamics.control.computed_torque.ComputedTorque``, compiled into the simulator.
+
+    Args:
+        model: The controller's model; another than the plant's to see what a wrong one does.
+        sample: Reference at a time, such as ``Trajectory.sample``.
+        bandwidth: ω in [rad/s], a number or shape (n,).
+        damping_ratio: ζ, a number or shape (n,).
+        dt: Time in [s] for which a torque is held, 0 for none.
+
+    Returns:
+        A controller for ``Simulator.run``; it answers with what the model's drives take.
+
+    Raises:
+        InvalidInput: If a gain or dt is not allowed.
+    """
+    kp, kd = held_gains(bandwidth, damping_ratio, model.n, dt)
+    n = model.n
+    x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)
+    q, v = x[:n], x[n:]
+    tau = control_compiled.torque(
+        model, q, v, ca.vertsplit(r, n), (constant(kp), constant(kd), constant(np.array([dt])))
+    )
+    command = CommandMap(model)(q, v, tau)
+    law = ca.Function("law", [x, r], [ca.densify(command)], {"cse": True})
+    return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
+
+
+def actuation(plant: Plant, control: CompiledControl | None = None) -> ca.Function:
+    """Compose controller and limits.
+
+    Args:
+        plant: The plant, for its limits.
+        control: A controller, or None if commands are given directly.
+
+    Returns:
+        CasADi function ``actuate`` (x, r) -> command that acts, shape (n,): a torque, or what
+        the joint's drive takes.
+    """
+    n = plant.model.n
+    x = ca.SX.sym("x", plant.nx)
+    r = ca.SX.sym("r", control.law.size1_in(1) if control else n)
+    command = control.law(x[: 2 * n], r) if control else r
+    limit = plant.model.command_limit
+    bounded = [
+        ca.fmax(-limit[i], ca.fmin(limit[i], command[i])) if np.isfinite(limit[i]) else command[i]
+        for i in range(n)
+    ]
+    return ca.Function("actuate", [x, r], [ca.vertcat(*bounded)], {"cse": True})
+
+
+def _row(reference: Reference) -> Array:
+    return np.concatenate([reference.q, reference.v, reference.a])

@@ -1,0 +1,117 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Equation of motion of a scene with contacts, and what its events ask for, as functions.
+
+What each joint with dry friction and each contact does stands at the end of p; see
+``laws.sticking`` and ``laws.contact``.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import casadi as ca
+
+from arm_dynamics import ArmModel
+from arm_dynamics.equations import contact, rigid_body
+from arm_dynamics.equations.contact import ContactPoint, Mode
+
+if TYPE_CHECKING:
+    from arm_sim.plant.plant import Joints, Symbols
+
+
+@dataclass(frozen=True)
+class ContactPlant:
+    """Functions of a scene with nc contacts; ``place`` and the like are of shape (3 nc,).
+
+    Attributes:
+        points: The contacts.
+        acceleration: (q, v, tau, p) -> q̈.
+        geometry: (x) -> places of the points in their planes' axes, speeds likewise, sizes.
+        look: (x, u, p) -> forces, accelerations of the points, torques that hold sticking joints,
+            acceleration of each gap per normal force where it closes (grip).
+        inertia: (x, u, p) -> acceleration of the points per force on them, of the joints per
+            force, of the points without contact forces.
+        close: (x, p, anchor) -> x brought back to closed gaps and to the anchors of sticking
+            points, nearest in the metric of M; one Newton step.
+    """
+
+    points: tuple[ContactPoint, ...]
+    acceleration: ca.Function
+    geometry: ca.Function
+    look: ca.Function
+    inertia: ca.Function
+    close: ca.Function
+
+    def closing(self, step: ca.Function) -> ca.Function:
+        """A step (x, u, p, h) -> x that ends at the closed contacts and where points stick."""
+        x, u, p, h = (step.mx_in(i) for i in range(4))
+        whole = self.close.size1_in(0)
+        place = ca.reshape(self.geometry(x[:whole])[0], 3, len(self.points))
+        after = step(x, u, p, h)
+        found = after[:whole]
+        for _ in range(2):
+            found = self.close(found, p, ca.vec(place[1:, :]))
+        return ca.Function("step", [x, u, p, h], [ca.vertcat(found, after[whole:])])
+
+
+def contact_plant(model: ArmModel, s: Symbols, joints: Joints) -> ContactPlant:
+    """Compose the functions of a scene with contacts.
+
+    Args:
+        model: The robot.
+        s: Its symbols; p of the functions is followed by the directions of the joints and the
+            modes of the contacts.
+        joints: What the joints do.
+
+    Returns:
+        The functions.
+    """
+    n, points = model.n, contact.contact_points(model)
+    modes = ca.SX.sym("mode", contact.MODE * len(points))
+    anchor = ca.SX.sym("anchor", 2 * len(points))
+    mode, S = Mode.of(modes), ca.diag(joints.sliding)
+    where = contact.geometry(s.tree, points, s.q)
+    A = ca.jacobian(where.place, s.q)
+    speed = A @ s.v
+    # A joint that has turned many times rounds its own position, and the gap with it.
+    size = where.size + ca.fabs(A[::3, :]) @ ca.fabs(s.q)
+    M = rigid_body.mass_matrix(s.tree, s.q)
+    held = S @ M @ S + (ca.SX.eye(n) - S)
+    bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
+    load = s.tau - bias - s.viscous - joints.friction
+    A_moving = ca.sparsify(A @ S)
+    B = contact.solve_columns(held, A_moving.T)
+    a_free = rigid_body.solve(held, S @ load)
+    W, free = A_moving @ B, A_moving @ a_free + ca.jtimes(speed, s.q, s.v)
+    force = contact.forces(W, free, contact.shares(points, speed, mode), mode.rows())
+    a = a_free + B @ force
+    reaction = (ca.SX.eye(n) - S) @ (load + A.T @ force - M @ a)
+    reaction = model.friction.relative_hold(reaction, s.q, s.tau)
+    x, p = ca.vertcat(s.q, s.v), ca.vertcat(s.p, joints.direction, modes)
+    grip = contact.grips(points, W, speed, mode)
+    return ContactPlant(
+        tuple(points),
+        _function("acceleration", [s.q, s.v, s.tau, p], a),
+        _function("contact_geometry", [x], where.place, speed, size),
+        _function("contact_look", [x, s.tau, p], force, W @ force + free, reaction, grip),
+        _function("contact_inertia", [x, s.tau, p], W, B, free),
+        _function(
+            "contact_close", [x, p, anchor], _closed(where.place, A_moving, W, B, s, mode, anchor)
+        ),
+    )
+
+
+def _closed(
+    place: ca.SX, A: ca.SX, W: ca.SX, B: ca.SX, s: Symbols, mode: Mode, anchor: ca.SX
+) -> ca.SX:
+    rows = mode.rows()
+    wanted = ca.vec(ca.vertcat(ca.SX(1, anchor.shape[0] // 2), ca.reshape(anchor, 2, -1)))
+    D = ca.diag(rows)
+    q = s.q + B @ contact.forces(W, place - wanted, D, rows)
+    v = s.v + B @ contact.forces(W, A @ s.v, D, rows)
+    return ca.vertcat(q, v)
+
+
+def _function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
+    return ca.Function(name, arguments, [ca.densify(result) for result in results], {"cse": True})

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Quantities that a scene declares tunable, as one vector p."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics import ArmModel, InvalidInput
+from arm_dynamics.arrays import vector
+from arm_dynamics.model.arm import Array
+from arm_dynamics.scene.constraint import switches
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """A quantity that the scene declares tunable.
+
+    Attributes:
+        name: ``gravity``, ``payload``, ``friction``, ``external`` or ``constraints``.
+        nominal: Its value in the scene: gravity, shape (3,); mass, com (3) and inertia (6) of
+            each payload; viscous coefficients, shape (n,); joint torques from outside that no
+            effort limit cuts, shape (n,); or 1 and 0 for switchable constraints that hold and do
+            not.
+    """
+
+    name: str
+    nominal: Array
+
+
+class Parameters:
+    """All tunable quantities of a scene, in the order of the vector p.
+
+    Attributes:
+        items: The quantities.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        payloads = [[load.mass, *load.com, *load.inertia] for load in model.scene.payloads]
+        nominal = {
+            "gravity": np.array(model.scene.gravity),
+            "payload": np.array(payloads, dtype=float).ravel(),
+            "friction": model.viscous,
+            "external": np.zeros(model.n),
+            "constraints": switches(model.scene.constraints),
+        }
+        tunable = {*model.scene.tunable, *(["constraints"] if nominal["constraints"].size else [])}
+        self.items = tuple(
+            Parameter(name, value) for name, value in nominal.items() if name in tunable
+        )
+
+    @property
+    def names(self) -> list[str]:
+        """Names of what is tunable."""
+        return [item.name for item in self.items]
+
+    @property
+    def nominal(self) -> Array:
+        """The vector p as the scene gives it, shape (np,)."""
+        return np.concatenate([np.zeros(0), *(item.nominal for item in self.items)])
+
+    def of(self, name: str, p: Array) -> Array:
+        """Values of one quantity in ``p``, shape (size,); empty if it is not tunable."""
+        ends = np.cumsum([item.nominal.size for item in self.items])
+        parts = dict(zip(self.names, np.split(p, ends)[:-1], strict=True))
+        return parts.get(name, np.zeros(0))
+
+    def symbols(self) -> dict[str, ca.SX]:
+        """A symbol for each quantity, in the order of p."""
+        return {item.name: ca.SX.sym(item.name, item.nominal.size) for item in self.items}
+
+    def merged(self, values: Mapping[str, ArrayLike], p: Array) -> Array:
+        """The vector p with some quantities replaced.
+
+        Args:
+            values: By name; each of the nominal's size, or a row of that size for each of b arms.
+            p: What the others are, shape (np,).
+
+        Returns:
+            Shape (np,), or (b, np) if a value has rows.
+
+        Raises:
+            InvalidInput: If a name is not tunable, or a size or number is not allowed.
+        """
+        for name in values:
+            if name not in self.names:
+                raise InvalidInput(
+                    f"'{name}' is not tunable; "
+                    f"the scene's 'tunable' names {self.names or 'nothing'}"
+                )
+        ends = np.cumsum([item.nominal.size for item in self.items])
+        columns = [
+            vector(item.name, np.atleast_1d(values.get(item.name, current)), item.nominal.size)
+            for item, current in zip(self.items, np.split(p, ends)[:-1], strict=True)
+        ]
+        rows = max((len(column) for column in columns if column.ndim == 2), default=0)
+        shape = (rows,) if rows else ()
+        full = [np.broadcast_to(column, (*shape, column.shape[-1])) for column in columns]
+        return np.concatenate([np.zeros((*shape, 0)), *full], axis=-1)

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The energy account of a motion: what its laws store, what came in and what went out as heat.
+
+Where the command is the torque, both can be had from the recorded states. Where laws have states,
+a current rises and bristles snap within a tick, and a quadrature on the recorded states would miss
+it: every tick is made again from its recorded beginning, by the same method, with two more states,
+the work that came in and the heat that went out since. They are integrated as accurately as the
+motion itself. Nothing of this is done before somebody asks.
+"""
+
+from __future__ import annotations
+
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics import Dynamics
+from arm_dynamics.actuation.internal_state import Ensemble, Flow
+from arm_dynamics.model.arm import Array
+from arm_dynamics.model.friction import JointFriction
+from arm_sim.integrators.selection import Choice
+from arm_sim.plant.driven import split
+from arm_sim.plant.plant import Plant
+from arm_sim.recording.contact_losses import ContactLosses
+from arm_sim.recording.energy import dissipated_work, input_work
+from arm_sim.stepping.factory import make_stepper
+from arm_sim.stepping.stepper import Stepper
+
+
+class Ledger:
+    """The laws of a scene with the work supplied and the heat lost as two states more.
+
+    See ``stateful.StatefulLaw``; the torque includes commands that act directly.
+    """
+
+    title = "energy account"
+
+    def __init__(self, laws: Ensemble, friction: JointFriction) -> None:
+        """Keep the account of ``laws`` and of the rest of the friction."""
+        self._laws, self._friction = laws, friction
+        self.names = (*laws.names, "work supplied [J]", "heat lost [J]")
+        self.scale: Array = np.concatenate([laws.scale, [1.0, 1.0]])
+        self.replaces_command: NDArray[np.bool_] = np.ones(laws.n, dtype=bool)
+
+    def initial(self, q: Array, v: Array) -> Array:
+        """The laws' states, and an empty account."""
+        return np.concatenate([self._laws.initial(q, v), [0.0, 0.0]])
+
+    def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+        """What the laws do, and the powers."""
+        flow = self._laws.equations(q, v, z[:-2], u)
+        powers = self.supplied(q, v, z, u), self.lost(q, v, z, u)
+        return Flow(flow.torque, ca.vertcat(flow.slope, *powers))
+
+    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
+        """By the laws, in [J]."""
+        return self._laws.stored(q, v, z[:-2])
+
+    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """To the laws, and by commands that act directly, in [W]."""
+        return self._laws.supplied(q, v, z[:-2], u)
+
+    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
+        """By the laws, and by friction without states, in [W]."""
+        law, load = self._friction, self._laws.equations(q, v, z[:-2], u).torque
+        torque = law.smooth(v)
+        if law.has_dry:
+            torque = torque + law.dry(v, ca.sign(v), q, load)
+        return self._laws.lost(q, v, z[:-2], u) + ca.dot(torque, v)
+
+
+class Audit:
+    """The energy account of one scene; nothing is built before it is asked for.
+
+    Args:
+        plant: The scene's equation of motion.
+        dynamics: The scene's dynamics.
+        choice: How it is integrated.
+        backend: As for ``Kernel``.
+    """
+
+    def __init__(self, plant: Plant, dynamics: Dynamics, choice: Choice, backend: str) -> None:
+        self._plant, self._dynamics = plant, dynamics
+        self._choice, self._backend = choice, backend
+
+    @property
+    def makes_ticks_again(self) -> bool:
+        """Whether ``flows`` costs as much as the ticks themselves."""
+        return self._plant.laws is not None or self._plant.contact is not None
+
+    def prepare(self) -> None:
+        """Build now what the first ``flows`` would have to build."""
+        if self._plant.laws:
+            self._stepper.restart()
+        elif self._plant.contact:
+            self._contacts  # noqa: B018 - building it is what is wanted
+
+    def stored(self, x: Array) -> Array:
+        """Energy that the laws store at states of shape (k, nx), in [J], shape (k,)."""
+        if not self._plant.laws:
+            return np.zeros(len(x))
+        return np.array(self._stored(x.T)).ravel()
+
+    def flows(self, x: Array, u: Array, p: Array) -> Array:
+        """Work supplied and heat lost in each tick.
+
+        Args:
+            x: States before each tick and after the last, shape (k+1, nx).
+            u: Command that acted in each tick, shape (k, n).
+            p: Tunable quantities, shape (np,).
+
+        Returns:
+            Work and heat in [J], shape (k, 2); NaN if a tick cannot be made again.
+        """
+        if self._plant.laws:
+            return self._made_again(x, u, p)
+        q, v = np.split(x, 2, axis=1)
+        heat = dissipated_work(self._dynamics, self._choice.dt, q, v, u)
+        if self._plant.contact:
+            heat = heat + self._contacts(x, u, p).sum(axis=1)
+        return np.stack([input_work(q, u), heat], axis=1)
+
+    def _made_again(self, x: Array, u: Array, p: Array) -> Array:
+        stepper, (nx, n) = self._stepper, (self._plant.nx + 2, self._plant.model.n)
+        trace, effort, error = np.empty((1, nx)), np.empty((1, n)), np.empty(1)
+        out = np.full((len(u), 2), np.nan)
+        stepper.p[:] = p
+        stepper.restart()
+        for k, command in enumerate(u):
+            now = np.concatenate([x[k], [0.0, 0.0]])
+            if stepper.roll(now, np.ascontiguousarray(command), trace, effort, error) == 1:
+                out[k] = now[-2:]
+        return out
+
+    @cached_property
+    def _contacts(self) -> ContactLosses:
+        return ContactLosses(self._plant, self._choice, self._backend)
+
+    @cached_property
+    def _laws(self) -> Ensemble:
+        return self._plant.laws or Ensemble((), self._plant.model.n)
+
+    @cached_property
+    def _stored(self) -> ca.Function:
+        x = ca.SX.sym("x", self._plant.nx)
+        return ca.Function("stored", [x], [self._laws.stored(*split(x, self._plant.model.n))])
+
+    @cached_property
+    def _stepper(self) -> Stepper:
+        model = self._plant.model
+        ledger = Ensemble((Ledger(self._laws, model.friction),), model.n)
+        return make_stepper(self._plant.with_laws(ledger), self._choice, self._backend)

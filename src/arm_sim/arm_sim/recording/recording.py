@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a run leaves behind."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from arm_dynamics import Dynamics
+from arm_dynamics.model.arm import Array
+from arm_sim.plant.plant import Plant
+from arm_sim.recording.energy_account import Audit
+from arm_sim.state import State
+
+
+@dataclass(frozen=True)
+class Recording:
+    """States at the beginning of a run and after each of its k ticks; arrays are read-only.
+
+    Attributes:
+        time: In [s], shape (k+1,).
+        q: Joint positions in [rad] or [m], shape (k+1, n).
+        v: Joint velocities in [rad/s] or [m/s], shape (k+1, n).
+        z: States of the scene's laws, shape (k+1, nz).
+        command: What was commanded from each time on, limits applied, shape (k+1, n): torques in
+            [N m] or [N], or what a joint's drive takes; the last row repeats the last tick's.
+        error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
+        dynamics: The scene's dynamics, for the energies.
+        plant: The scene's equation of motion.
+        audit: What keeps the energy account, when asked.
+        p: Tunable quantities during the run, shape (np,).
+        held: Names of the constraints that held.
+    """
+
+    time: Array
+    q: Array
+    v: Array
+    z: Array
+    command: Array
+    error: Array
+    dynamics: Dynamics
+    plant: Plant
+    audit: Audit
+    p: Array
+    held: tuple[str, ...] = ()
+
+    def __len__(self) -> int:
+        """Number of recorded states."""
+        return len(self.time)
+
+    @cached_property
+    def tau(self) -> Array:
+        """Torques that act on the joints from each time on in [N m] or [N], shape (k+1, n).
+
+        The command, or what a joint's drive makes of it by the end of the tick.
+        """
+        torque = self.plant.joint_torque(np.vstack([self._x[1:], self._x[-1:]]), self.command)
+        torque.setflags(write=False)
+        return torque
+
+    @cached_property
+    def _energies(self) -> tuple[Array, Array]:
+        return self.dynamics.energy(self.q, self.v)
+
+    @property
+    def kinetic(self) -> Array:
+        """Kinetic energy in [J], shape (k+1,)."""
+        return self._energies[0]
+
+    @property
+    def potential(self) -> Array:
+        """Potential energy in [J], shape (k+1,)."""
+        return self._energies[1]
+
+    @cached_property
+    def stored(self) -> Array:
+        """What the laws store in [J], shape (k+1,): in springs, coils, bristles, rotors."""
+        return self.audit.stored(self._x)
+
+    @cached_property
+    def energy(self) -> Array:
+        """Kinetic, potential and stored energy in [J], shape (k+1,)."""
+        return self.kinetic + self.potential + self.stored
+
+    @property
+    def supplied(self) -> Array:
+        """Work that came in by each time in [J], shape (k+1,): torque or voltage at work."""
+        return self._flows[:, 0]
+
+    @property
+    def lost(self) -> Array:
+        """Heat that went out by each time in [J], shape (k+1,): friction, windings, damping."""
+        return self._flows[:, 1]
+
+    @cached_property
+    def multipliers(self) -> Array:
+        """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
+        return self.dynamics.constrained_forward(self.q, self.v, self.tau, self.held)[1]
+
+    @cached_property
+    def balance(self) -> Array:
+        """Energy from nowhere in [J], shape (k+1,): E - E(0) - supplied + lost."""
+        gained: Array = self.energy - self.energy[0]
+        return gained - self.supplied + self.lost
+
+    @property
+    def _x(self) -> Array:
+        return np.hstack([self.q, self.v, self.z])
+
+    @cached_property
+    def _flows(self) -> Array:
+        flows = self.audit.flows(self._x, self.command[:-1], self.p)
+        return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])
+
+
+def record(
+    dynamics: Dynamics,
+    plant: Plant,
+    audit: Audit,
+    p: Array,
+    dt: float,
+    start: State,
+    trace: Array,
+    effort: Array,
+    errors: Array,
+    held: tuple[str, ...] = (),
+) -> Recording:
+    """Put a recording together.
+
+    Args:
+        dynamics: The scene's dynamics.
+        plant: The scene's equation of motion.
+        audit: What keeps the energy account.
+        p: Tunable quantities, shape (np,).
+        dt: Length of a tick in [s].
+        start: State before the first of k ticks.
+        trace: State (q, v, z) after each tick, shape (k, nx).
+        effort: Command that acted in each tick, shape (k, n).
+        errors: Estimated error after each tick, shape (k,).
+        held: Names of the constraints that hold.
+
+    Returns:
+        The recording; its arrays are read-only.
+    """
+    n = len(start.q)
+    x = np.vstack([np.concatenate([start.q, start.v, start.z]), trace])
+    command = np.vstack([effort, effort[-1:] if len(effort) else np.zeros(n)])
+    error = np.concatenate([[start.error], errors])
+    time = np.asarray((start.step + np.arange(len(x))) * dt, dtype=np.float64)
+    for array in (x, command, error, time):
+        array.setflags(write=False)
+    q, v, z = x[:, :n], x[:, n : 2 * n], x[:, 2 * n :]
+    return Recording(time, q, v, z, command, error, dynamics, plant, audit, p, held)

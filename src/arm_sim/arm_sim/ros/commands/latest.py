@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The torque that acts next: the newest command, or what the policy says when it has grown old."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.model.arm import Array
+
+ZERO, HOLD, GRAVITY = "zero", "hold", "gravity"
+POLICIES = (ZERO, HOLD, GRAVITY)
+
+
+class Commands:
+    """A slot that one thread fills and another one empties; only the newest command counts.
+
+    Age is counted in ticks since a command was first used, so a run by hand is repeatable.
+
+    Attributes:
+        stale: Whether the policy is in force because commands have stopped.
+        stale_count: How often commands have stopped.
+    """
+
+    def __init__(self, dynamics: Dynamics) -> None:
+        """Start without a command: the policy is in force."""
+        zero = np.zeros(dynamics.n)
+        none: Sequence[float] = zero.tolist()
+        self._policies: dict[str, Callable[[Array], Sequence[float]]] = {
+            ZERO: lambda q: none,
+            HOLD: lambda q: none if self._used is None else self._used,
+            GRAVITY: lambda q: dynamics.command_map(q, zero, dynamics.gravity(q)).tolist(),
+        }
+        self._newest: Sequence[float] | None = None
+        self._used: Sequence[float] | None = None
+        self._age = 0
+        self.stale = False
+        self.stale_count = 0
+        self.configure(0, ZERO)
+
+    def configure(self, timeout: int, policy: str) -> None:
+        """Choose when a command is old.
+
+        Args:
+            timeout: Ticks that a command may act; 0: for ever.
+            policy: What acts after that and before the first command: ``zero``, ``hold`` of the
+                last command, or the one that carries the arm's weight, ``gravity``.
+        """
+        self._timeout, self._policy = timeout, self._policies[policy]
+
+    @property
+    def age(self) -> int:
+        """Ticks since the newest command was first used; 0 without one."""
+        return self._age if self._used is not None else 0
+
+    def put(self, tau: Sequence[float]) -> None:
+        """Make ``tau``, n numbers, the newest command; it must not be changed afterwards."""
+        self._newest = tau
+
+    def clear(self) -> None:
+        """Forget all commands."""
+        self._newest = self._used = None
+        self._age, self.stale = 0, False
+
+    @property
+    def empty(self) -> bool:
+        """Whether no command has come yet."""
+        return self._newest is None
+
+    def take(self, q: Array) -> Sequence[float]:
+        """Return the torque for the next tick, n numbers, and count that tick.
+
+        Args:
+            q: Present positions in [rad], shape (n,).
+        """
+        newest = self._newest
+        if newest is not self._used:
+            self._used, self._age, self.stale = newest, 0, False
+        self._age += 1
+        if newest is None:
+            return self._policy(q)
+        if not self._timeout or self._age <= self._timeout:
+            return newest
+        self.stale_count += not self.stale
+        self.stale = True
+        return self._policy(q)
+
+    def held(self, q: Array) -> Sequence[float]:
+        """Return the torque for a tick that does not make the newest command older."""
+        newest = self._newest
+        return self._policy(q) if newest is None else newest

@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Error control inside a tick, for machines without a compiler.
+
+Its twin for compiled code is ``native/adaptive.c``.
+"""
+
+from __future__ import annotations
+
+import ctypes
+
+from arm_dynamics.codegen.kernel import Call
+from arm_dynamics.model.arm import Array
+
+# A tick that needs more sub-steps than this has met a stiff or singular motion: better an error
+# than a frozen program.
+MAX_SUBSTEPS = 100_000
+
+
+class SubstepControl(ctypes.Structure):
+    """What is remembered from one sub-step to the next; shared with the C driver.
+
+    Attributes:
+        tolerance: Scaled error that a sub-step may have.
+        step: Length to try next in [s]; 0 if it is not known yet.
+        error: Sum of the estimated errors of q in [rad] or [m].
+        attempts: Sub-steps tried so far.
+    """
+
+    _fields_ = [
+        ("tolerance", ctypes.c_double),
+        ("step", ctypes.c_double),
+        ("error", ctypes.c_double),
+        ("attempts", ctypes.c_longlong),
+    ]
+
+    def __init__(self, tolerance: float, order: int) -> None:
+        super().__init__(tolerance, 0.0, 0.0, 0)
+        self.order = order
+
+    def kept(self) -> tuple[float, float, int]:
+        """What a trial may change."""
+        return self.step, self.error, self.attempts
+
+    def put_back(self, kept: tuple[float, float, int]) -> None:
+        """Undo what a trial changed."""
+        self.step, self.error, self.attempts = kept
+
+    def restart(self) -> None:
+        """Start afresh, as after a reset."""
+        self.step, self.error, self.attempts = 0.0, 0.0, 0
+
+
+def controlled_tick(
+    attempt: Call,
+    x: Array,
+    u: Array,
+    p: Array,
+    h: float,
+    control: SubstepControl,
+    taken: list[float] | None = None,
+) -> bool:
+    """Advance one tick of length ``h`` in place.
+
+    Args:
+        attempt: Kernel function (x, u, p, h) -> (x after, scaled error, error of q).
+        x: State, overwritten if the tick succeeds.
+        u: Torque that acts.
+        p: Parameters.
+        h: Length of the tick in [s].
+        control: Tolerance and step size.
+        taken: Receives the lengths of the sub-steps, if given.
+
+    Returns:
+        Whether every number stayed finite and the tolerance was met.
+    """
+    state, done, step = x.copy(), 0.0, control.step if control.step > 0.0 else h
+    for _ in range(MAX_SUBSTEPS):
+        left = h - done
+        last = step >= left * (1.0 - 1e-12)
+        trial = left if last else step
+        after, error, error_q = attempt(state, u, p, trial)
+        control.attempts += 1
+        size = float(error[0]) / control.tolerance
+        reached = within_reach(after)
+        factor = _growth(size, control.order) if reached else 0.2
+        if size <= 1.0 and reached:
+            state[:] = after
+            control.error += float(error_q[0])
+            done += trial
+            if taken is not None:
+                taken.append(trial)
+            if not last or trial * factor > step:
+                step = trial * factor
+            if last:
+                control.step = step
+                x[:] = state
+                return True
+        else:
+            step = trial * factor
+            if step < 1e-12 * h:
+                return False
+    return False
+
+
+def _growth(size: float, order: int) -> float:
+    factor = 6.0 if size < 1e-10 else 0.9 * size ** (-1.0 / order)  # NaN must shrink it
+    return min(6.0, factor) if factor > 0.2 else 0.2
+
+
+def within_reach(x: Array) -> bool:
+    """Whether a state is finite and far from overflow; the drivers in C ask the same."""
+    return bool(sum(map(abs, x.tolist())) < 1e150)

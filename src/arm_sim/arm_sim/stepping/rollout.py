@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Many arms at once: one in each lane of a vector register, groups of them on every core."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from collections.abc import Callable
+from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.arrays import real_array, vector
+from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.kernel import generate
+from arm_dynamics.model.arm import Array
+from arm_sim.constraint_state import consistent_rows
+from arm_sim.inputs import whole
+from arm_sim.integrators.methods import build_step
+from arm_sim.integrators.selection import Choice
+from arm_sim.plant.actuation import actuation
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.factory import make_stepper
+from arm_sim.stepping.stepper import build_tick, driver_source, pointer
+
+WIDTHS = (8, 4, 2, 1)
+
+
+@dataclass(frozen=True)
+class Batch:
+    """Arms to advance and where their motion goes.
+
+    Attributes:
+        x0: Initial states (q, v, z), shape (b, nx).
+        tau: Torques, shape (b, ticks, n); held or shared ones are repeated by strides of zero.
+        p: Parameters, shape (b, np).
+        steps: Ticks to advance.
+        out: States, shape (b, steps + 1, nx), or (b, nx) for the last ones only.
+    """
+
+    x0: Array
+    tau: Array
+    p: Array
+    steps: int
+    out: Array
+
+
+class Rollouts:
+    """Rollouts of one scene with one method; arms never influence one another."""
+
+    def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
+        self._plant, self._choice, self._backend = plant, choice, backend
+        # Error control, dry friction and contacts give every arm sub-steps of its own.
+        eventful = plant.reaction is not None or plant.contact is not None
+        self._alike = choice.tolerance is None and not eventful and backend != "vm"
+        self._libraries: dict[int, ctypes.CDLL] = {}
+
+    def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
+        """Advance a batch; see ``Simulator.rollout``."""
+        library, width = self._library(lanes) if self._alike else (None, 1)
+
+        def work(first: int, last: int) -> None:
+            if library is None:
+                self._one_by_one(batch, first, last)
+            else:
+                self._in_lanes(library, batch, first, last)
+
+        share(len(batch.x0), width, threads, work)
+        n = self._plant.model.n
+        return batch.out[..., : 2 * n] if self._plant.nz else batch.out
+
+    def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:
+        """Check arguments; ``p`` is of shape (np,) or (b, np)."""
+        n = self._plant.model.n
+        whole("steps", steps, 0)
+        q0, v0 = (np.atleast_2d(vector(name, x, n)) for name, x in (("q0", q0), ("v0", v0)))
+        arms = len(q0)
+        for name, count in (("v0", len(v0)), ("parameters", len(p) if p.ndim == 2 else arms)):
+            if count != arms:
+                raise InvalidInput(f"{name}: {count} arms, but q0 has {arms}")
+        rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
+        nx, x0 = self._plant.nx, consistent_rows(self._plant, np.hstack([q0, v0]), rows)
+        if self._plant.nz:
+            z0 = [self._plant.initial(*np.split(x, 2)) for x in x0]
+            x0 = np.hstack([x0, np.reshape(z0, (arms, -1))])
+        out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
+        return Batch(x0, self._torques(tau, arms, steps), rows, int(steps), out)
+
+    def _torques(self, tau: Any, arms: int, steps: int) -> Array:
+        n = self._plant.model.n
+        array = np.ascontiguousarray(real_array("tau", tau))
+        if array.shape not in ((n,), (arms, n), (arms, steps, n)):
+            allowed = f"({n},), ({arms}, {n}) or ({arms}, {steps}, {n})"
+            raise InvalidInput(f"tau has shape {array.shape}; {allowed} is wanted")
+        if not np.isfinite(array).all():
+            raise InvalidInput("tau holds numbers that are not finite")
+        by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
+        return np.broadcast_to(by_tick, (arms, max(1, steps), n))
+
+    def _in_lanes(self, library: ctypes.CDLL, batch: Batch, first: int, last: int) -> None:
+        length = np.array([self._choice.dt])
+        arm, tick = (ctypes.c_longlong(stride // 8) for stride in batch.tau.strides[:2])
+        row = ctypes.c_longlong(batch.p.strides[0] // 8)
+        library.rollout(
+            pointer(batch.x0), pointer(batch.tau), arm, tick, pointer(batch.p), row,
+            pointer(length), ctypes.c_longlong(batch.steps), ctypes.c_longlong(first),
+            ctypes.c_longlong(last), pointer(batch.out), ctypes.c_int(batch.out.ndim == 2),
+        )  # fmt: skip
+
+    def _one_by_one(self, batch: Batch, first: int, last: int) -> None:
+        stepper = make_stepper(self._plant, self._choice, self._backend)
+        n, nx, steps = self._plant.model.n, self._plant.nx, batch.steps
+        trace, effort, errors = np.empty((steps, nx)), np.empty((steps, n)), np.empty(steps)
+        for arm in range(first, last):
+            stepper.restart()
+            stepper.p[:] = batch.p[arm]
+            x, tau = batch.x0[arm].copy(), np.ascontiguousarray(batch.tau[arm])
+            done = stepper.roll(x, tau, trace, effort, errors)
+            trace[done:] = np.nan
+            motion = np.vstack([batch.x0[arm], trace])
+            batch.out[arm] = motion[-1] if batch.out.ndim == 2 else motion
+
+    def _library(self, lanes: int | None) -> tuple[ctypes.CDLL | None, int]:
+        """Compiled code and the number of arms that it advances side by side."""
+        if lanes is not None and lanes not in WIDTHS:
+            allowed = ", ".join(map(str, WIDTHS))
+            raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
+        width = (lanes or natural_width()) if compiler.find_compiler("c++") else 1
+        command = compiler.find_compiler("c++" if width > 1 else "c")
+        if command is None:
+            return None, 1
+        if width not in self._libraries:
+            self._libraries[width] = compiler.build(self._source(width), command)
+        return self._libraries[width], width
+
+    def _source(self, width: int) -> str:
+        plant = self._plant
+        step = build_step(self._choice.method, plant.rhs, plant.model.n, plant.project)
+        tick = build_tick(step, actuation(plant))
+        lanes = f'#define LANES {width}\n#include "lanes.hpp"\n'
+        sizes = {"TICK": "tick", "NP": str(len(self._plant.parameters.nominal))}
+        driver = driver_source("rollout.c", self._plant, sizes, tick)
+        return (lanes if width > 1 else '#include "scalar.h"\n') + generate([tick]) + driver
+
+
+def natural_width() -> int:
+    """Doubles that a vector register of this processor holds."""
+    flags = compiler.processor()
+    return 8 if "avx512f" in flags else 4 if "avx2" in flags else 2
+
+
+def share(arms: int, width: int, threads: int | None, work: Callable[[int, int], None]) -> None:
+    """Share arms out to threads in whole groups; compiled code does not hold the interpreter lock.
+
+    Args:
+        arms: How many.
+        width: Arms in a group.
+        threads: How many threads, None for one a core.
+        work: Called with the first arm and the one after the last.
+
+    Raises:
+        InvalidInput: If the number of threads is not positive.
+    """
+    if threads is not None and threads < 1:
+        raise InvalidInput(f"threads = {threads!r}: at least one is wanted")
+    count = threads or len(os.sched_getaffinity(0))
+    groups = -(-arms // width)
+    edges = [min(arms, groups * i // count * width) for i in range(count + 1)]
+    parts = [(a, b) for a, b in zip(edges, edges[1:], strict=False) if b > a]
+    if len(parts) <= 1:  # starting a thread takes longer than a short rollout
+        for part in parts:
+            work(*part)
+        return
+    with ThreadPoolExecutor(len(parts)) as pool:
+        for done in [pool.submit(work, *part) for part in parts]:
+            done.result()
