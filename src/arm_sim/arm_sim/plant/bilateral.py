@@ -9,16 +9,12 @@ section VII.2; Eich, SIAM J. Numer. Anal. 30(5), 1993).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import casadi as ca
 
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.equations import constraint, rigid_body
 from arm_dynamics.equations.projection import SINGULAR, Held, Metric
-
-if TYPE_CHECKING:
-    from arm_sim.plant.plant import Symbols
+from arm_sim.plant.symbols import Symbols, dense_function
 
 # Newton's steps with the factors of the first; the first leaves the square of the step's error.
 NEWTON_STEPS = 3
@@ -34,7 +30,7 @@ ASTRAY = 0.1
 REFUSED = 1e200
 
 
-class Constrained:
+class Bilateral:
     """Equation of motion and projection of a scene with bilateral constraints.
 
     Attributes:
@@ -58,7 +54,7 @@ class Constrained:
         bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(self._n, 1), s.gravity)
         free = metric.of_forces(s.tau - bias - s.viscous)
         a = metric.motion(self._held.nearest(free, -self._rows.drift))
-        return _function("acceleration", [s.q, s.v, s.tau, s.p], a)
+        return dense_function("acceleration", [s.q, s.v, s.tau, s.p], a)
 
     def _project(self) -> ca.Function:
         s, n, metric, rows = self._s, self._n, self._metric, self._rows
@@ -75,7 +71,7 @@ class Constrained:
         gap = _largest(rows.residual), _largest(rows.jacobian @ s.v)
         results = [ca.vertcat(q, v) + refused, *gap]
         found = ca.substitute(results, [s.q, s.v], [after[:n], after[n:]])
-        return _function("project", [before, after, s.p], *found)
+        return dense_function("project", [before, after, s.p], *found)
 
 
 def _check_alone(model: ArmModel) -> None:
@@ -110,7 +106,3 @@ def _astray(correction: ca.SX, whole: ca.SX) -> ca.SX:
 
 def _largest(values: ca.SX) -> ca.SX:
     return ca.mmax(ca.fabs(ca.vertcat(0, values)))
-
-
-def _function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
-    return ca.Function(name, arguments, [ca.densify(result) for result in results], {"cse": True})
