@@ -39,8 +39,11 @@ from benchmarks.stress.verdict import (
 
 SMALL = Plan((1e-2, 1e-3), (1e-6,), most_joints=3, horizon=0.1, backend="vm")
 COMPILED = replace(SMALL, backend="auto", most_joints=30)
-EASY = range(6)
 ABSURD = (7,)  # torques that no method can follow; without a compiler giving up takes long
+SEEDS = sorted({*range(12)} - {*ABSURD})
+EASY = [seed for seed in SEEDS if not draw(seed, SMALL.most_joints).dry][:6]
+DRY = [seed for seed in SEEDS if draw(seed, SMALL.most_joints).dry][:1]  # needs a compiler
+ONE_STEP = replace(SMALL, steps=(1e-3,), backend="auto")
 QUIET = Setting("euler", 1e-2)  # throws a light link about; the heavy one's energy hides it
 AGREE = 1e-8  # the reference against SciPy on Pinocchio
 
@@ -48,7 +51,8 @@ AGREE = 1e-8  # the reference against SciPy on Pinocchio
 @pytest.fixture(scope="module")
 def found() -> list[Found]:
     easy = [examine(seed, SMALL) for seed in EASY]
-    return easy + [examine(seed, COMPILED) for seed in ABSURD]
+    dry = [examine(seed, ONE_STEP) for seed in DRY]
+    return easy + dry + [examine(seed, COMPILED) for seed in ABSURD]
 
 
 def test_nothing_fails_silently(found: list[Found]) -> None:
@@ -60,8 +64,8 @@ def test_nothing_fails_silently(found: list[Found]) -> None:
 def test_every_method_is_tried_and_most_survive(found: list[Found]) -> None:
     assert {s.method for s in SMALL.settings()} == set(METHODS)
     assert {s.tolerance for s in SMALL.settings()} == {None, 1e-6}
-    count = Counter(r.outcome for one in found if one.seed in EASY for r in one.results)
-    assert count.total() == len(EASY) * len(SMALL.settings())
+    count = Counter(r.outcome for one in found if one.seed not in ABSURD for r in one.results)
+    assert count.total() == len(EASY) * len(SMALL.settings()) + len(ONE_STEP.settings())
     assert count[SURVIVED] > 0.8 * count.total()
     stopped = [r for one in found if one.seed in ABSURD for r in one.results]
     assert sum(r.outcome == STOPPED for r in stopped) > 0.8 * len(stopped)
@@ -77,10 +81,10 @@ def test_error_control_delivers(found: list[Found]) -> None:
 
 
 def test_the_same_for_a_seed_in_any_process() -> None:
-    [apart] = survey([3], SMALL, workers=1)
-    once, again = (plain([one], SMALL, 3) for one in (apart, examine(3, SMALL)))
+    [apart] = survey(EASY[:1], SMALL, workers=1)
+    once, again = (plain([one], SMALL, 3) for one in (apart, examine(EASY[0], SMALL)))
     assert once == again
-    assert once != plain([examine(4, SMALL)], SMALL, 3)
+    assert once != plain([examine(EASY[1], SMALL)], SMALL, 3)
 
 
 def test_arms_are_as_hard_as_promised() -> None:
@@ -157,7 +161,7 @@ def test_report(found: list[Found], tmp_path: Path) -> None:
     assert "{{" not in text
     assert f"{len(found)} random arms" in text
     saved = json.loads((tmp_path / "stability.json").read_text())
-    assert [arm["seed"] for arm in saved["arms"]] == [*EASY, *ABSURD]
+    assert [arm["seed"] for arm in saved["arms"]] == [*EASY, *DRY, *ABSURD]
     assert (tmp_path / "figures/stability.png").stat().st_size > 10_000
 
 
