@@ -85,13 +85,13 @@ def test_lost_messages_are_asked_for_again_and_change_nothing(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sim, controller = pair(ros, lockstep_retry=0.005)
-    send, count = controller._send, iter(range(10**9))
+    send, count = controller.send, iter(range(10**9))
 
     def lose_every_seventh(command: bytes) -> None:
         if next(count) % 7:
             send(command)
 
-    monkeypatch.setattr(controller, "_send", lose_every_seventh)
+    monkeypatch.setattr(controller, "send", lose_every_seventh)
     np.testing.assert_array_equal(motion(ros, sim, controller), expected())
     assert sim.lockstep.asked_again >= TICKS // 7 - 2
 

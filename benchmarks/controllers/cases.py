@@ -21,11 +21,11 @@ from arm_dynamics.trajectory.joint_path import JointPath, joint_path
 from arm_dynamics.trajectory.reference import Reference, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 
-SCENES = Path(__file__).parents[2] / "scenes"
+SCENES = Path(__file__).parents[2] / "src/arm_sim/arm_sim/scenes"
 PLANTS = {
     "exact": "as the controller's model",
     "payload": "20 % more payload than the model has",
-    "friction": "dry friction that the model has not",
+    "friction": "dry friction missing from the model",
     "limits": "torque limits that the fast motions exceed",
 }
 TASKS = ("regulation", "line")
