@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import Dynamics
+from arm_dynamics.arrays import Array
 from arm_dynamics.client.client import ArmClient
-from arm_dynamics.model.arm import Array
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
 from arm_sim.cli.demo.processes import Processes
 from benchmarks.loop.lockstep import lockstep

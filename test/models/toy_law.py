@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.actuation.internal_state import Flow
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 
 
 @dataclass(frozen=True)

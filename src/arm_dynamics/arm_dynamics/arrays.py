@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of the vectors that a caller hands over."""
+"""Arrays of numbers, and checks of the vectors that a caller hands over."""
 
 from __future__ import annotations
 
@@ -8,10 +8,12 @@ from collections.abc import Collection, Iterable
 from operator import gt
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import Array
+
+Array = NDArray[np.float64]
+"""Numbers of any shape."""
 
 _FEW = 64  # numbers up to which a list is faster than an array
 

@@ -8,10 +8,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from arm_dynamics.client.values import Postures
 
 
 class ArmError(Exception):
@@ -50,7 +46,11 @@ class Unreachable(ArmError):
 
 
 class KernelError(ArmError):
-    """A generated function disagrees with Pinocchio and is refused."""
+    """Generated code cannot be compiled, or disagrees with Pinocchio and is refused."""
+
+
+class CompilerMissing(KernelError):
+    """There is no compiler, and no code that was compiled elsewhere either."""
 
 
 class NoAnswer(ArmError, TimeoutError):
@@ -59,17 +59,6 @@ class NoAnswer(ArmError, TimeoutError):
 
 class Refused(ArmError):
     """A node answered that it will not do what it was asked; the message is the node's."""
-
-
-class NotReached(Refused, Unreachable):
-    """A node looked for joint positions and did not reach every pose; the message is the node's.
-
-    ``found`` holds what it found for each pose: where it is not reached, the nearest.
-    """
-
-    def __init__(self, message: str, found: Postures) -> None:
-        super().__init__(message, float(found.distance.max()))
-        self.found = found
 
 
 def known_names(names: Iterable[str], limit: int = 30) -> str:

@@ -7,10 +7,10 @@ from collections.abc import Sequence
 from typing import Any
 
 from arm_dynamics import Dynamics
+from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.wrappers import Switch
-from arm_dynamics.model.arm import Array
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
 from arm_sim.recording.recording import Recording

@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import Dynamics
-from arm_dynamics.arrays import vector
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array, vector
 from arm_dynamics.task_space.task_space import TaskSpace
 
 

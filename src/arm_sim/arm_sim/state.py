@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 
 
 def read_only(x: Array) -> Array:

@@ -16,7 +16,8 @@ from typist import Typist, answer
 import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.client.client import ArmClient
-from arm_dynamics.exceptions import NotReached, Refused, Unreachable
+from arm_dynamics.client.values import NotReached
+from arm_dynamics.exceptions import Refused, Unreachable
 from arm_dynamics.ros.interfaces import MAX_POSES
 from arm_dynamics.task_space.inertia import quaternions
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics

@@ -9,10 +9,12 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
-from arm_dynamics.codegen.kernel import Kernel, check_forward, operations
+from arm_dynamics.codegen.kernel import Kernel, operations
+from arm_dynamics.dynamics.verify import check_forward
 from arm_dynamics.equations import articulated_body as articulated
 from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.tree import Tree, tree_of
+from arm_dynamics.equations.tree import Tree
+from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.plant.plant import Plant
 from models.oracle import Oracle
 from models.random_tree import random_tree
@@ -111,6 +113,24 @@ def test_backend_is_named() -> None:
     assert not Kernel(functions, backend="vm").native
     with pytest.raises(InvalidInput, match=r"gpu.*native"):
         Kernel(functions, backend="gpu")
+
+
+def test_what_the_virtual_machine_cannot_run(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Where code has to be compiled, its lack is one error that says who needs it and what to
+    do.
+    """
+    x = ca.SX.sym("x")
+    functions = [ca.Function("f", [x], [x + 1])]
+    assert Kernel(functions, needs_native="dry friction").native
+    with pytest.raises(KernelError, match=r"'vm'.*dry friction needs compiled code.*auto, native"):
+        Kernel(functions, backend="vm", needs_native="dry friction")
+    monkeypatch.setenv("CC", "/no/such/compiler")
+    for backend in ("auto", "native"):
+        with pytest.raises(KernelError) as said:
+            Kernel(functions, backend, needs_native="dry friction")
+        for word in ("dry friction", "no C compiler", "apt install gcc", "./arm build SCENE",
+                     "ARM_CACHE=DIR"):  # fmt: skip
+            assert word in str(said.value)
 
 
 def test_calls_are_independent() -> None:

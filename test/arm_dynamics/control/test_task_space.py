@@ -15,7 +15,6 @@ from arm_dynamics.control.task_space import (
     CartesianImpedance,
     MotionForce,
     OperationalSpace,
-    TaskReference,
     at_rest,
     task_reference,
 )
@@ -23,7 +22,7 @@ from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.task_space.terms import Pose
 from arm_dynamics.trajectory.cartesian import line, timed
 from arm_dynamics.trajectory.joint_path import joint_path
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.trajectory.reference import Reference, TaskReference
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 

@@ -13,10 +13,11 @@ import pinocchio as pin
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
+from arm_dynamics import Dynamics, InvalidInput, load_scene
 from arm_dynamics.equations import constraint
-from arm_dynamics.equations.tree import tree_of
 from arm_dynamics.model.constraint_rows import ConstraintRows
+from arm_dynamics.model.robot import Robot
+from arm_dynamics.model.tree_builder import linkage_of, tree_of
 from tolerances import ALGEBRA, FINITE_DIFF, INVERSE_PAIR, assert_close
 
 TYPES: dict[str, dict[str, Any]] = {
@@ -44,19 +45,16 @@ FRAMES = {
 }
 
 
-def model_with(urdf: str, **given: Any) -> ArmModel:
+def model_with(urdf: str, **given: Any) -> Robot:
     """The robot with one constraint; it need not be closed."""
-    bare = load_scene({"robot": {"urdf": str(models.FOLDER / f"{urdf}.urdf")}})
-    full = load_scene({"robot": {"urdf": bare.robot.urdf}, "constraints": [given]})
-    model = ArmModel(bare)
-    model.scene = full
-    model.constraint_rows = {0: tuple(range(ConstraintRows(model).counts[0]))}
-    return model
+    urdf = load_scene({"robot": {"urdf": str(models.FOLDER / f"{urdf}.urdf")}}).robot.urdf
+    return Robot(load_scene({"robot": {"urdf": urdf}, "constraints": [given]}))
 
 
-def generated(model: ArmModel) -> ca.Function:
+def generated(model: Robot) -> ca.Function:
     q, v = ca.SX.sym("q", model.n), ca.SX.sym("v", model.n)
-    rows = constraint.rows(model, tree_of(model), q, v, lambda _: 1.0)
+    linkage = linkage_of(model, {0: range(ConstraintRows(model).counts[0])})
+    rows = constraint.rows(linkage, tree_of(model), q, v, lambda _: 1.0)
     values = [ca.densify(x) for x in (rows.residual, rows.jacobian, rows.drift)]
     return ca.Function("rows", [q, v], values)
 

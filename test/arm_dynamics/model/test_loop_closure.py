@@ -164,3 +164,9 @@ def test_a_doubled_constraint_is_left_out_unless_the_other_can_go() -> None:
     assert ArmModel(load_scene(robot(*both))).constraint_rows == {0: (), 1: (0,)}
     both[1]["switchable"] = True
     assert ArmModel(load_scene(robot(*both))).constraint_rows == {0: (0,), 1: (0,)}
+
+
+def test_of_equal_rows_the_first_is_kept() -> None:
+    """Bricard's linkage is symmetric: rounding, which machines differ in, must not choose."""
+    model = ArmModel(models.scene("bricard"))
+    assert model.constraint_rows == {0: (0, 1, 2), 1: (2,)}

@@ -67,13 +67,19 @@ def test_the_balance_closes(sim: Simulator) -> None:
     assert run.supplied[0] == run.lost[0] == run.balance[0] == 0.0
 
 
-def test_nothing_is_built_before_it_is_asked_for(sim: Simulator) -> None:
-    sim.reset()
+def test_nothing_is_built_before_it_is_asked_for(
+    sim: Simulator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def refuse(*_: object) -> None:
+        raise RuntimeError("the account is being built")
+
     fresh = Simulator(sim.model)
+    monkeypatch.setattr("arm_sim.recording.energy_account.Stepper", refuse)
     run = fresh.run(0.01, U)
-    assert "_stepper" not in vars(fresh.audit)
+    with pytest.raises(RuntimeError, match="being built"):
+        run.balance  # noqa: B018 - asking is what builds it
+    monkeypatch.undo()
     assert run.balance.shape == (11,)
-    assert "_stepper" in vars(fresh.audit)
 
 
 def test_the_account_does_not_disturb_the_motion(sim: Simulator) -> None:
@@ -93,7 +99,7 @@ def test_without_laws_it_is_the_work_of_torques() -> None:
     assert_close(run.supplied[1:], work, 1e-12)
     assert not run.stored.any()
     assert np.abs(run.balance).max() < 1e-6
-    assert sim.audit.makes_ticks_again is False
+    assert sim.energy_account.makes_ticks_again is False
 
 
 def test_tunable_quantities_are_those_of_the_run() -> None:

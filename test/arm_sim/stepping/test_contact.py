@@ -19,7 +19,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "rk4 1 ms": {"integrator": "rk4", "dt": 1e-3},
     "rk4 10 ms": {"integrator": "rk4", "dt": 1e-2},
     "error control": {"tolerance": 1e-10, "dt": 1e-2},
-    "virtual machine": {"integrator": "rk4", "dt": 1e-2, "backend": "vm"},
 }
 ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
 PENDULUM = {"robot": {"urdf": str(models.SCENES / "pendulum.urdf")}}

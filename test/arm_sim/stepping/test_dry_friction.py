@@ -22,7 +22,6 @@ OPTIONS: dict[str, dict[str, Any]] = {
     "rk4 10 ms": {"integrator": "rk4", "dt": 1e-2},
     "euler 1 ms": {"integrator": "euler", "dt": 1e-3},
     "error control": {"tolerance": 1e-10, "dt": 1e-2},
-    "virtual machine": {"integrator": "rk4", "dt": 1e-3, "backend": "vm"},
 }
 ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
 

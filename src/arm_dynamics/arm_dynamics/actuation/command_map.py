@@ -6,9 +6,10 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations import motor
 from arm_dynamics.equations.elementary import Quantity
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.drive import JointDrive
 from arm_dynamics.scene.schema import Scene
 

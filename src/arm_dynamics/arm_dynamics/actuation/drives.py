@@ -11,7 +11,8 @@ from numpy.typing import NDArray
 
 from arm_dynamics.actuation.drive_equations import Instant, at_rest, instant, state_names
 from arm_dynamics.actuation.internal_state import Flow
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.arrays import Array
+from arm_dynamics.model.arm import ArmModel
 
 
 class Drives:

@@ -16,7 +16,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 
 
 @dataclass(frozen=True)

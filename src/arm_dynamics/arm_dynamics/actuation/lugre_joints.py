@@ -8,8 +8,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.actuation.internal_state import Flow
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations import lugre
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.friction import Bristles
 
 

@@ -12,11 +12,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.client.orders import Orders
 from arm_dynamics.client.values import (
-    Array,
     ConstrainedMotion,
     ModelFacts,
+    NotReached,
     Postures,
     Terms,
     agreed,
@@ -29,7 +30,6 @@ from arm_dynamics.client.values import (
     whole,
     words,
 )
-from arm_dynamics.exceptions import NotReached
 
 __all__ = ["ALL_TERMS", "ArmClient", "ConstrainedMotion", "ModelFacts", "Postures", "Terms"]
 

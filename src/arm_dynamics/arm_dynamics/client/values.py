@@ -11,9 +11,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
-from arm_dynamics.exceptions import InvalidInput, Refused
-
-Array = NDArray[np.float64]
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput, Refused, Unreachable
 
 
 @dataclass(frozen=True)
@@ -104,6 +103,17 @@ class Postures:
     reached: NDArray[np.bool_]
     distance: Array
     angle: Array
+
+
+class NotReached(Refused, Unreachable):
+    """A node looked for joint positions and did not reach every pose; the message is the node's.
+
+    ``found`` holds what it found for each pose: where it is not reached, the nearest.
+    """
+
+    def __init__(self, message: str, found: Postures) -> None:
+        super().__init__(message, float(found.distance.max()))
+        self.found = found
 
 
 def agreed(answer: Any) -> Any:

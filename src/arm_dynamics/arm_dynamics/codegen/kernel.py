@@ -15,15 +15,12 @@ import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.split_functions import divided
-from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import InvalidInput, KernelError
-from arm_dynamics.model.arm import Array
+from arm_dynamics.exceptions import CompilerMissing, InvalidInput, KernelError
 
 BACKENDS = ("auto", "native", "vm")
-CHECK_TOLERANCE = 1e-10
-CHECK_STATES = 20
 _log = logging.getLogger(__name__)
 
 
@@ -59,14 +56,21 @@ class Kernel:
         backend: ``native`` (a C compiler is needed), ``vm`` (CasADi's virtual machine), or
             ``auto``: the first that can be had.
         driver: C source that may call the functions, compiled with them.
+        needs_native: What of the scene cannot run on the virtual machine, for example "dry
+            friction"; nothing if it is empty.
 
     Raises:
         InvalidInput: If the backend is unknown.
-        KernelError: If native code is demanded and there is no compiler.
+        KernelError: If native code is demanded, or needed, and cannot be had; it says how to get
+            it.
     """
 
     def __init__(
-        self, functions: Sequence[ca.Function], backend: str = "auto", driver: str = ""
+        self,
+        functions: Sequence[ca.Function],
+        backend: str = "auto",
+        driver: str = "",
+        needs_native: str = "",
     ) -> None:
         if backend not in BACKENDS:
             raise InvalidInput(f"backend = {backend!r}; allowed: {', '.join(BACKENDS)}")
@@ -74,7 +78,12 @@ class Kernel:
         self.library: ctypes.CDLL | None = None
         self.backend = "virtual machine of CasADi"
         if backend != "vm":
-            self._compile(backend, driver)
+            self._compile(backend, driver, needs_native)
+        elif needs_native:
+            raise KernelError(
+                f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
+                "machine runs smooth scenes only; allowed here: auto, native"
+            )
 
     @property
     def native(self) -> bool:
@@ -93,21 +102,19 @@ class Kernel:
         bind = _virtual if self.library is None else self._bind
         return Call(inputs, outputs, bind(function, inputs, outputs))
 
-    def _compile(self, backend: str, driver: str) -> None:
-        command = compiler.find_compiler()
-        if command is None:
-            if backend == "native":
-                raise KernelError(
-                    "backend = 'native', but no C compiler was found ($CC, cc, gcc, clang)"
-                )
-            _log.warning(
-                "no C compiler found ($CC, cc, gcc, clang): "
-                "running on CasADi's virtual machine, slower"
-            )
-            return
+    def _compile(self, backend: str, driver: str, needs_native: str) -> None:
         source = '#include "scalar.h"\n' + generate(list(self._functions.values())) + driver
-        self.library = compiler.build(source, command)
-        self.backend = compiler.compiler_version(command)
+        try:
+            code = compiler.build(source)
+        except CompilerMissing as error:
+            if needs_native or backend == "native":
+                who = needs_native or "backend = 'native'"
+                raise CompilerMissing(
+                    f"{who} needs compiled code, but {error}: {compiler.HOW_TO_GET_CODE}"
+                ) from None
+            _log.warning("%s: running on CasADi's virtual machine, slower", error)
+            return
+        self.library, self.backend = code.library, code.origin
 
     def _bind(
         self, function: ca.Function, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
@@ -157,45 +164,6 @@ def operations(function: ca.Function) -> int:
         elif kind not in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER):
             total += int(function.instruction_MX(k).nnz())
     return total
-
-
-def check_forward(
-    dynamics: Dynamics, acceleration: Callable[[Array, Array, Array], Array]
-) -> float:
-    """Compare a forward-dynamics kernel with Pinocchio on random states.
-
-    The torque that Pinocchio needs for the kernel's acceleration is held against the torque that
-    was put in; unlike the difference of accelerations, that of torques does not blow up where M
-    is ill-conditioned.
-
-    Args:
-        dynamics: The reference.
-        acceleration: Function of q, v, tau, each of shape (n,).
-
-    Returns:
-        Largest error, relative to the size of the terms that make it up.
-
-    Raises:
-        KernelError: If it exceeds 1e-10.
-    """
-    rng = np.random.default_rng(0)
-    worst = 0.0
-    for _ in range(CHECK_STATES):
-        q, v, tau = rng.uniform(-np.pi, np.pi, (3, dynamics.n))
-        a = np.array(acceleration(q, v, tau))
-        if not np.isfinite(a).all():
-            dynamics.forward(q, v, tau)  # says which joint cannot be moved
-        needed = dynamics.inverse(q, v, np.nan_to_num(a))
-        bias = dynamics.inverse(q, v, np.zeros(dynamics.n))
-        size = abs(dynamics.mass_matrix(q)) @ abs(a) + abs(bias) + abs(tau)
-        error = np.max(abs(needed - tau)) / size.max()
-        worst = max(worst, float(error)) if np.isfinite(a).all() else np.inf
-    if not worst <= CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated forward dynamics differs from Pinocchio by {worst:.2e} (relative); "
-            f"{CHECK_TOLERANCE:.0e} is allowed: does every joint move some mass?"
-        )
-    return worst
 
 
 def pointers(arrays: Sequence[NDArray[np.float64]], count: int) -> ctypes.Array[ctypes.c_void_p]:

@@ -8,15 +8,14 @@ from dataclasses import dataclass
 from typing import Any, Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import all_finite, vector
+from arm_dynamics.arrays import Array, all_finite, vector
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.reference import Reference, numbers
 
-Array = NDArray[np.float64]
 _FLOAT = np.dtype(float)
 
 
@@ -90,7 +89,8 @@ class ComputedTorque:
         Raises:
             InvalidInput: If a gain or dt has a wrong shape or value.
         """
-        self._rigid, self._n = RigidTerms(dynamics.model), dynamics.n
+        self._model, self._n = dynamics.model, dynamics.n
+        self._rigid = RigidTerms(dynamics.model)
         self._kp, self._kd = held_gains(bandwidth, damping_ratio, dynamics.n, dt)
         self._dt = float(dt)
 
@@ -105,7 +105,7 @@ class ComputedTorque:
         desired = (reference.q, reference.v, reference.a)
         a = demanded_acceleration(q, v, desired, self._kp, self._kd)
         middle, speed = halfway(q, v, a, self._dt)
-        tau, friction = self._rigid.inverse(middle, speed, a), self._rigid.model.friction
+        tau, friction = self._rigid.inverse(middle, speed, a), self._model.friction
         sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.directional else v
         return np.asarray(friction.demanded(tau, speed, sliding, middle))
 

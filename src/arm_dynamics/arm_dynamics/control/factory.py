@@ -10,9 +10,9 @@ from functools import partial
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.control import compiled_computed_torque as control_compiled
 from arm_dynamics.control.compiled_computed_torque import CompiledComputedTorque
-from arm_dynamics.control.computed_torque import Array
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.joint_space import (
     PD,

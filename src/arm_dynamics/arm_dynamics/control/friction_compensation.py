@@ -7,7 +7,8 @@ from typing import Protocol
 
 import numpy as np
 
-from arm_dynamics.control.computed_torque import Array, Moving
+from arm_dynamics.arrays import Array
+from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.reference import Reference

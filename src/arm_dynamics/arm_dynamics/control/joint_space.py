@@ -6,8 +6,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import vector
-from arm_dynamics.control.computed_torque import Array, Moving, checked, gain, gains
+from arm_dynamics.arrays import Array, vector
+from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms

@@ -6,42 +6,21 @@ They ask the model once a tick, by the task's compiled kernel, which the first t
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import NamedTuple, Protocol
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import vector
-from arm_dynamics.control.computed_torque import Array, Moving, checked, gain, gains
+from arm_dynamics.arrays import Array, vector
+from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.compiled import Instant
 from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.trajectory.reference import Reference
-
-
-@dataclass(frozen=True, slots=True)
-class TaskReference:
-    """Where the frame should be, in the world.
-
-    Attributes:
-        position: In [m], shape (3,).
-        rotation: Rotation matrix of shape (3, 3).
-        velocity: Linear and angular, axes of the world, in [m/s] and [rad/s], shape (6,).
-        acceleration: Likewise in [m/s²] and [rad/s²], shape (6,).
-        force: Force to press with along a controller's direction in [N].
-        posture: Joint positions to prefer where the task leaves a choice, shape (n,), or None.
-    """
-
-    position: Array
-    rotation: Array
-    velocity: Array
-    acceleration: Array
-    force: float = 0.0
-    posture: Array | None = None
+from arm_dynamics.trajectory.reference import Reference, TaskReference
 
 
 class TaskController(Protocol):

@@ -8,7 +8,8 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.control.computed_torque import Array, Measured, Moving, checked, gain
+from arm_dynamics.arrays import Array
+from arm_dynamics.control.computed_torque import Measured, Moving, checked, gain
 from arm_dynamics.control.joint_space import cut, positive
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
@@ -91,7 +92,8 @@ class DisturbanceObserver:
         Raises:
             InvalidInput: If a number has a wrong shape or value.
         """
-        self._control, self._n, self._rigid = control, dynamics.n, RigidTerms(dynamics.model)
+        self._control, self._n = control, dynamics.n
+        self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.model.friction
         self._dt, self._gain = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
         if np.any(self._gain * self._dt >= 1.0):
             raise InvalidInput(
@@ -124,7 +126,7 @@ class DisturbanceObserver:
         if self._integral is None:
             self._integral = momentum
         else:
-            lost = rigid.model.friction.steady(v, np.sign(v), q, self._last)
+            lost = self._friction.steady(v, np.sign(v), q, self._last)
             known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - lost
             self._integral = self._integral + self._dt * (self._last + known + self._r)
         self._r = self._gain * (momentum - self._integral)
@@ -146,7 +148,8 @@ class HalfTickAhead:
         Raises:
             InvalidInput: If dt is not positive.
         """
-        self._control, self._n, self._rigid = control, dynamics.n, RigidTerms(dynamics.model)
+        self._control, self._n = control, dynamics.n
+        self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.model.friction
         self._half = 0.5 * positive("dt", dt)
         self._last: Array | None = None
 
@@ -160,7 +163,7 @@ class HalfTickAhead:
         q, v = checked(state, self._n)
         h, a = self._half, np.zeros_like(v)
         if self._last is not None:
-            lost = self._rigid.model.friction.steady(v, np.sign(v), q, self._last)
+            lost = self._friction.steady(v, np.sign(v), q, self._last)
             known = self._rigid.bias(q, v) + lost
             a = self._rigid.mobility(q) @ (self._last - known)
         ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)

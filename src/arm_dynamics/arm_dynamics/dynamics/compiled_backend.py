@@ -13,14 +13,15 @@ from functools import partial
 import casadi as ca
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.kernel import CHECK_TOLERANCE, Kernel, pointers
+from arm_dynamics.codegen.kernel import Kernel, pointers
 from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_terms import Answer, BatchTerm
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.dynamics.verify import compare
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.model.arm import Array
 
 _DRIVER = compiler.NATIVE / "rows.c"
 _log = logging.getLogger(__name__)
@@ -88,10 +89,10 @@ def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
 
     Returns:
         A function of batches (k, n), and of vectors that serve every point, which agrees with
-        ``points`` to 1e-10 of the size of what is added up; or None where there is no C compiler
-        or no space for its work, or the code does not agree.
+        ``points`` to 1e-10 of the size of what is added up; or None where there is no compiled
+        code to be had, no space for it, or the code does not agree.
     """
-    if compiler.find_compiler() is None:
+    if not compiler.may_build():
         return None
     _log.info("building code for batches: %s of %d joints", term.title, points.model.n)
     try:
@@ -104,22 +105,9 @@ def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
 
 
 def check(term: BatchTerm, points: Pointwise, answer: Answer) -> float:
-    """Hold an answer against Pinocchio's on random states.
-
-    Returns:
-        Largest difference, relative to the size of what is added up.
-
-    Raises:
-        KernelError: If it exceeds 1e-10.
-    """
-    with np.errstate(all="ignore"):  # numbers that are not finite are refused below
-        worst = term.error(points, answer)
-    if not worst <= CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated {term.title} differs from Pinocchio by {worst:.2e} (relative); "
-            f"{CHECK_TOLERANCE:.0e} is allowed"
-        )
-    return worst
+    """Check an answer at random states; returns and errors as those of ``compare``."""
+    with np.errstate(all="ignore"):  # numbers that are not finite are refused
+        return compare(term.title, *term.compared(points, answer))
 
 
 def rows(function: ca.Function, shape: tuple[int, ...]) -> Answer:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The terms that batches are asked for: as expressions, and what their error is measured by.
 
-The expressions are those of ``laws``.
+The expressions are those of ``equations``.
 """
 
 from __future__ import annotations
@@ -12,16 +12,19 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.codegen.kernel import CHECK_STATES, operations
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.dynamics.verify import random_states, torque_size
 from arm_dynamics.equations import constraint, rigid_body
 from arm_dynamics.equations.forward_dynamics import algorithms
-from arm_dynamics.equations.tree import gravity_of, tree_of
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
+from arm_dynamics.model.tree_builder import gravity_of, linkage_of, tree_of
 
 Answer = Callable[..., Array]
+Parts = list[tuple[Array, Array]]
 
 
 @dataclass(frozen=True)
@@ -33,15 +36,15 @@ class BatchTerm:
         title: The same for people.
         shape: Of one point's answer.
         expression: From an arm to the function of one point's vectors, a matrix transposed.
-        error: Largest difference of an answer from Pinocchio's on random states, relative to the
-            size of what is added up, which does not vanish where the sum happens to.
+        compared: Differences of an answer from Pinocchio's at random states, and sizes: see
+            ``verify.compare``.
     """
 
     name: str
     title: str
     shape: Callable[[ArmModel], tuple[int, ...]]
     expression: Callable[[ArmModel], ca.Function]
-    error: Callable[[Pointwise, Answer], float]
+    compared: Callable[[Pointwise, Answer], Parts]
 
 
 def _inverse(model: ArmModel) -> ca.Function:
@@ -50,8 +53,8 @@ def _inverse(model: ArmModel) -> ca.Function:
     return _function([q, v, a, gravity], rigid_body.inverse(tree_of(model), q, v, a, gravity))
 
 
-def _inverse_error(points: Pointwise, answer: Answer) -> float:
-    q, v, a = _states(points.model.n)
+def _inverse_parts(points: Pointwise, answer: Answer) -> Parts:
+    q, v, a = random_states(points.model.n)
     still, none, weight = np.zeros_like(q), np.zeros(3), _weight(points.model)
     parts = (
         points.inverse(q, still, a, none),
@@ -59,8 +62,7 @@ def _inverse_error(points: Pointwise, answer: Answer) -> float:
         points.inverse(q, still, still, weight),
     )
     size = np.sum(np.abs(parts), axis=0)
-    pairs = [(answer(q, v, a, g), points.inverse(q, v, a, g)) for g in (weight, none)]
-    return float(np.max([_relative(made - wanted, size) for made, wanted in pairs]))
+    return [(answer(q, v, a, g) - points.inverse(q, v, a, g), size) for g in (weight, none)]
 
 
 def _forward(model: ArmModel) -> ca.Function:
@@ -73,14 +75,12 @@ def _forward(model: ArmModel) -> ca.Function:
     return min(ways, key=operations)
 
 
-def _forward_error(points: Pointwise, answer: Answer) -> float:
-    """In torques: their difference, unlike that of accelerations, does not grow with M⁻¹."""
-    q, v, tau = _states(points.model.n)
+def _forward_parts(points: Pointwise, answer: Answer) -> Parts:
+    q, v, tau = random_states(points.model.n)
     a, still, weight = answer(q, v, tau), np.zeros_like(q), _weight(points.model)
     bias = points.inverse(q, v, still, weight)
-    heavy = (abs(points.mass_matrix(q)) @ abs(a)[..., None])[..., 0]
-    size = heavy + abs(bias) + abs(tau)
-    return _relative(points.inverse(q, v, a, weight) - tau, size)
+    size = torque_size(points.mass_matrix(q), a, bias, tau)
+    return [(points.inverse(q, v, a, weight) - tau, size)]
 
 
 def _mass_matrix(model: ArmModel) -> ca.Function:
@@ -88,10 +88,10 @@ def _mass_matrix(model: ArmModel) -> ca.Function:
     return _function([q], rigid_body.mass_matrix(tree_of(model), q))
 
 
-def _mass_error(points: Pointwise, answer: Answer) -> float:
-    q, _, _ = _states(points.model.n)
+def _mass_parts(points: Pointwise, answer: Answer) -> Parts:
+    q, _, _ = random_states(points.model.n)
     M = points.mass_matrix(q)
-    return _relative(answer(q) - M, M)
+    return [(answer(q) - M, M)]
 
 
 def _coriolis_matrix(model: ArmModel) -> ca.Function:
@@ -99,11 +99,11 @@ def _coriolis_matrix(model: ArmModel) -> ca.Function:
     return _function([q, v], rigid_body.coriolis_matrix(tree_of(model), q, v).T)
 
 
-def _coriolis_error(points: Pointwise, answer: Answer) -> float:
-    q, v, _ = _states(points.model.n)
+def _coriolis_parts(points: Pointwise, answer: Answer) -> Parts:
+    q, v, _ = random_states(points.model.n)
     difference = answer(q, v) - points.coriolis_matrix(q, v)
     fastest = abs(v).max(axis=1)[:, None, None]
-    return _relative(difference, points.mass_matrix(q) * fastest)
+    return [(difference, points.mass_matrix(q) * fastest)]
 
 
 def _gravity(model: ArmModel) -> ca.Function:
@@ -111,11 +111,11 @@ def _gravity(model: ArmModel) -> ca.Function:
     return _function([q], rigid_body.gravity_torque(tree_of(model), q, gravity_of(model)))
 
 
-def _gravity_error(points: Pointwise, answer: Answer) -> float:
-    q, _, _ = _states(points.model.n)
+def _gravity_parts(points: Pointwise, answer: Answer) -> Parts:
+    q, _, _ = random_states(points.model.n)
     G = points.gravity(q)
     inertia = abs(points.mass_matrix(q)).sum(axis=2)
-    return _relative(answer(q) - G, abs(G) + inertia)
+    return [(answer(q) - G, abs(G) + inertia)]
 
 
 def _energies(model: ArmModel) -> ca.Function:
@@ -128,13 +128,12 @@ def _energies(model: ArmModel) -> ca.Function:
     )
 
 
-def _energy_error(points: Pointwise, answer: Answer) -> float:
-    q, v, _ = _states(points.model.n)
+def _energy_parts(points: Pointwise, answer: Answer) -> Parts:
+    q, v, _ = random_states(points.model.n)
     wanted = points.energies(q, v)
     kinetic, potential = abs(wanted).T
     sizes = kinetic, kinetic + potential
-    differences = (answer(q, v) - wanted).T
-    return float(np.max([_relative(*pair) for pair in zip(differences, sizes, strict=True)]))
+    return list(zip((answer(q, v) - wanted).T, sizes, strict=True))
 
 
 def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
@@ -144,7 +143,9 @@ def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
         q, v = _symbols(model.n, "qv")
         named = ConstraintRows(model)
         places = [i for i, name in zip(named.places, named.names, strict=True) if name in names]
-        sides = constraint.complete_rows(model, tree_of(model), q, v, places)
+        sides = constraint.complete_rows(
+            linkage_of(model, model.constraint_rows), tree_of(model), q, v, places
+        )
         return _function([q, v], ca.horzcat(*sides).T)
 
     def shape(model: ArmModel) -> tuple[int, ...]:
@@ -152,18 +153,17 @@ def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
         pairs = zip(named.counts, named.names, strict=True)
         return sum(count for count, name in pairs if name in names), model.n + 1
 
-    def error(points: Pointwise, answer: Answer) -> float:
-        q, v, _ = _states(points.model.n)
+    def compared(points: Pointwise, answer: Answer) -> Parts:
+        q, v, _ = random_states(points.model.n)
         wanted = points.constraint_rows(q, v, names)
         size = abs(wanted)
         fastest = abs(v).max(axis=1)[:, None] ** 2
         size[..., -1] += size[..., :-1].max(axis=2, initial=0.0) * fastest
         difference = answer(q, v) - wanted
-        parts = (difference[..., :-1], size[..., :-1]), (difference[..., -1], size[..., -1])
-        return float(np.max([_relative(*part) for part in parts]))
+        return [(difference[..., :-1], size[..., :-1]), (difference[..., -1], size[..., -1])]
 
     title = f"rows of constraints {known_names(names)}"
-    return BatchTerm(f"constraint_rows {names}", title, shape, expression, error)
+    return BatchTerm(f"constraint_rows {names}", title, shape, expression, compared)
 
 
 def _vector(model: ArmModel) -> tuple[int, ...]:
@@ -178,14 +178,14 @@ def _pair(_: ArmModel) -> tuple[int, ...]:
     return (2,)
 
 
-INVERSE = BatchTerm("inverse", "inverse dynamics", _vector, _inverse, _inverse_error)
-FORWARD = BatchTerm("forward", "forward dynamics", _vector, _forward, _forward_error)
-MASS_MATRIX = BatchTerm("mass_matrix", "mass matrix", _square, _mass_matrix, _mass_error)
+INVERSE = BatchTerm("inverse", "inverse dynamics", _vector, _inverse, _inverse_parts)
+FORWARD = BatchTerm("forward", "forward dynamics", _vector, _forward, _forward_parts)
+MASS_MATRIX = BatchTerm("mass_matrix", "mass matrix", _square, _mass_matrix, _mass_parts)
 CORIOLIS_MATRIX = BatchTerm(
-    "coriolis_matrix", "Coriolis matrix", _square, _coriolis_matrix, _coriolis_error
+    "coriolis_matrix", "Coriolis matrix", _square, _coriolis_matrix, _coriolis_parts
 )
-GRAVITY = BatchTerm("gravity", "gravity", _vector, _gravity, _gravity_error)
-ENERGIES = BatchTerm("energies", "energies", _pair, _energies, _energy_error)
+GRAVITY = BatchTerm("gravity", "gravity", _vector, _gravity, _gravity_parts)
+ENERGIES = BatchTerm("energies", "energies", _pair, _energies, _energy_parts)
 
 
 def _symbols(n: int, names: str | tuple[str, ...]) -> list[ca.SX]:
@@ -198,15 +198,3 @@ def _function(arguments: list[ca.SX], result: ca.SX) -> ca.Function:
 
 def _weight(model: ArmModel) -> Array:
     return np.array(model.scene.gravity, dtype=float)
-
-
-def _states(n: int) -> Array:
-    return np.random.default_rng(0).uniform(-np.pi, np.pi, (3, CHECK_STATES, n))
-
-
-def _relative(difference: Array, size: Array) -> float:
-    """Largest difference of each point over the largest size there, then of all points."""
-    count = len(difference)
-    worst = abs(difference).reshape(count, -1).max(axis=1, initial=0.0)
-    scale = abs(size).reshape(count, -1).max(axis=1, initial=0.0)
-    return float(np.max(worst / np.maximum(scale, np.finfo(float).tiny)))

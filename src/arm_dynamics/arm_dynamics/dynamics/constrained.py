@@ -10,26 +10,19 @@ the first frame upon the second, in axes of the second.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from typing import TYPE_CHECKING
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.exceptions import InvalidInput, KernelError, known_names
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
+from arm_dynamics.dynamics.compiled_backend import Batches
+from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import RANK, Closure, cholesky
 from arm_dynamics.model.pinocchio_terms import FrameMotion
-from arm_dynamics.scene.constraint import WORLD, CouplingConstraint
-from arm_dynamics.scene.contact import Contact
 
-if TYPE_CHECKING:
-    from arm_dynamics.dynamics.compiled_backend import Batches
-    from arm_dynamics.dynamics.dynamics import Dynamics
-    from arm_dynamics.dynamics.pinocchio_backend import Pointwise
-
-CHECK_TOLERANCE = 1e-10
-CHECK_STATES = 20
 AT_ONCE = 4096  # points: what is in memory at once
 
 
@@ -37,7 +30,8 @@ class Constrained:
     """Forward and inverse dynamics of a scene under its bilateral constraints.
 
     Args:
-        dynamics: The scene's dynamics; used from one thread only.
+        model: The arm; used from one thread only.
+        rigid: What answers, without friction, for positions of a shape; see ``Dynamics.rigid``.
 
     Attributes:
         closure: States that obey the constraints.
@@ -46,8 +40,8 @@ class Constrained:
         SceneError: If the scene has no bilateral constraint, or one that leaves nothing to move.
     """
 
-    def __init__(self, dynamics: Dynamics) -> None:
-        self._dynamics, self.model = dynamics, dynamics.model
+    def __init__(self, model: ArmModel, rigid: Callable[[Array], Pointwise | Batches]) -> None:
+        self.model, self._rigid = model, rigid
         self.closure = Closure(self.model)
         self._gravity = np.array(self.model.scene.gravity)
 
@@ -84,8 +78,8 @@ class Constrained:
             a, lam = self.forward(q[None], v[None], tau[None], active)
             return a[0], lam[0]
         names = self.closure.chosen(active)
-        free = tau - self._dynamics.friction(v, q=q, load=tau)
-        rigid = self._dynamics.rigid(q)
+        free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
+        rigid = self._rigid(q)
         parts = [
             self._solved(rigid, q[part], v[part], free[part], names)
             for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE))
@@ -109,7 +103,7 @@ class Constrained:
             InvalidInput: If a shape or value is not allowed.
         """
         multipliers = self._checked("lam", lam, self.m, q)
-        rigid = self._dynamics.rigid(q)
+        rigid = self._rigid(q)
         rows = rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
         reaction = _times(_transposed(rows[..., :-1]), multipliers)
         needed = rigid.inverse(q, v, a, self._gravity) + reaction
@@ -151,12 +145,12 @@ class Constrained:
 
 
 def contact_torque(
-    dynamics: Dynamics, q: Array, wrench: ArrayLike, frame: str | None = None
+    model: ArmModel, q: Array, wrench: ArrayLike, frame: str | None = None
 ) -> Array:
     """Torques with which an arm pushes: Jᵀ f, which is Aᵀλ where f is what a constraint bears.
 
     Args:
-        dynamics: Of the arm.
+        model: The arm.
         q: Joint positions in [rad] or [m], shape (n,) or (k, n).
         wrench: Force in [N], shape (3,), or force and moment in [N m], shape (6,), that the arm
             exerts upon the world, in the world's axes; or a row for each of k.
@@ -169,13 +163,13 @@ def contact_torque(
     Raises:
         InvalidInput: If a shape, value or name is not allowed, or ``frame`` is wanted.
     """
-    name, point = _contact_place(dynamics, frame)
+    name, point = _contact_place(model, frame)
     f = np.asarray(wrench, dtype=float)
     if f.shape[-1:] not in ((3,), (6,)) or f.ndim > q.ndim or not np.isfinite(f).all():
         raise InvalidInput(
             f"wrench = {wrench!r}: a force of 3 or force and moment of 6 finite numbers is wanted"
         )
-    motion = FrameMotion(dynamics.model, name, "local_world_aligned")
+    motion = FrameMotion(model, name, "local_world_aligned")
 
     def push(qi: Array, fi: Array) -> Array:
         J = motion.jacobian(qi)
@@ -187,61 +181,18 @@ def contact_torque(
     return _each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))
 
 
-def _contact_place(dynamics: Dynamics, frame: str | None) -> tuple[str, Array]:
+def _contact_place(model: ArmModel, frame: str | None) -> tuple[str, Array]:
     """The frame that touches, and the point of it."""
     if frame is not None:
         return frame, np.zeros(3)
-    places: list[tuple[str, Array]] = []
-    for constraint in dynamics.model.scene.constraints:
-        if isinstance(constraint, Contact):
-            places.append((constraint.frame, np.array(constraint.point)))
-        elif not isinstance(constraint, CouplingConstraint) and WORLD in constraint.frames:
-            own = constraint.frames.index(WORLD) ^ 1
-            places.append((constraint.frames[own], np.array(constraint.points[own])))
-    if len(places) != 1:
+    places = [constraint.at_world for constraint in model.scene.constraints]
+    touching = [place for place in places if place is not None]
+    if len(touching) != 1:
         raise InvalidInput(
-            f"frame is wanted: the scene has {len(places)} places that touch the world, not one; "
-            f"allowed: {known_names(dynamics.model.frame_names)}"
+            f"frame is wanted: the scene has {len(touching)} places that touch the world, not one;"
+            f" allowed: {known_names(model.frame_names)}"
         )
-    return places[0]
-
-
-def check_constrained(
-    dynamics: Dynamics, acceleration: Callable[[Array, Array, Array], Array]
-) -> None:
-    """Hold a constrained forward-dynamics kernel against Pinocchio on random states.
-
-    The acceleration must obey A a + γ = 0, and what torque it lacks must be a reaction Aᵀλ.
-
-    Args:
-        dynamics: The reference.
-        acceleration: Function of q, v, tau, each of shape (n,).
-
-    Raises:
-        KernelError: If either is missed by more than 1e-10 of the terms that make it up.
-    """
-    closure, rng, worst = Closure(dynamics.model), np.random.default_rng(0), 0.0
-    kept = closure.kept(closure.initially_active)
-    for _ in range(CHECK_STATES):
-        q, v, tau = rng.uniform(-np.pi, np.pi, (3, dynamics.n))
-        row = closure.rows.stacked(q, v, closure.initially_active)
-        A, drift = row.jacobian[kept], row.drift[kept]
-        a = np.array(acceleration(q, v, tau))
-        if not np.isfinite(a).all():
-            raise KernelError("generated forward dynamics is not finite: a joint moves no mass?")
-        free = np.linalg.solve(dynamics.mass_matrix(q), tau - dynamics.inverse(q, v, 0 * a))
-        terms = abs(A) @ (abs(a) + abs(free)) + abs(drift)
-        open_ = abs(A @ a + drift) / max(terms.max(initial=0.0), 1e-9)
-        lacking = tau - dynamics.inverse(q, v, a)
-        basis = np.linalg.qr(A.T)[0]
-        size = abs(dynamics.mass_matrix(q)) @ abs(a) + abs(tau) + abs(lacking)
-        odd = abs(lacking - basis @ (basis.T @ lacking)) / size.max()
-        worst = max(worst, open_.max(initial=0.0), odd.max())
-    if worst > CHECK_TOLERANCE:
-        raise KernelError(
-            f"generated constrained dynamics differs from Pinocchio by {worst:.2e} (relative); "
-            f"{CHECK_TOLERANCE:.0e} is allowed: does every joint move some mass?"
-        )
+    return touching[0][0], np.array(touching[0][1])
 
 
 def _each(law: Callable[[Array, Array], Array], q: Array, x: Array) -> Array:

@@ -6,22 +6,20 @@ from __future__ import annotations
 from collections.abc import Collection
 from enum import IntFlag
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.command_map import CommandMap
-from arm_dynamics.arrays import vectors
+from arm_dynamics.arrays import Array, vectors
+from arm_dynamics.dynamics.compiled_backend import Batches
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Scene
-
-if TYPE_CHECKING:
-    from arm_dynamics.dynamics.compiled_backend import Batches
 
 # Rows from which on a batch is worth compiled code.
 MANY = 256
@@ -140,7 +138,7 @@ class Dynamics:
     @cached_property
     def constrained(self) -> Constrained:
         """The bilateral constraints as numbers: names, multipliers, closed states."""
-        return Constrained(self)
+        return Constrained(self.model, self.rigid)
 
     def constrained_forward(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, active: Collection[str] | None = None
@@ -158,7 +156,7 @@ class Dynamics:
 
     def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
         """Torques Jᵀ f with which the arm pushes on the world; see ``constrained``."""
-        return contact_torque(self, vectors(self.n, q=q)[0], wrench, frame)
+        return contact_torque(self.model, vectors(self.n, q=q)[0], wrench, frame)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
@@ -221,8 +219,6 @@ class Dynamics:
 
     @cached_property
     def _batches(self) -> Batches:
-        from arm_dynamics.dynamics.compiled_backend import Batches  # stands on this module
-
         return Batches(self._points)
 
 

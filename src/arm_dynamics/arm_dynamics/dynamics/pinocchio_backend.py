@@ -9,8 +9,9 @@ from functools import cached_property
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 

@@ -12,18 +12,18 @@ Sign of the multipliers, here and everywhere: τ = M a + h + Aᵀλ, so λ is wh
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import singledispatch
 
 import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.rigid_body import Rotation, placements
-from arm_dynamics.equations.tree import Tree, cross, sparse, turn_of
-from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.equations.tree import Tree, constant, cross, sparse
 from arm_dynamics.scene.constraint import (
-    WORLD,
     Bilateral,
     CouplingConstraint,
     DistanceConstraint,
@@ -34,10 +34,26 @@ from arm_dynamics.scene.constraint import (
     PointConstraint,
     RollingConstraint,
 )
-from arm_dynamics.scene.contact import Contact
 
 # Under this, 1 + trace of a rotation counts as half a turn, where the axis is anyone's guess.
 HALF_TURN = 1e-9
+
+
+@dataclass(frozen=True)
+class Linkage:
+    """What ties the links of a tree to one another and to the ground.
+
+    Attributes:
+        constraints: Bilateral constraints by their places in the scene's list.
+        frames: The frames that they name.
+        joint_names: Independent joints, in the order of q.
+        kept: Rows of each constraint that, together, imply all others, by its place.
+    """
+
+    constraints: Mapping[int, Bilateral]
+    frames: Mapping[str, Frame]
+    joint_names: Sequence[str]
+    kept: Mapping[int, Sequence[int]]
 
 
 @dataclass(frozen=True)
@@ -58,13 +74,13 @@ class Rows:
 
 
 def rows(
-    model: ArmModel, tree: Tree, q: ca.SX, v: ca.SX, active: Callable[[int], ca.SX | float]
+    linkage: Linkage, tree: Tree, q: ca.SX, v: ca.SX, active: Callable[[int], ca.SX | float]
 ) -> Rows:
-    """Equations of all constraints of a scene.
+    """Equations of all constraints.
 
     Args:
-        model: The robot.
-        tree: Its links.
+        linkage: The constraints.
+        tree: The links.
         q: Joint positions in [rad] or [m], shape (n,).
         v: Joint velocities, shape (n,).
         active: 1 or 0 for the constraint at a place of the scene's list; rows of one that is
@@ -73,18 +89,14 @@ def rows(
     Returns:
         The rows that imply all others, in the order of the scene, rolling last.
     """
-    kinematics = Kinematics(model, tree, q)
+    kinematics = Kinematics(linkage, tree, q, v)
     every, held, rolling = list[ca.SX](), list[ca.SX](), list[ca.SX]()
-    for i, constraint in enumerate(model.scene.constraints):
-        if isinstance(constraint, Contact):
-            continue
-        if isinstance(constraint, Contact):
-            continue
-        kept = list(model.constraint_rows[i])
+    for i, constraint in linkage.constraints.items():
+        kept = list(linkage.kept[i])
         if isinstance(constraint, RollingConstraint):
-            rolling.append(active(i) * _slip(constraint, kinematics, q, v)[kept])
+            rolling.append(active(i) * _slip(constraint, kinematics)[kept])
         else:
-            whole = active(i) * _residual(constraint, model, kinematics, q)
+            whole = active(i) * _residual(constraint, kinematics)
             every.append(whole)
             held.append(whole[kept])
     residual = ca.sparsify(ca.vertcat(ca.SX(0, 1), *held))
@@ -97,13 +109,13 @@ def rows(
 
 
 def complete_rows(
-    model: ArmModel, tree: Tree, q: ca.SX, v: ca.SX, places: Sequence[int]
+    linkage: Linkage, tree: Tree, q: ca.SX, v: ca.SX, places: Sequence[int]
 ) -> tuple[ca.SX, ca.SX]:
     """A and γ of all rows of some constraints, also of those that others imply.
 
     Args:
-        model: The robot.
-        tree: Its links.
+        linkage: The constraints.
+        tree: The links.
         q: Joint positions in [rad] or [m], shape (n,).
         v: Joint velocities, shape (n,).
         places: Places of the constraints in the scene's list.
@@ -111,16 +123,15 @@ def complete_rows(
     Returns:
         Shapes (m, n) and (m,), in the order of ``places``.
     """
-    kinematics = Kinematics(model, tree, q)
-    jacobians, drifts = [ca.SX(0, model.n)], [ca.SX(0, 1)]
+    kinematics = Kinematics(linkage, tree, q, v)
+    jacobians, drifts = [ca.SX(0, q.shape[0])], [ca.SX(0, 1)]
     for place in places:
-        constraint = model.scene.constraints[place]
-        assert not isinstance(constraint, Contact)
+        constraint = linkage.constraints[place]
         if isinstance(constraint, RollingConstraint):
-            speed = _slip(constraint, kinematics, q, v)
+            speed = _slip(constraint, kinematics)
             jacobians.append(ca.jacobian(speed, v))
         else:
-            residual = _residual(constraint, model, kinematics, q)
+            residual = _residual(constraint, kinematics)
             speed = ca.jtimes(residual, q, v)
             jacobians.append(ca.jacobian(residual, q))
         drifts.append(ca.jtimes(speed, q, v))
@@ -128,37 +139,32 @@ def complete_rows(
 
 
 class Kinematics:
-    """Placements of frames against one another, as expressions in q."""
+    """Positions of joints, and placements of frames against one another, as expressions."""
 
-    def __init__(self, model: ArmModel, tree: Tree, q: ca.SX) -> None:
-        self._model, self._tree = model, tree
-        self._pose = placements(tree, q)
+    def __init__(self, linkage: Linkage, tree: Tree, q: ca.SX, v: ca.SX) -> None:
+        self.q, self.v = q, v
+        self._linkage, self._tree, self._pose = linkage, tree, placements(tree, q)
+
+    def joint(self, name: str) -> ca.SX:
+        """Position of a joint in [rad] or [m]."""
+        return self.q[self._linkage.joint_names.index(name)]
 
     def relative(self, constraint: FrameBased) -> tuple[ca.SX, ca.SX]:
         """Rotation of the first frame in the second, and the first point seen from the second.
 
         Joints that carry both frames do not enter.
         """
-        (i, R_a, p_a), (j, R_b, p_b) = map(self._attached, constraint.frames)
+        first, second = (self._linkage.frames[name] for name in constraint.frames)
         a, b = (ca.SX(ca.DM(point)) for point in constraint.points)
-        common = _common(self._tree, i, j)
-        R_a, p_a = self._carried(R_a, p_a + R_a @ ca.sparsify(a), i, common)
-        R_b, p_b = self._carried(R_b, p_b + R_b @ ca.sparsify(b), j, common)
+        common = _common(self._tree, first.link, second.link)
+        R_a, p_a = self._carried(first, ca.sparsify(a), common)
+        R_b, p_b = self._carried(second, ca.sparsify(b), common)
         return ca.sparsify(R_b.T @ R_a), ca.sparsify(R_b.T @ (p_a - p_b))
 
-    def _attached(self, name: str) -> tuple[int, ca.SX, ca.SX]:
-        """Link that carries a frame (-1: the ground), and the frame's placement in it."""
-        if name == WORLD:
-            return -1, sparse(np.eye(3)), ca.SX(3, 1)
-        bodies: pin.Model = self._model.pin
-        frame = bodies.frames[bodies.getFrameId(name)]
-        R, p = frame.placement.rotation, frame.placement.translation
-        if frame.parentJoint == 0:
-            return -1, sparse(R), sparse(p)
-        T, _ = turn_of(bodies, frame.parentJoint)
-        return frame.parentJoint - 1, sparse(T.T @ R), sparse(T.T @ p)
-
-    def _carried(self, R: ca.SX, p: ca.SX, link: int, ancestor: int) -> tuple[ca.SX, ca.SX]:
+    def _carried(self, frame: Frame, point: ca.SX, ancestor: int) -> tuple[ca.SX, ca.SX]:
+        """Rotation of a frame, and a point of it, in the axes of a link below it."""
+        R, link = constant(frame.R), frame.link
+        p = constant(frame.p) + R @ point
         while link != ancestor:
             pose: Rotation = self._pose[link]
             R, p = ca.sparsify(pose.R @ R), ca.sparsify(pose.R @ p + pose.p)
@@ -176,21 +182,43 @@ def _common(tree: Tree, i: int, j: int) -> int:
     return i
 
 
-def _residual(constraint: Bilateral, model: ArmModel, kinematics: Kinematics, q: ca.SX) -> ca.SX:
-    if isinstance(constraint, CouplingConstraint):
-        first, second = (q[model.joint_names.index(name)] for name in constraint.joints)
-        return first - constraint.ratio * second - constraint.offset
+@singledispatch
+def _residual(constraint: object, kinematics: Kinematics) -> ca.SX:
+    """φ of one constraint, by its type."""
+    raise NotImplementedError(type(constraint).__name__)
+
+
+@_residual.register
+def _(constraint: CouplingConstraint, kinematics: Kinematics) -> ca.SX:
+    first, second = map(kinematics.joint, constraint.joints)
+    return first - constraint.ratio * second - constraint.offset
+
+
+@_residual.register
+def _(constraint: PointConstraint, kinematics: Kinematics) -> ca.SX:
+    return kinematics.relative(constraint)[1]
+
+
+@_residual.register
+def _(constraint: FrameConstraint, kinematics: Kinematics) -> ca.SX:
     R, u = kinematics.relative(constraint)
-    if isinstance(constraint, PointConstraint):
-        return u
-    if isinstance(constraint, FrameConstraint):
-        return ca.vertcat(u, _turned(R, constraint.rpy))
-    if isinstance(constraint, LineConstraint):
-        return sparse(across(constraint.direction)) @ u
-    if isinstance(constraint, PlaneConstraint):
-        return sparse(np.array([constraint.normal])) @ u - constraint.height
-    assert isinstance(constraint, DistanceConstraint)
-    length = constraint.distance
+    return ca.vertcat(u, _turned(R, constraint.rpy))
+
+
+@_residual.register
+def _(constraint: LineConstraint, kinematics: Kinematics) -> ca.SX:
+    return sparse(across(constraint.direction)) @ kinematics.relative(constraint)[1]
+
+
+@_residual.register
+def _(constraint: PlaneConstraint, kinematics: Kinematics) -> ca.SX:
+    normal = sparse(np.array([constraint.normal]))
+    return normal @ kinematics.relative(constraint)[1] - constraint.height
+
+
+@_residual.register
+def _(constraint: DistanceConstraint, kinematics: Kinematics) -> ca.SX:
+    u, length = kinematics.relative(constraint)[1], constraint.distance
     return (ca.sumsqr(u) - length**2) / (2 * length)
 
 
@@ -205,8 +233,9 @@ def _turned(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
     return ca.sparsify(wanted @ axis / ca.sqrt(ca.fmax(1 + ca.trace(E), HALF_TURN)))
 
 
-def _slip(constraint: RollingConstraint, kinematics: Kinematics, q: ca.SX, v: ca.SX) -> ca.SX:
+def _slip(constraint: RollingConstraint, kinematics: Kinematics) -> ca.SX:
     """Velocity along the plane of the material point that touches it in [m/s], shape (2,)."""
+    q, v = kinematics.q, kinematics.v
     R, u = kinematics.relative(constraint)
     R_dot, u_dot = ca.reshape(ca.jtimes(ca.vec(ca.densify(R)), q, v), 3, 3), ca.jtimes(u, q, v)
     spin = R_dot @ R.T

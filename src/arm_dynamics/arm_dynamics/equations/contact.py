@@ -16,12 +16,9 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.equations.constraint import across
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations.rigid_body import placements, solve
-from arm_dynamics.equations.tree import Tree, sparse, turn_of
-from arm_dynamics.exceptions import SceneError
-from arm_dynamics.model.arm import ArmModel, Array
-from arm_dynamics.scene.contact import Contact
+from arm_dynamics.equations.tree import Tree, sparse
 
 # Entries of p for each contact: closed, sticks, direction in which it slides (two tangents), and
 # whether it keeps that direction.
@@ -96,23 +93,6 @@ class Mode:
         """1 for each of the 3 nc equations that holds, else 0."""
         held = self.closed * self.sticks
         return ca.vec(ca.vertcat(self.closed.T, held.T, held.T))
-
-
-def contact_points(model: ArmModel) -> list[ContactPoint]:
-    """Describe the scene's contacts for the laws."""
-    return [_contact_point(model, name, contact) for name, contact in model.scene.contacts]
-
-
-def _contact_point(model: ArmModel, name: str, contact: Contact) -> ContactPoint:
-    frame = model.pin.frames[model.pin.getFrameId(contact.frame)]
-    if frame.parentJoint == 0:
-        raise SceneError(f"contact '{name}': no joint moves its frame '{contact.frame}'")
-    T, _ = turn_of(model.pin, frame.parentJoint)
-    place = T.T @ frame.placement.act(np.array(contact.point))
-    axes = np.vstack([contact.plane.normal, across(contact.plane.normal)])
-    offset = float(axes[0] @ np.array(contact.plane.point))
-    link = frame.parentJoint - 1
-    return ContactPoint(name, link, place, axes, offset, contact.friction, contact.restitution)
 
 
 def geometry(tree: Tree, points: list[ContactPoint], q: ca.SX) -> Geometry:

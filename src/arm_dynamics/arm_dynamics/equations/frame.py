@@ -7,25 +7,17 @@ from dataclasses import dataclass
 
 import casadi as ca
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.tree import (
-    Array,
-    Tree,
-    clean,
-    constant,
-    cross,
-    spread_map,
-    turn_of,
-)
-from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.equations.tree import Tree, constant, cross, spread_map
 
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame that a link carries.
+    """A frame that a link, or the ground, carries.
 
     Attributes:
-        link: Index of the link.
+        link: Index of the link, -1 for the ground.
         R: Rotation from the frame's axes to those of the link, shape (3, 3).
         p: Origin in the link's frame in [m], shape (3,).
     """
@@ -33,16 +25,6 @@ class Frame:
     link: int
     R: Array
     p: Array
-
-
-def frame_of(model: ArmModel, name: str) -> Frame:
-    """Describe a frame that moves; the link's axes are those of ``links.tree_of``."""
-    frame = model.pin.frames[model.frame_names.index(name)]
-    turn, _ = turn_of(model.pin, frame.parentJoint)
-    place = frame.placement
-    return Frame(
-        frame.parentJoint - 1, clean(turn.T @ place.rotation), clean(turn.T @ place.translation)
-    )
 
 
 def placement(tree: Tree, frame: Frame, q: ca.SX) -> tuple[ca.SX, ca.SX]:

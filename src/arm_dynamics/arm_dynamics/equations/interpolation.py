@@ -6,11 +6,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations.elementary import Quantity, floor, within
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

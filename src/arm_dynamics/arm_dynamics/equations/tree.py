@@ -14,17 +14,12 @@ Two exact changes of description, made before any equation is written:
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import pinocchio as pin
-from numpy.typing import NDArray
 
-from arm_dynamics.model.arm import ArmModel
-
-Array = NDArray[np.float64]
+from arm_dynamics.arrays import Array
 
 # Products of rotations by multiples of 90 degrees leave dirt of a few units of rounding: factors
 # that would not fold away.
@@ -76,36 +71,6 @@ class Tree:
         return bool(self.followers.shape[0] != self.followers.shape[1])
 
 
-def tree_of(
-    model: ArmModel, payloads: Sequence[ca.SX] | None = None, regroup: bool = True
-) -> Tree:
-    """Describe a robot for the laws.
-
-    Args:
-        model: The robot.
-        payloads: In place of the scene's payloads, mass, centre of mass (3) and inertia (6) of
-            each as symbols.
-        regroup: Whether to move inertia to parents where that changes nothing.
-
-    Returns:
-        Its links.
-    """
-    bodies = model.pin if payloads is None else model.bare
-    turns = [turn_of(bodies, i) for i in range(1, bodies.njoints)]
-    links = [_link(bodies, i, turns) for i in range(1, bodies.njoints)]
-    for place, payload in zip(model.scene.payloads, payloads or (), strict=payloads is not None):
-        _load(links, turns, bodies.frames[bodies.getFrameId(place.frame)], payload)
-    if regroup:
-        for i in reversed(range(len(links))):
-            _regroup(links, i)
-    return Tree(tuple(links), np.array(model.pin.armature), model.followers, model.offsets)
-
-
-def gravity_of(model: ArmModel) -> ca.SX:
-    """The scene's gravity in [m/s²] as an expression in which zeros vanish, shape (3,)."""
-    return constant(np.array(model.scene.gravity, dtype=float))
-
-
 def skew(x: ca.SX) -> ca.SX:
     """Matrix of the cross product with ``x``."""
     rows = ca.horzcat(0, -x[2], x[1]), ca.horzcat(x[2], 0, -x[0]), ca.horzcat(-x[1], x[0], 0)
@@ -141,55 +106,15 @@ def moved(R: ca.SX, p: ca.SX, m: ca.SX, h: ca.SX, inertia: ca.SX) -> tuple[ca.SX
     return ca.sparsify(s + m * p), ca.sparsify(turned)
 
 
+def regrouped(links: list[Link]) -> None:
+    """Move, from the leaves down, what a joint cannot tell from its parent's inertia."""
+    for i in reversed(range(len(links))):
+        _regroup(links, i)
+
+
 def spread_map(tree: Tree) -> ca.SX:
     """The map E from independent joints to links."""
     return sparse(tree.followers)
-
-
-def turn_of(model: pin.Model, i: int) -> tuple[Array, bool]:
-    """Rotation that brings z onto the axis of joint ``i``, and whether the joint slides."""
-    S = np.array(model.joints[i].createData().S).ravel()
-    prismatic = bool(np.linalg.norm(S[:3]) > 0.5)
-    z = S[:3] if prismatic else S[3:]
-    # Start x from the basis vector after the axis' largest entry: then a coordinate axis gives a
-    # cyclic permutation of the axes.
-    x = np.roll(np.eye(3)[np.argmax(abs(z))], 1)
-    x = x - (x @ z) * z
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z]), prismatic
-
-
-def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
-    T, prismatic = turns[i - 1]
-    parent = model.parents[i] - 1
-    T_parent = turns[parent][0] if parent >= 0 else np.eye(3)
-    place, body = model.jointPlacements[i], model.inertias[i]
-    c = T.T @ body.lever
-    inertia = T.T @ body.inertia @ T - body.mass * _hat(c) @ _hat(c)
-    return Link(
-        parent,
-        prismatic,
-        R=clean(T_parent.T @ place.rotation @ T),
-        p=clean(T_parent.T @ place.translation),
-        m=ca.SX(body.mass),
-        h=sparse(body.mass * c),
-        I=sparse((inertia + inertia.T) / 2),
-    )
-
-
-def _load(
-    links: list[Link], turns: list[tuple[Array, bool]], frame: pin.Frame, payload: ca.SX
-) -> None:
-    """Add a symbolic body that sits in ``frame`` to the link that carries the frame."""
-    if frame.parentJoint == 0:
-        return
-    T = turns[frame.parentJoint - 1][0]
-    R, p = sparse(T.T @ frame.placement.rotation), sparse(T.T @ frame.placement.translation)
-    m, com, (xx, xy, xz, yy, yz, zz) = payload[0], payload[1:4], ca.vertsplit(payload[4:10])
-    about_com = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
-    h, inertia = moved(R, p, m, m * com, about_com - m * skew(com) @ skew(com))
-    link = links[frame.parentJoint - 1]
-    link.m, link.h, link.I = link.m + m, link.h + h, link.I + inertia
 
 
 def _regroup(links: list[Link], i: int) -> None:
@@ -214,10 +139,6 @@ def _add(parent: Link, child: Link, m: ca.SX, h: ca.SX, inertia: ca.SX) -> None:
     parent.m = parent.m + m
     parent.h = ca.sparsify(parent.h + h_moved)
     parent.I = ca.sparsify(parent.I + inertia_moved)
-
-
-def _hat(x: Array) -> Array:
-    return np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
 
 
 def clean(values: Array) -> Array:

@@ -1,25 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
 """Constraint rows as numbers, by Pinocchio: residual φ, A and γ = Ȧ v of a scene at a state.
 
-The same rows in the same order as ``laws.constraint`` writes as expressions, found independently:
-from velocities and accelerations of the frames, as seen from the second frame of a constraint
-(relative kinematics: Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2).
+The same rows in the same order as ``equations.constraint`` writes as expressions, found
+independently: from velocities and accelerations of the frames, as seen from the second frame of a
+constraint (relative kinematics: Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2).
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
+from functools import singledispatch
 
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations.constraint import across
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.robot import Robot
 from arm_dynamics.scene.constraint import (
     WORLD,
-    Bilateral,
     CouplingConstraint,
     DistanceConstraint,
     FrameBased,
@@ -30,7 +31,6 @@ from arm_dynamics.scene.constraint import (
     RollingConstraint,
     label,
 )
-from arm_dynamics.scene.contact import Contact
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 
@@ -61,12 +61,13 @@ class _Motion:
 
 
 class ConstraintRows:
-    """Rows of all bilateral constraints of a model, in the order of the scene.
+    """Rows of all bilateral constraints of a robot, in the order of the scene.
 
     Args:
-        model: The model; used from one thread only.
+        robot: The robot; used from one thread only.
 
     Attributes:
+        joint_names: Order of every vector.
         constraints: The scene's, without contacts.
         names: What each is called.
         places: Its place in the scene's list.
@@ -76,26 +77,25 @@ class ConstraintRows:
         SceneError: If a constraint ties two frames that cannot move against each other.
     """
 
-    def __init__(self, model: ArmModel) -> None:
-        self._model, self._data = model, model.pin.createData()
-        listed = [(i, c) for i, c in enumerate(model.scene.constraints)
-                  if not isinstance(c, Contact)]  # fmt: skip
-        self.constraints = tuple(c for _, c in listed)
-        self.places = tuple(i for i, _ in listed)
-        self.names = tuple(label(c, i) for i, c in listed)
+    def __init__(self, robot: Robot) -> None:
+        self._robot, self._data = robot, robot.pin.createData()
+        listed = robot.scene.bilateral
+        self.constraints, self.places = tuple(listed.values()), tuple(listed)
+        self.names = tuple(label(constraint, i) for i, constraint in listed.items())
         for name, constraint in zip(self.names, self.constraints, strict=True):
             self._check_mobile(name, constraint)
-        still = np.zeros(model.n)
+        still = np.zeros(robot.n)
+        self.joint_names = robot.joint_names
         self.counts = tuple(len(row.residual) for row in self.at(still, still))
 
     def at(self, q: Array, v: Array) -> list[Row]:
         """Rows of each constraint at positions and velocities of shape (n,)."""
-        model, data = self._model, self._data
+        model, data = self._robot, self._data
         full = model.configuration(q), model.spread(v)
         pin.forwardKinematics(model.pin, data, *full, np.zeros(model.pin.nv))
         pin.computeJointJacobians(model.pin, data, full[0])
         pin.updateFramePlacements(model.pin, data)
-        return [self._rows(constraint, q) for constraint in self.constraints]
+        return [_row(constraint, self, q) for constraint in self.constraints]
 
     def stacked(self, q: Array, v: Array, names: Collection[str]) -> Row:
         """Rows of the named constraints in one, in the order of the scene."""
@@ -107,27 +107,7 @@ class ConstraintRows:
             np.concatenate([np.zeros(0), *(row.drift for row in rows)]),
         )
 
-    def _rows(self, constraint: Bilateral, q: Array) -> Row:
-        if isinstance(constraint, CouplingConstraint):
-            return _coupled(constraint, self._model, q)
-        u, turn, R = self._relative(constraint)
-        if isinstance(constraint, PointConstraint):
-            return Row(u.value, u.J, u.drift)
-        if isinstance(constraint, FrameConstraint):
-            w = _turned(R, turn, pin.rpy.rpyToMatrix(*constraint.rpy))
-            value, drift = np.r_[u.value, w.value], np.r_[u.drift, w.drift]
-            return Row(value, np.vstack([u.J, w.J]), drift)
-        if isinstance(constraint, LineConstraint):
-            T = across(constraint.direction)
-            return Row(T @ u.value, T @ u.J, T @ u.drift)
-        if isinstance(constraint, PlaneConstraint):
-            T = np.array([constraint.normal])
-            return Row(T @ u.value - constraint.height, T @ u.J, T @ u.drift)
-        if isinstance(constraint, DistanceConstraint):
-            return _rod(u, constraint.distance)
-        return _slip(constraint, u, turn, R)
-
-    def _relative(self, constraint: FrameBased) -> tuple[_Motion, _Motion, Array]:
+    def relative(self, constraint: FrameBased) -> tuple[_Motion, _Motion, Array]:
         """First point and first frame's turn as seen from the second frame, and R of the two."""
         a, b = (
             self._frame(*pair) for pair in zip(constraint.frames, constraint.points, strict=True)
@@ -154,7 +134,7 @@ class ConstraintRows:
         self, name: str, point: tuple[float, float, float]
     ) -> tuple[_Motion, _Motion, Array]:
         """A point of a frame, the frame's spin, in world axes, and its rotation."""
-        model, data = self._model, self._data
+        model, data = self._robot, self._data
         nothing = np.zeros((3, model.n))
         index = None if name == WORLD else model.pin.getFrameId(name)
         if index is None or model.pin.frames[index].parentJoint == 0:
@@ -180,10 +160,10 @@ class ConstraintRows:
         )
         return moved, _Motion(np.zeros(3), J[3:], w, alpha), M.rotation.copy()
 
-    def _check_mobile(self, name: str, constraint: Bilateral) -> None:
+    def _check_mobile(self, name: str, constraint: FrameBased | CouplingConstraint) -> None:
         if isinstance(constraint, CouplingConstraint):
             return
-        bodies = self._model.pin
+        bodies = self._robot.pin
         joints = [0 if frame == WORLD else bodies.frames[bodies.getFrameId(frame)].parentJoint
                   for frame in constraint.frames]  # fmt: skip
         if joints[0] == joints[1]:
@@ -194,31 +174,56 @@ class ConstraintRows:
             )
 
 
-def _coupled(constraint: CouplingConstraint, model: ArmModel, q: Array) -> Row:
-    i, j = (model.joint_names.index(name) for name in constraint.joints)
-    A = np.zeros((1, model.n))
+@singledispatch
+def _row(constraint: object, rows: ConstraintRows, q: Array) -> Row:
+    """Rows of one constraint at positions q, shape (n,), by its type."""
+    raise NotImplementedError(type(constraint).__name__)
+
+
+@_row.register
+def _(constraint: CouplingConstraint, rows: ConstraintRows, q: Array) -> Row:
+    A = np.zeros((1, len(q)))
+    i, j = map(rows.joint_names.index, constraint.joints)
     A[0, i], A[0, j] = 1.0, -constraint.ratio
     return Row(A @ q - constraint.offset, A, np.zeros(1))
 
 
-def _turned(R: Array, turn: _Motion, wanted: Array) -> _Motion:
-    """2 sin(θ/2) along the axis, in the second frame: twice the quaternion's vector part."""
-    quaternion = pin.Quaternion(wanted.T @ R).coeffs()
-    x = 2 * np.copysign(1.0, quaternion[3]) * wanted @ quaternion[:3]
-    w = max(abs(quaternion[3]), 1e-9)
-    G = w * np.eye(3) - pin.skew(x) / 2
-    rate = G @ turn.rate
-    G_dot = -(x @ rate) / (4 * w) * np.eye(3) - pin.skew(rate) / 2
-    return _Motion(x, G @ turn.J, rate, G @ turn.drift + G_dot @ turn.rate)
+@_row.register
+def _(constraint: PointConstraint, rows: ConstraintRows, q: Array) -> Row:
+    u, _, _ = rows.relative(constraint)
+    return Row(u.value, u.J, u.drift)
 
 
-def _rod(u: _Motion, length: float) -> Row:
+@_row.register
+def _(constraint: FrameConstraint, rows: ConstraintRows, q: Array) -> Row:
+    u, turn, R = rows.relative(constraint)
+    w = _turned(R, turn, pin.rpy.rpyToMatrix(*constraint.rpy))
+    return Row(np.r_[u.value, w.value], np.vstack([u.J, w.J]), np.r_[u.drift, w.drift])
+
+
+@_row.register
+def _(constraint: LineConstraint, rows: ConstraintRows, q: Array) -> Row:
+    u, T = rows.relative(constraint)[0], across(constraint.direction)
+    return Row(T @ u.value, T @ u.J, T @ u.drift)
+
+
+@_row.register
+def _(constraint: PlaneConstraint, rows: ConstraintRows, q: Array) -> Row:
+    u, T = rows.relative(constraint)[0], np.array([constraint.normal])
+    return Row(T @ u.value - constraint.height, T @ u.J, T @ u.drift)
+
+
+@_row.register
+def _(constraint: DistanceConstraint, rows: ConstraintRows, q: Array) -> Row:
+    u, length = rows.relative(constraint)[0], constraint.distance
     residual = (u.value @ u.value - length**2) / (2 * length)
     drift = (u.value @ u.drift + u.rate @ u.rate) / length
     return Row(np.array([residual]), (u.value @ u.J / length)[None], np.array([drift]))
 
 
-def _slip(constraint: RollingConstraint, u: _Motion, turn: _Motion, R: Array) -> Row:
+@_row.register
+def _(constraint: RollingConstraint, rows: ConstraintRows, q: Array) -> Row:
+    u, turn, R = rows.relative(constraint)
     n, w = np.array(constraint.normal), turn.rate
     down, down_rate = -n, np.zeros(3)
     if constraint.axle is not None:
@@ -231,3 +236,14 @@ def _slip(constraint: RollingConstraint, u: _Motion, turn: _Motion, R: Array) ->
     T, r = across(constraint.normal), constraint.radius
     drift = u.drift + r * (np.cross(turn.drift, down) + np.cross(w, down_rate))
     return Row(np.zeros(2), T @ (u.J - r * pin.skew(down) @ turn.J), T @ drift)
+
+
+def _turned(R: Array, turn: _Motion, wanted: Array) -> _Motion:
+    """2 sin(θ/2) along the axis, in the second frame: twice the quaternion's vector part."""
+    quaternion = pin.Quaternion(wanted.T @ R).coeffs()
+    x = 2 * np.copysign(1.0, quaternion[3]) * wanted @ quaternion[:3]
+    w = max(abs(quaternion[3]), 1e-9)
+    G = w * np.eye(3) - pin.skew(x) / 2
+    rate = G @ turn.rate
+    G_dot = -(x @ rate) / (4 * w) * np.eye(3) - pin.skew(rate) / 2
+    return _Motion(x, G @ turn.J, rate, G @ turn.drift + G_dot @ turn.rate)

@@ -10,13 +10,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations import friction, gear
 from arm_dynamics.equations.elementary import Quantity, size
 from arm_dynamics.equations.interpolation import Curve
-
-Array = NDArray[np.float64]
 
 
 @dataclass(frozen=True)

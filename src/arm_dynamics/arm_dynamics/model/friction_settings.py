@@ -8,10 +8,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations import lugre
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.model.friction import STEEPEST, Array, Bristles, JointFriction
+from arm_dynamics.model.friction import STEEPEST, Bristles, JointFriction
 from arm_dynamics.scene.friction import Friction, Sides, Table
 
 

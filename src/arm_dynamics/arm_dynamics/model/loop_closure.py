@@ -7,16 +7,17 @@ Y x = b with Y = A C^-ᵀ; everything here follows from the singular values of Y
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ConstraintError, InvalidInput, ModelError, known_names
-from arm_dynamics.model.arm import ArmModel, Array
 from arm_dynamics.model.constraint_rows import ConstraintRows, Row
 from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.model.robot import Robot
 
 # Constraints count as closed at this residual in [m] or [rad]; Newton goes on to rounding.
 CLOSED = 1e-10
@@ -25,6 +26,8 @@ NEWTON_STEPS = 100
 LONGEST = 0.3
 # Singular values under this part of the largest count as zero.
 RANK = 1e-9
+# Rows whose logarithms of what is new in them differ by less count as equals.
+TIE = 1e-6
 # Positions at which the rank is looked at, and how far the robot wanders between them.
 SAMPLES, WANDER = 6, 0.2
 
@@ -52,10 +55,10 @@ class Factors:
 
 
 class Closure:
-    """Closed states of one model; for single states of shape (n,).
+    """Closed states of one robot; for single states of shape (n,).
 
     Args:
-        model: The model; used from one thread only.
+        robot: The robot; used from one thread only.
 
     Attributes:
         rows: Its constraint rows.
@@ -64,9 +67,8 @@ class Closure:
         SceneError: If a constraint leaves nothing to move.
     """
 
-    def __init__(self, model: ArmModel) -> None:
-        self.model, self.rows = model, ConstraintRows(model)
-        self._rigid = RigidTerms(model)
+    def __init__(self, robot: Robot) -> None:
+        self.rows, self._rigid = ConstraintRows(robot), RigidTerms(robot)
         self._ranks: dict[tuple[str, ...], int] = {}
 
     @property
@@ -132,22 +134,27 @@ class Closure:
             self._ranks[names] = max(len(s) for s in found)
         return self._ranks[names]
 
-    def kept(self, names: tuple[str, ...]) -> list[int]:
-        """Which rows of the named constraints, stacked, are among ``model.constraint_rows``."""
+    def kept(
+        self, names: tuple[str, ...], constraint_rows: Mapping[int, tuple[int, ...]]
+    ) -> list[int]:
+        """Which rows of the named constraints, stacked, are among ``constraint_rows``."""
         kept, first = list[int](), 0
         for name, place, count in zip(
             self.rows.names, self.rows.places, self.rows.counts, strict=True
         ):
             if name in names:
-                kept += [first + k for k in self.model.constraint_rows[place]]
+                kept += [first + k for k in constraint_rows[place]]
                 first += count
         return kept
 
-    def independent_rows(self) -> dict[int, tuple[int, ...]]:
+    def independent_rows(self, near: Array) -> dict[int, tuple[int, ...]]:
         """Rows that imply all others wherever the constraints are closed.
 
         A row of a constraint that can be switched off is left out only if those that cannot, and
         rows of its own, imply it.
+
+        Args:
+            near: Joint positions to start from, shape (n,).
 
         Returns:
             Numbers of the rows to keep, by the constraint's place in the scene's list.
@@ -155,9 +162,9 @@ class Closure:
         rows = self.rows
         owner = np.repeat(np.arange(len(rows.names)), rows.counts)
         fixed = [i for i, constraint in enumerate(rows.constraints) if not constraint.switchable]
-        kept = self._pivots(fixed, np.flatnonzero(np.isin(owner, fixed)), [])
+        kept = self._pivots(fixed, np.flatnonzero(np.isin(owner, fixed)), [], near)
         free = [i for i in range(len(rows.names)) if i not in fixed]
-        extra = [self._pivots([*fixed, i], np.flatnonzero(owner == i), kept) for i in free]
+        extra = [self._pivots([*fixed, i], np.flatnonzero(owner == i), kept, near) for i in free]
         kept = sorted([*kept, *(k for group in extra for k in group)])
         first = np.concatenate([[0], np.cumsum(rows.counts)])
         return {
@@ -166,23 +173,25 @@ class Closure:
         }
 
     def _pivots(
-        self, active: list[int], candidates: NDArray[np.intp], taken: list[int]
+        self, active: list[int], candidates: NDArray[np.intp], taken: list[int], near: Array
     ) -> list[int]:
         """Choose among rows, one after the other, the one with most that is new."""
         names = tuple(self.rows.names[i] for i in sorted(active))
         if not len(candidates):
             return []
         try:
-            bases = [self._metric_rows(q) for q in self._wander(self.model.q0, names)]
+            bases = [self._metric_rows(q) for q in self._wander(near, names)]
         except ConstraintError:  # one that is off need not be within reach
             return [int(k) for k in candidates]
         for k in taken:
             bases = [_without(Y, k) for Y in bases]
         chosen: list[int] = []
-        for _ in range(self.rank(names, self.model.q0) - len(taken)):
+        for _ in range(self.rank(names, near) - len(taken)):
             sizes = np.array([np.linalg.norm(Y[candidates], axis=1) for Y in bases])
             # One of the positions may be singular by chance: no single one decides.
-            best = int(candidates[np.argmax(np.log(np.maximum(sizes, RANK)).sum(0))])
+            novelty = np.log(np.maximum(sizes, RANK)).sum(0)
+            # Of equals the first, and not the one that this machine's rounding makes the greatest.
+            best = int(candidates[np.argmax(novelty > novelty.max() - TIE)])
             bases = [_without(Y, best) for Y in bases]
             chosen.append(best)
         return chosen

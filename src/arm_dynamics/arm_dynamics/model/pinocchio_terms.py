@@ -9,8 +9,9 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.robot import Robot
 
 
 class RigidTerms:
@@ -21,7 +22,7 @@ class RigidTerms:
         weightless: Whether gravity is left out.
     """
 
-    def __init__(self, model: ArmModel, weightless: bool = False) -> None:
+    def __init__(self, model: Robot, weightless: bool = False) -> None:
         self.model = model
         self._pin = model.pin.copy() if weightless else model.pin
         if weightless:
@@ -86,7 +87,7 @@ class FrameMotion:
         InvalidInput: If there is no such frame or reference, or the frame does not move.
     """
 
-    def __init__(self, model: ArmModel, frame: str, reference: str) -> None:
+    def __init__(self, model: Robot, frame: str, reference: str) -> None:
         self._model, self._pin = model, model.pin
         self._data = model.pin.createData()
         self._frame = _frame_index(model, frame)
@@ -152,7 +153,7 @@ def _reference(name: str) -> pin.ReferenceFrame:
     return _REFERENCES[name]
 
 
-def _frame_index(model: ArmModel, frame: str) -> int:
+def _frame_index(model: Robot, frame: str) -> int:
     movable = [f.name for f in model.pin.frames if f.parentJoint > 0]
     if frame not in model.frame_names:
         raise InvalidInput(f"frame '{frame}' does not exist; allowed: {known_names(movable)}")

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.arrays import Array
+from arm_dynamics.model.arm import ArmModel
 
 
 def postures(model: ArmModel, count: int) -> Array:

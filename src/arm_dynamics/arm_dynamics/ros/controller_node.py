@@ -16,7 +16,7 @@ from rclpy.node import Node
 from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.arrays import finite_numbers
+from arm_dynamics.arrays import Array, finite_numbers
 from arm_dynamics.control.computed_torque import Checked, Measured
 from arm_dynamics.control.factory import (
     IN_TASK_SPACE,
@@ -28,7 +28,6 @@ from arm_dynamics.control.factory import (
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.model.arm import Array
 from arm_dynamics.ros.common import convert
 from arm_dynamics.ros.common.answer_log import AnswerLog
 from arm_dynamics.ros.common.background import Background, take_short_turns

@@ -7,23 +7,21 @@ of the *second* frame.
 
 from __future__ import annotations
 
-from typing import Annotated, Literal
+from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from numpy.typing import NDArray
 from pydantic import Field, field_validator, model_validator
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene.contact import Contact, check_contact
-from arm_dynamics.scene.types import Direction, Finite, Part, Positive, Vector3
+from arm_dynamics.scene.types import Direction, Finite, NonNegative, Part, Positive, Vector3
 from arm_dynamics.scene.urdf import Urdf
-
-Array = NDArray[np.float64]
 
 WORLD = "world"
 Frames = tuple[str, str]
 ORIGIN = (0.0, 0.0, 0.0)
 UPWARD = (0.0, 0.0, 1.0)
+Fraction = Annotated[Finite, Field(ge=0.0, le=1.0)]
 
 
 class _Constraint(Part):
@@ -63,6 +61,23 @@ class _BetweenFrames(_Constraint):
         if value[0] == value[1]:
             raise ValueError("two different frames are wanted")
         return value
+
+    @property
+    def at_world(self) -> tuple[str, Vector3] | None:
+        """The frame, and the point of it, that is tied to the world; None if neither is."""
+        if WORLD not in self.frames:
+            return None
+        own = self.frames.index(WORLD) ^ 1
+        return self.frames[own], self.points[own]
+
+    def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
+        """Refuse frames that the robot does not have; arguments as of ``check_constraints``."""
+        for frame in self.frames:
+            if frame != WORLD and frame not in urdf.frames:
+                raise SceneError(
+                    f"scene: 'constraints.{place}.frames' names '{frame}', which does not exist; "
+                    f"allowed: {known_names([WORLD, *urdf.frames])}"
+                )
 
 
 class PointConstraint(_BetweenFrames):
@@ -156,6 +171,61 @@ class CouplingConstraint(_Constraint):
             raise ValueError("two different joints are wanted")
         return value
 
+    at_world: ClassVar[None] = None
+
+    def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
+        """Refuse joints that are not free; arguments as of ``check_constraints``."""
+        _check_joints(f"constraints.{place}.joints", self.joints, urdf, locked)
+
+
+class Plane(Part):
+    """A plane of the world; the arm is on the side to which the normal points.
+
+    Attributes:
+        point: Any point of it, in the world frame, in [m].
+        normal: Its direction in the world frame; any length but zero.
+    """
+
+    point: Vector3 = ORIGIN
+    normal: Direction = UPWARD
+
+
+class Contact(Part):
+    """A point of the arm that a plane stops (unilateral), with Coulomb friction and restitution.
+
+    Attributes:
+        frame: Link or joint frame of the URDF that carries the point.
+        point: Where it is in that frame in [m].
+        plane: What it may touch.
+        friction: Coulomb's coefficient µ: tangential force at most µ times the normal one.
+        restitution: Newton's coefficient e: speed of rebound over speed of approach, 0 to 1.
+        name: What messages call it; by default type and place in the list.
+    """
+
+    switchable: ClassVar[bool] = False
+    active: ClassVar[bool] = True
+
+    type: Literal["contact"]
+    frame: str
+    point: Vector3 = ORIGIN
+    plane: Plane = Plane()
+    friction: NonNegative = 0.0
+    restitution: Fraction = 0.0
+    name: str | None = Field(default=None, min_length=1)
+
+    @property
+    def at_world(self) -> tuple[str, Vector3]:
+        """The frame, and the point of it, that may touch the world."""
+        return self.frame, self.point
+
+    def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
+        """Refuse a frame that the robot does not have; arguments as of ``check_constraints``."""
+        if self.frame not in urdf.frames:
+            raise SceneError(
+                f"scene: 'constraints.{place}.frame' = '{self.frame}' does not exist; "
+                f"allowed: {known_names(urdf.frames)}"
+            )
+
 
 FrameBased = (
     PointConstraint
@@ -181,13 +251,12 @@ SCHEMAS: dict[str, type[Part]] = {
 
 def switchable(constraints: tuple[Constraint, ...]) -> list[int]:
     """Places of the constraints that can be switched on and off."""
-    return [i for i, c in enumerate(constraints) if not isinstance(c, Contact) and c.switchable]
+    return [i for i, constraint in enumerate(constraints) if constraint.switchable]
 
 
 def switches(constraints: tuple[Constraint, ...]) -> Array:
     """1 or 0 for each switchable constraint: does it hold at the start?"""
-    held = [constraints[i] for i in switchable(constraints)]
-    return np.array([float(not isinstance(c, Contact) and c.active) for c in held])
+    return np.array([float(constraints[i].active) for i in switchable(constraints)])
 
 
 def label(constraint: Constraint, place: int) -> str:
@@ -210,18 +279,7 @@ def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: s
     for i, (name, constraint) in enumerate(zip(labels, constraints, strict=True)):
         if name in labels[:i]:
             raise SceneError(f"scene: two constraints are called '{name}'; names must differ")
-        if isinstance(constraint, CouplingConstraint):
-            _check_joints(f"constraints.{i}.joints", constraint.joints, urdf, locked)
-            continue
-        if isinstance(constraint, Contact):
-            check_contact(f"constraints.{i}.frame", constraint, urdf)
-            continue
-        for frame in constraint.frames:
-            if frame != WORLD and frame not in urdf.frames:
-                raise SceneError(
-                    f"scene: 'constraints.{i}.frames' names '{frame}', which does not exist; "
-                    f"allowed: {known_names([WORLD, *urdf.frames])}"
-                )
+        constraint.check_names(i, urdf, locked)
 
 
 def _check_joints(key: str, joints: tuple[str, str], urdf: Urdf, locked: set[str]) -> None:

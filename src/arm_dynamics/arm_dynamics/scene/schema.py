@@ -15,8 +15,7 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene.constraint import SCHEMAS, Constraint, label
-from arm_dynamics.scene.contact import Contact, Plane
+from arm_dynamics.scene.constraint import SCHEMAS, Bilateral, Constraint, Contact, Plane, label
 from arm_dynamics.scene.drive import Actuator, Hysteresis, Transmission, Wave
 from arm_dynamics.scene.friction import KINDS, Friction, Lugre, Sides, Table
 from arm_dynamics.scene.types import (
@@ -159,9 +158,9 @@ class Scene(Part):
     tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
 
     @property
-    def bilateral(self) -> bool:
-        """Whether a constraint is not a contact."""
-        return len(self.constraints) > len(self.contacts)
+    def bilateral(self) -> dict[int, Bilateral]:
+        """The constraints that are no contacts, by their places in the list."""
+        return {i: c for i, c in enumerate(self.constraints) if not isinstance(c, Contact)}
 
     @property
     def contacts(self) -> tuple[tuple[str, Contact], ...]:

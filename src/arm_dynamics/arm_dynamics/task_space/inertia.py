@@ -9,7 +9,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import NDArray
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 
 THRESHOLD = 1e-4
 """Below this scaled mobility in its least mobile direction a task is taken as singular."""

@@ -14,9 +14,8 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike, NDArray
 
-from arm_dynamics.arrays import vector
+from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import InvalidInput, Unreachable
-from arm_dynamics.model.arm import Array
 from arm_dynamics.model.sampling import postures
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.task_space.terms import Pose

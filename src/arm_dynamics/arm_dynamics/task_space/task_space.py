@@ -16,10 +16,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import vector, vectors
+from arm_dynamics.arrays import Array, vector, vectors
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, ModelError
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
 from arm_dynamics.task_space.axes import AXES, chosen_axes, rows_of
 from arm_dynamics.task_space.compiled import TaskKernel

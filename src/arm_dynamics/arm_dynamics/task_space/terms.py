@@ -6,7 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Any
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 
 
 @dataclass(frozen=True)

@@ -16,12 +16,11 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import vector
-from arm_dynamics.control.task_space import TaskReference
+from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import Array
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
 from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.trajectory.reference import TaskReference
 from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
 
 

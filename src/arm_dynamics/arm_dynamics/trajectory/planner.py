@@ -9,8 +9,8 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.model.arm import Array
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, checked_pose
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.task_space.terms import Pose

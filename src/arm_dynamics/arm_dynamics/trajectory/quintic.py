@@ -7,9 +7,8 @@ A segment runs over τ = (t − tᵢ)/hᵢ in [0, 1]: q(τ) = Σ c_k τᵏ, k = 
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
-Array = NDArray[np.float64]
+from arm_dynamics.arrays import Array
 
 _BISECTIONS = 10  # then Newton: τ to 1e-3, 1e-6, 1e-12
 _NEWTON_STEPS = 2

@@ -5,17 +5,14 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from dataclasses import dataclass, field
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
-
-if TYPE_CHECKING:
-    from arm_dynamics.model.arm import ArmModel
-
-Array = NDArray[np.float64]
+from arm_dynamics.model.arm import ArmModel
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +28,27 @@ class Reference:
     q: Array
     v: Array
     a: Array
+
+
+@dataclass(frozen=True, slots=True)
+class TaskReference:
+    """Where the frame should be, in the world.
+
+    Attributes:
+        position: In [m], shape (3,).
+        rotation: Rotation matrix of shape (3, 3).
+        velocity: Linear and angular, axes of the world, in [m/s] and [rad/s], shape (6,).
+        acceleration: Likewise in [m/s²] and [rad/s²], shape (6,).
+        force: Force to press with along a controller's direction in [N].
+        posture: Joint positions to prefer where the task leaves a choice, shape (n,), or None.
+    """
+
+    position: Array
+    rotation: Array
+    velocity: Array
+    acceleration: Array
+    force: float = 0.0
+    posture: Array | None = None
 
 
 class Motion(Protocol):

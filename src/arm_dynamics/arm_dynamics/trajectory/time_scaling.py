@@ -11,9 +11,10 @@ from __future__ import annotations
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics, Term
 from arm_dynamics.exceptions import Unreachable
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 
 
 def velocity_stretch(model: ArmModel, v: Array) -> float:

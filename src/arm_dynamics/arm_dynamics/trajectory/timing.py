@@ -8,8 +8,8 @@ from typing import Protocol
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import Array
 
 
 class Timing(Protocol):

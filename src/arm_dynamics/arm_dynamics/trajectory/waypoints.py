@@ -13,8 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintic import extremes, knot_derivatives, segment_coefficients
 from arm_dynamics.trajectory.reference import (
@@ -37,7 +38,6 @@ __all__ = [
     "stop",
 ]
 
-Array = NDArray[np.float64]
 
 MAX_WAYPOINTS = 10_001  # 10 000 after the start
 _STRETCH_TRIES = 60

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim.integrators import extrapolation as implicit
 from arm_sim.integrators.tableaux import (
     DOP853,
@@ -116,6 +116,14 @@ def build_attempt(
         after, gap, gap_v = _projected(project, n, x, after, p)
         error, error_q = ca.fmax(error, ca.fmax(gap, gap_v)), ca.fmax(error_q, gap)
     return ca.Function("attempt", [x, u, p, h], [after, error, error_q], {"cse": True})
+
+
+def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
+    """One tick: what acts, then the step. (x, r, p, h) -> (x after, torque that acted)."""
+    x, p, h = (ca.MX.sym(name, step.size1_in(i)) for name, i in (("x", 0), ("p", 2), ("h", 3)))
+    r = ca.MX.sym("r", actuate.size1_in(1))
+    u = actuate(x, r)
+    return ca.Function("tick", [x, r, p, h], [step(x, u, p, h), u])
 
 
 def _advance(

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.plant.plant import Plant
 

@@ -11,10 +11,10 @@ import numpy as np
 
 from arm_dynamics import ArmModel
 from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.arrays import Array
 from arm_dynamics.control import compiled_computed_torque as control_compiled
 from arm_dynamics.control.computed_torque import held_gains
 from arm_dynamics.equations.tree import constant
-from arm_dynamics.model.arm import Array
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
 
@@ -39,7 +39,7 @@ def computed_torque(
     damping_ratio: float | Array = 1.0,
     dt: float = 1e-3,
 ) -> CompiledControl:
-    """Computed torque as ``arm_dynamics.control.computed_torque.ComputedTorque``, compiled into the simulator.
+    """Computed torque as ``arm_dynamics.control.ComputedTorque``, compiled into the simulator.
 
     Args:
         model: The controller's model; another than the plant's to see what a wrong one does.

@@ -11,8 +11,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, InvalidInput
-from arm_dynamics.arrays import vector
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array, vector
 from arm_dynamics.scene.constraint import switches
 
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_sim.simulator import Simulator
 
 

@@ -8,7 +8,7 @@ from arm_msgs.msg import Energy
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.cdr import HEADER, time_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import sender

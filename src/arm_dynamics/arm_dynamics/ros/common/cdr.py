@@ -11,12 +11,10 @@ import struct
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 from rclpy.serialization import serialize_message
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
-
-Array = NDArray[np.float64]
 
 HEADER = 4  # bytes that say how the others are encoded
 GIGA = 1_000_000_000

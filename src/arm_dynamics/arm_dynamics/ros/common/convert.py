@@ -14,15 +14,13 @@ from builtin_interfaces.msg import Time
 from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
-from arm_dynamics.arrays import all_finite
+from arm_dynamics.arrays import Array, all_finite
 from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.exceptions import ArmError, InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
 from arm_dynamics.ros.controller.goal_bytes import TrajectoryBytes
 from arm_dynamics.trajectory.reference import Reference, Waypoint
-
-Array = NDArray[np.float64]
 
 
 def to_time(stamp: int) -> Time:

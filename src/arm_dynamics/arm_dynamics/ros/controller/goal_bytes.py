@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.cdr import CdrReader
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 

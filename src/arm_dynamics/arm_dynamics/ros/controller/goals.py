@@ -14,9 +14,10 @@ from functools import partial
 from geometry_msgs.msg import PoseStamped
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common import convert
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.params import ControllerParams, task_axes

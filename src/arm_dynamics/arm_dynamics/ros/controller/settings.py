@@ -3,8 +3,8 @@
 
 from __future__ import annotations
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.control.factory import Settings
-from arm_dynamics.model.arm import Array
 from arm_dynamics.ros.common.params import ControllerParams, one_or_all, task_axes
 
 

@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import Array
 from arm_dynamics.ros.common.convert import Batch, finite_answer, to_array
 
 

@@ -7,9 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
-from arm_dynamics.ros.common.convert import Array, Batch, finite_answer, to_array
+from arm_dynamics.ros.common.convert import Batch, finite_answer, to_array
 from arm_dynamics.ros.common.params import one_or_all
 from arm_dynamics.ros.dynamics.poses import pose_of
 from arm_dynamics.ros.interfaces import MAX_POSES

@@ -10,7 +10,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from sensor_msgs.msg import JointState
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.cdr import HEADER, TIME, aligned
 
 FIELDS = ("position", "velocity", "effort")

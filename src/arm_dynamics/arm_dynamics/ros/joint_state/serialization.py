@@ -16,9 +16,8 @@ import numpy as np
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
-from arm_dynamics.arrays import any_beyond, finite_numbers
+from arm_dynamics.arrays import Array, any_beyond, finite_numbers
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.arm import Array
 from arm_dynamics.ros.common.cdr import GIGA, time_bytes
 from arm_dynamics.ros.joint_state.layout import FIELDS, NATIVE, Layout, layout_of
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from rclpy.node import Node
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter, Read

@@ -6,7 +6,7 @@ from __future__ import annotations
 import click
 
 from arm_dynamics.client.client import Postures
-from arm_dynamics.exceptions import NotReached
+from arm_dynamics.client.values import NotReached
 from arm_sim.cli.call.asking import (
     SHOWN,
     Question,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, Scene, Term, load_scene
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.task_space.terms import Pose

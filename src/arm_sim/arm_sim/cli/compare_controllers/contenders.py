@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from arm_dynamics.control.computed_torque import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.wrappers import AnyController
 from arm_sim.cli.compare_controllers.cases import Arm

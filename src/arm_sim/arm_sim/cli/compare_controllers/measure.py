@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.model.arm import Array
+from arm_dynamics.arrays import Array
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.cli.compare_controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
 from arm_sim.cli.compare_controllers.contenders import CONTENDERS, contender

@@ -7,14 +7,12 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene
+from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import Initial
 from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
-
-Array = NDArray[np.float64]
 
 TURN, SLIDE = 0.6, 0.15  # [rad], [m]: largest excursion from the start
 SHARE_OF_RANGE = 0.3  # of a joint's range that an excursion may take

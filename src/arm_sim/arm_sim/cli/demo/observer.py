@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import rclpy
 from builtin_interfaces.msg import Duration
-from numpy.typing import NDArray
 from rclpy.context import Context
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rclpy.task import Future
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.common.executor import make_executor
 from arm_dynamics.ros.interfaces import (
@@ -31,8 +31,6 @@ from arm_dynamics.ros.interfaces import (
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.demo.processes import DemoFailed, postponed
 from arm_sim.ros.interfaces import ENERGY, RESET_COUNTERS
-
-Array = NDArray[np.float64]
 
 _GLANCE = 0.02  # [s]
 _AT_EASE = 0.5  # [s]: who has just been met may be holding the others up for a third of a second

@@ -7,8 +7,8 @@ from dataclasses import asdict, dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from numpy.typing import NDArray
 
+from arm_dynamics.arrays import Array
 from arm_sim.cli.demo.observer import Seen
 from arm_sim.cli.output import table
 
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from arm_dynamics import ArmModel
     from arm_sim.cli.demo.motion import Motion
 
-Array = NDArray[np.float64]
 
 # What must hold for the loop to count as closed; a good run is far better than any of these.
 LEAST_RATE = 0.8  # of the ticks that real time asks for

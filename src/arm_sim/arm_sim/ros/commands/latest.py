@@ -7,8 +7,8 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.model.arm import Array
 
 ZERO, HOLD, GRAVITY = "zero", "hold", "gravity"
 POLICIES = (ZERO, HOLD, GRAVITY)

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The check that generated code passes before it is used: against Pinocchio, at random states."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Protocol
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import KernelError
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.loop_closure import Closure
+
+CHECK_TOLERANCE = 1e-10
+CHECK_STATES = 20
+
+
+def random_states(n: int, count: int = 3) -> Array:
+    """Vectors to compare at, always the same ones, shape (count, CHECK_STATES, n)."""
+    return np.random.default_rng(0).uniform(-np.pi, np.pi, (count, CHECK_STATES, n))
+
+
+def compare(what: str, *parts: tuple[Array, Array]) -> float:
+    """Refuse generated code whose results are off.
+
+    Args:
+        what: What was generated, for the message.
+        parts: Differences of results from those of Pinocchio, and the size of what such a result
+            is added up of, which does not vanish where the sum happens to; one entry for each
+            state, so each of shape (k, …).
+
+    Returns:
+        The largest difference at a state over the largest size there, of all states and parts.
+
+    Raises:
+        KernelError: If it exceeds ``CHECK_TOLERANCE``, or is not a number.
+    """
+    error = float(np.max([_relative(*part) for part in parts]))
+    if not error <= CHECK_TOLERANCE:
+        raise KernelError(
+            f"generated {what} differs from Pinocchio by {error:.2e} (relative); "
+            f"{CHECK_TOLERANCE:.0e} is allowed"
+        )
+    return error
+
+
+def _relative(difference: Array, size: Array) -> float:
+    count = len(difference)
+    worst = abs(difference).reshape(count, -1).max(axis=1, initial=0.0)
+    scale = abs(size).reshape(count, -1).max(axis=1, initial=0.0)
+    return float(np.max(worst / np.maximum(scale, np.finfo(float).tiny)))
+
+
+def torque_size(M: Array, a: Array, *torques: Array) -> Array:
+    """Size of what adds up to the torques of a motion, shape (k, n).
+
+    Accelerations are compared as the torques that they take: unlike the difference of
+    accelerations, that of torques does not grow with M⁻¹.
+    """
+    heavy: Array = (abs(M) @ abs(a)[..., None])[..., 0]
+    return heavy + sum(map(abs, torques))
+
+
+class Reference(Protocol):
+    """What accelerations are held against: ``Dynamics``."""
+
+    @property
+    def model(self) -> ArmModel: ...  # noqa: D102
+
+    def inverse(self, q: Array, v: Array, a: Array) -> Array: ...  # noqa: D102
+
+    def forward(self, q: Array, v: Array, tau: Array) -> Array: ...  # noqa: D102
+
+    def mass_matrix(self, q: Array) -> Array: ...  # noqa: D102
+
+
+Acceleration = Callable[[Array, Array, Array], Array]
+
+
+def check_forward(dynamics: Reference, acceleration: Acceleration) -> float:
+    """Check forward dynamics: the torque of the accelerations must be the one that was put in.
+
+    Args:
+        dynamics: The reference.
+        acceleration: Function of q, v, tau, each of shape (n,).
+
+    Returns:
+        Largest relative error.
+
+    Raises:
+        KernelError: If it is wrong.
+        ModelError: If a joint moves no mass.
+    """
+    q, v, tau = random_states(dynamics.model.n)
+    a = _accelerations(dynamics, acceleration, q, v, tau)
+    bias = dynamics.inverse(q, v, 0 * q)
+    size = torque_size(dynamics.mass_matrix(q), a, bias, tau)
+    return compare("forward dynamics", (dynamics.inverse(q, v, a) - tau, size))
+
+
+def check_constrained(dynamics: Reference, acceleration: Acceleration) -> float:
+    """Check constrained forward dynamics: A a + γ = 0, and the torque that a lacks is Aᵀλ.
+
+    Args, returns and errors as those of ``check_forward``.
+    """
+    closure = Closure(dynamics.model)
+    names = closure.initially_active
+    kept = closure.kept(names, dynamics.model.constraint_rows)
+    q, v, tau = random_states(dynamics.model.n)
+    a = _accelerations(dynamics, acceleration, q, v, tau)
+    rows = [closure.rows.stacked(*state, names) for state in zip(q, v, strict=True)]
+    A = np.array([row.jacobian[kept] for row in rows])
+    drift = np.array([row.drift[kept] for row in rows])
+    M, lacking = dynamics.mass_matrix(q), tau - dynamics.inverse(q, v, a)
+    free = np.linalg.solve(M, (tau - dynamics.inverse(q, v, 0 * q))[..., None])
+    terms = (abs(A) @ (abs(a)[..., None] + abs(free)))[..., 0] + abs(drift)
+    basis = np.linalg.qr(np.swapaxes(A, 1, 2))[0]
+    reaction = (basis @ (np.swapaxes(basis, 1, 2) @ lacking[..., None]))[..., 0]
+    return compare(
+        "constrained dynamics",
+        ((A @ a[..., None])[..., 0] + drift, np.maximum(terms, 1e-9)),
+        (lacking - reaction, torque_size(M, a, tau, lacking)),
+    )
+
+
+def _accelerations(
+    dynamics: Reference, acceleration: Acceleration, q: Array, v: Array, tau: Array
+) -> Array:
+    a = np.array([np.array(acceleration(*state)) for state in zip(q, v, tau, strict=True)])
+    if not np.isfinite(a).all():
+        dynamics.forward(q, v, tau)  # says which joint cannot be moved
+        compare("forward dynamics", (a, np.ones_like(a)))
+    return a

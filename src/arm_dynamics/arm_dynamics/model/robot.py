@@ -1,0 +1,189 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robot as numbers: a Pinocchio model, the order of its joints, and the map from q to them.
+
+A vector of the suite has one entry per *independent* joint. Pinocchio's configuration may be
+longer: a continuous joint is stored as cosine and sine, and a mimic joint is a joint of its own
+there. Followers are covered by one affine map, ``q_full = E q + e``, which is exact because mimic
+rules are linear; hence ``M = Eᵀ M_full E`` and ``τ = Eᵀ τ_full`` (principle of virtual work;
+Featherstone, Rigid Body Dynamics Algorithms, 2008, section 3.2).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import ModelError
+from arm_dynamics.scene.schema import Scene, inertia_matrix
+from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
+
+
+class Robot:
+    """Links and joints of one scene: rigid bodies, their order, and nothing that drives them.
+
+    Attributes:
+        scene: The scene it was made from.
+        pin: Pinocchio's model: joints locked, payloads welded on, gravity set.
+        bare: The same without the payloads.
+        joint_names: Independent joints, in the order of every vector.
+        joint_types: ``revolute``, ``continuous`` or ``prismatic`` for each.
+        has_followers: Whether a mimic joint follows another one.
+        followers: Matrix E of shape (pin.nv, n).
+        offsets: Vector e of shape (pin.nv,).
+
+    Raises:
+        ModelError: If Pinocchio cannot build the robot or no joint is left to move.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        urdf = read_urdf(scene.robot.urdf)
+        self._whole = _parse(scene.robot.urdf)
+        self._rules = _resolved(urdf)
+        self.pin = _locked(self._whole, scene, self._rules)
+        self.pin.gravity.linear = np.array(scene.gravity)
+        self.bare = self.pin.copy()
+        _weld(self.pin, scene)
+        self._index = velocity_index(self.pin)
+        moving = [name for name in self._index if name not in self._rules]
+        if not moving:
+            raise ModelError(
+                "robot: no joint is left to move; lock fewer joints or check the description"
+            )
+        self.joint_names: tuple[str, ...] = tuple(moving)
+        self.joint_types = tuple(urdf.joints[name] for name in moving)
+        self.followers, self.offsets = _follower_map(self._index, self.joint_names, self._rules)
+        self.has_followers = len(self._index) != len(moving)
+        self._continuous = _continuous(self.pin)
+
+    @property
+    def n(self) -> int:
+        """Degrees of freedom."""
+        return len(self.joint_names)
+
+    @property
+    def frame_names(self) -> tuple[str, ...]:
+        """Frames that a payload, wrench or task may refer to."""
+        return tuple(frame.name for frame in self.pin.frames)
+
+    @property
+    def total_mass(self) -> float:
+        """Mass of everything that moves, in [kg]."""
+        return float(sum(inertia.mass for inertia in list(self.pin.inertias)[1:]))
+
+    def configuration(self, q: Array) -> Array:
+        """Pinocchio's configuration for joint positions.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+
+        Returns:
+            Configuration of shape (pin.nq,) or (k, pin.nq).
+        """
+        full = q @ self.followers.T + self.offsets if self.has_followers else q
+        if not self._continuous:
+            return full
+        out = np.empty((*q.shape[:-1], self.pin.nq))
+        for v_index, q_index, wraps in self._continuous:
+            if wraps:
+                out[..., q_index] = np.cos(full[..., v_index])
+                out[..., q_index + 1] = np.sin(full[..., v_index])
+            else:
+                out[..., q_index] = full[..., v_index]
+        return out
+
+    def spread(self, v: Array) -> Array:
+        """Velocities or accelerations of all of Pinocchio's joints, shape (…, pin.nv)."""
+        return v @ self.followers.T if self.has_followers else v
+
+    def gather(self, tau: Array) -> Array:
+        """Torques on the independent joints from torques on all, shape (…, n)."""
+        return tau @ self.followers if self.has_followers else tau
+
+    def gather_matrix(self, matrix: Array) -> Array:
+        """``Eᵀ X E`` of shape (…, n, n)."""
+        return self.followers.T @ matrix @ self.followers if self.has_followers else matrix
+
+
+def _parse(text: str) -> pin.Model:
+    try:
+        return pin.buildModelFromXML(text)
+    except (ValueError, RuntimeError) as error:
+        raise ModelError(f"robot description: Pinocchio cannot build it: {error}") from None
+
+
+def _resolved(urdf: Urdf) -> dict[str, Mimic]:
+    """Mimic rules with chains followed to the joint that really is free."""
+    resolved: dict[str, Mimic] = {}
+    for name, rule in urdf.mimics.items():
+        seen = {name}
+        while rule.leader in urdf.mimics:
+            if rule.leader in seen:
+                raise ModelError(
+                    f"joint '{name}': its mimic rule leads back to itself by '{rule.leader}'"
+                )
+            seen.add(rule.leader)
+            above = urdf.mimics[rule.leader]
+            factor = rule.multiplier * above.multiplier
+            rule = Mimic(above.leader, factor, rule.multiplier * above.offset + rule.offset)
+        resolved[name] = rule
+    return resolved
+
+
+def _locked(whole: pin.Model, scene: Scene, rules: dict[str, Mimic]) -> pin.Model:
+    given = scene.initial.position
+    held = {name: given.get(name, 0.0) for name in scene.robot.lock if name not in rules}
+    for name, rule in rules.items():
+        if rule.leader in held:
+            held[name] = rule.multiplier * held[rule.leader] + rule.offset
+    if not held:
+        return whole.copy()
+    reference = pin.neutral(whole)
+    for name, position in held.items():
+        joint = whole.joints[whole.getJointId(name)]
+        wraps = joint.nq == 2
+        reference[joint.idx_q] = np.cos(position) if wraps else position
+        if wraps:
+            reference[joint.idx_q + 1] = np.sin(position)
+    return pin.buildReducedModel(whole, [whole.getJointId(name) for name in held], reference)
+
+
+def _weld(model: pin.Model, scene: Scene) -> None:
+    for payload in scene.payloads:
+        frame = model.frames[model.getFrameId(payload.frame)]
+        body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
+        body.inertia = inertia_matrix(payload.inertia)  # the scene has checked it, to rounding
+        model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
+
+
+def velocity_index(model: pin.Model) -> dict[str, int]:
+    """Index of every moving joint in Pinocchio's velocity vector, in model order."""
+    return {name: model.joints[i].idx_v for i, name in enumerate(model.names) if i > 0}
+
+
+def _follower_map(
+    index: dict[str, int], free: tuple[str, ...], rules: dict[str, Mimic]
+) -> tuple[Array, Array]:
+    E, e = np.zeros((len(index), len(free))), np.zeros(len(index))
+    for name, row in index.items():
+        rule = rules.get(name, Mimic(name, 1.0, 0.0))
+        E[row, free.index(rule.leader)] = rule.multiplier
+        e[row] = rule.offset
+    return frozen(E), frozen(e)
+
+
+def _continuous(model: pin.Model) -> list[tuple[int, int, bool]]:
+    """Velocity index, configuration index and whether it wraps, for each joint.
+
+    A joint that wraps is stored as cosine and sine; the list is empty if none does.
+    """
+    joints = [(joint.idx_v, joint.idx_q, joint.nq == 2) for joint in list(model.joints)[1:]]
+    return joints if any(wraps for *_, wraps in joints) else []
+
+
+def frozen(values: object) -> Array:
+    """The values as a read-only array of float."""
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array

@@ -1,0 +1,143 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A robot in the form in which equations take it: links, frames, what ties them, what they touch.
+
+Every joint frame is turned so that its axis is z; a frame of the robot is described in the turned
+axes of the link that carries it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations.constraint import Linkage, across
+from arm_dynamics.equations.contact import ContactPoint
+from arm_dynamics.equations.frame import Frame
+from arm_dynamics.equations.tree import Link, Tree, clean, constant, moved, regrouped, skew, sparse
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.model.robot import Robot
+from arm_dynamics.scene.constraint import WORLD, Contact, CouplingConstraint
+
+
+def tree_of(robot: Robot, payloads: Sequence[ca.SX] | None = None, regroup: bool = True) -> Tree:
+    """Describe a robot's links.
+
+    Args:
+        robot: The robot.
+        payloads: In place of the scene's payloads, mass, centre of mass (3) and inertia (6) of
+            each as symbols.
+        regroup: Whether to move inertia to parents where that changes nothing.
+
+    Returns:
+        Its links.
+    """
+    bodies = robot.pin if payloads is None else robot.bare
+    turns = [_turn(bodies, i) for i in range(1, bodies.njoints)]
+    links = [_link(bodies, i, turns) for i in range(1, bodies.njoints)]
+    for place, payload in zip(robot.scene.payloads, payloads or (), strict=payloads is not None):
+        _load(links, frame_of(robot, place.frame), payload)
+    if regroup:
+        regrouped(links)
+    return Tree(tuple(links), np.array(robot.pin.armature), robot.followers, robot.offsets)
+
+
+def gravity_of(robot: Robot) -> ca.SX:
+    """The scene's gravity in [m/s²] as an expression in which zeros vanish, shape (3,)."""
+    return constant(np.array(robot.scene.gravity, dtype=float))
+
+
+def frame_of(robot: Robot, name: str) -> Frame:
+    """Describe a frame or ``world``; what no joint moves is carried by the ground, link -1."""
+    if name == WORLD:
+        return Frame(-1, np.eye(3), np.zeros(3))
+    frame = robot.pin.frames[robot.pin.getFrameId(name)]
+    R, p = frame.placement.rotation, frame.placement.translation
+    if frame.parentJoint > 0:
+        turn, _ = _turn(robot.pin, frame.parentJoint)
+        R, p = turn.T @ R, turn.T @ p
+    return Frame(frame.parentJoint - 1, clean(R), clean(p))
+
+
+def linkage_of(robot: Robot, kept: Mapping[int, Sequence[int]]) -> Linkage:
+    """Describe the scene's bilateral constraints.
+
+    Args:
+        robot: The robot.
+        kept: Rows of each constraint that, together, imply all others, by its place.
+    """
+    constraints = robot.scene.bilateral
+    tied = [c.frames for c in constraints.values() if not isinstance(c, CouplingConstraint)]
+    frames = {name: frame_of(robot, name) for pair in tied for name in pair}
+    return Linkage(constraints, frames, robot.joint_names, kept)
+
+
+def contact_points(robot: Robot) -> list[ContactPoint]:
+    """Describe the scene's contacts.
+
+    Raises:
+        SceneError: If a contact's frame does not move.
+    """
+    return [_contact_point(robot, name, contact) for name, contact in robot.scene.contacts]
+
+
+def _contact_point(robot: Robot, name: str, contact: Contact) -> ContactPoint:
+    frame = frame_of(robot, contact.frame)
+    if frame.link < 0:
+        raise SceneError(f"contact '{name}': no joint moves its frame '{contact.frame}'")
+    place = frame.R @ np.array(contact.point) + frame.p
+    axes = np.vstack([contact.plane.normal, across(contact.plane.normal)])
+    offset = float(axes[0] @ np.array(contact.plane.point))
+    return ContactPoint(
+        name, frame.link, place, axes, offset, contact.friction, contact.restitution
+    )
+
+
+def _turn(model: pin.Model, i: int) -> tuple[Array, bool]:
+    """Rotation that brings z onto the axis of joint ``i``, and whether the joint slides."""
+    S = np.array(model.joints[i].createData().S).ravel()
+    prismatic = bool(np.linalg.norm(S[:3]) > 0.5)
+    z = S[:3] if prismatic else S[3:]
+    # Start x from the basis vector after the axis' largest entry: then a coordinate axis gives a
+    # cyclic permutation of the axes.
+    x = np.roll(np.eye(3)[np.argmax(abs(z))], 1)
+    x = x - (x @ z) * z
+    x /= np.linalg.norm(x)
+    return np.column_stack([x, np.cross(z, x), z]), prismatic
+
+
+def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
+    T, prismatic = turns[i - 1]
+    parent = model.parents[i] - 1
+    T_parent = turns[parent][0] if parent >= 0 else np.eye(3)
+    place, body = model.jointPlacements[i], model.inertias[i]
+    c = T.T @ body.lever
+    inertia = T.T @ body.inertia @ T - body.mass * _hat(c) @ _hat(c)
+    return Link(
+        parent,
+        prismatic,
+        R=clean(T_parent.T @ place.rotation @ T),
+        p=clean(T_parent.T @ place.translation),
+        m=ca.SX(body.mass),
+        h=sparse(body.mass * c),
+        I=sparse((inertia + inertia.T) / 2),
+    )
+
+
+def _load(links: list[Link], frame: Frame, payload: ca.SX) -> None:
+    """Add a symbolic body that sits in ``frame`` to the link that carries the frame."""
+    if frame.link < 0:
+        return
+    m, com, (xx, xy, xz, yy, yz, zz) = payload[0], payload[1:4], ca.vertsplit(payload[4:10])
+    about_com = ca.vertcat(ca.horzcat(xx, xy, xz), ca.horzcat(xy, yy, yz), ca.horzcat(xz, yz, zz))
+    about_origin = about_com - m * skew(com) @ skew(com)
+    h, inertia = moved(constant(frame.R), constant(frame.p), m, m * com, about_origin)
+    link = links[frame.link]
+    link.m, link.h, link.I = link.m + m, link.h + h, link.I + inertia
+
+
+def _hat(x: Array) -> Array:
+    return np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])
