@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keeps the energy account of a running simulation, while somebody wants to see it."""
+"""The energy account of a running simulation, kept while it is wanted."""
 
 from __future__ import annotations
 
