@@ -13,7 +13,7 @@ from arm_dynamics.arrays import vector
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.controller.goal_bytes import PathBytes
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose
 
 _UNIT = 1e-3  # how far a quaternion's length may be from one
 

@@ -16,8 +16,7 @@ from arm_dynamics.ros.dynamics.poses import pose_of
 from arm_dynamics.ros.interfaces import MAX_POSES
 from arm_dynamics.task_space.inertia import quaternions
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import EffectiveMass, TaskTerms
+from arm_dynamics.task_space.task_space import EffectiveMass, TaskSpace, TaskTerms
 
 
 def fill_task_space(
