@@ -14,8 +14,7 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, Scene, Term, load_scene
 from arm_dynamics.arrays import Array
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import line, timed
 from arm_dynamics.trajectory.joint_path import JointPath, joint_path
 from arm_dynamics.trajectory.reference import Reference, Waypoint

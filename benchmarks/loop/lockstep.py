@@ -90,7 +90,7 @@ def _across(scene: str, ticks: int, logs: Path, domain: int) -> dict[str, Any]:
 
 def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher = node.create_publisher(JointTrajectory, "controller/joint_trajectory", 10)
-    answers = lambda: node.round_trip().count  # noqa: E731
+    answers = lambda: node.inputs.round_trip.percentiles().count  # noqa: E731
     _spin(executor, lambda: publisher.get_subscription_count() and answers(), 30.0)
     message = JointTrajectory(joint_names=list(node.simulator.joint_names))
     message.header.stamp.nanosec = START
@@ -101,19 +101,17 @@ def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher.publish(message)
     settled = time.monotonic() + 2.0
     _spin(executor, lambda: time.monotonic() > settled, 10.0)
-    digest, advance = _Digest(), node.advance
+    digest, engine = _Digest(), node.engine
 
-    def noted(tau: np.ndarray) -> bool:
-        good = advance(tau)
+    def note() -> None:
         state = node.simulator.state
         digest.add(state.q, state.v, node.simulator.effort)
-        node.paused = state.step >= ticks
-        return good
+        engine.paused = state.step >= ticks
 
-    node.advance = noted
-    node.requests.pause(False)
+    engine.on_tick.append(note)
+    engine.pause(False)
     began = time.perf_counter()
-    _spin(executor, lambda: node.paused, 1e-2 * ticks + 60.0)
+    _spin(executor, lambda: engine.paused, 1e-2 * ticks + 60.0)
     rate = ticks / (time.perf_counter() - began)
     asked = node.lockstep.asked_again if node.lockstep else 0
     return {"rate": rate, "digest": str(digest), "asked again": asked}

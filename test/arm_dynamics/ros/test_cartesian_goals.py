@@ -51,7 +51,9 @@ def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
 
     def tick() -> None:
         now = sim.simulator.state
-        sim.on_joint_commands(node.on_joint_states(state(round(now.time * 1e9), now.q, now.v)))
+        sim.inputs.on_joint_commands(
+            node.on_joint_states(state(round(now.time * 1e9), now.q, now.v))
+        )
         sim.tick()
 
     tick()

@@ -59,7 +59,7 @@ def tick(sim: SimNode, node: ControllerNode) -> np.ndarray:
     """One state answered within its tick; returns the torque commanded."""
     now = sim.simulator.state
     command = node.on_joint_states(state(round(now.time * 1e9), now.q, now.v))
-    sim.on_joint_commands(command)
+    sim.inputs.on_joint_commands(command)
     sim.tick()
     return np.array(deserialize_message(command, JointState).effort)
 

@@ -277,12 +277,15 @@ def said(reader: JointStateReader, raw: bytes) -> object:
     return stamp, np.array(values).tobytes()
 
 
-def test_numbers_beyond_their_limit_are_told(reader: Readers) -> None:
+def test_numbers_beyond_their_limit_are_replaced(reader: Readers) -> None:
     told: list[tuple[float, ...]] = []
-    read = reader(limit=[1.0, np.inf, 3.0], beyond=told.append)
+    instead = (0.5, 0.5, 0.5)
+    read = reader(limit=[1.0, np.inf, 3.0], beyond=lambda numbers: told.append(numbers) or instead)
     for position in ([1.0, 99.0, -3.0], [1.0, 0.0, -3.1], [-1.1, 0.0, 0.0], [0.0, 0.0, 0.0]):
         message = state(position=position, velocity=[9.0] * 3)
-        assert read.read(serialize_message(message))[1][0] == tuple(position)
+        taken = read.read(serialize_message(message))[1]
+        assert taken[0] == (instead if tuple(position) in told else tuple(position))
+        assert taken[1] == (9.0, 9.0, 9.0)
     assert told == [(1.0, 0.0, -3.1), (-1.1, 0.0, 0.0)]
 
 

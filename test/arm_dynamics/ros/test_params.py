@@ -111,6 +111,35 @@ def test_bad_changes_are_refused_as_a_whole(ros: Ros, bad: dict[str, Any], compl
     assert list(holder.get_parameter("gains").value) == [1.0]
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("dt", -1e-9), ("dt", 1.01), ("tolerance", -1e-9), ("tolerance", 1.01),
+        ("realtime_factor", -0.1), ("realtime_factor", 1001.0), ("lockstep_retry", 0.0),
+        ("lockstep_retry", 11.0), ("lockstep_timeout", 0.0), ("lockstep_timeout", 2e4),
+        ("publish_every", 0), ("publish_every", 100_001), ("energy_period", 0.0),
+        ("energy_period", 11.0), ("wrench_timeout", -1e-9), ("wrench_timeout", 3601.0),
+        ("command_timeout", -1e-9), ("command_timeout", 3601.0), ("priority", -1),
+        ("priority", 100), ("overrun", "hurry"), ("stale_policy", "prayer"),
+        ("wrench_reference", "world"),
+    ],
+)  # fmt: skip
+def test_parameters_of_the_simulation_are_bounded(ros: Ros, name: str, value: Any) -> None:
+    with pytest.raises(InvalidInput, match=f"'{name}'"):
+        declare(ros.add(Node, "bounded", **{name: value}), SimParams)
+
+
+@pytest.mark.parametrize(
+    ("values", "source"),
+    [
+        ({}, "clock"), ({"realtime": False}, "hand"), ({"lockstep": True}, "lockstep"),
+        ({"lockstep": True, "realtime": False}, "lockstep"),
+    ],
+)  # fmt: skip
+def test_what_makes_the_simulation_tick(values: dict[str, bool], source: str) -> None:
+    assert SimParams(**values).tick_source == source
+
+
 @pytest.mark.parametrize("kind", [DynamicsParams, ControllerParams, SimParams])
 def test_every_parameter_of_the_nodes_is_described(ros: Ros, kind: Any) -> None:
     node = ros.add(Node, "described")

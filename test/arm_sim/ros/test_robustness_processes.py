@@ -179,7 +179,7 @@ def test_a_publisher_that_vanishes_is_told_from_one_that_goes_on(ros: Ros) -> No
     for _ in range(20):
         node.tick()
     np.testing.assert_array_equal(node.simulator.effort, [0.0, 0.0])
-    assert node.commands.stale_count == 1
+    assert node.engine.commands.stale_count == 1
 
 
 def test_another_arm_while_questions_come_in(ros: Ros) -> None:

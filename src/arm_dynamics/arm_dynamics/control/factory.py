@@ -12,8 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control import compiled_computed_torque as control_compiled
-from arm_dynamics.control.compiled_computed_torque import CompiledComputedTorque
+from arm_dynamics.control import computed_torque
+from arm_dynamics.control.computed_torque import CompiledComputedTorque
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.joint_space import (
     PD,
@@ -147,8 +147,8 @@ def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None
         task = settings.frame, chosen_axes(settings.axes)
         built = task_kernel.is_built(model, *task)
         return None if built else partial(task_kernel.build, model, *task)
-    if name == _COMPILED and not control_compiled.is_built(model):
-        return partial(control_compiled.build, model)
+    if name == _COMPILED and not computed_torque.is_built(model):
+        return partial(computed_torque.build, model)
     return None
 
 

@@ -18,7 +18,7 @@ from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import ArmError, InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose
 
 _UNIT = 1e-3  # how far a quaternion's length may be from one
 

@@ -21,7 +21,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import CdrReader
 from arm_dynamics.ros.common.convert import in_world, joint_indices, spread, to_array, to_time
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import Reference, Waypoint
 
 

@@ -21,8 +21,7 @@ from arm_dynamics.ros.dynamics.batch import Batch, finite_answer
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_POSES, MAX_TERMS_POINTS
 from arm_dynamics.task_space.inertia import quaternions
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import TaskTerms
+from arm_dynamics.task_space.task_space import TaskSpace, TaskTerms
 
 
 def _batch(dynamics: Dynamics, request: Any, most: int) -> Batch:

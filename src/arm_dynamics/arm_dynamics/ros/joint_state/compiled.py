@@ -144,7 +144,7 @@ class CompiledReader(JointStateReader):
         self._admit(self._speaker, self._joints)
         self._values = values = [found[place] for place in self._numbers]
         if outcome == BEYOND:
-            self._beyond(values[0])
+            values[0] = self._beyond(values[0])
         return found[1], (found[0], values)
 
     def other(self) -> tuple[int, Read]:

@@ -192,7 +192,7 @@ class JointStateReader:
         extra: bool,
         admit: Callable[[str, frozenset[int]], None] = lambda source, joints: None,
         limit: Sequence[float] = (),
-        beyond: Callable[[Numbers], None] = lambda numbers: None,
+        beyond: Callable[[Numbers], Numbers] = lambda numbers: numbers,
     ) -> None:
         """Choose what to read.
 
@@ -204,7 +204,8 @@ class JointStateReader:
             admit: Called with the frame_id of each message and the indices of the joints that it
                 names, before its numbers count; may raise InvalidInput.
             limit: How large the numbers of the first field may be, n of them; or none.
-            beyond: Called with the numbers of the first field when one of them is larger.
+            beyond: Called with the numbers of the first field when one of them is larger; returns
+                those to take instead.
         """
         self._names, self.fields = list(names), [FIELDS.index(field) for field in fields]
         self._partial, self._extra, self._admit = partial, extra, admit
@@ -245,7 +246,7 @@ class JointStateReader:
         if not all(map(finite_numbers, values)):
             self._refuse_infinite(values)
         if any_beyond(values[0], self._limit):
-            self._beyond(values[0])
+            values[0] = self._beyond(values[0])
         self._values = values
         return found[0] * GIGA + found[1], values
 
