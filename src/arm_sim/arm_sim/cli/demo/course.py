@@ -9,6 +9,7 @@ import tempfile
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
@@ -148,7 +149,7 @@ def _write(output: Path, motion: Motion, seen: Seen, n: Numbers) -> None:
         f"{n.unit} RMS"
     )
     draw(output / "demo.png", seen, model.joint_names, model.joint_types, n.duration, title)
-    values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n.dict()}
+    values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **asdict(n)}
     (output / "demo.json").write_text(json.dumps(values, indent=2) + "\n")
 
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -58,10 +58,6 @@ class Numbers:
     energy_moved: float
     energy_dissipated: float
     energy_balance: float
-
-    def dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
 
 
 def numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
