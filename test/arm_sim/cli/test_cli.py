@@ -18,7 +18,7 @@ from arm_dynamics import InvalidInput, load_scene
 from arm_dynamics.scene.schema import Initial
 from arm_sim.cli.demo.motion import choose_motion
 from arm_sim.cli.main import main
-from arm_sim.cli.nodes import _split
+from arm_sim.cli.nodes import split_words
 from arm_sim.cli.vectors import Vector, parse
 
 PANDA = str(models.SCENES / "panda.yaml")
@@ -155,7 +155,7 @@ def test_unknown_joint_is_named() -> None:
 def test_scene_is_told_from_ros_arguments(
     scene: str | None, rest: tuple[str, ...], expected: tuple[str | None, tuple[str, ...]]
 ) -> None:
-    assert _split(scene, rest) == expected
+    assert split_words(scene, rest) == expected
 
 
 # --- describe ----------------------------------------------------------------------------------
