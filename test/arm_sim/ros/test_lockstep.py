@@ -85,13 +85,12 @@ def test_lost_messages_are_asked_for_again_and_change_nothing(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sim, controller = pair(ros, lockstep_retry=0.005)
-    send, count = controller._send, iter(range(10**9))
+    take, count = sim.inputs.on_joint_commands, iter(range(10**9))
 
-    def lose_every_seventh(command: bytes) -> None:
-        if next(count) % 7:
-            send(command)
+    def lose_every_seventh(command: bytes, arrival: int) -> int | None:
+        return take(command, arrival) if next(count) % 7 else None
 
-    monkeypatch.setattr(controller, "_send", lose_every_seventh)
+    monkeypatch.setattr(sim.inputs, "on_joint_commands", lose_every_seventh)
     np.testing.assert_array_equal(motion(ros, sim, controller), expected())
     assert sim.lockstep.asked_again >= TICKS // 7 - 2
 

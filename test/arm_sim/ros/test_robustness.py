@@ -336,11 +336,11 @@ def effort_after(controller: ControllerNode, jump: int) -> np.ndarray:
 def test_when_time_jumps_the_arm_is_held(nodes: Nodes, jump: int) -> None:
     still = models.dynamics("two_link").gravity([0.1, 0.2])
     held = effort_after(nodes.controller, jump)
-    loaded = nodes.controller._dynamics.gravity([0.1, 0.2])
+    loaded = nodes.dynamics.dynamics.gravity([0.1, 0.2])
     assert np.abs(loaded - still).max() < 1.0
     np.testing.assert_allclose(held, loaded, atol=1e-9)
 
 
 def test_a_small_gap_is_no_jump(nodes: Nodes) -> None:
-    held = nodes.controller._dynamics.gravity([0.1, 0.2])
+    held = nodes.dynamics.dynamics.gravity([0.1, 0.2])
     assert np.abs(effort_after(nodes.controller, 500_000_000) - held).max() > 1e-3
