@@ -182,6 +182,8 @@ def test_listeners_hear_of_jumps_pauses_and_staleness() -> None:
     made.configure(0.002, "zero")
     for name in ("on_jump", "on_pause", "on_staleness"):
         getattr(made, name).append(lambda name=name: heard.append(name))
+    made.tick()
+    assert not heard
     made.reset()
     made.pause(True)
     made.pause(False)
