@@ -215,13 +215,26 @@ def test_an_absurd_state_does_not_spoil_the_memory(ros: Ros) -> None:
 
 
 def test_after_floating_the_arm_is_held_where_it_was_led_to(ros: Ros) -> None:
+    """And not pulled back to where it was when floating began."""
     node = controller_node(ros, controller="float", switch_time=0.0)
     effort(node, 0)
     led = HOME + 0.4
     assert_close(effort(node, MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
     assert change(node, controller="computed_torque").successful
-    effort(node, 2 * MS, led)
+    settle(node)
+    effort(node, 2 * MS, led)  # the hand-over begins with the torque of before
+    assert node.params.controller == "computed_torque" and not node.busy
+    assert_close(node.follower.reference(3 * MS).q, led, ALGEBRA)
     assert_close(effort(node, 3 * MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
+    assert abs(effort(node, 4 * MS, led + 0.1) - effort(node, 4 * MS, led)).max() > 1.0
+
+
+def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
+    node = controller_node(ros, controller="pd_gravity", switch_time=0.0)
+    effort(node, 0)
+    assert change(node, controller="pd").successful
+    effort(node, MS, HOME + 0.4)
+    assert_close(node.follower.reference(2 * MS).q, HOME, ALGEBRA)
 
 
 def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
