@@ -46,7 +46,11 @@ class Unreachable(ArmError):
 
 
 class KernelError(ArmError):
-    """A generated function disagrees with Pinocchio and is refused."""
+    """Generated code cannot be compiled, or disagrees with Pinocchio and is refused."""
+
+
+class CompilerMissing(KernelError):
+    """There is no compiler, and no code that was compiled elsewhere either."""
 
 
 class NoAnswer(ArmError, TimeoutError):

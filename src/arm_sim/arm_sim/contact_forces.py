@@ -4,23 +4,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import ConstraintError
-from arm_sim.plant.plant import Plant
-from arm_sim.recording.contact_losses import ContactLosses
+from arm_sim.compiled_scene import CompiledScene
 from arm_sim.recording.recording import Recording
-from arm_sim.stepping.contact import ContactStepper
-from arm_sim.stepping.contact_driver import INSIDE
-from arm_sim.stepping.contact_modes import Trouble
+from arm_sim.stepping.events import Trouble
 from arm_sim.stepping.stepper import Stepper
-
-if TYPE_CHECKING:
-    from arm_sim.simulator import Simulator
 
 _WHY = {
     Trouble.EVENTS: "; contacts touch or slip without end in it",
@@ -72,23 +65,12 @@ class ContactHistory:
     friction_loss: Array
 
 
-def contact_forces(sim: Simulator) -> tuple[ContactForce, ...]:
-    """Forces of the contacts at the simulator's state, under the torque of its last tick.
-
-    Args:
-        sim: A simulator of a scene with contacts.
-
-    Returns:
-        One for each contact, in the order of the scene.
-
-    Raises:
-        InvalidInput: If the scene has no contact.
-    """
-    state = sim.state
-    return _forces(_contact_stepper(sim), np.concatenate([state.q, state.v]), sim.effort)
+class _Simulated(Protocol):
+    @property
+    def compiled(self) -> CompiledScene: ...
 
 
-def contact_history(sim: Simulator, recording: Recording) -> ContactHistory:
+def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
     """Forces and losses of a run, found by computing its ticks again.
 
     Args:
@@ -101,10 +83,10 @@ def contact_history(sim: Simulator, recording: Recording) -> ContactHistory:
     Raises:
         InvalidInput: If the scene has no contact.
     """
-    stepper = _contact_stepper(sim)
-    x = np.hstack([recording.q, recording.v])
-    forces = [_forces(stepper, *pair) for pair in zip(x, recording.tau, strict=True)]
-    losses = ContactLosses(sim.plant, sim.choice, sim.backend)(x, recording.tau[:-1], recording.p)
+    compiled, x = sim.compiled, np.hstack([recording.q, recording.v, recording.z])
+    forces = [contact_forces(compiled, *pair) for pair in zip(x, recording.command, strict=True)]
+    account = compiled.energy_account
+    losses = account.contact_losses(x, recording.command[:-1], recording.p)
     losses = np.vstack([np.zeros(2), np.cumsum(losses, axis=0)])
     arrays = (
         np.array([[f.gap for f in row] for row in forces]),
@@ -116,56 +98,31 @@ def contact_history(sim: Simulator, recording: Recording) -> ContactHistory:
     return ContactHistory(tuple(f.name for f in forces[0]), *arrays)
 
 
-def outside(plant: Plant, x: Array) -> Array:
-    """Refuse a state with a contact point inside its plane.
+def contact_forces(compiled: CompiledScene, x: Array, u: Array) -> tuple[ContactForce, ...]:
+    """Forces of the contacts at a state under a torque.
 
     Args:
-        plant: The scene's equations.
+        compiled: A scene with contacts.
         x: State, shape (nx,).
+        u: Torque that acts, shape (n,).
 
     Returns:
-        The same state.
+        One for each contact, in the order of the scene.
 
     Raises:
-        ConstraintError: Naming the point that is deepest, and how deep; a nanometre is rounding.
+        InvalidInput: If the scene has no contact.
     """
-    if plant.contact is None:
-        return x
-    gaps = np.array(plant.contact.geometry(x[: 2 * plant.model.n])[0]).ravel()[::3]
-    points = plant.contact.points
-    k = int(np.argmin(gaps))
-    if gaps[k] < -INSIDE:
-        depths = {point.name: float(gap) for point, gap in zip(points, gaps, strict=True)}
-        raise ConstraintError(
-            f"contact '{points[k].name}' is {-gaps[k]:.6g} m inside its plane; "
-            "a position at or above it is wanted",
-            depths,
-        )
-    return x
-
-
-def trouble(stepper: Stepper) -> str:
-    """What contacts had to do with a tick that could not be computed; else nothing."""
-    if not isinstance(stepper, ContactStepper):
-        return ""
-    return _WHY.get(Trouble(stepper.memory.trouble), "")
-
-
-def _contact_stepper(sim: Simulator) -> ContactStepper:
-    stepper = sim._stepper
-    if not isinstance(stepper, ContactStepper):
+    plant, stepper = compiled.plant, compiled.stepper
+    if not plant.points:
         raise InvalidInput("the scene has no contact; its 'constraints' may name some")
-    return stepper
-
-
-def _forces(stepper: ContactStepper, x: Array, u: Array) -> tuple[ContactForce, ...]:
-    p = stepper.parameters_at(x, u)
-    gaps, force = stepper.modes.geometry(x)[0][::3].copy(), stepper.modes.look(x, u, p)[0]
+    modes = stepper.modes_at(x, u)
+    call = stepper.kernel.call
+    gaps = call("contact_geometry")(x[: 2 * plant.model.n])[0][::3]
+    force = call("loads")(x, u, modes.p)[1].reshape(-1, 3)
+    rows = zip(plant.points, modes.contact, gaps, force, strict=True)
     answers = []
-    for point, mode, gap, r in zip(
-        stepper.points, stepper.modes.modes(p), gaps, force.reshape(-1, 3), strict=True
-    ):
-        state = "apart" if not mode[0] else "sticks" if mode[1] else "slides"
+    for point, mode, gap, r in rows:
+        state = "apart" if not mode["closed"] else "sticks" if mode["sticks"] else "slides"
         tangential = r[1:] @ point.axes[1:]
         whole = tangential + r[0] * point.axes[0]
         for array in (tangential, whole):
@@ -173,3 +130,8 @@ def _forces(stepper: ContactStepper, x: Array, u: Array) -> tuple[ContactForce, 
         normal = float(r[0])
         answers.append(ContactForce(point.name, state, float(gap), normal, tangential, whole))
     return tuple(answers)
+
+
+def trouble(stepper: Stepper) -> str:
+    """What contacts had to do with a tick that could not be computed; else nothing."""
+    return _WHY.get(Trouble(stepper.report.trouble), "")

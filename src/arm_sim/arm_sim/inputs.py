@@ -10,7 +10,6 @@ import numpy as np
 
 from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.arrays import Array, finite_numbers, real_array, vector
-from arm_sim.plant.plant import Plant
 
 _log = logging.getLogger(__name__)
 
@@ -45,22 +44,14 @@ def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:
     return np.ascontiguousarray(table)
 
 
-def packed_state(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
-    """Check a state and join it to x = (q, v, z) of shape (nx,); None for z's initial values."""
-    n = plant.model.n
-    q, v = _row("q", q, n), _row("v", v, n)
-    if z is None:
-        return np.concatenate([q, v, plant.initial(q, v)])
-    return np.concatenate([q, v, _row("z", z, plant.nz)])
-
-
-def _row(name: str, value: Any, n: int) -> Array:
+def row(name: str, value: Any, n: int) -> Array:
+    """Check one row of n finite numbers; n may be zero."""
     if n == np.size(value) == 0:
         return np.zeros(0)
-    row = vector(name, value, n)
-    if row.ndim != 1:
-        raise InvalidInput(f"{name} has shape {row.shape}; ({n},) is wanted")
-    return row
+    given = vector(name, value, n)
+    if given.ndim != 1:
+        raise InvalidInput(f"{name} has shape {given.shape}; expected ({n},)")
+    return given
 
 
 def whole(name: str, value: Any, least: int) -> None:

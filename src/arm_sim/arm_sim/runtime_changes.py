@@ -1,26 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes to a running simulation: payload, friction, and pushes from outside."""
+"""Changes to a running simulation: payload, friction, and pushes from outside.
+
+What takes time is done when a change is prepared; the simulator then takes over the result between
+two ticks. Models, plants and compiled scenes never change: a change makes new ones.
+"""
 
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.scene.schema import validated
+from arm_sim.compiled_scene import CompiledScene
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.energy_account import Audit
 from arm_sim.simulator import Simulator
-from arm_sim.stepping.factory import Steppers
 
 EXTERNAL = "external"
 Change = Callable[[], None]
-_CACHED = ("plan", "_linearizer", "_rollouts")
 
 
 def payload_change(
@@ -43,19 +43,18 @@ def payload_change(
         SceneError: If the numbers are no rigid body's.
     """
     _demand(simulator, "payload")
-    loads = [load.model_dump() for load in simulator.dynamics.model.scene.payloads]
+    model = simulator.dynamics.model
+    loads = [load.model_dump() for load in model.scene.payloads]
     if not 0 <= index < len(loads):
         raise InvalidInput(f"payload {index}; the scene has {len(loads)}, counted from 0")
     loads[index] |= {
         "mass": float(mass), "com": tuple(map(float, np.ravel(com))),
         "inertia": tuple(map(float, np.ravel(inertia))),
     }  # fmt: skip
-    scene = simulator.dynamics.model.scene
-    scene = validated({**scene.model_dump(exclude_unset=True), "payloads": loads})
+    scene = validated({**model.scene.model_dump(exclude_unset=True), "payloads": loads})
     rows = [[load.mass, *load.com, *load.inertia] for load in scene.payloads]
-    model = ArmModel(scene)
-    _with_viscous(model, simulator.dynamics.model.viscous)
-    return _change(simulator, "payload", np.array(rows).ravel(), model)
+    changed = ArmModel(scene).with_viscous(model.viscous)
+    return _change(simulator, changed, payload=np.array(rows).ravel())
 
 
 def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
@@ -77,9 +76,8 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
         raise InvalidInput(
             f"viscous = {values}; {simulator.n} numbers of at least zero are wanted"
         )
-    model = ArmModel(simulator.dynamics.model.scene)
-    _with_viscous(model, values)
-    return _change(simulator, "friction", values, model)
+    changed = simulator.dynamics.model.with_viscous(values)
+    return _change(simulator, changed, friction=values)
 
 
 def external_change(simulator: Simulator) -> Change:
@@ -93,44 +91,25 @@ def external_change(simulator: Simulator) -> Change:
     scene = simulator.model.scene
     if EXTERNAL in scene.tunable:
         return lambda: None
-    model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)}))
-    plant = Plant(model)
-    steppers = Steppers(plant, simulator.choice, simulator.backend)
-    audit = Audit(plant, simulator.dynamics, simulator.choice, simulator.backend)
-    audit.prepare()
-
-    def change() -> None:
-        before, p = simulator.plant.parameters, simulator.parameters
-        values = {name: before.of(name, p) for name in before.names}
-        steppers.plain.p[:] = plant.parameters.merged(values, steppers.plain.p)
-        simulator.plant, simulator.model, simulator.audit = plant, model, audit
-        simulator._use(steppers)
-        for name in _CACHED:
-            simulator.__dict__.pop(name, None)
-
-    return change
-
-
-def _with_viscous(model: ArmModel, values: Array) -> None:
-    model.friction, model.viscous = replace(model.friction, viscous=values), values
+    plant = Plant(ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)})))
+    present = simulator.compiled
+    compiled = CompiledScene(plant, present.choice, present.backend, present.model)
+    compiled.energy_account.prepare()
+    return lambda: simulator.use(compiled)
 
 
 def _demand(simulator: Simulator, name: str) -> None:
-    simulator.plant.parameters.merged({name: _current(simulator, name)}, simulator._stepper.p)
+    """Refuse a quantity that is not tunable."""
+    parameters = simulator.plant.parameters
+    parameters.merged({name: parameters.of(name, simulator.parameters)}, simulator.parameters)
 
 
-def _current(simulator: Simulator, name: str) -> Any:
-    found = [item.nominal for item in simulator.plant.parameters.items if item.name == name]
-    return found[0] if found else np.zeros(1)
-
-
-def _change(simulator: Simulator, name: str, values: Array, model: ArmModel) -> Change:
-    dynamics = Dynamics(model)
-    audit = Audit(simulator.plant, dynamics, simulator.choice, simulator.backend)
-    audit.prepare()
+def _change(simulator: Simulator, model: ArmModel, **values: Array) -> Change:
+    prepared = simulator.compiled.of(model)
+    prepared.energy_account.prepare()
 
     def change() -> None:
-        simulator.set_parameter(name, values)
-        simulator.dynamics, simulator.audit = dynamics, audit
+        same = simulator.plant is prepared.plant  # or pushes have come in between
+        simulator.use(prepared if same else simulator.compiled.of(model), **values)
 
     return change

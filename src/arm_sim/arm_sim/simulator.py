@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import cached_property
 from struct import Struct
 from typing import Any
 
@@ -12,20 +11,21 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
 from arm_dynamics.arrays import Array
-from arm_sim import constraint_state as held
-from arm_sim.contact_forces import contact_forces, trouble
-from arm_sim.exceptions import SimulationDiverged, diverged
-from arm_sim.inputs import SaturationNotice, tick_count, torque, torque_table
+from arm_dynamics.exceptions import known_names
+from arm_dynamics.scene.constraint import label, switchable
+from arm_sim import contact_forces
+from arm_sim.compiled_scene import CompiledScene
+from arm_sim.contact_forces import ContactForce
+from arm_sim.exceptions import SimulationDiverged
+from arm_sim.inputs import SaturationNotice, tick_count, torque, torque_table, whole
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
+from arm_sim.plant.placing import closed, constraint_hint, holding, packed, placed
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.energy_account import Audit
+from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.recording import Recording, record
 from arm_sim.state import State, read_only
-from arm_sim.stepping.factory import Steppers
-from arm_sim.stepping.linearization import Linearizer, linearize
-from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
 
 Control = Callable[[State], Any]
@@ -64,21 +64,36 @@ class Simulator:
         tolerance: float | None = None,
         backend: str = "auto",
     ) -> None:
-        self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
-        self.plant = Plant(self.model)
-        self.choice: Choice = choose(self.plant, integrator, dt, tolerance)
-        self.n, self.joint_names, self.dt = self.model.n, self.model.joint_names, self.choice.dt
-        self.z_names = self.plant.laws.names if self.plant.laws else ()
+        model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        plant = Plant(model)
+        self.choice: Choice = choose(plant, integrator, dt, tolerance)
+        self.n, self.joint_names, self.dt = model.n, model.joint_names, self.choice.dt
+        self.z_names = plant.laws.names if plant.laws else ()
         self.backend = backend
-        self._x, self._command = np.zeros(self.plant.nx), np.zeros(self.n)
+        self._x, self._command = np.zeros(plant.nx), np.zeros(self.n)
         self._effort, self._error = np.zeros((1, self.n)), np.zeros(1)
         self._put = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only(self._x), read_only(self._effort[0])
         self._state: State | None = None
         self._step = 0
-        self._use(Steppers(self.plant, self.choice, backend))
-        self._saturation = SaturationNotice(self.model)
+        self._saturation = SaturationNotice(model)
+        self._bind(CompiledScene(plant, self.choice, backend))
         self.reset()
+
+    @property
+    def compiled(self) -> CompiledScene:
+        """What runs: equations and compiled ticks, see ``use``."""
+        return self._compiled
+
+    @property
+    def plant(self) -> Plant:
+        """The equation of motion that runs."""
+        return self._compiled.plant
+
+    @property
+    def model(self) -> ArmModel:
+        """The arm that was built, before payload or friction changed; see ``dynamics.model``."""
+        return self._compiled.plant.model
 
     @property
     def step_count(self) -> int:
@@ -96,7 +111,7 @@ class Simulator:
     @property
     def held_constraints(self) -> tuple[str, ...]:
         """Names of the constraints that hold."""
-        return held.active(self.plant, self._stepper.p)
+        return holding(self.plant, self._stepper.p)
 
     @property
     def effort(self) -> Array:
@@ -116,20 +131,25 @@ class Simulator:
         """Tunable quantities as they are now, in the order of the plant's, shape (np,)."""
         return self._stepper.p.copy()
 
-    @cached_property
+    @property
+    def impacts(self) -> int:
+        """Impacts of contacts since the last reset."""
+        return int(self._stepper.report.impacts)
+
+    @property
     def dynamics(self) -> Dynamics:
-        """The same scene's numeric dynamics, by Pinocchio."""
-        return Dynamics(self.model)
+        """Numeric dynamics of the arm as it is now, by Pinocchio."""
+        return self._compiled.dynamics
 
-    @cached_property
-    def audit(self) -> Audit:
+    @property
+    def energy_account(self) -> EnergyAccount:
         """What keeps the energy account of motions of this scene."""
-        return Audit(self.plant, self.dynamics, self.choice, self.backend)
+        return self._compiled.energy_account
 
-    @cached_property
+    @property
     def plan(self) -> Plan:
-        """What a tick computes, what it skips, and why; ``str(sim.plan)`` is for people."""
-        return Plan(self.plant, self.choice, self._stepper)
+        """What a tick computes, what it skips, and why; ``str(sim.plan)`` is readable."""
+        return self._compiled.plan
 
     def step(self, tau: Any) -> State:
         """Advance one tick with the torque held.
@@ -178,7 +198,7 @@ class Simulator:
         start = self.state
         if isinstance(control, CompiledControl):
             times = np.asarray((self._step + np.arange(ticks)) * self.dt, dtype=np.float64)
-            stepper = self._steppers.with_control(control)
+            stepper = self._compiled.controlled(control)
             done = self._roll(stepper, control.reference(times), trace, effort, errors)
         elif callable(control):
             done = self._run_function(control, trace, effort, errors)
@@ -186,7 +206,7 @@ class Simulator:
             table = torque_table(control, ticks, self.n, self.dt)
             done = self._roll(self._stepper, table, trace, effort, errors)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
-        about = self.dynamics, self.plant, self.audit, self.parameters, self.dt
+        about = self.dynamics, self.plant, self.energy_account, self.parameters, self.dt
         motion = trace[:done], effort[:done], errors[:done]
         recording = record(*about, start, *motion, self.held_constraints)
         if done < ticks:
@@ -207,9 +227,9 @@ class Simulator:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
-        self._x[:] = held.placed(self, q, v, z)
+        self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
         self._step, self._effort[:], self._error[:] = 0, 0.0, 0.0
-        self._steppers.restart()
+        self._compiled.restart()
         self._state = None
         return self.state
 
@@ -219,7 +239,7 @@ class Simulator:
         None keeps positions or velocities, and gives the laws the states that suit them.
         """
         q, v = self.state.q if q is None else q, self.state.v if v is None else v
-        self._x[:] = held.placed(self, q, v, z)
+        self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
         self._state = None
         return self.state
 
@@ -262,16 +282,85 @@ class Simulator:
             InvalidInput: If a shape or value is not allowed.
         """
         p = self.plant.parameters.merged(parameters or {}, self._stepper.p)
-        batch = self._rollouts.batch(q0, v0, tau, steps, p, last_only)
-        return self._rollouts.run(batch, threads, lanes)
+        rollouts = self._compiled.rollouts
+        batch = rollouts.batch(q0, v0, tau, steps, p, last_only)
+        return rollouts.run(batch, threads, lanes)
 
-    linearize, multipliers, set_constraint = linearize, held.multipliers, held.set_constraint
-    contact_forces = contact_forces
-    _linearizer = cached_property(lambda sim: Linearizer(sim.plant, sim.choice))
-    _rollouts = cached_property(lambda sim: Rollouts(sim.plant, sim.choice, sim.backend))
+    def linearize(self, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
+        """Exact derivatives of the state after a tick (or several, torque held).
 
-    def _use(self, steppers: Steppers) -> None:
-        self._steppers, self._stepper = steppers, steppers.plain
+        Returns:
+            A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z).
+
+        Raises:
+            InvalidInput: If an argument is not allowed.
+        """
+        whole("ticks", ticks, 1)
+        x, command = packed(self.plant, state.q, state.v, state.z), np.array(torque(tau, self.n))
+        modes = self._stepper.modes_at(x, command)
+        return self._compiled.linearizer(x, command, modes.p, ticks)
+
+    def multipliers(self) -> Array:
+        """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
+        state, names = self.state, self.held_constraints
+        return self.dynamics.constrained_forward(state.q, state.v, self.effort, names)[1]
+
+    def set_constraint(self, name: str, on: bool) -> State:
+        """Switch a constraint that the scene declares switchable.
+
+        What is switched on takes hold at once: velocities across it are lost, as in a blow without
+        rebound, and a position that it does not allow is moved to the nearest one that it does.
+
+        Args:
+            name: Of the constraint.
+            on: Whether it holds from now on.
+
+        Returns:
+            The state, time unchanged.
+
+        Raises:
+            InvalidInput: If the constraint does not exist or is not switchable; the state stays.
+            ConstraintError: If it cannot hold from here; the state stays.
+        """
+        constraints = self.model.scene.constraints
+        places = [label(constraints[i], i) for i in switchable(constraints)]
+        if name not in places:
+            raise InvalidInput(
+                f"constraint '{name}' cannot be switched; switchable: {known_names(places)}"
+            )
+        names = {*self.held_constraints, name} if on else {*self.held_constraints} - {name}
+        state = self.state
+        x = closed(self.plant, np.concatenate([state.q, state.v]), tuple(names))
+        self.set_parameter("constraints", [float(place in names) for place in places])
+        return self.set_state(x[: self.n], x[self.n :], state.z)
+
+    def contact_forces(self) -> tuple[ContactForce, ...]:
+        """Forces of the contacts at the present state, under the torque of the last tick.
+
+        Returns:
+            One for each contact, in the order of the scene.
+
+        Raises:
+            InvalidInput: If the scene has no contact.
+        """
+        return contact_forces.contact_forces(self._compiled, self._x, self.command)
+
+    def use(self, compiled: CompiledScene, **parameters: Any) -> None:
+        """Go on with another compiled scene of the same states, between two ticks.
+
+        Tunable quantities keep their values, but for those given by name.
+
+        Raises:
+            InvalidInput: If a quantity is not tunable; nothing changes.
+        """
+        tuned, p = self.plant.parameters, self._stepper.p
+        values = {name: tuned.of(name, p) for name in tuned.names} | parameters
+        merged = compiled.plant.parameters.merged(values, compiled.stepper.p)
+        compiled.stepper.p[:] = merged
+        self._bind(compiled)
+
+    def _bind(self, compiled: CompiledScene) -> None:
+        self._compiled, self._stepper = compiled, compiled.stepper
         arrays = self._command, self._x[None].copy(), self._effort, self._error
         self._tick = self._stepper.bound(self._x, *arrays)
 
@@ -296,4 +385,10 @@ class Simulator:
         return len(trace)
 
     def _diverged(self) -> SimulationDiverged:
-        return diverged(self.state, self.choice, held.hint(self) + trouble(self._stepper))
+        state, choice = self.state, self.choice
+        hint = constraint_hint(self.plant, state.q, state.v, self.held_constraints)
+        return SimulationDiverged(
+            f"tick {state.step + 1} (t = {state.time:.6g} s) cannot be computed with "
+            f"{choice.method.name}{choice.remark}; the state before it is kept: largest |v| = "
+            f"{abs(state.v).max():.3g}{hint}{contact_forces.trouble(self._stepper)}"
+        )

@@ -1,25 +1,35 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The system's C compiler and a private cache of what it made.
+"""From C or C++ source to a loaded library, by the system's compiler or from a cache.
 
-An entry is a shared library followed by the digest of its bytes, in a folder that only the user
-may enter. Its name is the digest of source, compiler, flags and processor. An entry that does not
-match its digest, or belongs to somebody else, is built again and never loaded.
+The folders of ARM_CACHE come first (see ``compiled_scenes``), then the user's own cache, then the
+compiler. An entry of the user's own cache is a shared library followed by the digest of its bytes,
+in a folder that only the user may enter. Its name is the digest of source, headers, compiler,
+flags and processor. An entry that does not match its digest, or belongs to somebody else, is built
+again and never loaded.
 """
 
 from __future__ import annotations
 
 import ctypes
 import hashlib
+import logging
 import os
+import re
 import shlex
 import shutil
 import stat
 import subprocess
 import tempfile
+from collections.abc import Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
-from arm_dynamics.exceptions import KernelError
+from arm_dynamics.codegen import compiled_scenes, processor
+from arm_dynamics.codegen.compiled_scenes import Code, Manifest
+from arm_dynamics.exceptions import CompilerMissing, KernelError
 
 NATIVE = Path(__file__).parent / "native"
 # No -ffast-math and no fused multiply-add: a compiler places them as it likes, and one arm and
@@ -29,7 +39,6 @@ NATIVE = Path(__file__).parent / "native"
 # traps floating-point exceptions.
 FLAGS = (
     "-O1",
-    "-march=native",
     "-ffp-contract=off",
     "-fno-math-errno",
     "-fno-trapping-math",
@@ -39,7 +48,37 @@ FLAGS = (
     "-shared",
     "-w",
 )
+HOW_TO_GET_CODE = (
+    "install one (apt install gcc), or compile the scene on another machine "
+    "(./arm build SCENE --out DIR) and set ARM_CACHE=DIR"
+)
 _DIGEST = hashlib.sha256().digest_size
+_COMPILERS = {
+    "c": ("C", "CC", ("cc", "gcc", "clang")),
+    "c++": ("C++", "CXX", ("c++", "g++", "clang++")),
+}
+_INCLUDE = re.compile(r'^\s*#\s*include\s*[<"]([^>"]+)', re.MULTILINE)
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class Destination:
+    """Where compiled scenes go, and what to say of them.
+
+    Attributes:
+        folder: An existing folder.
+        scene: Name of the scene file.
+        kernel: Which part of it.
+        target: The processor: one of ``processor.TARGETS``.
+    """
+
+    folder: Path
+    scene: str
+    kernel: str
+    target: str
+
+
+_destination: ContextVar[Destination | None] = ContextVar("destination", default=None)
 
 
 def find_compiler(language: str = "c") -> tuple[str, ...] | None:
@@ -51,9 +90,7 @@ def find_compiler(language: str = "c") -> tuple[str, ...] | None:
     Returns:
         ``$CC`` (``$CXX``) if it is set and exists, else the first of the usual names on the PATH.
     """
-    variable, names = (
-        ("CC", ("cc", "gcc", "clang")) if language == "c" else ("CXX", ("c++", "g++", "clang++"))
-    )
+    _, variable, names = _COMPILERS[language]
     return _first_there(os.environ.get(variable, ""), names, os.environ.get("PATH"))
 
 
@@ -77,37 +114,60 @@ def compiler_version(command: tuple[str, ...]) -> str:
     return done.stdout.splitlines()[0] if done.returncode == 0 and done.stdout else ""
 
 
-@cache
-def processor() -> str:
-    """What tells processors with other instructions apart; part of an entry's name."""
-    try:
-        lines = Path("/proc/cpuinfo").read_text().splitlines()
-    except OSError:
-        return os.uname().machine
-    kept = ("model name", "flags", "Features", "CPU part")
-    return "\n".join(sorted({line for line in lines if line.startswith(kept)}))
+def may_build(language: str = "c") -> bool:
+    """Whether ``build`` stands a chance: a compiler is here, or ARM_CACHE names folders."""
+    return find_compiler(language) is not None or bool(compiled_scenes.folders())
 
 
-def build(source: str, command: tuple[str, ...], flags: tuple[str, ...] = FLAGS) -> ctypes.CDLL:
-    """Compile C or C++ source into a library, or take it from the cache.
+def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> Code:
+    """Compile source into a library, or take it from a folder of ARM_CACHE or the user's cache.
 
     Args:
         source: The code.
-        command: The compiler.
-        flags: Its flags.
+        language: ``c`` or ``c++``.
+        flags: Flags of the compiler, without the processor.
 
     Returns:
-        The loaded library; calls release the interpreter lock.
+        The loaded library.
 
     Raises:
+        CompilerMissing: If there is neither a compiler nor a library that may be loaded.
         KernelError: If the compiler refuses the code.
     """
-    key = _key(source, command, flags)
-    folder = cache_folder()
-    entry = folder / f"{key}.so"
-    if not _sound(entry):
-        _write(entry, _compiled(source, command, flags, folder))
-    return ctypes.CDLL(str(entry))
+    key = _digest(source, *_headers(source, flags), language, *flags)
+    destination = _destination.get()
+    if destination is not None:
+        return _build_into(destination, key, source, language, flags)
+    found, refusals = compiled_scenes.search(key)
+    if found is None:
+        command = find_compiler(language)
+        if command is None:
+            raise CompilerMissing(_nothing_found(language, refusals))
+        found = _from_own_cache(key, source, language, command, flags)
+    for refusal in refusals:
+        _log.warning("%s", refusal)
+    return found
+
+
+@contextmanager
+def building_into(destination: Destination) -> Iterator[None]:
+    """Within this block, what is built goes into a folder of compiled scenes, and is used there.
+
+    Raises:
+        KernelError: If this processor lacks instructions of the target, so that what is built
+            could not be checked.
+    """
+    lacking = processor.missing(processor.needed(destination.target))
+    if lacking:
+        raise KernelError(
+            f"code for {destination.target} cannot be checked here: this processor lacks "
+            f"{', '.join(lacking)}"
+        )
+    token = _destination.set(destination)
+    try:
+        yield
+    finally:
+        _destination.reset(token)
 
 
 def cache_folder() -> Path:
@@ -135,9 +195,69 @@ def _temporary_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="arm_dynamics-"))
 
 
-def _key(source: str, command: tuple[str, ...], flags: tuple[str, ...]) -> str:
-    parts = (source, *command, compiler_version(command), *flags, processor())
+def _digest(*parts: str) -> str:
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
+
+
+def _headers(source: str, flags: tuple[str, ...]) -> list[str]:
+    """The text of every header that is found beside ours or by a flag -I, and of those in it."""
+    folders = [Path(flag[2:]) for flag in flags if flag.startswith("-I")] + [NATIVE]
+    found: dict[Path, str] = {}
+    texts = [source]
+    while texts:
+        for name in _INCLUDE.findall(texts.pop()):
+            for path in (folder / name for folder in folders):
+                if path not in found and path.is_file():
+                    found[path] = path.read_text(errors="replace")
+                    texts.append(found[path])
+    return [found[path] for path in sorted(found)]
+
+
+def _nothing_found(language: str, refusals: list[str]) -> str:
+    title, variable, names = _COMPILERS[language]
+    missing = f"no {title} compiler found (${variable}, {', '.join(names)})"
+    if not compiled_scenes.folders():
+        return missing
+    listed = os.environ[compiled_scenes.VARIABLE]
+    why = "; ".join(refusals) or "nothing in it was compiled for this scene, method and version"
+    return f"{missing}, and none of ARM_CACHE={listed} can be used: {why}"
+
+
+def _build_into(
+    destination: Destination, key: str, source: str, language: str, flags: tuple[str, ...]
+) -> Code:
+    """Compile into a folder of compiled scenes, unless the same is there already."""
+    command = find_compiler(language)
+    if command is None:
+        raise CompilerMissing(_nothing_found(language, []))
+    entry, version = destination.folder / f"{key}.so", compiler_version(command)
+    needs = sorted(processor.needed(destination.target))
+    try:
+        present = compiled_scenes.read_manifest(entry)
+        same = (present.compiler, present.target, present.instructions)
+    except KernelError:  # there is none, or it is none to be used
+        same = None
+    if same != (version, destination.target, needs):
+        library = _compiled(source, language, command, flags, destination.target)
+        manifest = Manifest(
+            scene=destination.scene, kernel=destination.kernel, compiler=version,
+            target=destination.target, machine=os.uname().machine, instructions=needs,
+            sha256=hashlib.sha256(library).hexdigest(),
+        )  # fmt: skip
+        compiled_scenes.store(entry, library, manifest)
+    return compiled_scenes.load(entry)
+
+
+def _from_own_cache(
+    key: str, source: str, language: str, command: tuple[str, ...], flags: tuple[str, ...]
+) -> Code:
+    version = compiler_version(command)
+    name = _digest(key, *command, version, *sorted(processor.instructions()))
+    entry = cache_folder() / f"{name}.so"
+    if not _sound(entry):
+        library = _compiled(source, language, command, flags, processor.NATIVE)
+        compiled_scenes.put(entry, library + hashlib.sha256(library).digest(), 0o600)
+    return Code(ctypes.CDLL(str(entry)), version)
 
 
 def _sound(entry: Path) -> bool:
@@ -154,24 +274,17 @@ def _sound(entry: Path) -> bool:
 
 
 def _compiled(
-    source: str, command: tuple[str, ...], flags: tuple[str, ...], folder: Path
+    source: str, language: str, command: tuple[str, ...], flags: tuple[str, ...], target: str
 ) -> bytes:
-    with tempfile.TemporaryDirectory(dir=folder) as scratch:
-        suffix = "cpp" if command == find_compiler("c++") else "c"
+    with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
+        suffix = "c" if language == "c" else "cpp"
         code, library = Path(scratch) / f"kernel.{suffix}", Path(scratch) / "kernel.so"
         code.write_text(source)
-        line = [*command, *flags, f"-I{NATIVE}", "-o", str(library), str(code), "-lm"]
+        chosen = [f"-march={target}", *flags, f"-I{NATIVE}"]
         done = subprocess.run(
-            line, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
-        )
+            [*command, *chosen, "-o", str(library), str(code), "-lm"],
+            capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False,
+        )  # fmt: skip
         if done.returncode != 0:
             raise KernelError(f"{command[0]} refused generated code:\n{done.stderr[-2000:]}")
         return library.read_bytes()
-
-
-def _write(entry: Path, library: bytes) -> None:
-    """Put an entry in place at once, so that no other process ever sees half of it."""
-    handle, name = tempfile.mkstemp(dir=entry.parent)
-    with os.fdopen(handle, "wb") as file:
-        file.write(library + hashlib.sha256(library).digest())
-    os.replace(name, entry)

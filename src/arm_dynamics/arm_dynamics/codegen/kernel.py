@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.split_functions import divided
-from arm_dynamics.exceptions import InvalidInput, KernelError
+from arm_dynamics.exceptions import CompilerMissing, InvalidInput, KernelError
 
 BACKENDS = ("auto", "native", "vm")
 _log = logging.getLogger(__name__)
@@ -56,14 +56,21 @@ class Kernel:
         backend: ``native`` (a C compiler is needed), ``vm`` (CasADi's virtual machine), or
             ``auto``: the first that can be had.
         driver: C source that may call the functions, compiled with them.
+        needs_native: What of the scene cannot run on the virtual machine, for example "dry
+            friction"; nothing if it is empty.
 
     Raises:
         InvalidInput: If the backend is unknown.
-        KernelError: If native code is demanded and there is no compiler.
+        KernelError: If native code is demanded, or needed, and cannot be had; it says how to get
+            it.
     """
 
     def __init__(
-        self, functions: Sequence[ca.Function], backend: str = "auto", driver: str = ""
+        self,
+        functions: Sequence[ca.Function],
+        backend: str = "auto",
+        driver: str = "",
+        needs_native: str = "",
     ) -> None:
         if backend not in BACKENDS:
             raise InvalidInput(f"backend = {backend!r}; allowed: {', '.join(BACKENDS)}")
@@ -71,7 +78,12 @@ class Kernel:
         self.library: ctypes.CDLL | None = None
         self.backend = "virtual machine of CasADi"
         if backend != "vm":
-            self._compile(backend, driver)
+            self._compile(backend, driver, needs_native)
+        elif needs_native:
+            raise KernelError(
+                f"backend = 'vm', but {needs_native} needs compiled code: CasADi's virtual "
+                "machine runs smooth scenes only; allowed here: auto, native"
+            )
 
     @property
     def native(self) -> bool:
@@ -90,21 +102,19 @@ class Kernel:
         bind = _virtual if self.library is None else self._bind
         return Call(inputs, outputs, bind(function, inputs, outputs))
 
-    def _compile(self, backend: str, driver: str) -> None:
-        command = compiler.find_compiler()
-        if command is None:
-            if backend == "native":
-                raise KernelError(
-                    "backend = 'native', but no C compiler was found ($CC, cc, gcc, clang)"
-                )
-            _log.warning(
-                "no C compiler found ($CC, cc, gcc, clang): "
-                "running on CasADi's virtual machine, slower"
-            )
-            return
+    def _compile(self, backend: str, driver: str, needs_native: str) -> None:
         source = '#include "scalar.h"\n' + generate(list(self._functions.values())) + driver
-        self.library = compiler.build(source, command)
-        self.backend = compiler.compiler_version(command)
+        try:
+            code = compiler.build(source)
+        except CompilerMissing as error:
+            if needs_native or backend == "native":
+                who = needs_native or "backend = 'native'"
+                raise CompilerMissing(
+                    f"{who} needs compiled code, but {error}: {compiler.HOW_TO_GET_CODE}"
+                ) from None
+            _log.warning("%s: running on CasADi's virtual machine, slower", error)
+            return
+        self.library, self.backend = code.library, code.origin
 
     def _bind(
         self, function: ca.Function, inputs: tuple[Array, ...], outputs: tuple[Array, ...]

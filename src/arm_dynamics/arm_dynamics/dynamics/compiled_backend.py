@@ -89,10 +89,10 @@ def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
 
     Returns:
         A function of batches (k, n), and of vectors that serve every point, which agrees with
-        ``points`` to 1e-10 of the size of what is added up; or None where there is no C compiler
-        or no space for its work, or the code does not agree.
+        ``points`` to 1e-10 of the size of what is added up; or None where there is no compiled
+        code to be had, no space for it, or the code does not agree.
     """
-    if compiler.find_compiler() is None:
+    if not compiler.may_build():
         return None
     _log.info("building code for batches: %s of %d joints", term.title, points.model.n)
     try:

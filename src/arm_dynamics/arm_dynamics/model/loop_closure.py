@@ -26,6 +26,8 @@ NEWTON_STEPS = 100
 LONGEST = 0.3
 # Singular values under this part of the largest count as zero.
 RANK = 1e-9
+# Rows whose logarithms of what is new in them differ by less count as equals.
+TIE = 1e-6
 # Positions at which the rank is looked at, and how far the robot wanders between them.
 SAMPLES, WANDER = 6, 0.2
 
@@ -187,7 +189,9 @@ class Closure:
         for _ in range(self.rank(names, near) - len(taken)):
             sizes = np.array([np.linalg.norm(Y[candidates], axis=1) for Y in bases])
             # One of the positions may be singular by chance: no single one decides.
-            best = int(candidates[np.argmax(np.log(np.maximum(sizes, RANK)).sum(0))])
+            novelty = np.log(np.maximum(sizes, RANK)).sum(0)
+            # Of equals the first, and not the one that this machine's rounding makes the greatest.
+            best = int(candidates[np.argmax(novelty > novelty.max() - TIE)])
             bases = [_without(Y, best) for Y in bases]
             chosen.append(best)
         return chosen

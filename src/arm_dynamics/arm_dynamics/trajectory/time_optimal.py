@@ -9,7 +9,6 @@ toppra does it: ``pip install toppra``. Nothing else needs it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from importlib import import_module
 from typing import Any
 
 import numpy as np
@@ -143,7 +142,9 @@ def _rates(
     kept = [
         constraint.JointVelocityConstraint(_both(model.velocity_limit)),
         constraint.JointAccelerationConstraint(_both(rise), between),
-        constraint.JointTorqueConstraint(rigid.inverse, _both(torque), model.coulomb, between),
+        constraint.JointTorqueConstraint(
+            rigid.inverse, _both(torque), model.friction.coulomb.mean, between
+        ),
     ]
     found = toppra.algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")
     rates = found.compute_parameterization(0.0, 0.0)[1]
@@ -157,7 +158,9 @@ def _both(limit: Array) -> Array:
 
 def _library() -> tuple[Any, Any]:
     try:
-        import_module("toppra.algorithm")
-        return import_module("toppra"), import_module("toppra.constraint")
+        import toppra
+        import toppra.algorithm
+        import toppra.constraint
     except ImportError as error:
         raise ArmError(f"the library toppra is missing ({error}); pip install toppra") from None
+    return toppra, toppra.constraint

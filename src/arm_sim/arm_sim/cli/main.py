@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from arm_sim.cli.build import build
 from arm_sim.cli.call.command import call
 from arm_sim.cli.compare_controllers.command import compare_controllers
 from arm_sim.cli.demo import demo
@@ -60,5 +61,5 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-for command in (demo, describe, call, dynamics, sim, controller, compare_controllers):
+for command in (demo, describe, build, call, dynamics, sim, controller, compare_controllers):
     main.add_command(command)

@@ -118,6 +118,14 @@ def build_attempt(
     return ca.Function("attempt", [x, u, p, h], [after, error, error_q], {"cse": True})
 
 
+def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
+    """One tick: what acts, then the step. (x, r, p, h) -> (x after, torque that acted)."""
+    x, p, h = (ca.MX.sym(name, step.size1_in(i)) for name, i in (("x", 0), ("p", 2), ("h", 3)))
+    r = ca.MX.sym("r", actuate.size1_in(1))
+    u = actuate(x, r)
+    return ca.Function("tick", [x, r, p, h], [step(x, u, p, h), u])
+
+
 def _advance(
     method: Method, rhs: ca.Function, n: int, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX
 ) -> tuple[ca.MX, list[ca.MX]]:

@@ -9,23 +9,19 @@ section VII.2; Eich, SIAM J. Numer. Anal. 30(5), 1993).
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
 import casadi as ca
 
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.equations import constraint, rigid_body
 from arm_dynamics.equations.projection import SINGULAR, Held, Metric
 from arm_dynamics.model.tree_builder import linkage_of
-
-if TYPE_CHECKING:
-    from arm_sim.plant.plant import Symbols
+from arm_sim.plant.symbols import Symbols, dense_function
 
 # Newton's steps with the factors of the first; the first leaves the square of the step's error.
 NEWTON_STEPS = 3
 # What may be left of φ in [m] or [rad], and of A v in [m/s] or [rad/s]: that is left alone in
 # singular positions.
-CLOSED, LEVEL = 1e-9, 1e-6
+LEFT_OPEN, LEFT_MOVING = 1e-9, 1e-6
 # Residuals under this, in [m] or [rad], are rounding, and are left alone: what rests, rests.
 ROUNDING = 1e-15
 # Longest way back, relative to the step, and largest part of the speed that it may take. Beyond,
@@ -35,7 +31,7 @@ ASTRAY = 0.1
 REFUSED = 1e200
 
 
-class Constrained:
+class Bilateral:
     """Equation of motion and projection of a scene with bilateral constraints.
 
     Attributes:
@@ -61,7 +57,7 @@ class Constrained:
         bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(self._n, 1), s.gravity)
         free = metric.of_forces(s.tau - bias - s.viscous)
         a = metric.motion(self._held.nearest(free, -self._rows.drift))
-        return _function("acceleration", [s.q, s.v, s.tau, s.p], a)
+        return dense_function("acceleration", [s.q, s.v, s.tau, s.p], a)
 
     def _project(self) -> ca.Function:
         s, n, metric, rows = self._s, self._n, self._metric, self._rows
@@ -72,13 +68,15 @@ class Constrained:
             q = q + metric.motion(self._held.nearest(still, -left))
         A = _at(rows.jacobian, s.q, q)
         v = s.v + metric.motion(Held(metric, A, SINGULAR).nearest(still, -(A @ s.v)))
-        left = ca.fmax(_largest(_at(rows.every, s.q, q)) - CLOSED, _largest(A @ v) - LEVEL)
+        left = ca.fmax(
+            _largest(_at(rows.every, s.q, q)) - LEFT_OPEN, _largest(A @ v) - LEFT_MOVING
+        )
         way = _astray(q - s.q, q - before[:n]) + _astray(v - s.v, v)
         refused = REFUSED * (ca.fmax(0, left) + way)
         gap = _largest(rows.residual), _largest(rows.jacobian @ s.v)
         results = [ca.vertcat(q, v) + refused, *gap]
         found = ca.substitute(results, [s.q, s.v], [after[:n], after[n:]])
-        return _function("project", [before, after, s.p], *found)
+        return dense_function("project", [before, after, s.p], *found)
 
 
 def _check_alone(model: ArmModel) -> None:
@@ -108,12 +106,8 @@ def _beyond_rounding(residual: ca.SX) -> ca.SX:
 
 def _astray(correction: ca.SX, whole: ca.SX) -> ca.SX:
     """Positive if a correction is large for what it corrects."""
-    return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * ca.sumsqr(whole) - CLOSED**2)
+    return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * ca.sumsqr(whole) - LEFT_OPEN**2)
 
 
 def _largest(values: ca.SX) -> ca.SX:
     return ca.mmax(ca.fabs(ca.vertcat(0, values)))
-
-
-def _function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
-    return ca.Function(name, arguments, [ca.densify(result) for result in results], {"cse": True})

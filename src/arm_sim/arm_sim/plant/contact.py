@@ -2,13 +2,12 @@
 """Equation of motion of a scene with contacts, and what its events ask for, as functions.
 
 What each joint with dry friction and each contact does stands at the end of p; see
-``laws.sticking`` and ``laws.contact``.
+``equations.sticking`` and ``equations.contact``.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import casadi as ca
 
@@ -16,32 +15,31 @@ from arm_dynamics import ArmModel
 from arm_dynamics.equations import contact, rigid_body
 from arm_dynamics.equations.contact import ContactPoint, Mode
 from arm_dynamics.model.tree_builder import contact_points
-
-if TYPE_CHECKING:
-    from arm_sim.plant.plant import Joints, Symbols
+from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 
 @dataclass(frozen=True)
-class ContactPlant:
+class ContactFunctions:
     """Functions of a scene with nc contacts; ``place`` and the like are of shape (3 nc,).
 
     Attributes:
         points: The contacts.
         acceleration: (q, v, tau, p) -> q̈.
-        geometry: (x) -> places of the points in their planes' axes, speeds likewise, sizes.
-        look: (x, u, p) -> forces, accelerations of the points, torques that hold sticking joints,
-            acceleration of each gap per normal force where it closes (grip).
-        inertia: (x, u, p) -> acceleration of the points per force on them, of the joints per
+        loads: (q, v, tau, p) -> torques that hold sticking joints, forces and accelerations of
+            the points, acceleration of each gap per normal force where it closes (grip).
+        inertia: (q, v, tau, p) -> acceleration of the points per force on them, of the joints per
             force, of the points without contact forces.
-        close: (x, p, anchor) -> x brought back to closed gaps and to the anchors of sticking
-            points, nearest in the metric of M; one Newton step.
+        geometry: (q, v) stacked -> places of the points in their planes' axes, speeds likewise,
+            sizes.
+        close: ((q, v) stacked, p, anchor) -> (q, v) brought back to closed gaps and to the anchors
+            of sticking points, nearest in the metric of M; one Newton step.
     """
 
     points: tuple[ContactPoint, ...]
     acceleration: ca.Function
-    geometry: ca.Function
-    look: ca.Function
+    loads: ca.Function
     inertia: ca.Function
+    geometry: ca.Function
     close: ca.Function
 
     def closing(self, step: ca.Function) -> ca.Function:
@@ -56,7 +54,7 @@ class ContactPlant:
         return ca.Function("step", [x, u, p, h], [ca.vertcat(found, after[whole:])])
 
 
-def contact_plant(model: ArmModel, s: Symbols, joints: Joints) -> ContactPlant:
+def contact_functions(model: ArmModel, s: Symbols, joints: Joints) -> ContactFunctions:
     """Compose the functions of a scene with contacts.
 
     Args:
@@ -90,16 +88,16 @@ def contact_plant(model: ArmModel, s: Symbols, joints: Joints) -> ContactPlant:
     reaction = (ca.SX.eye(n) - S) @ (load + A.T @ force - M @ a)
     reaction = model.friction.relative_hold(reaction, s.q, s.tau)
     x, p = ca.vertcat(s.q, s.v), ca.vertcat(s.p, joints.direction, modes)
+    arguments = [s.q, s.v, s.tau, p]
+    closed = _closed(where.place, A_moving, W, B, s, mode, anchor)
     grip = contact.grips(points, W, speed, mode)
-    return ContactPlant(
+    return ContactFunctions(
         tuple(points),
-        _function("acceleration", [s.q, s.v, s.tau, p], a),
-        _function("contact_geometry", [x], where.place, speed, size),
-        _function("contact_look", [x, s.tau, p], force, W @ force + free, reaction, grip),
-        _function("contact_inertia", [x, s.tau, p], W, B, free),
-        _function(
-            "contact_close", [x, p, anchor], _closed(where.place, A_moving, W, B, s, mode, anchor)
-        ),
+        dense_function("acceleration", arguments, a),
+        dense_function("loads", arguments, reaction, force, W @ force + free, grip),
+        dense_function("contact_inertia", arguments, W, B, free),
+        dense_function("contact_geometry", [x], where.place, speed, size),
+        dense_function("contact_close", [x, p, anchor], closed),
     )
 
 
@@ -107,12 +105,8 @@ def _closed(
     place: ca.SX, A: ca.SX, W: ca.SX, B: ca.SX, s: Symbols, mode: Mode, anchor: ca.SX
 ) -> ca.SX:
     rows = mode.rows()
-    wanted = ca.vec(ca.vertcat(ca.SX(1, anchor.shape[0] // 2), ca.reshape(anchor, 2, -1)))
+    expected = ca.vec(ca.vertcat(ca.SX(1, anchor.shape[0] // 2), ca.reshape(anchor, 2, -1)))
     D = ca.diag(rows)
-    q = s.q + B @ contact.forces(W, place - wanted, D, rows)
+    q = s.q + B @ contact.forces(W, place - expected, D, rows)
     v = s.v + B @ contact.forces(W, A @ s.v, D, rows)
     return ca.vertcat(q, v)
-
-
-def _function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
-    return ca.Function(name, arguments, [ca.densify(result) for result in results], {"cse": True})

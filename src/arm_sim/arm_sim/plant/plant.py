@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene's equation of motion as one function x' = f(x, u, p).
 
-It contains only the laws that the scene asks for.
+It contains only what the scene asks for.
 """
 
 from __future__ import annotations
@@ -18,14 +18,13 @@ from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.equations import rigid_body, sticking
+from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.equations.forward_dynamics import algorithms
 from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.tree_builder import gravity_of, tree_of
-from arm_dynamics.scene.constraint import switchable
-from arm_sim.plant.bilateral import Constrained
-from arm_sim.plant.contact import ContactPlant, contact_plant
-from arm_sim.plant.driven import driven, driven_reaction, torques
+from arm_sim.plant.bilateral import Bilateral
+from arm_sim.plant.contact import ContactFunctions, contact_functions
 from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 
 class Plant:
@@ -38,15 +37,15 @@ class Plant:
     Attributes:
         model: The robot.
         parameters: What is tunable.
-        laws: Laws with states z of their own, or None if the scene asks for none.
+        laws: Drives and friction with states z of their own, or None if the scene has none.
         acceleration: CasADi function (q, v, tau, p) -> q̈ of vectors of n.
-        reaction: CasADi function (q, w, u, p) -> torques that hold sticking joints, to be compared
-            with the level at rest, with w = (v, z); None without dry friction. A scene with
-            contacts has it in ``contact`` instead.
-        contact: What contacts add, or None without any.
         project: CasADi function ((q, v) before a step, after it, p) -> (q, v) after it, brought
             back to the constraints, or None without bilateral ones.
+        contact: What contacts add, or None without any.
         rhs: CasADi function (x, u, p) -> x' with x = (q, v, z).
+        events: CasADi functions that the engine asks at events: ``loads`` (x, u, p) and with
+            contacts ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``;
+            empty where nothing sticks or touches.
         torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
             the links, or None where the command itself acts.
         method: Which algorithm turned out shorter, for people.
@@ -55,50 +54,56 @@ class Plant:
     def __init__(self, model: ArmModel) -> None:
         self.model = model
         self.parameters = Parameters(model)
-        self.reaction: ca.Function | None = None
-        self.contact: ContactPlant | None = None
+        self.contact: ContactFunctions | None = None
         self.project: ca.Function | None = None
+        self._loads: tuple[ca.Function, ...] = ()
+        symbols = Symbols(model, self.parameters)
         if model.scene.bilateral:
-            held = Constrained(model, Symbols(model, self.parameters))
+            held = Bilateral(model, symbols)
             self.acceleration, self.project = held.acceleration, held.project
             self.method = "composite bodies and LDLᵀ, constraints held"
         elif model.scene.contacts:
-            symbols = Symbols(model, self.parameters)
-            self.contact = contact_plant(model, symbols, Joints(model, symbols))
+            self.contact = contact_functions(model, symbols, Joints(model, symbols))
             self.acceleration = self.contact.acceleration
+            self._loads = self.contact.loads, self.contact.inertia
             self.method = "composite bodies and LDLᵀ, contacts closed or apart"
         elif model.has_dry_friction:
-            self.method, self.acceleration, self.reaction = _stick_slip(model, self.parameters)
+            self.acceleration, *self._loads = _stick_slip(model, symbols)
+            self.method = "composite bodies and LDLᵀ, sticking joints held"
         else:
-            self.method, self.acceleration = _shortest(model, self.parameters)
-        self.laws: Ensemble | None = None
-        self.torques: ca.Function | None = None
-        self.rhs = state_space(self.acceleration, model.n)
-        self._held = self.reaction
+            self.method, self.acceleration = _shortest(model, symbols)
         laws = laws_of(model)
         if laws and self.contact:
             raise SceneError(
                 f"scene: contacts together with {laws[0].title} cannot be simulated; "
                 "leave one of them out"
             )
-        if laws:
-            self._compose(Ensemble(laws, model.n))
+        self._compose(Ensemble(laws, model.n) if laws else None)
 
     def with_laws(self, laws: Ensemble) -> Plant:
-        """The same arm with other laws."""
+        """The same arm with other drives and friction."""
         other = copy(self)
         other._compose(laws)
         return other
 
-    def _compose(self, laws: Ensemble) -> None:
-        self.laws, self.torques = laws, torques(laws)
-        self.rhs = driven(self.acceleration, laws)
-        self.reaction = self._held and driven_reaction(self._held, laws)
+    def _compose(self, laws: Ensemble | None) -> None:
+        self.laws = laws
+        self.torques = _torques(laws) if laws else None
+        n = self.model.n
+        self.rhs = _driven(self.acceleration, laws) if laws else _state_space(self.acceleration, n)
+        self.events = tuple(_of_state(function, laws, n) for function in self._loads)
+        if self.contact:
+            self.events = (*self.events, self.contact.geometry, self.contact.close)
 
     @cached_property
     def closure(self) -> Closure:
         """States that obey the bilateral constraints; for one thread only."""
         return Closure(self.model)
+
+    @property
+    def points(self) -> tuple[ContactPoint, ...]:
+        """The contacts."""
+        return self.contact.points if self.contact else ()
 
     @property
     def nz(self) -> int:
@@ -136,56 +141,48 @@ class Plant:
         return torque.reshape(u.shape)
 
 
-class Symbols:
-    """Symbols of one scene, and the pieces of its equation of motion that every variant shares."""
-
-    def __init__(self, model: ArmModel, parameters: Parameters) -> None:
-        p = parameters.symbols()
-        self.q, self.v, self.tau = (ca.SX.sym(name, model.n) for name in ("q", "v", "tau"))
-        self.p = ca.vertcat(ca.SX(0, 1), *p.values())
-        self.tree = tree_of(model, ca.vertsplit(p["payload"], 10) if "payload" in p else None)
-        self.gravity = p.get("gravity", gravity_of(model))
-        self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
-        self._switchable = switchable(model.scene.constraints)
-        self.viscous = model.friction.smooth(self.v, p.get("friction"))
-        if "external" in p:  # acts where friction does: on the link, behind limits and drives
-            self.viscous -= p["external"]
-
-    def active(self, place: int) -> ca.SX | float:
-        """1 or 0 for the constraint at a place of the scene's list: does it hold?"""
-        places = self._switchable
-        return 1.0 if place not in places else self._switches[places.index(place)]
+def split(x: ca.SX, n: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """q, v and z of a state."""
+    return x[:n], x[n : 2 * n], x[2 * n :]
 
 
-class Joints:
-    """What joints with dry friction do.
-
-    Attributes:
-        direction: Symbols: -1 and 1 for sliding that way, 0 for sticking; empty without friction.
-        sliding: 1 for a joint that slides, 0 for one that sticks, shape (n,).
-        friction: Dry friction of those that slide in [N m] or [N], shape (n,).
-    """
-
-    def __init__(self, model: ArmModel, s: Symbols) -> None:
-        n = model.n
-        self.direction = ca.SX.sym("direction", n if model.has_dry_friction else 0)
-        self.sliding, self.friction = ca.SX.ones(n), ca.SX(n, 1)
-        if model.has_dry_friction:
-            levels = enumerate(model.friction.level)
-            moves = [self.direction[i] ** 2 if level else 1 for i, level in levels]
-            self.sliding = ca.vertcat(*moves)
-            self.friction = ca.sparsify(model.friction.dry(s.v, self.direction, s.q, s.tau))
-
-
-def state_space(acceleration: ca.Function, n: int) -> ca.Function:
+def _state_space(acceleration: ca.Function, n: int) -> ca.Function:
     """Function (x, u, p) -> x' with x = (q, v) from a function (q, v, tau, p) -> q̈."""
-    x, u, p = ca.SX.sym("x", 2 * n), ca.SX.sym("u", n), ca.SX.sym("p", acceleration.size1_in(3))
+    x, u, p = _symbols(acceleration, 2 * n, n)
     q, v = x[:n], x[n:]
     return ca.Function("rhs", [x, u, p], [ca.vertcat(v, acceleration(q, v, u, p))], {"cse": True})
 
 
-def _shortest(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Function]:
-    s = Symbols(model, parameters)
+def _driven(acceleration: ca.Function, laws: Ensemble) -> ca.Function:
+    """The same with laws between the command and the joints: x = (q, v, z)."""
+    x, u, p = _symbols(acceleration, 2 * laws.n + len(laws.names), laws.n)
+    q, v, z = split(x, laws.n)
+    flow = laws.equations(q, v, z, u)
+    slopes = ca.vertcat(v, acceleration(q, v, flow.torque, p), flow.slope)
+    return dense_function("rhs", [x, u, p], slopes)
+
+
+def _of_state(function: ca.Function, laws: Ensemble | None, n: int) -> ca.Function:
+    """A function of (x, u, p) from one of (q, v, tau, p)."""
+    x, u, p = _symbols(function, 2 * n + (len(laws.names) if laws else 0), n)
+    q, v, z = split(x, n)
+    tau = laws.equations(q, v, z, u).torque if laws else u
+    return dense_function(function.name(), [x, u, p], *function.call([q, v, tau, p]))
+
+
+def _torques(laws: Ensemble) -> ca.Function:
+    """Function (x, u) -> what the drives, and all laws, put on the links."""
+    x, u = ca.SX.sym("x", 2 * laws.n + len(laws.names)), ca.SX.sym("u", laws.n)
+    q, v, z = split(x, laws.n)
+    both = laws.drive(q, v, z, u), laws.equations(q, v, z, u).torque
+    return dense_function("torques", [x, u], *both)
+
+
+def _symbols(function: ca.Function, nx: int, n: int) -> tuple[ca.SX, ca.SX, ca.SX]:
+    return ca.SX.sym("x", nx), ca.SX.sym("u", n), ca.SX.sym("p", function.size1_in(3))
+
+
+def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
     arguments = [s.q, s.v, s.tau, s.p]
     candidates = []
     for name, law in algorithms(s.tree, model.n):
@@ -194,14 +191,16 @@ def _shortest(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Function
     return min(candidates, key=lambda candidate: operations(candidate[1]))
 
 
-def _stick_slip(model: ArmModel, parameters: Parameters) -> tuple[str, ca.Function, ca.Function]:
-    s = Symbols(model, parameters)
+def _stick_slip(model: ArmModel, s: Symbols) -> tuple[ca.Function, ca.Function]:
+    """Acceleration, and torques that hold sticking joints, with nothing said of contacts."""
     joints = Joints(model, s)
     bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
     M = rigid_body.mass_matrix(s.tree, s.q)
     a, reaction = sticking.forward(M, s.tau - bias - s.viscous - joints.friction, joints.sliding)
     arguments = [s.q, s.v, s.tau, ca.vertcat(s.p, joints.direction)]
-    acceleration = ca.Function("acceleration", arguments, [a], {"cse": True})
-    relative = model.friction.relative_hold(reaction, s.q, s.tau)
-    held = ca.Function("reaction", arguments, [ca.densify(relative)], {"cse": True})
-    return "composite bodies and LDLᵀ, sticking joints held", acceleration, held
+    held = model.friction.relative_hold(reaction, s.q, s.tau)
+    none = ca.SX(0, 1)
+    return (
+        ca.Function("acceleration", arguments, [a], {"cse": True}),
+        dense_function("loads", arguments, held, none, none, none),
+    )

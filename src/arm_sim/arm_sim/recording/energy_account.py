@@ -5,7 +5,7 @@ Where the command is the torque, both can be had from the recorded states. Where
 a current rises and bristles snap within a tick, and a quadrature on the recorded states would miss
 it: every tick is made again from its recorded beginning, by the same method, with two more states,
 the work that came in and the heat that went out since. They are integrated as accurately as the
-motion itself. Nothing of this is done before somebody asks.
+motion itself. Nothing of this is done before it is asked for.
 """
 
 from __future__ import annotations
@@ -21,18 +21,14 @@ from arm_dynamics.actuation.internal_state import Ensemble, Flow
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.friction import JointFriction
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.driven import split
-from arm_sim.plant.plant import Plant
-from arm_sim.recording.contact_losses import ContactLosses
-from arm_sim.recording.energy import dissipated_work, input_work
-from arm_sim.stepping.factory import make_stepper
+from arm_sim.plant.plant import Plant, split
 from arm_sim.stepping.stepper import Stepper
 
 
 class Ledger:
     """The laws of a scene with the work supplied and the heat lost as two states more.
 
-    See ``stateful.StatefulLaw``; the torque includes commands that act directly.
+    See ``internal_state.StatefulLaw``; the torque includes commands that act directly.
     """
 
     title = "energy account"
@@ -71,7 +67,7 @@ class Ledger:
         return self._laws.lost(q, v, z[:-2], u) + ca.dot(torque, v)
 
 
-class Audit:
+class EnergyAccount:
     """The energy account of one scene; nothing is built before it is asked for.
 
     Args:
@@ -93,9 +89,9 @@ class Audit:
     def prepare(self) -> None:
         """Build now what the first ``flows`` would have to build."""
         if self._plant.laws:
-            self._stepper.restart()
+            self._ledger.restart()
         elif self._plant.contact:
-            self._contacts  # noqa: B018 - building it is what is wanted
+            self._plain.restart()
 
     def stored(self, x: Array) -> Array:
         """Energy that the laws store at states of shape (k, nx), in [J], shape (k,)."""
@@ -119,11 +115,32 @@ class Audit:
         q, v = np.split(x, 2, axis=1)
         heat = dissipated_work(self._dynamics, self._choice.dt, q, v, u)
         if self._plant.contact:
-            heat = heat + self._contacts(x, u, p).sum(axis=1)
+            heat = heat + self.contact_losses(x, u, p).sum(axis=1)
         return np.stack([input_work(q, u), heat], axis=1)
 
+    def contact_losses(self, x: Array, u: Array, p: Array) -> Array:
+        """Energy that impacts, and friction of contacts, took out in each tick, made again.
+
+        Args:
+            x: States before each tick (and perhaps after the last), shape (k+1, nx) or (k, nx).
+            u: Torque that acted in each tick, shape (k, n).
+            p: Tunable quantities, shape (np,).
+
+        Returns:
+            Energies in [J], shape (k, 2); NaN if a tick cannot be made again.
+        """
+        stepper, losses = self._plain, np.full((len(u), 2), np.nan)
+        trace, effort, error = np.empty((1, x.shape[1])), np.empty((1, u.shape[1])), np.empty(1)
+        stepper.p[:] = p
+        for k in range(len(u)):
+            stepper.restart()
+            stepper.report.audit = 1
+            if stepper.roll(x[k].copy(), u[k].copy(), trace, effort, error) == 1:
+                losses[k] = stepper.report.impact_loss, stepper.report.friction_loss
+        return losses
+
     def _made_again(self, x: Array, u: Array, p: Array) -> Array:
-        stepper, (nx, n) = self._stepper, (self._plant.nx + 2, self._plant.model.n)
+        stepper, (nx, n) = self._ledger, (self._plant.nx + 2, self._plant.model.n)
         trace, effort, error = np.empty((1, nx)), np.empty((1, n)), np.empty(1)
         out = np.full((len(u), 2), np.nan)
         stepper.p[:] = p
@@ -135,10 +152,6 @@ class Audit:
         return out
 
     @cached_property
-    def _contacts(self) -> ContactLosses:
-        return ContactLosses(self._plant, self._choice, self._backend)
-
-    @cached_property
     def _laws(self) -> Ensemble:
         return self._plant.laws or Ensemble((), self._plant.model.n)
 
@@ -148,7 +161,54 @@ class Audit:
         return ca.Function("stored", [x], [self._laws.stored(*split(x, self._plant.model.n))])
 
     @cached_property
-    def _stepper(self) -> Stepper:
+    def _plain(self) -> Stepper:
+        return Stepper(self._plant, self._choice, self._backend)
+
+    @cached_property
+    def _ledger(self) -> Stepper:
         model = self._plant.model
         ledger = Ensemble((Ledger(self._laws, model.friction),), model.n)
-        return make_stepper(self._plant.with_laws(ledger), self._choice, self._backend)
+        return Stepper(self._plant.with_laws(ledger), self._choice, self._backend)
+
+
+def input_work(q: Array, tau: Array) -> Array:
+    """Work that held torques do in each tick.
+
+    It is exact, since a torque is constant within its tick.
+
+    Args:
+        q: Joint positions in [rad] or [m], shape (k+1, n).
+        tau: Torque of each tick in [N m] or [N], shape (k, n).
+
+    Returns:
+        Work in [J], shape (k,).
+    """
+    work: Array = np.sum(tau * np.diff(q, axis=0), axis=1)
+    return work
+
+
+def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Array) -> Array:
+    """Energy that friction takes out in each tick: the integral of F·v by Simpson's rule.
+
+    Position and velocity in the middle of a tick are those of the cubic through both ends
+    (Hermite).
+
+    Args:
+        dynamics: The scene's dynamics.
+        dt: Length of a tick in [s].
+        q: Joint positions in [rad] or [m], shape (k+1, n).
+        v: Joint velocities in [rad/s] or [m/s], shape (k+1, n).
+        tau: Torque of each tick in [N m] or [N], shape (k, n).
+
+    Returns:
+        Energy in [J], shape (k,).
+    """
+    if not len(tau):
+        return np.zeros(0)
+    middle = 0.5 * (q[:-1] + q[1:]) + 0.125 * dt * (v[:-1] - v[1:])
+    speed = 1.5 * np.diff(q, axis=0) / dt - 0.25 * (v[:-1] + v[1:])
+    power = [
+        np.sum(dynamics.friction(rate, q=at, load=tau) * rate, axis=1)
+        for at, rate in ((q[:-1], v[:-1]), (middle, speed), (q[1:], v[1:]))
+    ]
+    return dt * (power[0] + 4.0 * power[1] + power[2]) / 6.0

@@ -11,7 +11,7 @@ import numpy as np
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.energy_account import Audit
+from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.state import State
 
 
@@ -29,7 +29,7 @@ class Recording:
         error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
         dynamics: The scene's dynamics, for the energies.
         plant: The scene's equation of motion.
-        audit: What keeps the energy account, when asked.
+        account: What keeps the energy account, when asked.
         p: Tunable quantities during the run, shape (np,).
         held: Names of the constraints that held.
     """
@@ -42,7 +42,7 @@ class Recording:
     error: Array
     dynamics: Dynamics
     plant: Plant
-    audit: Audit
+    account: EnergyAccount
     p: Array
     held: tuple[str, ...] = ()
 
@@ -77,7 +77,7 @@ class Recording:
     @cached_property
     def stored(self) -> Array:
         """What the laws store in [J], shape (k+1,): in springs, coils, bristles, rotors."""
-        return self.audit.stored(self._x)
+        return self.account.stored(self._x)
 
     @cached_property
     def energy(self) -> Array:
@@ -111,14 +111,14 @@ class Recording:
 
     @cached_property
     def _flows(self) -> Array:
-        flows = self.audit.flows(self._x, self.command[:-1], self.p)
+        flows = self.account.flows(self._x, self.command[:-1], self.p)
         return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])
 
 
 def record(
     dynamics: Dynamics,
     plant: Plant,
-    audit: Audit,
+    account: EnergyAccount,
     p: Array,
     dt: float,
     start: State,
@@ -132,7 +132,7 @@ def record(
     Args:
         dynamics: The scene's dynamics.
         plant: The scene's equation of motion.
-        audit: What keeps the energy account.
+        account: What keeps the energy account.
         p: Tunable quantities, shape (np,).
         dt: Length of a tick in [s].
         start: State before the first of k ticks.
@@ -152,4 +152,4 @@ def record(
     for array in (x, command, error, time):
         array.setflags(write=False)
     q, v, z = x[:, :n], x[:, n : 2 * n], x[:, 2 * n :]
-    return Recording(time, q, v, z, command, error, dynamics, plant, audit, p, held)
+    return Recording(time, q, v, z, command, error, dynamics, plant, account, p, held)

@@ -6,7 +6,6 @@ Definitions: github.com/ros-simulation/simulation_interfaces, version 1.
 
 from __future__ import annotations
 
-from importlib import import_module
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -31,7 +30,7 @@ class StandardServices:
         self._node, self._own = node, own
         self.offered: list[str] = []
         try:
-            found = import_module("simulation_interfaces.srv")
+            from simulation_interfaces import srv as found
         except ImportError:
             return
         for kind, name, answer in (

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error control inside a tick, for machines without a compiler.
+"""Error control inside a tick: what it remembers, and the loop for CasADi's virtual machine.
 
-Its twin for compiled code is ``native/adaptive.c``.
+Compiled code has its own loop in ``native/flow.c``.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ MAX_SUBSTEPS = 100_000
 
 
 class SubstepControl(ctypes.Structure):
-    """What is remembered from one sub-step to the next; shared with the C driver.
+    """What is remembered from one sub-step to the next; ``control_t`` in ``native/flow.c``.
 
     Attributes:
         tolerance: Scaled error that a sub-step may have.
@@ -36,14 +36,6 @@ class SubstepControl(ctypes.Structure):
     def __init__(self, tolerance: float, order: int) -> None:
         super().__init__(tolerance, 0.0, 0.0, 0)
         self.order = order
-
-    def kept(self) -> tuple[float, float, int]:
-        """What a trial may change."""
-        return self.step, self.error, self.attempts
-
-    def put_back(self, kept: tuple[float, float, int]) -> None:
-        """Undo what a trial changed."""
-        self.step, self.error, self.attempts = kept
 
     def restart(self) -> None:
         """Start afresh, as after a reset."""
@@ -108,5 +100,5 @@ def _growth(size: float, order: int) -> float:
 
 
 def within_reach(x: Array) -> bool:
-    """Whether a state is finite and far from overflow; the drivers in C ask the same."""
+    """Whether a state is finite and far from overflow; compiled code asks the same."""
     return bool(sum(map(abs, x.tolist())) < 1e150)

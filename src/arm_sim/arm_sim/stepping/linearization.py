@@ -6,45 +6,23 @@ CasADi differentiates the very step that is integrated.
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Any
-
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
 from arm_sim.exceptions import SimulationDiverged
-from arm_sim.inputs import packed_state, torque, whole
-from arm_sim.integrators.methods import build_attempt, build_step
+from arm_sim.integrators.methods import build_attempt, build_step, build_tick
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
-from arm_sim.state import State
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick
-from arm_sim.stepping.stepper import build_tick
-
-if TYPE_CHECKING:
-    from arm_sim.simulator import Simulator
-
-
-def linearize(sim: Simulator, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
-    """Exact derivatives of the state after a tick (or several, torque held).
-
-    Returns:
-        A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z).
-
-    Raises:
-        InvalidInput: If an argument is not allowed.
-    """
-    whole("ticks", ticks, 1)
-    x, command = packed_state(sim.plant, state.q, state.v, state.z), np.array(torque(tau, sim.n))
-    return sim._linearizer(x, command, sim._stepper.parameters_at(x, command), ticks)
 
 
 class Linearizer:
     """Derivatives of a scene's ticks.
 
-    They are computed on CasADi's virtual machine, since they are seldom wanted in a loop.
+    They are computed on CasADi's virtual machine, since they are seldom asked for in a loop.
     """
 
     def __init__(self, plant: Plant, choice: Choice) -> None:
@@ -62,7 +40,17 @@ class Linearizer:
     def __call__(self, x: Array, r: Array, p: Array, ticks: int) -> tuple[Array, Array]:
         """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``.
 
-        See ``Simulator.linearize``.
+        Args:
+            x: State, shape (nx,).
+            r: Command, shape (n,).
+            p: Vector of the plant's functions, modes of joints and contacts included.
+            ticks: How many.
+
+        Returns:
+            A of shape (nx, nx) and B of shape (nx, n).
+
+        Raises:
+            SimulationDiverged: If a tick cannot be computed.
         """
         A, B = np.eye(len(x)), np.zeros((len(x), len(r)))
         for _ in range(ticks):

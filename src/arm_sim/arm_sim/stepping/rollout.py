@@ -14,16 +14,16 @@ import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, real_array, vector
-from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen import compiler, processor
 from arm_dynamics.codegen.kernel import generate
-from arm_sim.constraint_state import consistent_rows
+from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
-from arm_sim.integrators.methods import build_step
+from arm_sim.integrators.methods import build_step, build_tick
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
+from arm_sim.plant.placing import closed_rows
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.factory import make_stepper
-from arm_sim.stepping.stepper import build_tick, driver_source, pointer
+from arm_sim.stepping.stepper import Stepper, pointer, sizes, source
 
 WIDTHS = (8, 4, 2, 1)
 
@@ -53,9 +53,8 @@ class Rollouts:
     def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
         self._plant, self._choice, self._backend = plant, choice, backend
         # Error control, dry friction and contacts give every arm sub-steps of its own.
-        eventful = plant.reaction is not None or plant.contact is not None
-        self._alike = choice.tolerance is None and not eventful and backend != "vm"
-        self._libraries: dict[int, ctypes.CDLL] = {}
+        self._alike = choice.tolerance is None and not plant.events and backend != "vm"
+        self._libraries: dict[int, ctypes.CDLL | None] = {}
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
@@ -81,7 +80,7 @@ class Rollouts:
             if count != arms:
                 raise InvalidInput(f"{name}: {count} arms, but q0 has {arms}")
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
-        nx, x0 = self._plant.nx, consistent_rows(self._plant, np.hstack([q0, v0]), rows)
+        nx, x0 = self._plant.nx, closed_rows(self._plant, np.hstack([q0, v0]), rows)
         if self._plant.nz:
             z0 = [self._plant.initial(*np.split(x, 2)) for x in x0]
             x0 = np.hstack([x0, np.reshape(z0, (arms, -1))])
@@ -110,7 +109,7 @@ class Rollouts:
         )  # fmt: skip
 
     def _one_by_one(self, batch: Batch, first: int, last: int) -> None:
-        stepper = make_stepper(self._plant, self._choice, self._backend)
+        stepper = Stepper(self._plant, self._choice, self._backend)
         n, nx, steps = self._plant.model.n, self._plant.nx, batch.steps
         trace, effort, errors = np.empty((steps, nx)), np.empty((steps, n)), np.empty(steps)
         for arm in range(first, last):
@@ -127,28 +126,35 @@ class Rollouts:
         if lanes is not None and lanes not in WIDTHS:
             allowed = ", ".join(map(str, WIDTHS))
             raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
-        width = (lanes or natural_width()) if compiler.find_compiler("c++") else 1
-        command = compiler.find_compiler("c++" if width > 1 else "c")
-        if command is None:
-            return None, 1
-        if width not in self._libraries:
-            self._libraries[width] = compiler.build(self._source(width), command)
-        return self._libraries[width], width
+        for width in dict.fromkeys((lanes or natural_width(), 1)):
+            if width not in self._libraries:
+                self._libraries[width] = self._built(width)
+            if (library := self._libraries[width]) is not None:
+                return library, width
+        return None, 1
+
+    def _built(self, width: int) -> ctypes.CDLL | None:
+        language = "c++" if width > 1 else "c"
+        if not compiler.may_build(language):
+            return None
+        try:
+            return compiler.build(self._source(width), language).library
+        except CompilerMissing:
+            return None
 
     def _source(self, width: int) -> str:
         plant = self._plant
         step = build_step(self._choice.method, plant.rhs, plant.model.n, plant.project)
         tick = build_tick(step, actuation(plant))
         lanes = f'#define LANES {width}\n#include "lanes.hpp"\n'
-        sizes = {"TICK": "tick", "NP": str(len(self._plant.parameters.nominal))}
-        driver = driver_source("rollout.c", self._plant, sizes, tick)
+        driver = source(sizes(plant, [tick]) | {"TICK": "tick"}, "rollout.c")
         return (lanes if width > 1 else '#include "scalar.h"\n') + generate([tick]) + driver
 
 
 def natural_width() -> int:
     """Doubles that a vector register of this processor holds."""
-    flags = compiler.processor()
-    return 8 if "avx512f" in flags else 4 if "avx2" in flags else 2
+    present = processor.instructions()
+    return 8 if "avx512f" in present else 4 if "avx2" in present else 2
 
 
 def share(arms: int, width: int, threads: int | None, work: Callable[[int, int], None]) -> None:

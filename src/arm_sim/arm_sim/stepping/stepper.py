@@ -1,14 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
 """The machinery under the simulator: a compiled tick.
 
-It is one step of fixed length, or sub-steps under error control.
+A tick is a smooth motion, one step of fixed length or sub-steps under error control, or several of
+them between the events of joints that stick and points that touch (``native/``). A scene without
+events also runs on CasADi's virtual machine.
 """
 
 from __future__ import annotations
 
 import ctypes
-from abc import ABC, abstractmethod
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -16,32 +17,67 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
-from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.verify import check_constrained, check_forward
-from arm_sim.integrators.methods import Method, build_attempt, build_step
+from arm_dynamics.equations.contact import AT_REST
+from arm_sim.integrators.methods import build_attempt, build_step
+from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl, actuation
+from arm_sim.plant.placing import INSIDE
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.adaptive import MAX_SUBSTEPS, SubstepControl, controlled_tick, within_reach
+from arm_sim.stepping.adaptive import (
+    MAX_SUBSTEPS,
+    SubstepControl,
+    controlled_tick,
+    within_reach,
+)
+from arm_sim.stepping.events import EventReport, Modes
 
 NATIVE = Path(__file__).parent / "native"
+WITH_EVENTS = ("cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c")
+"""Parts of the engine that only scenes with events need, in their order."""
 
 
-class Stepper(ABC):
+class Stepper:
     """Advances a state by whole ticks.
+
+    Args:
+        plant: The equation of motion.
+        choice: Method, tick and tolerance.
+        backend: As for ``Kernel``.
+        control: Controller to compile in, if any.
 
     Attributes:
         kernel: The functions it runs.
-        p: Parameters of the plant, shape (np,), to be changed in place.
+        p: Tunable quantities, shape (np,), to be changed in place.
         tick_operations: Arithmetic operations in one tick (in one sub-step, with error control).
+        report: Losses and number of impacts, and why the last tick failed.
+
+    Raises:
+        KernelError: If the scene has events and there is no compiled code, or the code disagrees
+            with Pinocchio.
     """
 
-    kernel: Kernel
-    p: Array
-    tick_operations: int
+    def __init__(
+        self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
+    ) -> None:
+        smooth, actuate = _smooth(plant, choice), actuation(plant, control)
+        functions = [plant.rhs, smooth, actuate, *plant.events]
+        engine = engine_source(plant, choice, functions)
+        self.kernel = Kernel(functions, backend, engine, needs_native=_eventful(plant))
+        _check(plant, self.kernel)
+        self._plant, self._dt = plant, choice.dt
+        self.p = plant.parameters.nominal
+        self.report = EventReport()
+        self._control: SubstepControl | None = None
+        if choice.tolerance is not None:
+            self._control = SubstepControl(choice.tolerance, choice.method.order)
+        limits = 0 if self._control else self.kernel.operations(actuate.name())
+        self.tick_operations = self.kernel.operations(smooth.name()) + limits
+        self._smooth, self._actuate = self.kernel.call(smooth.name()), self.kernel.call("actuate")
 
-    @abstractmethod
     def bound(
         self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
     ) -> Callable[[], int]:
@@ -62,155 +98,130 @@ class Stepper(ABC):
             Function that advances by k ticks, or fewer if a number stops being finite, and says
             how many were good.
         """
+        if self.kernel.library is None:
+            return partial(self._by_call, x, command, trace, effort, errors)
+        stride = ctypes.c_longlong(command.shape[-1] if command.ndim == 2 else 0)
+        control = None if self._control is None else ctypes.byref(self._control)
+        return _library_function(
+            self.kernel, "roll", pointer(x), pointer(command), stride, pointer(self.p),
+            ctypes.c_double(self._dt), ctypes.c_longlong(len(trace)), pointer(trace),
+            pointer(effort), pointer(errors), control, ctypes.byref(self.report),
+        )  # fmt: skip
 
     def roll(self, x: Array, command: Array, trace: Array, effort: Array, errors: Array) -> int:
         """Advance once, see ``bound``; return the number of good ticks."""
         return self.bound(x, command, trace, effort, errors)()
 
-    @abstractmethod
     def restart(self) -> None:
         """Forget what was learned from earlier steps."""
+        self.report.restart()
+        if self._control is not None:
+            self._control.restart()
 
-    def parameters_at(self, x: Array, u: Array) -> Array:
-        """The vector p of the plant's functions at a state under a torque."""
-        return self.p
+    def modes_at(self, x: Array, u: Array) -> Modes:
+        """What joints and contacts do at a state under a torque.
 
-
-class FixedStepper(Stepper):
-    """One step of the method per tick: bounded work, fit for real time."""
-
-    def __init__(
-        self,
-        plant: Plant,
-        method: Method,
-        dt: float,
-        backend: str,
-        control: CompiledControl | None = None,
-    ) -> None:
-        step = build_step(method, plant.rhs, plant.model.n, plant.project)
-        tick = build_tick(step, actuation(plant, control))
-        self._dt = np.array([dt])
-        driver = driver_source("roll.c", plant, {"TICK": "tick"}, tick)
-        self.kernel = Kernel([plant.rhs, tick], backend, driver)
-        check_kernel(plant, self.kernel)
-        self.p = plant.parameters.nominal
-        self.tick_operations = self.kernel.operations("tick")
-        self._tick = self.kernel.call("tick")
-        self._tick.inputs[3][:] = dt
-
-    def restart(self) -> None:
-        """Nothing is remembered between ticks."""
-
-    def bound(
-        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
-    ) -> Callable[[], int]:
-        """See ``Stepper.bound``."""
-        errors[:] = 0.0
-        if self.kernel.library is None:
-            return partial(self._by_call, x, command, trace, effort)
-        return library_function(
-            self.kernel, "roll", pointer(x), pointer(command), row_stride(command),
-            pointer(self.p), pointer(self._dt), ctypes.c_longlong(len(trace)), pointer(trace),
-            pointer(effort),
-        )  # fmt: skip
-
-    def _by_call(self, x: Array, command: Array, trace: Array, effort: Array) -> int:
-        (x_in, r_in, p_in, _), (after, acted) = self._tick.inputs, self._tick.outputs
-        if self.p.size:
-            p_in[:] = self.p
-        for k in range(len(trace)):
-            x_in[:] = x
-            r_in[:] = command[k] if command.ndim == 2 else command
-            self._tick.run()
-            if not within_reach(after):
-                return k
-            x[:] = after
-            trace[k], effort[k] = after, acted
-        return len(trace)
-
-
-class AdaptiveStepper(Stepper):
-    """Error-controlled sub-steps inside every tick."""
-
-    def __init__(
-        self,
-        plant: Plant,
-        method: Method,
-        dt: float,
-        tolerance: float,
-        backend: str,
-        control: CompiledControl | None = None,
-    ) -> None:
-        attempt = build_attempt(method, plant.rhs, plant.model.n, plant.scale, plant.project)
-        actuate = actuation(plant, control)
-        self._dt = dt
-        order = {"ORDER": str(method.order), "SUBSTEPS": str(MAX_SUBSTEPS)}
-        driver = driver_source("adaptive.c", plant, order, attempt, actuate)
-        self.kernel = Kernel([plant.rhs, actuate, attempt], backend, driver)
-        check_kernel(plant, self.kernel)
-        self.p = plant.parameters.nominal
-        self.tick_operations = self.kernel.operations("attempt")
-        self._control = SubstepControl(tolerance, method.order)
-        self._attempt, self._actuate = self.kernel.call("attempt"), self.kernel.call("actuate")
-
-    def restart(self) -> None:
-        """Forget the length of the last sub-step and the error so far."""
-        self._control.restart()
-
-    def bound(
-        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
-    ) -> Callable[[], int]:
-        """See ``Stepper.bound``."""
-        if self.kernel.library is None:
-            return partial(self._by_call, x, command, trace, effort, errors)
-        return library_function(
-            self.kernel, "roll_adaptive", pointer(x), pointer(command), row_stride(command),
-            pointer(self.p), ctypes.c_double(self._dt), ctypes.c_longlong(len(trace)),
-            pointer(trace), pointer(effort), pointer(errors), ctypes.byref(self._control),
-        )  # fmt: skip
+        A contact that approaches its plane counts as closed already.
+        """
+        modes = Modes(self._plant, self.p)
+        if self._plant.events:
+            state, torque = np.ascontiguousarray(x), np.ascontiguousarray(u)
+            find = getattr(self.kernel.library, "find_modes")  # noqa: B009 - the library's
+            find.restype = ctypes.c_longlong
+            find(pointer(state), pointer(torque), pointer(modes.p))
+        return modes
 
     def _by_call(
         self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
     ) -> int:
         for k in range(len(trace)):
-            acted = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
-            if not controlled_tick(self._attempt, x, acted, self.p, self._dt, self._control):
+            u = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
+            if not self._flow(x, u):
                 return k
-            trace[k], effort[k], errors[k] = x, acted, self._control.error
+            trace[k], effort[k] = x, u
+            errors[k] = self._control.error if self._control else 0.0
         return len(trace)
 
+    def _flow(self, x: Array, u: Array) -> bool:
+        """One smooth tick in place on the virtual machine: did every number stay finite?"""
+        if self._control is not None:
+            return controlled_tick(self._smooth, x, u, self.p, self._dt, self._control)
+        after = self._smooth(x, u, self.p, self._dt)[0]
+        if not within_reach(after):
+            return False
+        x[:] = after
+        return True
 
-def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
-    """One tick: what acts, then the step. (x, r, p, h) -> (x after, torque that acted)."""
-    x, p, h = (ca.MX.sym(name, step.size1_in(i)) for name, i in (("x", 0), ("p", 2), ("h", 3)))
-    r = ca.MX.sym("r", actuate.size1_in(1))
-    u = actuate(x, r)
-    return ca.Function("tick", [x, r, p, h], [step(x, u, p, h), u])
 
-
-def driver_source(
-    file: str, plant: Plant, defines: dict[str, str], *functions: ca.Function
-) -> str:
-    """C driver with the sizes of this scene and of the functions that it calls."""
-    sizes = {
-        "NX": plant.nx,
-        "NU": plant.model.n,
-        "SZ_ARG": max(function.sz_arg() for function in functions) + 8,
-        "SZ_RES": max(function.sz_res() for function in functions) + 8,
-        "SZ_IW": max(function.sz_iw() for function in functions) + 8,
-        "SZ_W": max(function.sz_w() for function in functions) + 8,
+def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
+    """What C drivers are told of a scene and of the functions that they call."""
+    return {
+        "NX": str(plant.nx),
+        "NU": str(plant.model.n),
+        "NP": str(len(plant.parameters.nominal)),
+        "SZ_ARG": str(max(function.sz_arg() for function in functions) + 8),
+        "SZ_RES": str(max(function.sz_res() for function in functions) + 8),
+        "SZ_IW": str(max(function.sz_iw() for function in functions) + 8),
+        "SZ_W": str(max(function.sz_w() for function in functions) + 8),
     }
-    lines = [f"#define {name} {value}" for name, value in {**sizes, **defines}.items()]
-    return "\n".join(["", *lines, (NATIVE / file).read_text()])
 
 
-def row_stride(command: Array) -> ctypes.c_longlong:
-    """Numbers from one tick's command to the next one's; 0 for one that is held."""
-    return ctypes.c_longlong(command.shape[-1] if command.ndim == 2 else 0)
+def engine_source(plant: Plant, choice: Choice, functions: Sequence[ca.Function]) -> str:
+    """C source of the engine for a scene, to be compiled after the functions that it calls."""
+    defines = sizes(plant, functions)
+    if choice.tolerance is not None:
+        defines |= {
+            "ADAPTIVE": "1", "ORDER": str(choice.method.order), "MOST_SUBSTEPS": str(MAX_SUBSTEPS),
+        }  # fmt: skip
+    if plant.events:
+        defines |= _event_sizes(plant)
+    return source(defines, "flow.c", *(WITH_EVENTS if plant.events else ()), "roll.c")
 
 
-def library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[], int]:
-    """A function of the compiled driver with its arguments; it says how many ticks were good."""
+def source(defines: dict[str, str], *files: str) -> str:
+    """Definitions, followed by files of ``native``."""
+    lines = [f"#define {name} {value}" for name, value in defines.items()]
+    return "\n".join(["", *lines, *((NATIVE / file).read_text() for file in files)])
+
+
+def pointer(array: Array) -> ctypes.c_void_p:
+    """Address of an array for a C function; it keeps the array."""
+    return array.ctypes.data_as(ctypes.c_void_p)
+
+
+def _eventful(plant: Plant) -> str:
+    """What of a scene only the compiled engine can do; nothing if its motion is smooth."""
+    dry = ["dry friction"] if plant.events and plant.model.has_dry_friction else []
+    return " and ".join([*dry, *(["contact"] if plant.points else [])])
+
+
+def _smooth(plant: Plant, choice: Choice) -> ca.Function:
+    n = plant.model.n
+    if choice.tolerance is None:
+        return build_step(choice.method, plant.rhs, n, plant.project)
+    return build_attempt(choice.method, plant.rhs, n, plant.scale, plant.project)
+
+
+def _event_sizes(plant: Plant) -> dict[str, str]:
+    model, points = plant.model, plant.points
+    dry = model.has_dry_friction
+    return {
+        "NC": str(len(points)),
+        "ND": str(model.n if dry else 0),
+        "STATIC": _braces(model.friction.level if dry else np.zeros(model.n)),
+        "FRICTION": _braces([point.friction for point in points]),
+        "RESTITUTION": _braces([point.restitution for point in points]),
+        "SLOWEST": repr(AT_REST),
+        "DEEP": repr(INSIDE),
+    }
+
+
+def _braces(values: Sequence[float] | Array) -> str:
+    return "{" + ", ".join(repr(float(value)) for value in values) + "}"
+
+
+def _library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[], int]:
+    """A function of the compiled engine with its arguments; it says how many ticks were good."""
     entry = getattr(kernel.library, name)
     entry.restype = ctypes.c_longlong
     # Else ctypes would make these objects in every call, which is half of what a call costs.
@@ -220,27 +231,21 @@ def library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[],
     return call
 
 
-def pointer(array: Array) -> ctypes.c_void_p:
-    """Address of an array for a C function; it keeps the array."""
-    return array.ctypes.data_as(ctypes.c_void_p)
-
-
-def check_kernel(plant: Plant, kernel: Kernel) -> None:
+def _check(plant: Plant, kernel: Kernel) -> None:
     """Hold the kernel's accelerations against Pinocchio before anyone uses them."""
-    call, nominal = kernel.call("rhs"), plant.parameters.nominal
-    dynamics, n = Dynamics(plant.model), plant.model.n
+    call, dynamics, n = kernel.call("rhs"), Dynamics(plant.model), plant.model.n
+    modes = Modes(plant, plant.parameters.nominal)
 
     def acceleration(q: Array, v: Array, tau: Array) -> Array:
-        directions = np.sign(v) if plant.reaction else np.zeros(0)
-        p = np.concatenate([nominal, directions])
+        modes.direction[:] = np.sign(v)[: len(modes.direction)]
         x = np.concatenate([q, v, plant.initial(q, v)])
-        a = call(x, tau, p)[0][n : 2 * n]
+        a = call(x, tau, modes.p)[0][n : 2 * n]
         if plant.torques is None:
             return a
         # What acts is not tau, but what the laws make of it, and bristles are not yet bent.
-        acted, law = np.array(plant.torques(x, tau)[1]).ravel(), plant.model.friction
-        steady = [law.steady(v, np.sign(v), q, load) for load in (acted, tau)]
-        missing = tau - steady[1] - (acted - steady[0] + law.bent(v, np.sign(v)))
+        acted, law = np.array(plant.torques(x, tau)[1]).ravel(), dynamics.steady_friction
+        steady = [law(v, np.sign(v), q, load) for load in (acted, tau)]
+        missing = tau - steady[1] - (acted - steady[0] + law.of_laws(v, np.sign(v)))
         if plant.project is None:
             return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
         still = np.zeros(n)

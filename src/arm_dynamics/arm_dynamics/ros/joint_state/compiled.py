@@ -24,7 +24,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.compiler import FLAGS, build, find_compiler
+from arm_dynamics.codegen.compiler import FLAGS, build, may_build
 from arm_dynamics.exceptions import KernelError
 from arm_dynamics.ros.common.cdr import HEADER
 from arm_dynamics.ros.interfaces import Topic
@@ -86,14 +86,13 @@ class _Native:
 @cache
 def native() -> _Native | None:
     """The compiled functions; None where they cannot be had."""
-    command = find_compiler()
-    if command is None:
+    if not may_build():
         return None
     try:
         prefixes = {name: Path(get_package_prefix(name)) for name in _PACKAGES}
         folders = (prefix / "include" / name for name, prefix in prefixes.items())
         flags = (*FLAGS, *(f"-I{folder}" for folder in folders))
-        library = build(_SOURCE.read_text(), command, flags)
+        library = build(_SOURCE.read_text(), flags=flags).library
         loaded = (ctypes.CDLL(str(prefixes[n] / f"lib/lib{n}.so")) for n in ("rcl", "rcutils"))
         return _Native(library, *loaded)
     except (KernelError, PackageNotFoundError, OSError) as error:

@@ -1,9 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Force or impulse of one contact with Coulomb friction: the complementarity problem, solved. The same lines stand in
- * Python in contact_cone.py, with the reasons and sources, for machines without a compiler; a test holds the two together.
+ * Forces or impulses of NC contacts with Coulomb friction: the complementarity problem, solved.
  *
- * Before this file: NC (contacts), FRICTION (a brace list), SAMPLES, ROOT_STEPS, DAMPING.
+ * Wanted are forces r of contacts, three numbers each (normal, two tangents), and motions w = W r + c with
+ *
+ *     0 <= r_n, 0 <= w_n, r_n w_n = 0,   |r_t| <= mu r_n,   r_t = -mu r_n w_t / |w_t| where w_t != 0.
+ *
+ * The same problem stands for accelerations and for the speeds after an impact (Moreau, "Unilateral contact and dry
+ * friction in finite freedom dynamics", CISM 302, 1988). The cone is Coulomb's, not a pyramid: the direction in which a
+ * contact starts to slide is the root of a trigonometric polynomial (Bonnefon, Daviet, "Quartic formulation of Coulomb 3D
+ * frictional contact", INRIA, 2011). Several contacts are solved one after another until nothing changes (Jourdan, Alart,
+ * Jean, "A Gauss-Seidel like algorithm to solve frictional contact problems", Comput. Methods Appl. Mech. Eng. 155, 1998),
+ * and where that takes long together by Newton's method, with t = r_n - rho w_n and z = r_t - rho w_t, on
+ *
+ *     r_n = max(0, t),   r_t = z, or if |z| > mu t the vector of length mu t along z
+ *
+ * (Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution methods", Comput.
+ * Methods Appl. Mech. Eng. 92, 1991).
+ *
+ * Before this file: NC (contacts).
  */
 
 #include <math.h>
@@ -12,22 +27,31 @@
 /* Entry of a matrix as CasADi writes it, column by column. */
 #define AT(matrix, rows, i, j) ((matrix)[(i) + (rows) * (j)])
 
-enum does { APART, SLIDES, STICKS, UNSOLVABLE };
+#define SAMPLES 32       /* directions between which a contact may start to slide */
+#define ROOT_STEPS 100   /* bisections that find the direction */
+#define LEAST_NORM 1e-8  /* part of the trace that makes a singular W regular; two refinements take it out again */
+#define SETTLED 1e-15    /* relative change of the forces at which sweeps end */
+#define NEWTON_STEPS 60
+#define STEP_HALVINGS 12
+#define SOLVED 1e-13     /* relative size of what Newton's equations may leave ... */
+#define REGULAR 1e-12    /* ... and part of the trace that keeps them regular */
+#define CONTINUED 20     /* steps in which friction grows from nothing where all else fails */
+
+/* What a contact does. Python: ContactState. */
+enum contact_state { APART, SLIDES, STICKS, UNSOLVABLE };
 
 typedef struct {
-  enum does does;
+  enum contact_state state;
   double force[3];     /* normal, two tangents */
   double direction[2]; /* of sliding */
 } answer_t;
-
-static const double friction[NC] = FRICTION;
 
 static double grip_of(const double W[3][3], double mu, double d0, double d1) {
   return W[0][0] - mu * (W[0][1] * d0 + W[0][2] * d1);
 }
 
 static void put_sliding(answer_t* answer, double normal, double mu, double d0, double d1) {
-  answer->does = SLIDES;
+  answer->state = SLIDES;
   answer->force[0] = normal;
   answer->force[1] = -mu * normal * d0;
   answer->force[2] = -mu * normal * d1;
@@ -35,45 +59,45 @@ static void put_sliding(answer_t* answer, double normal, double mu, double d0, d
   answer->direction[1] = d1;
 }
 
-/* x of A x = b by elimination with row pivots. */
-static void solve3(const double A[3][3], const double* b, double* x) {
-  double T[3][4];
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) T[i][j] = A[i][j];
-    T[i][3] = b[i];
-  }
-  for (int k = 0; k < 3; ++k) {
+/* x of A x = b for n by n numbers, row by row, both overwritten, by elimination with row pivots: 0 if A is singular. */
+static int solve_linear(int n, double* A, double* b) {
+  for (int k = 0; k < n; ++k) {
     int pivot = k;
-    for (int i = k + 1; i < 3; ++i)
-      if (fabs(T[i][k]) > fabs(T[pivot][k])) pivot = i;
-    for (int j = k; j < 4; ++j) {
-      const double swapped = T[k][j];
-      T[k][j] = T[pivot][j];
-      T[pivot][j] = swapped;
+    for (int i = k + 1; i < n; ++i)
+      if (fabs(A[n * i + k]) > fabs(A[n * pivot + k])) pivot = i;
+    if (A[n * pivot + k] == 0.0) return 0;
+    for (int j = k; j < n; ++j) {
+      const double swapped = A[n * k + j];
+      A[n * k + j] = A[n * pivot + j];
+      A[n * pivot + j] = swapped;
     }
-    for (int i = k + 1; i < 3; ++i) {
-      const double factor = T[i][k] / T[k][k];
-      for (int j = k; j < 4; ++j) T[i][j] -= factor * T[k][j];
+    const double swapped = b[k];
+    b[k] = b[pivot];
+    b[pivot] = swapped;
+    for (int i = k + 1; i < n; ++i) {
+      const double factor = A[n * i + k] / A[n * k + k];
+      for (int j = k; j < n; ++j) A[n * i + j] -= factor * A[n * k + j];
+      b[i] -= factor * b[k];
     }
   }
-  for (int i = 2; i >= 0; --i) {
-    x[i] = T[i][3];
-    for (int j = i + 1; j < 3; ++j) x[i] -= T[i][j] * x[j];
-    x[i] /= T[i][i];
+  for (int i = n - 1; i >= 0; --i) {
+    for (int j = i + 1; j < n; ++j) b[i] -= A[n * i + j] * b[j];
+    b[i] /= A[n * i + i];
   }
+  return 1;
 }
 
 /* Force that keeps the point still: least solution of W r = -c, W perhaps singular. */
 static void hold(const double W[3][3], const double* c, double* r) {
-  double damped[3][3], residual[3], step[3];
-  const double damping = DAMPING * (W[0][0] + W[1][1] + W[2][2]);
-  for (int i = 0; i < 3; ++i) {
-    for (int j = 0; j < 3; ++j) damped[i][j] = W[i][j] + (i == j ? damping : 0.0);
-    r[i] = 0.0;
-  }
+  const double damping = LEAST_NORM * (W[0][0] + W[1][1] + W[2][2]);
+  for (int i = 0; i < 3; ++i) r[i] = 0.0;
   for (int turn = 0; turn < 3; ++turn) {
-    for (int i = 0; i < 3; ++i) residual[i] = -c[i] - (W[i][0] * r[0] + W[i][1] * r[1] + W[i][2] * r[2]);
-    solve3(damped, residual, step);
+    double damped[9], step[3];
+    for (int i = 0; i < 3; ++i) {
+      for (int j = 0; j < 3; ++j) damped[3 * i + j] = W[i][j] + (i == j ? damping : 0.0);
+      step[i] = -c[i] - (W[i][0] * r[0] + W[i][1] * r[1] + W[i][2] * r[2]);
+    }
+    solve_linear(3, damped, step);
     for (int i = 0; i < 3; ++i) r[i] += step[i];
   }
 }
@@ -102,7 +126,7 @@ static void start_to_slide(const double W[3][3], const double* c, double mu, ans
   const double full_turn = 6.283185307179586;
   const double largest = fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])));
   double best = -INFINITY, value = across(W, c, mu, 0.0);
-  answer->does = UNSOLVABLE;
+  answer->state = UNSOLVABLE;
   for (int k = 0; k < SAMPLES; ++k) {
     const double angle = full_turn * k / SAMPLES, next_angle = full_turn * (k + 1) / SAMPLES;
     const double next = across(W, c, mu, next_angle), f = value;
@@ -137,16 +161,184 @@ static answer_t single(const double W[3][3], const double* c, double mu, const d
   if (given) {
     const double grip = grip_of(W, mu, given[0], given[1]);
     if (grip > 0.0) put_sliding(&answer, -c[0] / grip, mu, given[0], given[1]);
-    else answer.does = UNSOLVABLE;
+    else answer.state = UNSOLVABLE;
     return answer;
   }
   double held[3];
   hold(W, c, held);
   if (hypot(held[1], held[2]) <= mu * held[0]) {
-    answer.does = STICKS;
+    answer.state = STICKS;
     for (int i = 0; i < 3; ++i) answer.force[i] = held[i];
     return answer;
   }
   start_to_slide(W, c, mu, &answer);
   return answer;
+}
+
+typedef struct {
+  const double *W, *c; /* motion per force, and without */
+  const double* friction; /* coefficients ... */
+  double mu[NC];          /* ... and the part of them that is being solved for */
+  double given[NC][2]; /* direction of one that slides already ... */
+  int slides[NC];      /* ... where it does */
+  int allowed[NC];     /* whether a contact may carry at all */
+} cones_t;
+
+/* The contact's own part of W. */
+static void own_block(const double* W, int k, double block[3][3]) {
+  for (int i = 0; i < 3; ++i)
+    for (int j = 0; j < 3; ++j) block[i][j] = AT(W, MC, 3 * k + i, 3 * k + j);
+}
+
+/* Solve one contact after the other: 1 if they settle. */
+static int sweep(const cones_t* cones, double* r, int sweeps, answer_t* answers) {
+  double block[3][3];
+  for (int k = 0; k < NC; ++k) answers[k] = (answer_t){APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
+  for (int turn = 0; turn < sweeps; ++turn) {
+    double change = 0.0, largest = 0.0;
+    for (int k = 0; k < NC; ++k) {
+      if (!cones->allowed[k]) continue;
+      double others[3];
+      own_block(cones->W, k, block);
+      for (int i = 0; i < 3; ++i) {
+        others[i] = cones->c[3 * k + i];
+        for (int j = 0; j < MC; ++j)
+          if (j / 3 != k) others[i] += AT(cones->W, MC, 3 * k + i, j) * r[j];
+      }
+      answers[k] = single(block, others, cones->mu[k], cones->slides[k] ? cones->given[k] : 0);
+      for (int i = 0; i < 3; ++i) {
+        change = fmax(change, fabs(answers[k].force[i] - r[3 * k + i]));
+        r[3 * k + i] = answers[k].force[i];
+      }
+    }
+    for (int i = 0; i < MC; ++i) largest = fmax(largest, fabs(r[i]));
+    if (change <= SETTLED * largest) return 1;
+  }
+  return 0;
+}
+
+static double own_trace(const double* W, int k) {
+  return AT(W, MC, 3 * k, 3 * k) + AT(W, MC, 3 * k + 1, 3 * k + 1) + AT(W, MC, 3 * k + 2, 3 * k + 2);
+}
+
+static void find_motion(const cones_t* cones, const double* r, double* w) {
+  for (int i = 0; i < MC; ++i) {
+    w[i] = cones->c[i];
+    for (int j = 0; j < MC; ++j) w[i] += AT(cones->W, MC, i, j) * r[j];
+  }
+}
+
+/* Tangential rows of a contact that starts to slide or slides in a direction that is not known. */
+static void turning_rows(const cones_t* cones, int k, double rho, double pressed, const double* z, double size,
+                         double regular, double J[MC][MC]) {
+  const double mu = cones->mu[k], along[2] = {z[0] / size, z[1] / size}, part = mu * pressed / size;
+  for (int j = 0; j < MC; ++j) {
+    double pressing = -rho * AT(cones->W, MC, 3 * k, j), moving[2];
+    if (j == 3 * k) pressing += 1.0 - rho * regular;
+    for (int i = 0; i < 2; ++i) {
+      moving[i] = -rho * AT(cones->W, MC, 3 * k + 1 + i, j);
+      if (j == 3 * k + 1 + i) moving[i] += 1.0 - rho * regular;
+    }
+    const double ahead = along[0] * moving[0] + along[1] * moving[1];
+    for (int i = 0; i < 2; ++i)
+      J[3 * k + 1 + i][j] -= mu * along[i] * pressing + part * (moving[i] - along[i] * ahead);
+  }
+}
+
+/* What is left of Coulomb's law as equations, in forces, and its derivative; the sum of squares of what is left. */
+static double equations(const cones_t* cones, const double* r, double* F, double J[MC][MC]) {
+  double w[MC], trace = 0.0, sum = 0.0;
+  find_motion(cones, r, w);
+  for (int i = 0; i < MC; ++i) {
+    F[i] = r[i];
+    trace += AT(cones->W, MC, i, i);
+    for (int j = 0; j < MC; ++j) J[i][j] = i == j;
+  }
+  const double regular = REGULAR * trace;
+  for (int k = 0; k < NC; ++k) {
+    const int n = 3 * k;
+    if (!cones->allowed[k]) continue;
+    const double rho = 3.0 / own_trace(cones->W, k), mu = cones->mu[k], pressed = r[n] - rho * w[n];
+    if (pressed <= 0.0) continue;
+    const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
+    const int holds = !cones->slides[k] && size <= mu * pressed;
+    for (int i = n; i < (holds ? n + 3 : n + 1); ++i) {
+      F[i] = rho * w[i];
+      for (int j = 0; j < MC; ++j) J[i][j] = rho * (AT(cones->W, MC, i, j) + (i == j ? regular : 0.0));
+    }
+    for (int i = 0; i < 2 && !holds; ++i) {
+      if (cones->slides[k]) {
+        F[n + 1 + i] = r[n + 1 + i] + mu * r[n] * cones->given[k][i];
+        J[n + 1 + i][n] = mu * cones->given[k][i];
+      } else {
+        F[n + 1 + i] = r[n + 1 + i] - mu * pressed * z[i] / size;
+      }
+    }
+    if (!holds && !cones->slides[k]) turning_rows(cones, k, rho, pressed, z, size, regular, J);
+  }
+  for (int i = 0; i < MC; ++i) sum += F[i] * F[i];
+  return sum;
+}
+
+static void read_answers(const cones_t* cones, const double* r, answer_t* answers) {
+  double w[MC];
+  find_motion(cones, r, w);
+  for (int k = 0; k < NC; ++k) {
+    const int n = 3 * k;
+    const double rho = cones->allowed[k] ? 3.0 / own_trace(cones->W, k) : 0.0, pressed = r[n] - rho * w[n];
+    const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
+    answers[k] = (answer_t){APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
+    for (int i = 0; i < 2 && cones->slides[k]; ++i) answers[k].direction[i] = cones->given[k][i];
+    if (!cones->allowed[k] || pressed <= 0.0) continue;
+    for (int i = 0; i < 3; ++i) answers[k].force[i] = r[n + i];
+    answers[k].state = !cones->slides[k] && size <= cones->mu[k] * pressed ? STICKS : SLIDES;
+    for (int i = 0; i < 2 && answers[k].state == SLIDES && !cones->slides[k]; ++i) answers[k].direction[i] = -z[i] / size;
+  }
+}
+
+/* Improve forces by Newton's method until they obey: 0 if that does not happen. */
+static int newton(const cones_t* cones, double* r, answer_t* answers) {
+  double trial[MC], after[MC], F[MC], J[MC][MC], step[MC];
+  for (int i = 0; i < MC; ++i) trial[i] = r[i];
+  double size = equations(cones, trial, F, J);
+  for (int turn = 0; turn < NEWTON_STEPS; ++turn) {
+    double left = 0.0, largest = 0.0, length = 1.0, next = size;
+    for (int i = 0; i < MC; ++i) {
+      left = fmax(left, fabs(F[i]));
+      largest = fmax(largest, fabs(trial[i]));
+      step[i] = -F[i];
+    }
+    if (left <= SOLVED * (largest + 1e-300)) {
+      for (int i = 0; i < MC; ++i) r[i] = trial[i];
+      read_answers(cones, r, answers);
+      return 1;
+    }
+    if (!solve_linear(MC, J[0], step)) return 0;
+    for (int k = 0; k < STEP_HALVINGS; ++k) {
+      for (int i = 0; i < MC; ++i) after[i] = trial[i] + length * step[i];
+      next = equations(cones, after, F, J);
+      if (next < (1.0 - 1e-4 * length) * size) break;
+      length *= 0.5;
+    }
+    for (int i = 0; i < MC; ++i) trial[i] = after[i];
+    size = next;
+  }
+  return 0;
+}
+
+/* Solve for several contacts: 0 if no answer is found. */
+static int several(cones_t* cones, answer_t* answers) {
+  static const int sweeps[2] = {20, 200}; /* before Newton's method is tried, and tried again */
+  double r[MC];
+  int found = 0;
+  for (int i = 0; i < MC; ++i) r[i] = 0.0;
+  for (int k = 0; k < NC; ++k) cones->mu[k] = cones->friction[k];
+  for (int k = 0; k < 2; ++k)
+    if (sweep(cones, r, sweeps[k], answers) || newton(cones, r, answers)) return 1;
+  for (int i = 0; i < MC; ++i) r[i] = 0.0;
+  for (int part = 0; part <= CONTINUED; ++part) {
+    for (int k = 0; k < NC; ++k) cones->mu[k] = cones->friction[k] * part / CONTINUED;
+    found = sweep(cones, r, sweeps[0], answers) || newton(cones, r, answers);
+  }
+  return found;
 }

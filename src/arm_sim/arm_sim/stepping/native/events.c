@@ -1,94 +1,94 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What all ticks with events share: smooth pieces, the instants between them, and the roll. The same lines stand in
- * Python in events.py, with the reasons, for machines without a compiler; tests hold the two together.
+ * Ticks with events: smooth segments between touch-downs, lift-offs, slips, stops and break-aways.
  *
- * Before this file: dry_modes.c or contact_modes.c, whose piece_t holds the torque u that acts and the parameters p; NX, NU,
- * NP, SZ_ARG, SZ_RES, SZ_IW, SZ_W (of the functions called), BISECTIONS; with error control also adaptive.c and ADAPTIVE.
- * After it: event_tick().
+ * Between two such instants each joint slides one way or sticks, and each contact is apart, slides or sticks; the equation
+ * is as smooth as without friction and contact, so the method keeps its order, and the instants are located to rounding
+ * (Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, 1996). A joint that sticks has acceleration zero, not a
+ * small one: it stays where it is, to the bit. Joints alone are the case of no contacts.
+ *
+ * Before this file: impact.c, segments.c; DEEP (how far inside its plane a point may be and still be taken for touching).
  */
 
-/* Motion over h in one piece: 1 if every number stayed finite. */
-static int flow(const real* x, piece_t* piece, real h, real* after) {
-#ifdef ADAPTIVE
-  for (int i = 0; i < NX; ++i) after[i] = x[i];
-  return controlled_tick(after, piece->u, piece->p, h, piece->control);
-#else
-  real w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG];
-  real* res[SZ_RES];
-  arg[0] = x; arg[1] = piece->u; arg[2] = piece->p; arg[3] = &h;
-  res[0] = after;
-  step(arg, res, iw, w, 0);
-  for (int i = 0; i < NX; ++i)
-    if (BEYOND(after[i], 1e150)) return 0;
-  return 1;
-#endif
+#define EVENTS
+#define MOST_EVENTS (NC ? 5000 : 50 * NU) /* a tick with more is not a motion any more */
+#define MOST_REBOUNDS 500 /* impacts in one tick after which its contacts do not rebound any more */
+
+/* Work of sliding contacts over a segment, by Simpson's rule. */
+static double friction_work(const real* x, const segment_t* segment, double h) {
+  static const double weight[3] = {1.0, 4.0, 1.0};
+  double work = 0.0;
+  for (int part = 0; part < 3; ++part) {
+    real there[NX];
+    geometry_t geometry;
+    loads_t found;
+    if (!try_flow(x, segment, 0.5 * part * h, there)) return work;
+    find_geometry(there, &geometry);
+    find_loads(there, segment, &found);
+    for (int i = 0; i < MC; ++i)
+      if (i % 3) work -= weight[part] * h / 6.0 * found.force[i] * geometry.speed[i];
+  }
+  return work;
 }
 
-/* As flow(); error control does not learn from it. */
-static int try_flow(const real* x, piece_t* piece, real h, real* after) {
-#ifdef ADAPTIVE
-  const control_t kept = *piece->control;
-  const int ok = flow(x, piece, h, after);
-  *piece->control = kept;
-  return ok;
-#else
-  return flow(x, piece, h, after);
-#endif
+static int is_inside(const real* x) {
+  geometry_t geometry;
+  int inside = 0;
+  find_geometry(x, &geometry);
+  for (int k = 0; k < NC; ++k) inside |= geometry.place[3 * k] < -DEEP;
+  return inside;
 }
 
-/* Where a value changes from not positive, at 0, to positive, at h: Illinois with bisections. */
-static double first_positive(double (*value_at)(const void*, double), const void* search, double h) {
-  double low = 0.0, high = h, f_low = value_at(search, 0.0), f_high = value_at(search, h);
-  int side = 0;
-  for (int k = 0; k < BISECTIONS && high - low > 4e-16 * h; ++k) {
-    const double secant = isfinite(f_high) ? high - f_high * (high - low) / (f_high - f_low) : low;
-    const double trial = low < secant && secant < high && k % 4 != 3 ? secant : 0.5 * (low + high);
-    const double value = value_at(search, trial);
-    if (value > 0.0) {
-      high = trial; f_high = value;
-      if (side > 0) f_low *= 0.5;
-      side = 1;
-    } else {
-      low = trial; f_low = value;
-      if (side < 0) f_high *= 0.5;
-      side = -1;
+/* Choose the modes at x, with impacts first, and set x right for them; `anchor` receives where points stick. */
+static enum trouble begin_segment(real* x, segment_t* segment, double tick, long long impacts, report_t* report,
+                                  real* anchor) {
+  const double lost = impact(x, segment, impacts < MOST_REBOUNDS);
+  stop_rounding(x);
+  for (int k = 0; k < NC; ++k) segment->contact[k].slow = 0;
+  if (lost < 0.0 || !settle(x, segment)) return UNDETERMINED;
+  if (find_slow(x, segment, tick)) {
+    if (!settle(x, segment)) return UNDETERMINED;
+    align(x, segment);
+  }
+  report->impact_loss += lost;
+  report->impacts += lost > 0.0;
+  find_anchors(x, anchor);
+  if (is_off(x, segment)) close_contacts(x, segment, anchor);
+  return NONE;
+}
+
+static enum trouble tick_with_events(const real* x, segment_t* segment, double h, report_t* report, real* now) {
+  const long long impacts_before = report->impacts;
+  double left = h;
+  for (int i = 0; i < NX; ++i) now[i] = x[i];
+  if (is_inside(now)) return INSIDE;
+  for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
+  for (long long event = 0; event < MOST_EVENTS; ++event) {
+    real after[NX], anchor[2 * NC];
+    int calm;
+    const long long impacts = report->impacts - impacts_before;
+    const enum trouble trouble = begin_segment(now, segment, h, impacts, report, anchor);
+    if (trouble != NONE) return trouble;
+    if (NX == 2 * NU && is_held(now, segment)) { /* with states of its own, a drive may still break it loose */
+      for (int i = NU; i < NX; ++i) now[i] = 0.0;
+      return NONE;
     }
+    const double reach = fmin(left, find_reach(now, segment, h)), length = advance(now, segment, reach, after, &calm);
+    if (length < 0.0) return NUMBERS;
+    find_ended(after, segment, calm);
+    close_contacts(after, segment, anchor);
+    if (!stop_joints(after, segment)) return NUMBERS;
+    if (report->audit) report->friction_loss += friction_work(now, segment, length);
+    for (int i = 0; i < NX; ++i) now[i] = after[i];
+    if ((calm && reach == left) || left - length <= 0.0) return NONE;
+    left -= length;
   }
-  return high;
+  return EVENTS_WITHOUT_END;
 }
 
-/* One tick of length h from x, in place: 1 if it could be computed. */
-static int event_tick(real* x, piece_t* piece, double h, void* memory);
-
-/* As roll() of roll.c, with the error estimate after each tick in `errors`. */
-__attribute__((visibility("default")))
-long long roll_events(real* x, const real* command, long long stride, const real* p, double h, long long ticks,
-                       real* trace, real* effort, real* errors, void* control, void* memory) {
-  real acted[NU], w[SZ_W];
-  casadi_int iw[SZ_IW];
-  const real* arg[SZ_ARG];
-  real* res[SZ_RES];
-  piece_t piece;
-  for (int i = 0; i < NP; ++i) piece.p[i] = p[i];
-#ifdef ADAPTIVE
-  piece.control = control;
-#endif
-  for (long long k = 0; k < ticks; ++k) {
-    arg[0] = x; arg[1] = command + k * stride;
-    res[0] = acted;
-    actuate(arg, res, iw, w, 0);
-    piece.u = acted;
-    if (!event_tick(x, &piece, h, memory)) return k;
-    for (int i = 0; i < NU; ++i) effort[k * NU + i] = acted[i];
-    for (int i = 0; i < NX; ++i) trace[k * NX + i] = x[i];
-#ifdef ADAPTIVE
-    errors[k] = piece.control->error;
-#else
-    errors[k] = 0.0;
-#endif
-  }
-  return ticks;
+static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {
+  segment_t segment = {.u = u, .control = control};
+  for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
+  report->trouble = tick_with_events(x, &segment, h, report, after);
+  return report->trouble == NONE;
 }

@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Folders of code that was compiled elsewhere, for machines without a compiler.
+
+An entry is a shared library ``KEY.so`` and beside it ``KEY.json``, which says what it is. The key
+is the digest of the source, its headers and flags, so that it is found without a compiler. An
+entry is loaded only if nobody but this user or root can have written it, its digest is right and
+this processor has the instructions that it needs. The variable ARM_CACHE lists the folders; they
+are only read.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import hashlib
+import os
+import stat
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from arm_dynamics.codegen import processor
+from arm_dynamics.exceptions import KernelError
+
+VARIABLE = "ARM_CACHE"
+_WRITABLE_BY_OTHERS = stat.S_IWGRP | stat.S_IWOTH
+
+
+@dataclass(frozen=True)
+class Code:
+    """A loaded library.
+
+    Attributes:
+        library: The library; calls release the interpreter lock.
+        origin: Who compiled it, for people.
+    """
+
+    library: ctypes.CDLL
+    origin: str
+
+
+class Manifest(BaseModel):
+    """What stands beside a library.
+
+    Attributes:
+        scene: Name of the scene file for which it was compiled.
+        kernel: Which part of it.
+        compiler: Name and version of the compiler.
+        target: The processor for which it was compiled: ``native`` or a level.
+        machine: Architecture, as ``uname -m`` says it.
+        instructions: Extensions of the instruction set that it needs.
+        sha256: Digest of the library.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    scene: str
+    kernel: str
+    compiler: str
+    target: str
+    machine: str
+    instructions: list[str]
+    sha256: str
+
+
+def folders() -> list[Path]:
+    """The folders that ARM_CACHE lists, separated by ``os.pathsep``."""
+    listed = os.environ.get(VARIABLE, "").split(os.pathsep)
+    return [Path(folder).absolute() for folder in listed if folder]
+
+
+def search(key: str) -> tuple[Code | None, list[str]]:
+    """Look for an entry in the folders of ARM_CACHE.
+
+    Returns:
+        The first one that may be loaded, if any, and for each one refused on the way its file and
+        the reason.
+    """
+    refusals = []
+    for folder in folders():
+        if not folder.is_dir():
+            refusals.append(f"{folder}: no such folder")
+        elif os.path.lexists(entry := folder / f"{key}.so"):
+            try:
+                return load(entry), refusals
+            except KernelError as error:
+                refusals.append(str(error))
+    return None, refusals
+
+
+def load(entry: Path) -> Code:
+    """Load an entry.
+
+    Raises:
+        KernelError: If it must not or cannot be loaded; it names the file and says why.
+    """
+    manifest = read_manifest(entry)
+    try:
+        library = ctypes.CDLL(str(entry))
+    except OSError as error:
+        raise KernelError(f"{entry} cannot be loaded: {error}") from error
+    return Code(library, f"{manifest.compiler}, compiled for {manifest.target} in {entry.parent}")
+
+
+def read_manifest(entry: Path) -> Manifest:
+    """Check an entry and tell what it is.
+
+    Raises:
+        KernelError: If it must not be loaded; it names the file and says why.
+    """
+    beside = entry.with_suffix(".json")
+    for path in (entry.parent.resolve(), entry, beside):
+        _check_owner(path)
+    try:
+        manifest = Manifest.model_validate_json(beside.read_bytes())
+    except ValidationError as error:
+        raise KernelError(f"{beside} is damaged or of another version: {error}") from error
+    what = f"{entry} ({manifest.scene}: {manifest.kernel})"
+    if manifest.machine != (here := os.uname().machine):
+        raise KernelError(f"{what} was compiled for {manifest.machine}; this machine is {here}")
+    if lacking := processor.missing(manifest.instructions):
+        raise KernelError(
+            f"{what} needs instructions that this processor lacks: {', '.join(lacking)}; "
+            f"./arm build --processor compiles for older ones"
+        )
+    if hashlib.sha256(entry.read_bytes()).hexdigest() != manifest.sha256:
+        raise KernelError(f"{what} is damaged: its digest is not the one in {beside.name}")
+    return manifest
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for entries, which only its owner may change.
+
+    Raises:
+        KernelError: If it is there already and others may change it.
+        OSError: If it cannot be made.
+    """
+    if not folder.is_dir():
+        folder.mkdir(parents=True)
+        folder.chmod(0o755)  # whatever the user's mask allows to the group
+    _check_owner(folder.resolve())
+
+
+def store(entry: Path, library: bytes, manifest: Manifest) -> None:
+    """Write an entry, each of its files at once."""
+    put(entry, library, 0o644)
+    put(entry.with_suffix(".json"), manifest.model_dump_json(indent=1).encode() + b"\n", 0o644)
+
+
+def put(path: Path, content: bytes, mode: int) -> None:
+    """Put a file in place at once, so that no other process ever sees half of it."""
+    handle, name = tempfile.mkstemp(dir=path.parent)
+    with os.fdopen(handle, "wb") as file:
+        file.write(content)
+        os.fchmod(handle, mode)
+    os.replace(name, path)
+
+
+def _check_owner(path: Path) -> None:
+    """Refuse a file or folder that somebody else can have written, or that is a link."""
+    try:
+        found = path.lstat()
+    except OSError as error:
+        raise KernelError(f"{path} cannot be read: {error.strerror}") from error
+    if not (stat.S_ISREG(found.st_mode) or stat.S_ISDIR(found.st_mode)):
+        raise KernelError(f"{path} is not a plain file")
+    if found.st_uid not in (0, os.getuid()):
+        raise KernelError(
+            f"{path} belongs to user {found.st_uid}, neither to root nor to this one "
+            f"({os.getuid()})"
+        )
+    if found.st_mode & _WRITABLE_BY_OTHERS:
+        raise KernelError(
+            f"{path} can be written by others (mode {stat.S_IMODE(found.st_mode):o}); "
+            "chmod go-w makes it safe"
+        )

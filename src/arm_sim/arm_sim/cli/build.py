@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm build``: compiles scenes for machines without a compiler."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from time import perf_counter
+from typing import TYPE_CHECKING
+
+import click
+
+from arm_dynamics.codegen.processor import NATIVE, TARGETS
+from arm_sim.cli.output import examples
+
+if TYPE_CHECKING:
+    from arm_sim import Simulator
+
+
+@click.command(
+    epilog=examples(
+        "./arm build my_scene.yaml --out compiled",
+        "./arm build my_scene.yaml --out compiled --processor x86-64-v3",
+        "./arm build one.yaml other.yaml --out compiled --dt 0.0005 --batches",
+        "ARM_CACHE=compiled ./arm sim my_scene.yaml",
+    )
+)
+@click.argument("scenes", metavar="SCENE...", nargs=-1, required=True)
+@click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR",
+              help="Folder for the compiled code; made if it is not there.")  # fmt: skip
+@click.option("--integrator", help="Integration method instead of the scene's, e.g. rk4, dop853.")
+@click.option("--dt", type=float, help="Length of a tick in s instead of the scene's.")
+@click.option("--tolerance", type=float, help="Control the error inside each tick, e.g. 1e-8.")
+@click.option("--processor", type=click.Choice(TARGETS), default=NATIVE, show_default=True,
+              help="Compile for processors like this one, or for all of a level.")  # fmt: skip
+@click.option("--batches", is_flag=True, help="Also code for batches and rollouts of many arms.")
+def build(
+    scenes: tuple[str, ...],
+    out: Path,
+    integrator: str | None,
+    dt: float | None,
+    tolerance: float | None,
+    processor: str,
+    batches: bool,
+) -> None:
+    """Compile what SCENEs need into DIR, for machines without a compiler.
+
+    There, with the same version of the suite, ARM_CACHE=DIR makes every command and node run the
+    compiled code; ARM_CACHE may list several folders, separated by colons. Each SCENE is a scene
+    file (YAML) or a URDF: a path or a package:// URI.
+    """
+    from arm_dynamics.codegen.compiled_scenes import make_folder
+    from arm_sim import Simulator
+
+    make_folder(out)
+    for scene in scenes:
+        name = Path(scene).name
+        with _into(out, name, "simulator step", processor):
+            simulator = Simulator(scene, integrator, dt, tolerance, "native")
+        for part, work in _other_parts(simulator, batches):
+            with _into(out, name, part, processor):
+                work()
+    entries = list(out.glob("*.so"))
+    size = sum(entry.stat().st_size for entry in entries) / 1e6
+    click.echo(f"{out}: {len(entries)} libraries, {size:.1f} MB")
+
+
+@contextmanager
+def _into(out: Path, scene: str, part: str, processor: str) -> Iterator[None]:
+    from arm_dynamics.codegen.compiler import Destination, building_into
+
+    click.echo(f"{scene}: {part} ", nl=False)
+    start, outcome = perf_counter(), "failed"
+    try:
+        with building_into(Destination(out, scene, part, processor)):
+            yield
+        outcome = f"{perf_counter() - start:.1f} s"
+    finally:
+        click.echo(f"({outcome})")
+
+
+def _other_parts(
+    simulator: Simulator, batches: bool
+) -> Iterator[tuple[str, Callable[[], object]]]:
+    """What a scene may need beside the simulator's step, each with what compiles it."""
+    import numpy as np
+
+    from arm_dynamics.control import compiled_computed_torque
+    from arm_dynamics.dynamics.dynamics import MANY
+
+    if simulator.audit.makes_ticks_again:
+        yield "energy account", simulator.audit.prepare
+    yield "computed torque", lambda: compiled_computed_torque.build(simulator.model)
+    if not batches:
+        return
+    q, dynamics = np.tile(simulator.model.q0, (MANY, 1)), simulator.dynamics
+    still = np.zeros_like(q)
+    yield "batches of inverse dynamics", lambda: dynamics.inverse(q, still, still)
+    yield "batches of forward dynamics", lambda: dynamics.forward(q, still, still)
+    yield "batches of M", lambda: dynamics.mass_matrix(q)
+    yield "batches of C", lambda: dynamics.coriolis_matrix(q, still)
+    yield "batches of G", lambda: dynamics.gravity(q)
+    yield "batches of energies", lambda: dynamics.energy(q, still)
+    yield "rollouts", lambda: simulator.rollout(q[:1], still[:1], still[:1], 1)

@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States that a scene allows: bilateral constraints closed, no contact point inside its plane."""
+
+from __future__ import annotations
+
+from collections.abc import Collection
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import ConstraintError
+from arm_dynamics.scene.constraint import label, switchable
+from arm_sim.inputs import row
+from arm_sim.plant.plant import Plant
+
+# An arm whose constraints are open by no more than this, in [m] or [m/s], needs no closing.
+OPEN = 1e-11
+# How deep inside a plane in [m] a contact point may be and still be taken for touching it.
+INSIDE = 1e-9
+# Singular value, relative to the largest, under which a position is called singular.
+NEARLY_SINGULAR = 1e-3
+
+
+def packed(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
+    """Check a state and join it to x = (q, v, z) of shape (nx,); None for z's initial values."""
+    n = plant.model.n
+    q, v = row("q", q, n), row("v", v, n)
+    return np.concatenate([q, v, plant.initial(q, v) if z is None else row("z", z, plant.nz)])
+
+
+def placed(plant: Plant, q: Any, v: Any, z: Any, names: Collection[str]) -> Array:
+    """The state nearest to a given one that the scene allows.
+
+    Args:
+        plant: The scene's equations.
+        q: Joint positions, shape (n,).
+        v: Joint velocities, shape (n,).
+        z: States of the laws, shape (nz,); None for those that suit q and v.
+        names: Constraints that hold.
+
+    Returns:
+        x = (q, v, z), shape (nx,).
+
+    Raises:
+        InvalidInput: If a shape or value is not allowed.
+        ConstraintError: If there is no such state near by.
+    """
+    n, x = plant.model.n, closed(plant, packed(plant, q, v, z), names)
+    _check_outside(plant, x)
+    if z is None and plant.nz:
+        x[2 * n :] = plant.initial(x[:n], x[n : 2 * n])
+    return x
+
+
+def closed(plant: Plant, x: Array, names: Collection[str]) -> Array:
+    """The state near ``x`` that obeys the named constraints, near in the metric of M, shape (nx,).
+
+    Raises:
+        ConstraintError: If there is none near by.
+    """
+    if plant.project is None:
+        return x
+    n = plant.model.n
+    q, v = plant.closure.closed(x[:n], x[n : 2 * n], names)
+    return np.concatenate([q, v, x[2 * n :]])
+
+
+def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
+    """The same for many arms, shapes (b, nx) and (b, np); arms that obey already stay."""
+    if plant.project is None:
+        return x
+    n = plant.model.n
+    _, gap, gap_v = plant.project(x[:, : 2 * n].T, x[:, : 2 * n].T, p.T)
+    off = np.maximum(np.array(gap), np.array(gap_v)).ravel() > OPEN
+    rows = [closed(plant, x[i], holding(plant, p[i])) if off[i] else x[i] for i in range(len(x))]
+    return np.array(rows)
+
+
+def holding(plant: Plant, p: Array) -> tuple[str, ...]:
+    """Names of the constraints that hold under the tunable numbers ``p``."""
+    constraints = plant.model.scene.constraints
+    values = dict(zip(switchable(constraints), plant.parameters.of("constraints", p), strict=True))
+    return tuple(
+        label(constraint, i)
+        for i, constraint in enumerate(constraints)
+        if constraint.type != "contact" and values.get(i, 1.0) > 0.0
+    )
+
+
+def constraint_hint(plant: Plant, q: Array, v: Array, names: tuple[str, ...]) -> str:
+    """What may be wrong with the constraints at a state, for the message of a failed tick."""
+    if plant.project is None:
+        return ""
+    closure = plant.closure
+    A = closure.rows.stacked(q, v, names).jacobian
+    rank = closure.rank(names, plant.model.q0)
+    s = closure.factors(q, A, rank).s
+    if len(s) < rank or (rank and s[-1] < NEARLY_SINGULAR * s[0]):
+        return "; the constraints are near a singular position, where the motion may branch"
+    return "; the constraints could not be held to the tolerance"
+
+
+def _check_outside(plant: Plant, x: Array) -> None:
+    """Refuse a contact point inside its plane, naming the deepest; a nanometre is rounding."""
+    if plant.contact is None:
+        return
+    gaps = np.array(plant.contact.geometry(x[: 2 * plant.model.n])[0]).ravel()[::3]
+    k = int(np.argmin(gaps))
+    if gaps[k] < -INSIDE:
+        depths = {point.name: float(gap) for point, gap in zip(plant.points, gaps, strict=True)}
+        raise ConstraintError(
+            f"contact '{plant.points[k].name}' is {-gaps[k]:.6g} m inside its plane; "
+            "a position at or above it is expected",
+            depths,
+        )

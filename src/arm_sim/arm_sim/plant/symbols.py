@@ -1,0 +1,67 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Symbols of one scene, and the parts of its equation of motion that every variant shares."""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.tree_builder import gravity_of, tree_of
+from arm_dynamics.scene.constraint import switchable
+from arm_sim.plant.parameters import Parameters
+
+
+class Symbols:
+    """Symbols q, v, tau and p of a scene, and what follows from them alone.
+
+    Attributes:
+        q: Joint positions, shape (n,).
+        v: Joint velocities, shape (n,).
+        tau: Torques of the drives, shape (n,).
+        p: Tunable quantities, shape (np,).
+        tree: The links, with payloads that may be tunable.
+        gravity: In the world frame in [m/s²], shape (3,).
+        viscous: Viscous friction less what pushes from outside, shape (n,).
+    """
+
+    def __init__(self, model: ArmModel, parameters: Parameters) -> None:
+        p = parameters.symbols()
+        self.q, self.v, self.tau = (ca.SX.sym(name, model.n) for name in ("q", "v", "tau"))
+        self.p = ca.vertcat(ca.SX(0, 1), *p.values())
+        self.tree = tree_of(model, ca.vertsplit(p["payload"], 10) if "payload" in p else None)
+        self.gravity = p.get("gravity", gravity_of(model))
+        self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
+        self._switchable = switchable(model.scene.constraints)
+        self.viscous = model.friction.smooth(self.v, p.get("friction"))
+        if "external" in p:  # acts where friction does: on the link, behind limits and drives
+            self.viscous -= p["external"]
+
+    def active(self, place: int) -> ca.SX | float:
+        """1 or 0 for the constraint at a place of the scene's list: does it hold?"""
+        places = self._switchable
+        return 1.0 if place not in places else self._switches[places.index(place)]
+
+
+class Joints:
+    """What joints with dry friction do.
+
+    Attributes:
+        direction: Symbols: -1 and 1 for sliding that way, 0 for sticking; empty without friction.
+        sliding: 1 for a joint that slides, 0 for one that sticks, shape (n,).
+        friction: Dry friction of those that slide in [N m] or [N], shape (n,).
+    """
+
+    def __init__(self, model: ArmModel, s: Symbols) -> None:
+        n = model.n
+        self.direction = ca.SX.sym("direction", n if model.has_dry_friction else 0)
+        self.sliding, self.friction = ca.SX.ones(n), ca.SX(n, 1)
+        if model.has_dry_friction:
+            levels = enumerate(model.friction.level)
+            moves = [self.direction[i] ** 2 if level else 1 for i, level in levels]
+            self.sliding = ca.vertcat(*moves)
+            self.friction = ca.sparsify(model.friction.dry(s.v, self.direction, s.q, s.tau))
+
+
+def dense_function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
+    """A function with dense results, in which common parts are computed once."""
+    return ca.Function(name, arguments, [ca.densify(result) for result in results], {"cse": True})

@@ -1,0 +1,75 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Smooth motion: one step of fixed length, or sub-steps under error control where ADAPTIVE is defined.
+ *
+ * Before this file: NX, NU (lengths of state and command), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated
+ * functions), the generated
+ * `step`, or with ADAPTIVE the generated `attempt`, ORDER (of its error estimate plus one), MOST_SUBSTEPS (a tick may try).
+ */
+
+#include <math.h>
+
+#define WORKSPACE real w[SZ_W]; casadi_int iw[SZ_IW]; const real* arg[SZ_ARG]; real* res[SZ_RES]
+#define EXPORTED __attribute__((visibility("default")))
+
+/* What error control remembers from one sub-step to the next. Python: SubstepControl. */
+typedef struct {
+  double tolerance; /* scaled error that a sub-step may have */
+  double step;      /* length to try next; 0: not known yet */
+  double error;     /* sum of the estimated errors of q */
+  long long attempts;
+} control_t;
+
+static int within_reach(const real* x) {
+  int reached = 1;
+  for (int i = 0; i < NX; ++i) reached &= !BEYOND(x[i], 1e150);
+  return reached;
+}
+
+#ifdef ADAPTIVE
+
+/* Step size: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, section II.4. */
+static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
+  real next[NX], error, error_q, trial;
+  WORKSPACE;
+  double done = 0.0;
+  double step = c->step > 0.0 ? c->step : h;
+  for (int i = 0; i < NX; ++i) after[i] = x[i];
+  for (long long k = 0; k < MOST_SUBSTEPS; ++k) {
+    const double left = h - done;
+    const int last = step >= left * (1.0 - 1e-12);
+    trial = last ? left : step;
+    arg[0] = after; arg[1] = u; arg[2] = p; arg[3] = &trial;
+    res[0] = next; res[1] = &error; res[2] = &error_q;
+    attempt(arg, res, iw, w, 0);
+    ++c->attempts;
+    const double size = error / c->tolerance;
+    const int reached = within_reach(next), accepted = size <= 1.0 && reached;
+    double factor = size < 1e-10 ? 6.0 : 0.9 * pow(size, -1.0 / ORDER); /* NaN must shrink it */
+    factor = !(factor > 0.2) || !reached ? 0.2 : factor > 6.0 ? 6.0 : factor;
+    if (accepted) {
+      for (int i = 0; i < NX; ++i) after[i] = next[i];
+      c->error += error_q;
+      done += trial;
+      /* A last sub-step that was cut short says little of how long the next may be. */
+      if (!last || trial * factor > step) step = trial * factor;
+      if (last) { c->step = step; return 1; }
+    } else {
+      step = trial * factor;
+      if (step < 1e-12 * h) return 0;
+    }
+  }
+  return 0;
+}
+#else
+/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. */
+static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
+  WORKSPACE;
+  const real length = h;
+  (void)c;
+  arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = &length;
+  res[0] = after;
+  step(arg, res, iw, w, 0);
+  return within_reach(after);
+}
+#endif

@@ -1,0 +1,331 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * What joints with dry friction and contacts do next.
+ *
+ * A joint at rest sticks while the torque that holds it is within its static level; one that is let go moves the way it is
+ * pulled (Glocker, Set-Valued Force Laws, 2001). A contact counts as touching where its gap is zero to rounding. Which of
+ * them stick, slide, carry or let go is a complementarity problem in the metric of M, solved by pivoting: the one that
+ * disobeys most changes while the others stay as they are, until none disobeys. Should that go in circles, joints alone
+ * are taken in order, which cannot (Murty, Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1),
+ * and contacts are solved together by cone.c.
+ *
+ * Before this file: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
+ * RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`;
+ * SLOWEST (tangential speed up to which a contact rests).
+ */
+
+#define GAP_ROUNDING (4 * 2.220446049250313e-16) /* rounding of a gap, as a multiple of the lengths that make it up ... */
+#define HOP (64 * 2.220446049250313e-16)         /* ... and what a gap that opens must exceed */
+#define SPEED_ROUNDING 1e-13 /* speeds relative to the fastest joint's where they are rounding errors */
+#define LEAST_REBOUND 1e-9   /* speed of a rebound that is taken for rest */
+#define SLACK 1e-9           /* acceleration, relative to the largest, by which one about to move may go wrong */
+#define EDGE 1e-9            /* part of its cone that a force may lack and still be on the edge */
+#define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
+#define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before joints alone are taken in order */
+
+#if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
+#define contact_geometry(arg, res, iw, w, mem)
+#define contact_inertia(arg, res, iw, w, mem)
+#define contact_close(arg, res, iw, w, mem)
+#endif
+
+/* Why a tick could not be computed. Python: Trouble. */
+enum trouble { NONE, NUMBERS, EVENTS_WITHOUT_END, UNDETERMINED, INSIDE };
+
+/* What adds up over ticks. Python: EventReport. */
+typedef struct {
+  double impact_loss;   /* energy lost in impacts ... */
+  double friction_loss; /* ... and to friction of contacts, added up only on audit */
+  long long impacts;
+  long long audit;
+  long long trouble;    /* why the last tick failed */
+} report_t;
+
+/* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
+typedef struct {
+  real closed;    /* 1 if it carries, 0 if it is apart */
+  real sticks;    /* 1 if a closed one sticks, 0 if it slides */
+  real along[2];  /* direction of sliding in the two tangents */
+  real fixed;     /* 1 if it keeps that direction, 0 if it slides as it moves */
+} contact_mode_t;
+
+/* The vector p of the generated functions. Python: modes_type(). */
+typedef struct {
+  real tunable[NP];
+  real direction[ND]; /* of joints: -1 and 1 slide, 0 sticks; 1 without dry friction */
+  contact_mode_t contact[NC];
+} modes_t;
+
+/* What the engine knows of a contact besides its mode. */
+typedef struct {
+  int touching;
+  int slides;               /* already, in the direction ... */
+  double given[2];
+  int slow;                 /* counts as at rest although it creeps */
+  enum contact_state ended; /* how its last mode came to its end: APART, SLIDES, else STICKS ... */
+  double slips[2];          /* ... and in which direction it will slide */
+} contact_t;
+
+/* A smooth segment of a tick: what acts, and what every joint and contact does. */
+typedef struct {
+  const real* u;
+  control_t* control;
+  modes_t p;
+  contact_t contact[NC];
+} segment_t;
+
+typedef struct { real place[MC], speed[MC], size[NC]; } geometry_t; /* contact points in their planes' axes */
+typedef struct { real load[NU], force[MC], rate[MC], grip[NC]; } loads_t;
+typedef struct { real W[MC * MC], B[NU * MC], free[MC]; } inertia_t;
+static const double static_level[NU] = STATIC;
+static const double friction[NC] = FRICTION;
+static const double restitution[NC] = RESTITUTION;
+
+static void find_geometry(const real* x, geometry_t* geometry) {
+  WORKSPACE;
+  arg[0] = x;
+  res[0] = geometry->place; res[1] = geometry->speed; res[2] = geometry->size;
+  contact_geometry(arg, res, iw, w, 0);
+}
+
+/* Torques that hold sticking joints, on the scale of their level; forces, accelerations and grips of contacts. */
+static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
+  WORKSPACE;
+  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
+  res[0] = found->load; res[1] = found->force; res[2] = found->rate; res[3] = found->grip;
+  loads(arg, res, iw, w, 0);
+}
+
+static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
+  WORKSPACE;
+  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
+  res[0] = inertia->W; res[1] = inertia->B; res[2] = inertia->free;
+  contact_inertia(arg, res, iw, w, 0);
+}
+
+static double largest_of(const real* values, int count) {
+  double largest = 0.0;
+  for (int i = 0; i < count; ++i)
+    if (fabs(values[i]) > largest) largest = fabs(values[i]);
+  return largest;
+}
+
+static double sign_of(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
+
+/* Speed of a contact that is rounding. */
+static double speed_rounding(const real* x) { return SPEED_ROUNDING * (1.0 + largest_of(x + NU, NU)); }
+
+/* Whether dry friction may hold a joint, and whether it is at rest. */
+static int may_stick(int joint) { return ND && static_level[joint] > 0.0; }
+static int rests(const real* x, int joint) { return may_stick(joint) && x[NU + joint] == 0.0; }
+
+static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }
+
+/* Put joints with dry friction at rest that a closed contact keeps there but for rounding. */
+static void stop_rounding(real* x) {
+  const double limit = speed_rounding(x);
+  for (int i = 0; NC && i < ND; ++i)
+    if (may_stick(i) && fabs(x[NU + i]) <= limit) x[NU + i] = 0.0;
+}
+
+/* Speeds of hops that would not rise above the rounding of the gap. */
+static void find_hops(const real* x, const segment_t* segment, const geometry_t* geometry, double* hop) {
+  inertia_t inertia;
+  double fall = 0.0;
+  find_inertia(x, segment, &inertia);
+  for (int k = 0; k < NC; ++k) fall = fmax(fall, fabs(inertia.free[3 * k]));
+  for (int k = 0; k < NC; ++k) hop[k] = LEAST_REBOUND + sqrt(2.0 * fall * HOP * geometry->size[k]);
+}
+
+/* Contacts whose gap is closed to rounding and does not open. */
+static void find_touching(const real* x, segment_t* segment, const geometry_t* geometry) {
+  contact_t* contact = segment->contact;
+  double hop[NC];
+  int opens = 0;
+  for (int k = 0; k < NC; ++k) {
+    contact[k].touching = geometry->place[3 * k] <= 4 * GAP_ROUNDING * geometry->size[k];
+    opens |= contact[k].touching && geometry->speed[3 * k] > speed_rounding(x);
+  }
+  if (!opens) return;
+  find_hops(x, segment, geometry, hop);
+  for (int k = 0; k < NC; ++k) contact[k].touching &= geometry->speed[3 * k] <= hop[k];
+}
+
+/* How the last mode of a contact came to its end says with what to begin. */
+static void begin_as_ended(contact_mode_t* mode, const contact_t* contact) {
+  if (!contact->touching || contact->ended == STICKS) return;
+  if (contact->ended == APART) mode->closed = 0.0;
+  if (contact->ended == SLIDES && contact->slides) return;
+  mode->sticks = 0.0;
+  mode->along[0] = contact->ended == SLIDES ? contact->slips[0] : 1.0;
+  mode->along[1] = contact->ended == SLIDES ? contact->slips[1] : 0.0;
+}
+
+/* Take it that moving joints slide and those at rest stick, that contacts that touch carry and those at rest stick. */
+static void guess(const real* x, segment_t* segment) {
+  geometry_t geometry;
+  for (int i = 0; i < ND; ++i) segment->p.direction[i] = may_stick(i) ? sign_of(x[NU + i]) : 1.0;
+  find_geometry(x, &geometry);
+  find_touching(x, segment, &geometry);
+  for (int k = 0; k < NC; ++k) {
+    contact_t* contact = segment->contact + k;
+    const real* s = geometry.speed + 3 * k + 1;
+    const double size = hypot(s[0], s[1]);
+    const int still = friction[k] > 0.0 && (size <= SLOWEST || contact->slow), turns = friction[k] > 0.0 && !still;
+    contact->slides = !still;
+    contact->given[0] = turns ? s[0] / size : 1.0;
+    contact->given[1] = turns ? s[1] / size : 0.0;
+    segment->p.contact[k] = (contact_mode_t){contact->touching, contact->touching && still,
+                                             {contact->given[0], contact->given[1]}, still};
+    begin_as_ended(segment->p.contact + k, contact);
+  }
+}
+
+/* How much a contact disobeys: not positive if it obeys. */
+static double contact_excess(const segment_t* segment, const loads_t* found, int k, double heaviest, double fastest) {
+  const real *r = found->force + 3 * k, *a = found->rate + 3 * k;
+  const contact_mode_t* mode = segment->p.contact + k;
+  if (mode->closed == 0.0) return segment->contact[k].touching ? -a[0] / fastest - SLACK : 0.0;
+  if (r[0] < 0.0) return -r[0] / heaviest;
+  if (mode->sticks != 0.0) return (hypot(r[1], r[2]) - friction[k] * r[0]) / heaviest;
+  if (segment->contact[k].slides) return 0.0;
+  const double ahead = mode->along[0] * a[1] + mode->along[1] * a[2], astray = mode->along[0] * a[2] - mode->along[1] * a[1];
+  return fmax(-ahead, fabs(astray)) / fastest - SLACK;
+}
+
+/* The entry that disobeys most, or just the first: a contact, or NC plus a joint; -1 if all obey. */
+static int find_disobedient(const real* x, const segment_t* segment, const loads_t* found, int first) {
+  const double heaviest = 1.0 + largest_of(found->force, MC), fastest = 1.0 + largest_of(found->rate, MC);
+  const real* d = segment->p.direction;
+  double most = 0.0;
+  int worst = -1, resting = 0;
+  for (int k = 0; k < NC; ++k) {
+    const double excess = contact_excess(segment, found, k, heaviest, fastest);
+    if (excess > most) {
+      most = excess;
+      worst = k;
+    }
+  }
+  for (int i = 0; i < ND; ++i) resting |= rests(x, i);
+  if (!resting) return worst;
+  real slope[NX];
+  WORKSPACE;
+  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
+  res[0] = slope;
+  rhs(arg, res, iw, w, 0);
+  const real* a = slope + NU;
+  const double quickest = 1.0 + largest_of(a, NU), highest = largest_of(static_level, NU);
+  for (int i = 0; i < ND; ++i) {
+    if (!rests(x, i)) continue;
+    const double excess =
+        d[i] == 0.0 ? (fabs(found->load[i]) - static_level[i]) / highest : -d[i] * a[i] / quickest - SLACK;
+    if (excess > most) {
+      most = excess;
+      worst = NC + i;
+      if (first) return worst;
+    }
+  }
+  return worst;
+}
+
+static void put_mode(contact_mode_t* mode, const answer_t* answer) {
+  mode->closed = answer->state == SLIDES || answer->state == STICKS;
+  mode->sticks = answer->state == STICKS;
+  mode->along[0] = answer->direction[0];
+  mode->along[1] = answer->direction[1];
+}
+
+static void let_slip(answer_t* answer, const double* force) {
+  const double size = hypot(force[1], force[2]);
+  answer->state = SLIDES;
+  for (int i = 0; i < 2; ++i) answer->direction[i] = -force[1 + i] / size;
+}
+
+/* Let the entry do what obeys while the others stay as they are: 0 if nothing does. */
+static int pivot(const real* x, segment_t* segment, const loads_t* found, int entry) {
+  if (entry >= NC) {
+    real* d = segment->p.direction + entry - NC;
+    *d = *d == 0.0 ? sign_of(found->load[entry - NC]) : 0.0;
+    return 1;
+  }
+  inertia_t inertia;
+  double block[3][3], c[3];
+  const real* r = found->force + 3 * entry;
+  const contact_t* contact = segment->contact + entry;
+  contact_mode_t* mode = segment->p.contact + entry;
+  find_inertia(x, segment, &inertia);
+  own_block(inertia.W, entry, block);
+  for (int i = 0; i < 3; ++i)
+    c[i] = found->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
+  answer_t answer = single(block, c, friction[entry], contact->slides ? contact->given : 0);
+  if (answer.state == UNSOLVABLE) return 0;
+  const enum contact_state before = mode->closed == 0.0 ? APART : mode->sticks != 0.0 ? STICKS : SLIDES;
+  if (answer.state == before && before == STICKS) { /* at the very edge */
+    let_slip(&answer, r);
+  } else if (answer.state == before && before == APART) {
+    answer.state = contact->slides ? SLIDES : STICKS;
+    for (int i = 0; i < 2; ++i) answer.direction[i] = mode->along[i];
+  }
+  put_mode(mode, &answer);
+  return 1;
+}
+
+/* Solve all contacts together, where one after another goes in circles; the modes stay where no answer is found. */
+static void solve_together(const real* x, segment_t* segment) {
+  inertia_t inertia;
+  answer_t answers[NC];
+  cones_t cones = {.W = inertia.W, .c = inertia.free, .friction = friction};
+  find_inertia(x, segment, &inertia);
+  for (int k = 0; k < NC; ++k) {
+    cones.slides[k] = segment->contact[k].slides;
+    cones.allowed[k] = segment->contact[k].touching;
+    for (int i = 0; i < 2; ++i) cones.given[k][i] = segment->contact[k].given[i];
+  }
+  if (!several(&cones, answers)) return;
+  for (int k = 0; k < NC; ++k) {
+    const double *r = answers[k].force, size = hypot(r[1], r[2]);
+    /* On the very edge of its cone: where contacts are redundant, the forces of least norm would leave it. */
+    if (answers[k].state == STICKS && size >= (1.0 - EDGE) * friction[k] * r[0] && size > 0.0)
+      let_slip(answers + k, r);
+    put_mode(segment->p.contact + k, answers + k);
+  }
+}
+
+/* Whether a contact touches or a joint with dry friction is at rest: else there is nothing to find. */
+static int anything_rests(const real* x, const segment_t* segment) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= segment->contact[k].touching;
+  for (int i = 0; i < ND; ++i) any |= rests(x, i);
+  return any;
+}
+
+/* Find what every contact and joint does: 0 if nothing obeys, or there is no single motion (Painlevé 1895). */
+static int settle(const real* x, segment_t* segment) {
+  loads_t found;
+  guess(x, segment);
+  if (!anything_rests(x, segment)) return 1;
+  for (int attempt = 0; attempt < 3; ++attempt) {
+    for (int k = 0; k < PIVOTS; ++k) {
+      find_loads(x, segment, &found);
+      const int entry = find_disobedient(x, segment, &found, k >= WORST_FIRST);
+      if (entry < 0) {
+        /* Friction must not press a sliding contact together faster than its normal force opens it. */
+        for (int i = 0; i < NC; ++i)
+          if (is_sliding(segment->p.contact + i) && !(found.grip[i] > 0.0)) return 0;
+        return 1;
+      }
+      if (!pivot(x, segment, &found, entry)) break;
+    }
+    if (NC && attempt == 0) solve_together(x, segment);
+  }
+  return 0;
+}
+
+/* Fill in what every joint and contact does at x under u, the tunable numbers of p given: why not, else NONE. */
+EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
+  segment_t segment = {.u = u, .p = *p};
+  for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
+  const int settled = settle(x, &segment);
+  *p = segment.p;
+  return settled ? NONE : UNDETERMINED;
+}

@@ -1,0 +1,290 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Smooth segments between events: how long the modes stay right, and what is set right at the ends.
+ *
+ * Before this file: modes.c, search.c; the generated `contact_close`.
+ */
+
+#define TURNING_BACK 1e-13 /* speed, relative, by which a joint let go at the very edge may leave in the wrong direction */
+#define SUDDEN_STOP 1e-6   /* speed, relative to the fastest joint's, that a joint may have where it is found to stop */
+#define SINKING 1e-12      /* speed by which a contact that is apart may sink without being called an approach */
+#define HELD 1e-9          /* speed of an arm all of whose joints are held that is rounding */
+#define INDEPENDENT 1e-10  /* part of the trace that a row of the rank's matrix must exceed to count */
+#define MOST_PARTS 32      /* into which slow sliding may divide a tick ... */
+#define MUCH_TURN 0.05     /* ... and turn of its direction in a tick that is much [rad] */
+
+/* Motion over h in which error control does not learn: 1 if it can be computed. */
+static int try_flow(const real* x, const segment_t* segment, double h, real* after) {
+  control_t kept = segment->control ? *segment->control : (control_t){0};
+  return flow(x, segment->u, (const real*)&segment->p, h, segment->control ? &kept : 0, after);
+}
+
+/* Whether a contact is closed or a joint sticks. */
+static int anything_held(const segment_t* segment) {
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed != 0.0;
+  for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0;
+  return any;
+}
+
+/* Positive if a contact or joint does not obey its mode after a motion of length t. */
+static double disobedience(const real* x, const segment_t* segment, const double* ground, double t) {
+  const real *d = segment->p.direction, *v = x + NU;
+  const double rounding = TURNING_BACK * (1.0 + largest_of(v, NU));
+  double worst = -INFINITY;
+  geometry_t geometry;
+  loads_t found;
+  find_geometry(x, &geometry);
+  if (anything_held(segment)) find_loads(x, segment, &found);
+  for (int k = 0; k < NC; ++k) {
+    const real *r = found.force + 3 * k, *s = geometry.speed + 3 * k;
+    const contact_mode_t* mode = segment->p.contact + k;
+    if (mode->closed == 0.0) {
+      worst = fmax(worst, ground[k] - geometry.place[3 * k] - SINKING * t - GAP_ROUNDING * geometry.size[k]);
+      continue;
+    }
+    worst = fmax(worst, -r[0]);
+    if (mode->sticks != 0.0) worst = fmax(worst, hypot(r[1], r[2]) - friction[k] * r[0]);
+    else if (friction[k] > 0.0) worst = fmax(worst, -(mode->along[0] * s[1] + mode->along[1] * s[2]) - rounding);
+  }
+  for (int i = 0; i < ND; ++i)
+    if (may_stick(i))
+      worst = fmax(worst, d[i] != 0.0 ? -v[i] * d[i] - rounding : fabs(found.load[i]) - static_level[i]);
+  return worst;
+}
+
+/* What is looked for in a motion from x: a mode that is not obeyed, or (contact >= 0) a gap that begins to rise. */
+typedef struct {
+  const real* x;
+  const segment_t* segment;
+  double ground[NC];
+  int contact;
+} search_t;
+
+static double value_at(const void* asked, double t) {
+  const search_t* search = asked;
+  real after[NX];
+  if (!try_flow(search->x, search->segment, t, after)) return INFINITY;
+  if (search->contact < 0) return disobedience(after, search->segment, search->ground, t);
+  geometry_t geometry;
+  find_geometry(after, &geometry);
+  return geometry.speed[3 * search->contact];
+}
+
+/* A time before `length` at which a contact is below its plane, on its way up again; 0 if there is none. */
+static double dip_before(search_t* search, double length, const real* end, double* depth) {
+  geometry_t before, back;
+  if (NC == 0) return 0.0;
+  find_geometry(search->x, &before);
+  find_geometry(end, &back);
+  for (int k = 0; k < NC; ++k) {
+    const int apart = search->segment->p.contact[k].closed == 0.0;
+    if (!apart || !(before.speed[3 * k] < 0.0 && back.speed[3 * k] > 0.0)) continue;
+    search->contact = k;
+    const double turn = first_positive(value_at, search, length, back.speed[3 * k]);
+    search->contact = -1;
+    *depth = value_at(search, turn);
+    if (*depth > 0.0 && *depth < INFINITY) return turn;
+  }
+  return 0.0;
+}
+
+/* Motion to where the modes stop being right, at most over `reach`: its length, -1 if it cannot be computed. */
+static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
+  search_t search = {.x = x, .segment = segment, .contact = -1};
+  const control_t kept = segment->control ? *segment->control : (control_t){0};
+  geometry_t geometry;
+  double depth;
+  find_geometry(x, &geometry);
+  for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
+  const int reached = flow(x, segment->u, (const real*)&segment->p, reach, segment->control, after);
+  const double wrong = reached ? disobedience(after, segment, search.ground, reach) : INFINITY;
+  double length = reach;
+  *calm = wrong <= 0.0;
+  if (!*calm) {
+    if (segment->control) *segment->control = kept;
+    length = first_positive(value_at, &search, reach, wrong);
+    if (!flow(x, segment->u, (const real*)&segment->p, length, segment->control, after)) return -1.0;
+  }
+  const double dip = dip_before(&search, length, after, &depth);
+  if (dip == 0.0) return length;
+  if (segment->control) *segment->control = kept;
+  *calm = 0;
+  length = first_positive(value_at, &search, dip, depth);
+  return flow(x, segment->u, (const real*)&segment->p, length, segment->control, after) ? length : -1.0;
+}
+
+/* Whether a closed contact is not quite closed, or does not quite rest. */
+static int is_off(const real* x, const segment_t* segment) {
+  const double limit = speed_rounding(x) / 10.0;
+  geometry_t geometry;
+  find_geometry(x, &geometry);
+  for (int k = 0; k < NC; ++k) {
+    const contact_mode_t* mode = segment->p.contact + k;
+    const real* s = geometry.speed + 3 * k;
+    if (mode->closed == 0.0) continue;
+    if (fabs(geometry.place[3 * k]) > GAP_ROUNDING * geometry.size[k] || fabs(s[0]) > limit) return 1;
+    if (mode->sticks != 0.0 && (fabs(s[1]) > limit || fabs(s[2]) > limit)) return 1;
+  }
+  return 0;
+}
+
+/* Bring positions and velocities back to the closed contacts, and to the anchors of those that stick. */
+static void close_contacts(real* x, const segment_t* segment, const real* anchor) {
+  int any = 0;
+  real after[2 * NU];
+  WORKSPACE;
+  for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed != 0.0;
+  for (int turn = 0; any && turn < 2; ++turn) {
+    arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = anchor;
+    res[0] = after;
+    contact_close(arg, res, iw, w, 0);
+    for (int i = 0; i < 2 * NU; ++i) x[i] = after[i];
+  }
+}
+
+/* Where each point is in its plane's tangents. */
+static void find_anchors(const real* x, real* anchor) {
+  geometry_t geometry;
+  find_geometry(x, &geometry);
+  for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry.place[3 * (i / 2) + 1 + i % 2];
+}
+
+/* What contacts will do whose mode has just come to its end: lift off, or slip. */
+static void find_ended(const real* x, segment_t* segment, int calm) {
+  loads_t found;
+  if (NC && !calm) find_loads(x, segment, &found);
+  for (int k = 0; k < NC; ++k) {
+    const real* r = found.force + 3 * k;
+    const contact_mode_t* mode = segment->p.contact + k;
+    contact_t* contact = segment->contact + k;
+    contact->ended = STICKS;
+    if (calm || mode->closed == 0.0) continue;
+    const double size = hypot(r[1], r[2]);
+    if (r[0] <= 0.0) contact->ended = APART;
+    else if (mode->sticks != 0.0 && size >= friction[k] * r[0] && friction[k] > 0.0) {
+      contact->ended = SLIDES;
+      for (int i = 0; i < 2; ++i) contact->slips[i] = -r[1 + i] / size;
+    }
+  }
+}
+
+/* Put joints that have just reached zero speed at rest: 0 if one was still fast, for that was no continuous motion. */
+static int stop_joints(real* x, const segment_t* segment) {
+  const double fastest = largest_of(x + NU, NU);
+  for (int i = 0; i < ND; ++i)
+    if (may_stick(i) && x[NU + i] * segment->p.direction[i] <= 0.0) {
+      if (fabs(x[NU + i]) > SUDDEN_STOP * (1.0 + fastest)) return 0;
+      x[NU + i] = 0.0;
+    }
+  return 1;
+}
+
+/* Rank of a symmetric matrix that is not negative, by elimination with diagonal pivots. */
+static int rank_of(real* W) {
+  double limit = 0.0;
+  int count = 0;
+  for (int i = 0; i < MC; ++i) limit += INDEPENDENT * AT(W, MC, i, i);
+  for (; count < MC; ++count) {
+    int k = 0;
+    real row[MC];
+    for (int i = 1; i < MC; ++i)
+      if (AT(W, MC, i, i) > AT(W, MC, k, k)) k = i;
+    const real largest = AT(W, MC, k, k);
+    if (!(largest > limit)) break;
+    for (int i = 0; i < MC; ++i) row[i] = AT(W, MC, i, k);
+    for (int i = 0; i < MC; ++i)
+      for (int j = 0; j < MC; ++j) AT(W, MC, i, j) -= row[i] * row[j] / largest;
+  }
+  return count;
+}
+
+/* Whether friction and contacts leave no joint any motion. */
+static int is_held(const real* x, const segment_t* segment) {
+  if (largest_of(x + NU, NU) > HELD) return 0;
+  inertia_t inertia;
+  int free = NU;
+  for (int i = 0; i < ND; ++i) free -= segment->p.direction[i] == 0.0;
+  if (free > MC) return 0;
+  find_inertia(x, segment, &inertia);
+  for (int i = 0; i < MC; ++i)
+    for (int j = 0; j < MC; ++j) {
+      const contact_mode_t *a = segment->p.contact + i / 3, *b = segment->p.contact + j / 3;
+      AT(inertia.W, MC, i, j) *= a->closed * b->closed * (i % 3 ? a->sticks : 1.0) * (j % 3 ? b->sticks : 1.0);
+    }
+  return rank_of(inertia.W) == free;
+}
+
+/* Rate at which friction turns each contact that slides into its direction: 0 if none does. */
+static int find_rates(const real* x, const segment_t* segment, loads_t* found, geometry_t* geometry, double* rate) {
+  inertia_t inertia;
+  int any = 0;
+  for (int k = 0; k < NC; ++k) {
+    rate[k] = 0.0;
+    any |= friction[k] > 0.0 && is_sliding(segment->p.contact + k);
+  }
+  if (!any) return 0;
+  find_loads(x, segment, found);
+  find_geometry(x, geometry);
+  find_inertia(x, segment, &inertia);
+  for (int k = 0; k < NC; ++k) {
+    const int n = 3 * k;
+    const contact_mode_t* mode = segment->p.contact + k;
+    if (!(friction[k] > 0.0 && is_sliding(mode))) continue;
+    const double a = -mode->along[1], b = mode->along[0], size = hypot(geometry->speed[n + 1], geometry->speed[n + 2]);
+    double mobility = a * a * AT(inertia.W, MC, n + 1, n + 1) + b * b * AT(inertia.W, MC, n + 2, n + 2);
+    mobility += 2.0 * a * b * AT(inertia.W, MC, n + 1, n + 2);
+    rate[k] = friction[k] * found->force[n] * mobility / fmax(size, SLOWEST);
+  }
+  return 1;
+}
+
+/* Contacts that slide so slowly that an explicit method cannot follow their direction: 1 if there are any.
+ *
+ * Friction turns a contact into its direction at the rate mu lambda w / s, with w the acceleration per force across it
+ * and s its speed. One that gets faster, or turns, is better given the direction in which it would start from rest; one
+ * that stops straight on is found exactly.
+ */
+static int find_slow(const real* x, segment_t* segment, double tick) {
+  double rate[NC];
+  loads_t found;
+  geometry_t geometry;
+  int any = 0;
+  if (!find_rates(x, segment, &found, &geometry, rate)) return 0;
+  for (int k = 0; k < NC; ++k) {
+    const real *s = geometry.speed + 3 * k + 1, *a = found.rate + 3 * k + 1, *along = segment->p.contact[k].along;
+    const double turn = fabs(along[0] * a[1] - along[1] * a[0]) * tick;
+    segment->contact[k].slow = rate[k] > MOST_PARTS / tick && (along[0] * a[0] + along[1] * a[1] >= 0.0 ||
+                                                                turn > MUCH_TURN * hypot(s[0], s[1]));
+    any |= segment->contact[k].slow;
+  }
+  return any;
+}
+
+/* How long a segment may be for slow sliding to be followed. */
+static double find_reach(const real* x, const segment_t* segment, double tick) {
+  double rate[NC], fastest = 1.0 / tick;
+  loads_t found;
+  geometry_t geometry;
+  if (!find_rates(x, segment, &found, &geometry, rate)) return tick;
+  for (int k = 0; k < NC; ++k) fastest = fmax(fastest, rate[k]);
+  return fmax(1.0 / fastest, tick / MOST_PARTS);
+}
+
+/* Stop slow contacts that move against the direction in which they are to start. */
+static void align(real* x, const segment_t* segment) {
+  geometry_t geometry;
+  real anchor[2 * NC];
+  segment_t stopped = *segment;
+  int any = 0;
+  find_geometry(x, &geometry);
+  find_anchors(x, anchor);
+  for (int k = 0; k < NC; ++k) {
+    const real* s = geometry.speed + 3 * k + 1;
+    contact_mode_t* mode = stopped.p.contact + k;
+    if (!segment->contact[k].slow || mode->closed == 0.0 || mode->along[0] * s[0] + mode->along[1] * s[1] > 0.0) continue;
+    mode->sticks = 1.0;
+    any = 1;
+  }
+  if (any) close_contacts(x, &stopped, anchor);
+}

@@ -1,0 +1,144 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Computed torque in compiled code: the plain law, built once, and never a wrong one."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics.control import computed_torque
+from arm_dynamics.control.computed_torque import CompiledComputedTorque, ComputedTorque, Measured
+from arm_dynamics.control.factory import Settings, make_controller, preparation
+from arm_dynamics.trajectory.reference import Reference
+from tolerances import ALGEBRA, assert_close
+
+DRY = {
+    "viscous": 0.3,
+    "coulomb": {"positive": 2.0, "negative": 1.5},
+    "static": {"positive": 2.5, "negative": 2.0},
+    "stribeck_velocity": 0.1,
+}
+
+
+def new(name: str) -> Dynamics:
+    """A model for which nothing has been built yet."""
+    return Dynamics(ArmModel(models.scene(name)))
+
+
+def rubbing() -> Dynamics:
+    """A two-link arm with dry friction in both joints."""
+    scene = models.scene("two_link")
+    return Dynamics(scene.model_dump(exclude_unset=True) | {"joints": {"*": {"friction": DRY}}})
+
+
+def states(rng: np.random.Generator, n: int) -> list[tuple[Measured, Reference]]:
+    """A moving arm, one at rest that is to move, and one at rest that is to stay."""
+    q, v, a = models.random_state(rng, n)
+    there, speed, _ = models.random_state(rng, n)
+    still = np.zeros(n)
+    return [
+        (Measured(q, v), Reference(there, speed, a)),
+        (Measured(q, still), Reference(there, speed, a)),
+        (Measured(q, still), Reference(there, still, still)),
+    ]
+
+
+def agree(dynamics: Dynamics, rng: np.random.Generator, *gains: Any) -> None:
+    plain, fast = ComputedTorque(dynamics, *gains), CompiledComputedTorque(dynamics, *gains)
+    for state, reference in states(rng, dynamics.n):
+        assert_close(fast.torque(state, reference), plain.torque(state, reference), ALGEBRA)
+
+
+def test_it_is_the_plain_law(robot: str, rng: np.random.Generator) -> None:
+    dynamics = models.dynamics(robot)
+    agree(dynamics, rng)
+    agree(dynamics, rng, rng.uniform(0.0, 40.0, dynamics.n), 0.7, 4e-3)
+    agree(dynamics, rng, 10.0, 1.0, 0.0)
+    assert computed_torque.build(dynamics.model) is not None
+
+
+@pytest.mark.parametrize("name", models.DRIVEN)
+def test_it_is_the_plain_law_for_arms_with_motors(name: str, rng: np.random.Generator) -> None:
+    agree(models.dynamics(name), rng)
+
+
+def test_joints_at_rest_are_helped_to_where_they_are_to_slide(rng: np.random.Generator) -> None:
+    dynamics = rubbing()
+    assert dynamics.steady_friction.has_dry
+    agree(dynamics, rng)
+    assert computed_torque.build(dynamics.model) is not None
+
+
+def test_it_is_built_once_for_all_gains(monkeypatch: pytest.MonkeyPatch) -> None:
+    dynamics = new("two_link")
+    job = preparation("computed_torque", dynamics, Settings())
+    assert job is not None
+    job()
+    assert preparation("computed_torque", dynamics, Settings()) is None
+    monkeypatch.setattr(computed_torque, "Kernel", None)
+    for bandwidth in (5.0, 50.0):
+        control = ComputedTorque(dynamics, bandwidth)
+        fast = make_controller("computed_torque", dynamics, Settings(bandwidth=bandwidth))
+        state = Measured(np.ones(2), np.ones(2))
+        still = Reference(*np.zeros((3, 2)))
+        assert_close(fast.torque(state, still), control.torque(state, still), ALGEBRA)
+
+
+def test_nothing_is_built_unless_it_is_asked_for() -> None:
+    dynamics = new("two_link")
+    assert preparation("pd", dynamics, Settings()) is None
+    assert preparation("operational_space", dynamics, Settings(frame="tip")) is not None
+    make_controller("computed_torque", dynamics)
+    assert not computed_torque.is_built(dynamics.model)
+
+
+def test_without_a_compiler_it_is_still_right(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    monkeypatch.setenv("CC", "/no/such/compiler")
+    dynamics = new("two_link")
+    agree(dynamics, rng)
+    assert computed_torque.build(dynamics.model) is None
+
+
+def test_a_law_that_differs_is_not_used(
+    monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, rng: np.random.Generator
+) -> None:
+    right = computed_torque.expression
+
+    def wrong(*arguments: Any) -> ca.SX:
+        return right(*arguments) * (1.0 + 1e-9)
+
+    monkeypatch.setattr(computed_torque, "expression", wrong)
+    dynamics = new("two_link")
+    agree(dynamics, rng)
+    assert computed_torque.build(dynamics.model) is None
+    assert "differs" in caplog.text
+    assert "slower" in caplog.text
+
+
+def test_its_answer_is_the_callers_own(rng: np.random.Generator) -> None:
+    law = CompiledComputedTorque(models.dynamics("two_link"))
+    (state, reference), (other, goal), _ = states(rng, 2)
+    first = law.torque(state, reference)
+    kept = first.copy()
+    law.torque(other, goal)
+    np.testing.assert_array_equal(first, kept)
+
+
+@pytest.mark.parametrize("bad", [np.ones(3), np.array([1.0, np.nan]), np.ones((1, 2))])
+def test_bad_states_are_refused_as_by_the_plain_law(bad: np.ndarray) -> None:
+    law, still = CompiledComputedTorque(models.dynamics("two_link")), Reference(*np.zeros((3, 2)))
+    with pytest.raises(InvalidInput, match=r"state\.q"):
+        law.torque(Measured(bad, np.zeros(2)), still)
+
+
+@pytest.mark.parametrize("gains", [(-1.0,), (20.0, np.nan), (20.0, 1.0, -1e-3)])
+def test_bad_gains_are_refused_as_by_the_plain_law(gains: tuple[float, ...]) -> None:
+    with pytest.raises(InvalidInput):
+        CompiledComputedTorque(models.dynamics("two_link"), *gains)

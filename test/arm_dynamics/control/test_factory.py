@@ -1,0 +1,159 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers by name: all follow one kind of reference and can hand over to one another."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics, InvalidInput
+from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.control.wrappers import DisturbanceObserver, Saturated, Switch
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.trajectory.reference import Reference, Waypoint
+from arm_dynamics.trajectory.waypoints import quintic
+from tolerances import assert_close
+
+
+@pytest.mark.parametrize("observer", [None, 30.0])
+@pytest.mark.parametrize("name", NAMES)
+def test_every_controller_holds_the_arm_at_rest(name: str, observer: float | None) -> None:
+    """Each stays where it is, but PD and PID, which know no weight and sag at first."""
+    sim = models.simulator("panda", dt=1e-3)
+    q = sim.state.q.copy()
+    still = Reference(q, np.zeros(7), np.zeros(7))
+    settings = Settings(frame="panda_hand_tcp", observer=observer)
+    control = make_controller(name, sim.dynamics, settings)
+    assert isinstance(control, DisturbanceObserver) == (observer is not None)
+    done = sim.run(0.3, lambda s: control.torque(s, still))
+    moved = abs(done.q[-1] - q).max()
+    sags = name in ("pd", "pid")
+    assert (moved > 1e-3) if sags else (moved < 1e-6)
+
+
+def test_all_hand_over_to_all_without_a_jump() -> None:
+    sim = models.simulator("panda", dt=1e-3)
+    goal = sim.state.q + 0.05
+    reference = Reference(goal, np.zeros(7), np.zeros(7))
+    settings = Settings(frame="panda_hand_tcp", bandwidth=8.0, friction=True)
+    laws = [make_controller(name, sim.dynamics, settings) for name in NAMES if name != "float"]
+    control, torques = Switch(laws[2], sim.dt, 0.05), []
+    for k in range(60 * len(laws)):
+        if k and k % 60 == 0:
+            control.to(laws[k // 60])
+        torques.append(control.torque(sim.state, reference))
+        sim.step(torques[-1])
+    torques = np.array(torques)
+    for k in range(60, len(torques), 60):
+        np.testing.assert_array_equal(torques[k], torques[k - 1])
+
+
+def test_torques_are_cut_at_the_limits_when_asked() -> None:
+    dyn = models.dynamics("two_link")
+    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
+    limit = np.array([3.0, 0.5])
+    free = make_controller("computed_torque", dyn, Settings(limit=limit))
+    cut = make_controller("computed_torque", dyn, Settings(limit=limit, saturate=True))
+    asked = free.torque(state, reference)
+    assert (abs(asked) > limit).any()
+    np.testing.assert_array_equal(cut.torque(state, reference), np.clip(asked, -limit, limit))
+    assert isinstance(cut, Saturated)
+    np.testing.assert_array_equal(cut.saturated, abs(asked) > limit)
+
+
+def test_an_observer_keeps_to_the_limits_too() -> None:
+    dyn = models.dynamics("two_link")
+    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
+    limit = np.array([3.0, 0.5])
+    free = make_controller("computed_torque", dyn, Settings())
+    held = make_controller("computed_torque", dyn, Settings(observer=20.0, limit=limit))
+    asked = free.torque(state, reference)
+    assert (abs(asked) > limit).any()
+    np.testing.assert_array_equal(held.torque(state, reference), np.clip(asked, -limit, limit))
+
+
+RUBBED = {"viscous": 0.5, "coulomb": 2.0}  # [N m s/rad], [N m]
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_friction_of_the_reference_is_fed_forward_once(name: str) -> None:
+    """Without error each law asks for what it knows of the motion, and for its friction."""
+    given = models.scene("two_link").model_dump(exclude_none=True)
+    dyn = Dynamics(given | {"joints": {"*": {"friction": RUBBED}}})
+    q, v = np.array([0.3, 0.8]), np.array([1.0, -2.0])
+    task = TaskSpace(dyn, "tip", selection=("x", "z"))
+    # motion_force accelerates nothing along z
+    a = np.linalg.solve(task.jacobian(q), [5.0, 0.0] - task.bias(q, v))
+    settings = Settings(1e-9, damping_ratio=0.0, frame="tip", axes=("x", "z"), friction=True)
+    tau = make_controller(name, dyn, settings).torque(Measured(q, v), Reference(q, v, a))
+    weight, nothing = dyn.gravity(q), np.zeros(2)
+    known = {"pd": nothing, "pid": nothing, "pd_gravity": weight, "float": weight}
+    rigid = known.get(name, dyn.inverse(q, v, a, terms=7))
+    friction = nothing if name == "float" else [0.5 + 2.0, -1.0 - 2.0]
+    assert_close(tau, rigid + friction, 1e-8)
+
+
+def test_other_gains_act_at_once_unless_the_law_remembers() -> None:
+    dyn = models.dynamics("two_link")
+    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
+    soft, stiff = Settings(bandwidth=5.0), Settings(bandwidth=9.0)
+    for name, at_once in (("pd_gravity", True), ("pid", False)):
+        control = Switch(make_controller(name, dyn, soft), dt=1e-3)
+        before = control.torque(state, reference)
+        control.retune(make_controller(name, dyn, stiff))
+        assert control.fading != at_once
+        assert np.array_equal(control.torque(state, reference), before) != at_once
+
+
+def test_a_restart_forgets_the_hand_over() -> None:
+    dyn = models.dynamics("two_link")
+    state, reference = Measured(np.full(2, 0.3), np.zeros(2)), Reference(*np.zeros((3, 2)))
+    old, new = (make_controller(name, dyn) for name in ("pd", "pd_gravity"))
+    control = Switch(old, dt=1e-3)
+    control.torque(state, reference)
+    control.to(new)
+    control.restart()
+    assert not control.fading
+    np.testing.assert_array_equal(control.torque(state, reference), new.torque(state, reference))
+
+
+def test_bad_choices_are_refused() -> None:
+    dyn = models.dynamics("two_link")
+    with pytest.raises(InvalidInput, match="controller = 'magic'; allowed: pd, pid"):
+        make_controller("magic", dyn)
+    with pytest.raises(InvalidInput, match="frame is not given; .* one of universe"):
+        make_controller("operational_space", dyn)
+    with pytest.raises(InvalidInput, match="frame 'paw' does not exist"):
+        make_controller("motion_force", dyn, Settings(frame="paw"))
+
+
+WIDE = {  # scenes whose start is an unlucky place to take inertia at, and robots of every kind
+    "kinova": ("j2s6s200_end_effector", "pose", [0.2, 2.6, 1.4, 0.4, 1.2, 0.3]),
+    "ur10": ("tool0", "pose", [0.3, -1.2, 1.5, -1.0, -1.2, 0.4]),
+    "gantry": ("carriage", ("x", "y"), [0.0, 0.0]),
+    "scara": ("spindle", ("x", "y", "z", "rz"), [0.3, 0.5, 0.1, 0.2]),
+    "two_arms": ("right_rod", ("x", "y", "z"), [0.1, 0.2, 0.3, 0.4, 0.5, 0.6]),
+    "gripper": ("right_jaw", ("y", "z"), [0.1, 0.02]),
+}
+
+
+@pytest.mark.parametrize("robot_name", WIDE)
+@pytest.mark.parametrize("name", [x for x in NAMES if x not in ("pd", "pid", "float")])
+def test_made_by_name_they_hold_any_arm(robot_name: str, name: str) -> None:
+    """Led by 0.1 in a second and left alone for half of one, every law that knows the weight."""
+    frame, axes, q = WIDE[robot_name]
+    sim = models.simulator(robot_name, dt=1e-3)
+    sim.reset(np.array(q), np.zeros(len(q)))
+    direction = (0.0, 0.0, -1.0) if "z" in axes or axes == "pose" else (1.0, 0.0, 0.0)
+    settings = Settings(frame=frame, axes=axes, bandwidth=15.0, direction=direction)
+    control = make_controller(name, sim.dynamics, settings)
+    way = quintic([Waypoint(0.0, q), Waypoint(1.0, np.array(q) + 0.1)])
+    done = sim.run(1.5, lambda s: control.torque(s, way.sample(s.time)))
+    assert np.isfinite(done.tau).all()
+    task = TaskSpace(sim.dynamics, frame, selection=axes)
+    error = task.pose(done.q[-1]).position - task.pose(np.array(q) + 0.1).position
+    if name != "motion_force":  # along its direction it only brakes
+        assert abs(error).max() < 5e-3
+    assert abs(done.v[-1]).max() < 0.5

@@ -1,0 +1,267 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Large batches run in compiled code: the same answers as Pinocchio's, point by point."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import models
+from arm_dynamics import ArmModel, Dynamics, KernelError, load_scene
+from arm_dynamics.codegen import compiler
+from arm_dynamics.dynamics import compiled_terms as batch_terms
+from arm_dynamics.dynamics.compiled_backend import check, compiled
+from arm_dynamics.dynamics.compiled_terms import BatchTerm
+from arm_dynamics.dynamics.dynamics import MANY, Term
+from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
+from models.random_tree import random_tree
+from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
+
+TERMS = (Term.ALL, Term.INERTIA, Term.CORIOLIS, Term.GRAVITY, Term.INERTIA | Term.GRAVITY, 0)
+ROWS = 20  # compared with single calls
+Call = Callable[[Dynamics, np.ndarray, np.ndarray, np.ndarray], np.ndarray]
+CALLS: dict[str, Call] = {
+    "inverse": lambda d, q, v, x: d.inverse(q, v, x),
+    "forward": lambda d, q, v, x: d.forward(q, v, x),
+    "mass_matrix": lambda d, q, v, x: d.mass_matrix(q),
+    "coriolis_matrix": lambda d, q, v, x: d.coriolis_matrix(q, v),
+    "gravity": lambda d, q, v, x: d.gravity(q),
+    "energies": lambda d, q, v, x: np.stack(d.energy(q, v), axis=-1),
+}
+BATCH_TERMS = (
+    batch_terms.INVERSE,
+    batch_terms.FORWARD,
+    batch_terms.MASS_MATRIX,
+    batch_terms.CORIOLIS_MATRIX,
+    batch_terms.GRAVITY,
+    batch_terms.ENERGIES,
+)
+CURVE = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
+LAWS = {
+    "viscous": {"friction": {"viscous": {"positive": 0.6, "negative": 0.3}}},
+    "dry": {"friction": {"coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.4}},
+    "dry by position": {"friction": {"coulomb": 0.5, "position": CURVE}},
+    "dry by load": {"friction": {"coulomb": 0.2, "load": {"at": [0, 20], "factor": [1, 2]}}},
+    "bristles": {"friction": {"coulomb": 0.5, "static": 0.6, "viscous": 30.0,
+                              "stribeck_velocity": 0.1,
+                              "lugre": {"sigma0": 1e4, "sigma1": 100}}},
+    "armature": {"armature": 0.4},
+    "geared motor": {"actuator": {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 50,
+                                  "rotor_inertia": 5e-5, "efficiency": 0.8}},
+    "flexible gear": {"actuator": {"resistance": 1.0, "torque_constant": 0.05, "gear_ratio": 50,
+                                   "rotor_inertia": 5e-5},
+                      "transmission": {"stiffness": 500.0, "damping": 0.3}},
+}  # fmt: skip
+
+
+def states(dyn: Dynamics, rows: int, rng: np.random.Generator) -> list[np.ndarray]:
+    many = [models.random_state(rng, dyn.n) for _ in range(rows)]
+    return [np.array(x) for x in zip(*many, strict=True)]
+
+
+def single(dyn: Dynamics, call: Call, batch: list[np.ndarray]) -> np.ndarray:
+    """The first rows by single calls, which Pinocchio answers."""
+    return np.array([call(dyn, *(x[k] for x in batch)) for k in range(ROWS)])
+
+
+@pytest.mark.parametrize("name", (*models.ROBOTS, *models.DRIVEN, "panda_free"))
+@pytest.mark.parametrize("what", CALLS)
+def test_equals_single_calls(name: str, what: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics(name)
+    batch = states(dyn, MANY, rng)
+    agrees(dyn, what, batch, CALLS[what](dyn, *batch))
+
+
+def agrees(dyn: Dynamics, what: str, batch: list[np.ndarray], made: np.ndarray) -> None:
+    alone = single(dyn, CALLS[what], batch)
+    assert made.shape[1:] == alone.shape[1:]
+    if what != "forward":
+        assert_close(made[:ROWS], alone, ALGEBRA)
+        return
+    # In torques, for M⁻¹ may be large.
+    M, tau = dyn.mass_matrix(batch[0][:ROWS]), batch[2][:ROWS]
+    scale = abs(M) @ abs(alone)[..., None] + abs(tau)[..., None]
+    missing = M @ (made[:ROWS] - alone)[..., None]
+    np.testing.assert_array_less(abs(missing).max(axis=1), ALGEBRA * scale.max(axis=1))
+
+
+@pytest.mark.parametrize("name", ("panda", "kinova", "gripper", "gantry", "two_arms", "pendulum"))
+@pytest.mark.parametrize("terms", TERMS, ids=str)
+def test_chosen_terms(name: str, terms: int, rng: np.random.Generator) -> None:
+    dyn = models.dynamics(name)
+    batch = states(dyn, MANY, rng)
+    alone = single(dyn, lambda d, *x: d.inverse(*x, terms), batch)
+    assert_close(dyn.inverse(*batch, terms)[:ROWS], alone, ALGEBRA)
+
+
+@pytest.mark.parametrize("name", models.ROBOTS)
+def test_forward_equals_pinocchio_called_directly(name: str, rng: np.random.Generator) -> None:
+    """Through the full tree of the URDF, followers and locked joints by projection."""
+    dyn, oracle = models.dynamics(name), models.oracle(name)
+    q, v, tau = states(dyn, MANY, rng)
+    a = dyn.forward(q, v, tau)
+    for k in range(ROWS):
+        if np.array_equal(oracle.P, np.eye(dyn.n)):
+            free = tau[k] - oracle.friction(v[k])
+            aba = pin.aba(oracle.model, oracle.data, oracle.full(q[k]), v[k], free)
+            np.testing.assert_allclose(a[k], aba, 0.0, ALGEBRA * max(1.0, abs(aba).max()))
+        needed = oracle.inverse(q[k], v[k], a[k])
+        still = oracle.inverse(q[k], v[k], 0 * a[k])
+        M = oracle.mass_matrix(q[k])
+        size = (abs(M) @ abs(a[k]) + abs(still) + abs(tau[k])).max()
+        assert abs(needed - tau[k]).max() < ALGEBRA * size
+
+
+@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
+@pytest.mark.parametrize("name", models.ROBOTS)
+def test_laws(name: str, law: dict[str, object], rng: np.random.Generator) -> None:
+    given = models.scene(name).model_dump(exclude_unset=True)
+    joint = models.dynamics(name).joint_names[-1]
+    dyn, lawless = (Dynamics(load_scene(given | {"joints": {joint: more}})) for more in (law, {}))
+    batch = states(dyn, MANY, rng)
+    batch[1][: MANY // 4] = 0.0
+    a = dyn.forward(*batch)
+    agrees(dyn, "forward", batch, a)
+    moving = slice(MANY // 4, None)  # friction at rest may be anything up to its level
+    q, v, tau = (x[moving] for x in batch)
+    # A factor by load is found by repetition, and what M⁻¹ has made large comes back as torque.
+    size = abs(dyn.mass_matrix(q)) @ abs(a[moving])[..., None]
+    error = abs(dyn.inverse(q, v, a[moving]) - tau) / (abs(tau).max() + size.max())
+    assert error.max() < INVERSE_PAIR
+    if "transmission" not in law:  # a flexible gear's rotor is not rigidly on the links
+        assert abs(lawless.forward(*batch) - a)[moving].max() > 1e-3
+
+
+def test_locked_joints_and_payload(rng: np.random.Generator) -> None:
+    scene = {
+        "robot": {"urdf": models.scene("skew_axes").robot.urdf},
+        "gravity": [1.0, -2.0, 3.0],
+    }
+    names = Dynamics(load_scene(scene)).joint_names
+    scene["robot"]["lock"] = [names[1]]
+    scene["initial"] = {"position": {names[1]: 0.7}}
+    frame = Dynamics(load_scene(scene)).model.frame_names[-1]
+    scene["payloads"] = [{"frame": frame, "mass": 2.0, "com": [0.1, 0.0, 0.2],
+                          "inertia": [0.1, 0.0, 0.0, 0.1, 0.0, 0.1]}]  # fmt: skip
+    dyn = Dynamics(load_scene(scene))
+    batch = states(dyn, MANY, rng)
+    for what, call in CALLS.items():
+        agrees(dyn, what, batch, call(dyn, *batch))
+
+
+@pytest.mark.parametrize("joints", (9, DENSE_AT_MOST + 14))
+def test_random_trees(joints: int, rng: np.random.Generator) -> None:
+    dyn = Dynamics(load_scene(random_tree(rng, joints)))
+    batch = states(dyn, MANY, rng)
+    for what in ("forward", "coriolis_matrix"):
+        agrees(dyn, what, batch, CALLS[what](dyn, *batch))
+
+
+@pytest.mark.parametrize("what", CALLS)
+def test_rows_do_not_depend_on_their_neighbours(what: str, rng: np.random.Generator) -> None:
+    dyn, call = dry_panda(), CALLS[what]
+    batch = states(dyn, 2 * MANY + 3, rng)
+    together = call(dyn, *batch)
+    order = rng.permutation(len(together))
+    np.testing.assert_array_equal(together[order], call(dyn, *(x[order] for x in batch)))
+    np.testing.assert_array_equal(together[:MANY], call(dyn, *(x[:MANY] for x in batch)))
+
+
+def dry_panda() -> Dynamics:
+    scene = models.scene("panda")
+    friction = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.3, "viscous": 0.4}
+    return Dynamics(load_scene({
+        "robot": {"urdf": scene.robot.urdf, "lock": list(scene.robot.lock)},
+        "joints": {"*": {"friction": friction}},
+    }))  # fmt: skip
+
+
+def test_vectors_that_serve_every_row_and_strides(rng: np.random.Generator) -> None:
+    dyn = models.dynamics("panda")
+    q = rng.uniform(-1.0, 1.0, (dyn.n, 2 * MANY)).T[::2]
+    still = np.zeros(dyn.n)
+    np.testing.assert_allclose(dyn.inverse(q, still, still), dyn.gravity(q), 0.0, 1e-10)
+    wide = rng.uniform(-1.0, 1.0, (MANY, 3 * dyn.n))
+    for x in (wide[:, : dyn.n], wide[::-1, dyn.n : 2 * dyn.n], wide[:, ::3], np.float32(q)):
+        clean = np.array(x, dtype=float, order="C")
+        for v, tau in ((x, still), (still, x)):
+            plain = [np.broadcast_to(y, x.shape).astype(float) for y in (v, tau)]
+            np.testing.assert_array_equal(dyn.forward(x, v, tau), dyn.forward(clean, *plain))
+
+
+def test_what_is_given_is_not_written_on(rng: np.random.Generator) -> None:
+    dyn = models.dynamics("panda")
+    batch = states(dyn, MANY, rng)
+    kept = [x.copy() for x in batch]
+    for call in CALLS.values():
+        answer = call(dyn, *batch)
+        assert answer.flags.writeable
+    np.testing.assert_array_equal(batch, kept)
+
+
+def test_only_what_is_asked_for_is_built(
+    caplog: pytest.LogCaptureFixture, rng: np.random.Generator
+) -> None:
+    dyn = Dynamics(models.scene("two_link"))
+    batch = states(dyn, MANY, rng)
+    with caplog.at_level(logging.INFO):
+        dyn.forward(*(x[: MANY - 1] for x in batch))
+        assert not caplog.messages
+        for _ in range(2):
+            dyn.forward(*batch)
+    assert caplog.messages == ["building code for batches: forward dynamics of 2 joints"]
+
+
+def same_as_pinocchio(dyn: Dynamics, rng: np.random.Generator) -> None:
+    """To the bit, for it is Pinocchio that answers."""
+    batch = states(dyn, MANY, rng)
+    for call in CALLS.values():
+        made = call(dyn, *batch)[:ROWS]
+        np.testing.assert_array_equal(made, single(dyn, call, batch))
+
+
+def test_without_a_compiler_pinocchio_answers(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    monkeypatch.setenv("CC", "/no/such/compiler")
+    same_as_pinocchio(Dynamics(models.scene("two_link")), rng)
+
+
+def test_on_a_full_disk_pinocchio_answers(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    def full(*_: object, **__: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    monkeypatch.setattr(compiler, "build", full)
+    same_as_pinocchio(Dynamics(models.scene("two_link")), rng)
+
+
+@pytest.mark.parametrize("term", BATCH_TERMS, ids=lambda term: term.name)
+def test_code_that_differs_from_pinocchio_is_refused(
+    term: BatchTerm, caplog: pytest.LogCaptureFixture
+) -> None:
+    points = Pointwise(models.dynamics("two_link").model)
+    right = compiled(term, points)
+    assert right is not None
+    assert check(term, points, right) < ALGEBRA
+    with pytest.raises(KernelError, match=rf"generated {term.title} differs from Pinocchio by "):
+        check(term, points, lambda *x: right(*x) * (1 + 1e-6))
+    with pytest.raises(KernelError, match="differs from Pinocchio by nan"):
+        check(term, points, lambda *x: np.where(np.arange(2) == 1, np.nan, right(*x)))
+    wrong = replace(term, expression=lambda model: term.expression(_heavier(model)))
+    with caplog.at_level(logging.WARNING):
+        assert compiled(wrong, points) is None
+    assert "batches are answered by Pinocchio, slower" in caplog.text
+
+
+def _heavier(model: ArmModel) -> ArmModel:
+    """The same arm with a small payload that the reference does not have."""
+    load = {"frame": model.frame_names[-1], "mass": 1e-6, "com": [0.0, 0.0, 0.0]}
+    return ArmModel(load_scene({"robot": {"urdf": model.scene.robot.urdf}, "payloads": [load]}))

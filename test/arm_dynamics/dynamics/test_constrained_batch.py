@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Constrained dynamics of large batches: compiled rows, the same answers as point by point."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics, KernelError
+from arm_dynamics.dynamics import compiled_terms as batch_terms
+from arm_dynamics.dynamics.compiled_backend import check, compiled
+from arm_dynamics.dynamics.dynamics import MANY
+from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from models.linkages import body, inline, scene
+from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
+
+ROWS = 20  # compared with single calls
+POSITION = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
+LOAD = {"at": [0.0, 20.0], "factor": [1.0, 2.0]}
+KINDS: dict[str, dict[str, Any]] = {
+    "point": {"points": [[0.1, 0, 0], [0.2, 0, 0.1]]},
+    "frame": {"rpy": [0.1, 0.2, 0.3]},
+    "line": {"direction": [0, 1, 1]},
+    "plane": {"normal": [0, 1, 1], "height": 0.2},
+    "distance": {"distance": 0.3, "points": [[0.1, 0, 0], [0.9, 0, 0.1]]},
+    "rolling": {"normal": [0, 0, 1], "radius": 0.1, "axle": [0.6, 0.8, 0]},
+}
+
+
+def closed(dyn: Dynamics, rows: int, rng: np.random.Generator) -> list[np.ndarray]:
+    """Torques and states that obey the constraints, along one motion of the mechanism."""
+    closure, states = dyn.constrained.closure, []
+    q, v = dyn.model.q0, dyn.model.v0
+    for _ in range(ROWS):
+        q, v = closure.closed(q + 0.02 * v / max(1.0, abs(v).max()), rng.normal(size=dyn.n))
+        states.append((q, v))
+    q, v = (np.resize(np.array(x), (rows, dyn.n)) for x in zip(*states, strict=True))
+    return [q, v, rng.normal(size=(rows, dyn.n))]
+
+
+def agrees(dyn: Dynamics, batch: list[np.ndarray], active: tuple[str, ...] | None = None) -> None:
+    a, lam = dyn.constrained_forward(*batch, active)
+    assert (len(a), len(lam)) == (len(batch[0]),) * 2
+    for k in range(ROWS):
+        alone = dyn.constrained_forward(*(x[k] for x in batch), active)
+        assert_close(a[k], alone[0], ALGEBRA)
+        assert_close(lam[k], alone[1], ALGEBRA)
+
+
+@pytest.mark.parametrize("name", models.HELD)
+def test_equals_single_calls(name: str, rng: np.random.Generator) -> None:
+    dyn = models.dynamics(name)
+    batch = closed(dyn, MANY, rng)
+    agrees(dyn, batch)
+    a, lam = dyn.constrained_forward(*batch)
+    np.testing.assert_array_equal(dyn.forward(*batch), a)
+    assert_close(dyn.constrained_inverse(*batch[:2], a, lam), batch[2], INVERSE_PAIR)
+    agrees(dyn, [rng.uniform(-1.5, 1.5, x.shape) for x in batch])  # wide open
+
+
+@pytest.mark.parametrize("kind", KINDS)
+def test_kinds(kind: str, rng: np.random.Generator) -> None:
+    """A scene with a constraint of each kind, between two branches and with the world."""
+    kinds, directions = ("revolute", "prismatic") * 3, ("0 0 1", "0 1 0", "1 0 0") * 2
+    arms = "".join(
+        body(f"{side}{i}", f"{side}{i - 1}" if i else "ground", *joint, 1.0, 0.1)
+        for i, joint in enumerate(zip(kinds, directions, strict=True))
+        for side in "ab"
+    )
+    more = {"type": kind, **KINDS[kind]}
+    frames = ["a5", "world"] if kind == "rolling" else ["a5", "b5"]
+    couple = {"type": "coupling", "name": "belt", "joints": ["a0_joint", "b0_joint"], "ratio": 0.5}
+    dyn = Dynamics(inline(arms, {**more, "name": "held", "frames": frames}, couple))
+    batch = [rng.uniform(-1.0, 1.0, (MANY, dyn.n)) for _ in range(3)]
+    for active in (("held", "belt"), ("held",), ("belt",), ()):
+        agrees(dyn, batch, active)
+
+
+def test_rows_do_not_depend_on_their_neighbours(rng: np.random.Generator) -> None:
+    dyn = models.dynamics("parallel_gripper")
+    batch = closed(dyn, 5000, rng)
+    together = dyn.forward(*batch)
+    order = rng.permutation(5000)
+    np.testing.assert_array_equal(together[order], dyn.forward(*(x[order] for x in batch)))
+    np.testing.assert_array_equal(together[:MANY], dyn.forward(*(x[:MANY] for x in batch)))
+
+
+def test_without_a_compiler_pinocchio_answers(
+    monkeypatch: pytest.MonkeyPatch, rng: np.random.Generator
+) -> None:
+    monkeypatch.setenv("CC", "/no/such/compiler")
+    dyn = Dynamics(scene("four_bar"))
+    agrees(dyn, closed(dyn, MANY, rng))
+
+
+def test_an_answer_does_not_depend_on_questions_before(rng: np.random.Generator) -> None:
+    """A position from which Bricard's linkage cannot be closed, asked first and last."""
+    first, later = (Dynamics(scene("bricard")) for _ in range(2))
+    far = rng.uniform(-1.0, 1.0, (3, first.n))
+    near = later.model.q0, later.model.v0, far[2]
+    later.forward(*near)
+    np.testing.assert_array_equal(first.forward(*far), later.forward(*far))
+    np.testing.assert_array_equal(first.forward(*near), later.forward(*near))
+
+
+@pytest.mark.parametrize("more", [{"position": POSITION}, {"load": LOAD}], ids=str)
+@pytest.mark.parametrize("rows", [1, MANY])
+def test_friction_by_position_and_load(
+    more: dict[str, Any], rows: int, rng: np.random.Generator
+) -> None:
+    """Inverse dynamics with the forces that forward dynamics gives is its inverse."""
+    friction = {"coulomb": 0.3, "viscous": 0.1, **more}
+    dyn = Dynamics(scene("five_bar", joints={"*": {"friction": friction}}))
+    q, v, tau = closed(dyn, rows, rng)
+    tau *= 10.0
+    a, lam = dyn.constrained_forward(q, v, tau)
+    assert_close(dyn.constrained_inverse(q, v, a, lam), tau, INVERSE_PAIR)
+    assert abs(dyn.friction(v, q=q, load=tau) - dyn.friction(v, q=0 * q)).max() > 1e-3
+
+
+def test_rows_that_differ_from_pinocchio_are_refused() -> None:
+    dyn = models.dynamics("four_bar")
+    points, term = Pointwise(dyn.model), batch_terms.constraint_rows(("loop",))
+    right = compiled(term, points)
+    assert right is not None
+    assert check(term, points, right) < ALGEBRA
+    for wrong in (1.0 + 1e-6, np.r_[np.ones(dyn.n), 1.0 + 1e-6]):
+        with pytest.raises(KernelError, match="rows of constraints loop differs from Pinocchio"):
+            check(term, points, lambda *x, wrong=wrong: right(*x) * wrong)

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Friction that differs by direction, position and load: moving, at rest, inverted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics, InvalidInput, SceneError
+from arm_dynamics.equations.interpolation import Curve
+from arm_sim import Simulator
+from models.rotor import rotor
+from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
+
+J = 0.1
+SIDES = {"positive": 0.6, "negative": 0.4}
+HOLDS = {"positive": 0.9, "negative": 0.5}
+BY_PLACE = {"at": [-1.0, 0.0, 2.0], "factor": [1.0, 2.0, 0.5]}
+BY_LOAD = {"at": [0.0, 10.0], "factor": [1.0, 3.0]}
+
+
+def wheel(options: dict[str, Any] | None = None, **friction: Any) -> Simulator:
+    return Simulator(rotor(J, **friction), **({"integrator": "rk4"} | (options or {})))
+
+
+def test_viscous_friction_by_direction() -> None:
+    """v = v0 e^(-b t / J), with the b of the direction."""
+    sim = wheel(viscous={"positive": 0.2, "negative": 0.05}, coulomb=0.0)
+    for v0, b in ((2.0, 0.2), (-2.0, 0.05)):
+        sim.reset(v=[v0])
+        assert_close(sim.run(1.0).v[-1], [v0 * np.exp(-b / J)], 1e-9)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize(
+    "options", [{}, {"integrator": "dop853", "tolerance": 1e-9}, {"backend": "vm"}], ids=str
+)
+def test_dry_friction_by_direction(options: dict[str, Any], sign: float) -> None:
+    """It holds up to the level of that direction, and coasts to rest under the other one's."""
+    sim = wheel(options, coulomb=SIDES, static=HOLDS)
+    holds = HOLDS["positive" if sign > 0 else "negative"]
+    slides = SIDES["positive" if sign > 0 else "negative"]
+    assert not sim.run(0.1, [sign * holds * (1.0 - 1e-12)]).q.any()
+    sim.step([sign * holds * (1.0 + 1e-9)])
+    assert sign * sim.state.v[0] > 0.0
+    sim.reset(v=[sign * 1.0])
+    run = sim.run(1.0)
+    assert_close(run.q[-1], [sign * J / (2.0 * slides)], 1e-9)
+    assert run.v[-1, 0] == 0.0
+
+
+def test_dry_friction_by_position() -> None:
+    """A joint under a constant torque stops where it has done its work against the table."""
+    sim = wheel(coulomb=0.5, position=BY_PLACE)
+    curve = Curve.through(np.array(BY_PLACE["at"]), np.array(BY_PLACE["factor"]))
+    sim.reset(q=[-1.0], v=[2.0])
+    run = sim.run(1.0)
+    assert run.v[-1, 0] == 0.0
+    path = np.linspace(-1.0, run.q[-1, 0], 20001)
+    work = np.trapezoid(0.5 * curve(path), path)
+    assert_close(work, 0.5 * J * 2.0**2, 1e-7)
+
+
+@pytest.mark.parametrize("place", [-1.5, -1.0, -0.3, 0.0, 1.1, 3.0])
+def test_break_away_from_a_table(place: float) -> None:
+    curve = Curve.through(np.array(BY_PLACE["at"]), np.array(BY_PLACE["factor"]))
+    sim, level = wheel(coulomb=0.4, static=0.5, position=BY_PLACE), 0.5 * float(curve(place))
+    sim.reset(q=[place])
+    assert (sim.run(0.1, [level * (1.0 - 1e-12)]).q == place).all()
+    assert sim.step([level * (1.0 + 1e-9)]).v[0] > 0.0
+
+
+def test_break_away_under_load() -> None:
+    """tau = Fs f(tau) with f = 1 + tau/5 gives tau = Fs / (1 - Fs/5)."""
+    sim = wheel(coulomb=0.5, static=0.5, load={"at": [0.0, 2.0], "factor": [1.0, 1.4]})
+    curve = Curve.through(np.array([0.0, 2.0]), np.array([1.0, 1.4]))
+    low, high = 0.5, 1.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if middle < 0.5 * float(curve(middle)) else (low, middle)
+    for sign in (1.0, -1.0):
+        sim.reset()
+        assert not sim.run(0.1, [sign * low * (1.0 - 1e-9)]).q.any()
+        assert sign * sim.step([sign * high * (1.0 + 1e-9)]).v[0] > 0.0
+
+
+def test_inverse_dynamics_is_the_inverse(rng: np.random.Generator) -> None:
+    """Torques that include friction by direction, place and load give the motion they were for."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    friction = {"viscous": {"positive": 0.5, "negative": 0.2}, "coulomb": SIDES}
+    scene["joints"] = {"*": {"friction": friction | {"position": BY_PLACE, "load": BY_LOAD}}}
+    sim = Simulator(scene)
+    dyn = sim.dynamics
+    for _ in range(20):
+        q, v, a = models.random_state(rng, 2)
+        tau = dyn.inverse(q, v, a)
+        assert_close(dyn.forward(q, v, tau), a, INVERSE_PAIR)
+        p = np.r_[sim.plant.parameters.nominal, np.sign(v)]
+        found = np.array(sim.plant.acceleration(q, v, tau, p)).ravel()
+        assert_close(found, a, INVERSE_PAIR)
+        rigid = dyn.inverse(q, v, a, terms=7)
+        assert_close(tau - rigid, dyn.friction(v, q=q, load=tau), ALGEBRA)
+
+
+def test_curve_is_smooth_and_stays_between_its_points(rng: np.random.Generator) -> None:
+    for period in (0.0, 6.0):
+        at, values = np.sort(rng.uniform(0.0, 5.0, 7)), rng.uniform(0.5, 2.0, 7)
+        curve = Curve.through(at, values, period)
+        assert_close([float(curve(x)) for x in at], values, ALGEBRA)
+        x = np.linspace(-8.0, 12.0, 40001)
+        y = curve(x)
+        assert y.min() >= values.min() - 1e-12 and y.max() <= values.max() + 1e-12
+        slope = np.diff(y) / np.diff(x)
+        assert np.abs(np.diff(slope)).max() < 0.05 * max(1.0, np.abs(slope).max())
+        for a, b, low, high in zip(at, at[1:], values, values[1:], strict=False):
+            between = curve(np.linspace(a, b, 100))
+            assert (np.diff(between) * (high - low) >= -1e-12).all()
+        if period:
+            assert_close(curve(x + period), y, 1e-9)
+
+
+REFUSED: dict[str, tuple[dict[str, Any], str]] = {
+    "negative": ({"viscous": -0.1}, r"friction\.viscous' = -0\.1: .*greater than or equal to 0"),
+    "one side negative": ({"coulomb": {"positive": 1.0, "negative": -1.0}}, "coulomb.negative"),
+    "one side only": ({"viscous": {"positive": 1.0}}, "viscous.negative"),
+    "static below coulomb": ({"coulomb": 1.0, "static": 0.9}, "at least coulomb"),
+    "static below on one side": ({"coulomb": SIDES, "static": 0.5}, "at least coulomb"),
+    "zero Stribeck speed": ({"stribeck_velocity": 0.0}, "stribeck_velocity"),
+    "NaN": ({"viscous": float("nan")}, "finite"),
+    "NaN in LuGre": ({"coulomb": 1.0, "lugre": {"sigma0": float("nan")}}, "finite"),
+    "table that turns back": ({"position": {"at": [0, 0], "factor": [1, 1]}}, "must increase"),
+    "table of two lengths": ({"position": {"at": [0, 1], "factor": [1, 1, 1]}}, "2 points"),
+    "table of a zero": ({"position": {"at": [0, 1], "factor": [1, 0]}}, "greater than 0"),
+    "table that locks": ({"coulomb": 9.0, "load": BY_LOAD}, "could lock itself"),
+    "period too short": ({"position": {"at": [0, 7], "factor": [1, 2], "period": 6}}, "longer"),
+    "no Coulomb level": ({"lugre": {"sigma0": 1e5}}, "coulomb above zero"),
+    "no Stribeck speed": (
+        {"coulomb": 1.0, "static": 1.5, "lugre": {"sigma0": 1e5}},
+        "needs a 'stribeck_velocity'",
+    ),
+    "LuGre by direction": ({"coulomb": SIDES, "lugre": {"sigma0": 1e5}}, "both directions"),
+    "LuGre by position": (
+        {"coulomb": 1.0, "position": BY_PLACE, "lugre": {"sigma0": 1e5}},
+        "not together with 'lugre'",
+    ),
+    "LuGre not passive": (
+        {"viscous": 0.4, "coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
+         "lugre": {"sigma0": 1e5, "sigma1": 316}},
+        r"viscous >= sigma1 \(static - coulomb\) / coulomb = 158 is wanted, got 0\.4",
+    ),
+    "LuGre that fades too late": (
+        {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
+         "lugre": {"sigma0": 1e5, "sigma1": 316, "sigma1_velocity": 0.1}},
+        r"sigma1_velocity <= 4 sqrt\(2 e\) coulomb / sigma1 = 0\.02951, got 0\.1",
+    ),
+    "unknown key": ({"lugre": {"sigma2": 1.0, "sigma0": 1.0}}, "sigma0, sigma1, sigma1_velocity"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED.values(), ids=REFUSED)
+def test_refusals(case: tuple[dict[str, Any], str]) -> None:
+    with pytest.raises(SceneError, match=case[1]):
+        Dynamics(rotor(J, **case[0]))
+
+
+def test_position_is_wanted_where_friction_depends_on_it() -> None:
+    dyn = wheel(coulomb=0.5, position=BY_PLACE).dynamics
+    with pytest.raises(InvalidInput, match="q is wanted"):
+        dyn.friction([1.0])
+    assert_close(dyn.friction([1.0], q=[0.0]), [1.0], ALGEBRA)

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A gear that loses power: every direction of power flow, standing still, and the energy."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics, SceneError, Term
+from arm_dynamics.control.friction_compensation import ahead
+from arm_dynamics.equations import transmission
+from arm_sim import Simulator
+from models.driven import wheel
+from tolerances import PINOCCHIO, assert_close
+
+ETA, LINK = 0.7, 0.1
+GEAR = {"gear_ratio": 50.0, "efficiency": ETA}
+
+
+def pendulum(**drive: Any) -> dict[str, Any]:
+    """One kilogram on one metre, held out horizontally: a load of 9.81 N m."""
+    urdf = models.scene("pendulum").robot.urdf
+    joints = {"swing": {"actuator": GEAR | drive}}
+    return {
+        "robot": {"urdf": urdf},
+        "joints": joints,
+        "initial": {"position": {"swing": np.pi / 2}},
+    }
+
+
+@pytest.mark.parametrize("speed", [3.0, -3.0])
+@pytest.mark.parametrize("torque", [0.8, -0.8])
+def test_four_quadrants(speed: float, torque: float) -> None:
+    """Driving, η of the torque arrives; braking, the link feels 1/η of it."""
+    sim = Simulator(wheel(LINK, **GEAR), backend="vm")
+    sim.reset([0.0], [speed])
+    sim.run(0.1, [torque])
+    arrives = torque * (ETA if torque * speed > 0.0 else 1.0 / ETA)
+    assert_close(sim.state.v, [speed + arrives / LINK * 0.1], 1e-12)
+    acceleration = Dynamics(sim.model).forward([0.0], [speed], [torque])
+    assert_close(acceleration, [arrives / LINK], PINOCCHIO)
+
+
+def test_power_that_arrives() -> None:
+    for direction in (-1.0, 1.0):
+        for torque in (-2.0, 5.0):
+            out = torque - transmission.gear_loss(direction, torque, ETA)
+            driving = torque * direction > 0.0
+            assert_close(out / torque if driving else torque / out, ETA, PINOCCHIO)
+            assert direction * transmission.gear_loss(direction, torque, ETA) > 0.0
+            assert_close(transmission.gear_input(direction, out, ETA), torque, PINOCCHIO)
+
+
+@pytest.mark.parametrize("share", [ETA * 1.001, 1.0, 0.999 / ETA])
+def test_at_rest_the_gear_holds(share: float) -> None:
+    """Between η and 1/η of the load the arm stands, to the bit."""
+    sim = Simulator(pendulum())
+    sim.run(5.0, [9.81 * share])
+    assert sim.state.q[0] == np.pi / 2 and sim.state.v[0] == 0.0
+
+
+@pytest.mark.parametrize(("share", "way"), [(ETA * 0.999, -1.0), (1.001 / ETA, 1.0)])
+def test_and_breaks_away_at_the_right_torque(share: float, way: float) -> None:
+    sim = Simulator(pendulum())
+    sim.run(0.5, [9.81 * share])
+    assert way * sim.state.v[0] > 1e-3
+
+
+def test_a_gear_without_load_turns_freely() -> None:
+    sim = Simulator(wheel(LINK, **GEAR), backend="vm")
+    sim.reset([0.0], [2.0])
+    sim.run(1.0)
+    assert_close(sim.state.v, [2.0], 1e-12)
+
+
+def test_falling_with_the_motor_as_a_brake_takes_energy_out() -> None:
+    """What the motor absorbs is η of what the weight gives."""
+    sim = Simulator(pendulum())
+    recording = sim.run(0.6, [9.81 * 0.5])
+    energy = recording.energy
+    travelled = recording.q[:, 0] - recording.q[0, 0]
+    assert travelled[-1] < -0.3
+    assert_close(energy - energy[0], 9.81 * 0.5 / ETA * travelled, 1e-8)
+
+
+def test_with_friction_of_the_joint_both_must_be_overcome() -> None:
+    scene = pendulum()
+    scene["joints"]["swing"]["friction"] = {"coulomb": 1.0, "static": 2.0}
+    still, moving = Simulator(scene), Simulator(scene)
+    still.run(1.0, [(9.81 + 2.0) / ETA * 0.999])
+    moving.run(1.0, [(9.81 + 2.0) / ETA * 1.001])
+    assert still.state.v[0] == 0.0 and still.state.q[0] == np.pi / 2
+    assert moving.state.v[0] > 0.5
+
+
+def test_inverse_dynamics_overcomes_the_gear(rng: np.random.Generator) -> None:
+    """Forward dynamics of it gives the acceleration back, driving and braking."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    scene["joints"] = {"*": {"actuator": GEAR, "friction": {"viscous": 0.2, "coulomb": 0.5}}}
+    dyn = Dynamics(scene)
+    for _ in range(20):
+        q, v, a = models.random_state(rng, 2)
+        tau = dyn.inverse(q, v, a)
+        assert_close(dyn.forward(q, v, tau), a, 1e-9)
+        assert_close(dyn.command(q, v, a), tau, PINOCCHIO)
+
+
+def test_feed_forward_of_friction_overcomes_the_gear(rng: np.random.Generator) -> None:
+    """At a brisk speed the reference's friction, the gear's included, is what is added."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    scene["joints"] = {"*": {"actuator": GEAR, "friction": {"viscous": 0.2, "coulomb": 0.5}}}
+    dyn = Dynamics(scene)
+    q, v, a = models.random_state(rng, 2)
+    rigid = dyn.inverse(q, v, a, terms=Term.ALL & ~Term.FRICTION)
+    assert_close(rigid + ahead(dyn.model, v, q, rigid), dyn.inverse(q, v, a), 1e-9)
+    assert_close(ahead(dyn.model, 0.0 * v, q, rigid), np.zeros(2), PINOCCHIO)
+
+
+def test_voltage_driven_with_a_lossy_gear() -> None:
+    """At constant speed N K_t i = load / η: the pendulum's weight is lifted slowly."""
+    motor = {"resistance": 1.0, "inductance": 1e-3, "torque_constant": 0.05, "rotor_inertia": 1e-4}
+    sim = Simulator(wheel(LINK, command="voltage", **GEAR, **motor))
+    sim.reset([0.0], [0.0])
+    state = sim.run(2.0, [6.0])
+    assert_close(state.v[-1], [6.0 / (0.05 * 50.0)], 1e-6)
+    assert abs(state.z[-1, 0]) < 1e-5
+
+
+@pytest.mark.parametrize("torque", [2.0, -2.0])
+def test_behind_a_spring_its_torque_arrives_in_part(torque: float) -> None:
+    """Turning steadily against viscous friction: b v = η τ, with the balance of energy."""
+    scene = wheel(LINK, {"stiffness": 500.0, "damping": 5.0}, rotor_inertia=1e-5, **GEAR)
+    scene["joints"]["axle"]["friction"] = {"viscous": 0.5}
+    sim = Simulator(scene)
+    recording = sim.run(6.0, [torque])
+    assert_close(sim.state.v, [ETA * torque / 0.5], 1e-6)
+    assert abs(recording.balance).max() < 1e-7
+
+
+def test_behind_a_spring_it_holds() -> None:
+    """A load within what the gear holds does not move, whatever the rotor does meanwhile."""
+    scene = pendulum(rotor_inertia=1e-4)
+    scene["joints"]["swing"]["transmission"] = {"stiffness": 2e3, "damping": 20.0}
+    sim = Simulator(scene)
+    sim.set_state(z=[np.pi / 2 + 9.81 / 2e3, 0.0])
+    sim.run(1.0, [9.81 * 1.2])
+    assert sim.state.v[0] == 0.0 and sim.state.q[0] == np.pi / 2
+    assert abs(sim.state.z[0] - np.pi / 2 - 9.81 * 1.2 / 2e3) < 1e-4
+
+
+def test_an_ideal_gear_is_no_dry_friction() -> None:
+    sim = Simulator(wheel(LINK, gear_ratio=50.0, efficiency=1.0), backend="vm")
+    assert not sim.model.has_dry_friction and not sim.plant.events
+
+
+@pytest.mark.parametrize(
+    "friction",
+    [
+        {"coulomb": 1, "load": {"at": [0, 10], "factor": [1, 2]}},
+        {"coulomb": 1, "lugre": {"sigma0": 1e4}},
+    ],
+    ids=["load", "lugre"],
+)
+def test_losses_that_would_be_counted_twice(friction: dict[str, Any]) -> None:
+    scene = pendulum()
+    scene["joints"]["swing"]["friction"] = friction
+    with pytest.raises(SceneError, match="efficiency"):
+        Dynamics(scene)

@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States that obey the constraints, and clear errors where there are none."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, ConstraintError, Dynamics, InvalidInput, SceneError, load_scene
+from arm_sim import Simulator
+from tolerances import CLOSURE, assert_close
+
+TWO_LINK = str(models.SCENES / "two_link.urdf")
+TIP = {"frames": ["tip", "world"]}
+
+
+def robot(*constraints: dict[str, Any], **more: Any) -> dict[str, Any]:
+    urdf = {"urdf": TWO_LINK, "lock": more.pop("lock", [])}
+    return {"robot": urdf, "constraints": list(constraints), **more}
+
+
+def test_an_open_loop_is_closed_before_it_moves() -> None:
+    """The slider-crank's scene guesses knuckle and rail; 0.15 and 0.4 m decide."""
+    q, _ = (dyn := Dynamics(models.SCENES / "slider_crank.yaml")).model.q0, None
+    crank, knuckle, rail = q
+    assert_close(0.15 * np.sin(crank) + 0.4 * np.sin(crank + knuckle), 0.0, CLOSURE)
+    assert_close(0.15 * np.cos(crank) + 0.4 * np.cos(crank + knuckle), rail, CLOSURE)
+    assert dyn.constrained.closure.residuals(q)["pin"] < CLOSURE
+
+
+@pytest.mark.parametrize("elbow", [0.7, -0.7])
+def test_the_branch_of_the_guess_is_kept(elbow: float) -> None:
+    """The tip can reach a point with the elbow up or down."""
+    held = {"type": "point", "points": [[0, 0, 0], [0.7, 0, 0.1]], **TIP}
+    dyn = Dynamics(robot(held, initial={"position": {"shoulder": -elbow / 2, "elbow": elbow}}))
+    assert np.sign(dyn.model.q0[1]) == np.sign(elbow)
+
+
+def test_the_nearest_state_in_the_metric_of_mass() -> None:
+    """The way to it is M-orthogonal to every motion that the constraints leave."""
+    dyn = Dynamics(models.SCENES / "five_bar.yaml")
+    closure, q0 = dyn.constrained.closure, dyn.model.q0
+    off = q0 + 1e-5 * np.array([1.0, -2.0, 0.5, 1.5])
+    q, v = closure.closed(off, np.array([1.0, 2.0, 3.0, 4.0]))
+    A = closure.rows.stacked(q, v, ("tool",)).jacobian
+    free = np.eye(4) - np.linalg.pinv(A) @ A
+    M = dyn.mass_matrix(q)
+    np.testing.assert_allclose(free @ M @ (q - off), 0.0, atol=1e-11)
+    np.testing.assert_allclose(free @ M @ (v - [1.0, 2.0, 3.0, 4.0]), 0.0, atol=1e-12)
+    np.testing.assert_allclose(A @ v, 0.0, atol=1e-14)
+
+
+def test_out_of_reach_says_by_how_much() -> None:
+    """0.5 m and 0.4 m do not reach 1.2 m: 0.3 m are missing."""
+    held = {"type": "point", "name": "nail", "points": [[0, 0, 0], [1.2, 0, 0]], **TIP}
+    with pytest.raises(ConstraintError, match="'nail' by 0.3") as error:
+        Dynamics(robot(held, initial={"position": {"elbow": 0.5, "shoulder": -0.2}}))
+    assert_close(error.value.residuals["nail"], 0.3, 1e-3)
+    assert isinstance(error.value, SceneError)
+
+
+def test_constraints_that_contradict_each_other() -> None:
+    heights = [{"type": "plane", "height": h, **TIP} for h in (0.1, 0.2)]
+    with pytest.raises(ConstraintError, match=r"'plane_0' by 0\.05, 'plane_1' by 0\.05"):
+        Dynamics(robot(*heights))
+
+
+def test_a_position_that_cannot_be_closed_loses_nothing() -> None:
+    """A four-bar's rocker does not go round."""
+    sim = Simulator(models.SCENES / "slider_crank.yaml")
+    sim.run(0.01)
+    before = sim.state
+    with pytest.raises(InvalidInput, match="finite"):
+        sim.reset([np.nan, 0.0, 0.0])
+    assert sim.state is before
+
+
+def test_reset_and_set_state_close_what_they_are_given() -> None:
+    sim = Simulator(models.SCENES / "four_bar.yaml")
+    closure = sim.dynamics.constrained.closure
+    for state in (sim.reset(sim.state.q + 0.01, [1.0, 0, 0]), sim.set_state(sim.state.q - 0.01)):
+        row = closure.rows.stacked(state.q, state.v, ("loop",))
+        np.testing.assert_allclose(row.residual, 0.0, atol=CLOSURE)
+        np.testing.assert_allclose(row.jacobian @ state.v, 0.0, atol=CLOSURE)
+
+
+def test_both_frames_on_one_body() -> None:
+    weld = {"type": "point", "frames": ["forearm", "tip"]}
+    with pytest.raises(SceneError, match="'forearm' to 'tip', which cannot move against each"):
+        Dynamics(robot(weld))
+
+
+def test_a_locked_joint_leaves_nothing_to_move() -> None:
+    held = {"type": "plane", "frames": ["upper_arm", "world"]}
+    with pytest.raises(SceneError, match="locked"):
+        Dynamics(robot(held, lock=["shoulder"]))
+    geared = {"type": "coupling", "joints": ["elbow", "shoulder"], "ratio": 1.0}
+    with pytest.raises(SceneError, match="'shoulder', which is locked; allowed: elbow"):
+        load_scene(robot(geared, lock=["shoulder"]))
+
+
+REFUSED = {
+    "unknown frame": (
+        {"type": "point", "frames": ["tip", "wall"]},
+        "'wall', which does not exist",
+    ),
+    "unknown joint": ({"type": "coupling", "joints": ["elbow", "knee"], "ratio": 1}, "'knee'"),
+    "one frame twice": ({"type": "point", "frames": ["tip", "tip"]}, "two different frames"),
+    "unknown type": ({"type": "glue", **TIP}, "'glue'"),
+    "no type": ({**TIP}, "type"),
+    "unknown key": ({"type": "point", "offset": 1, **TIP}, r"unknown key.*offset"),
+    "no direction": ({"type": "line", "direction": [0, 0, 0], **TIP}, "must not be zero"),
+    "no length": ({"type": "distance", "distance": 0, **TIP}, "distance"),
+    "off for ever": ({"type": "point", "active": False, **TIP}, "switchable: true"),
+    "not finite": ({"type": "plane", "height": float("inf"), **TIP}, "finite"),
+}
+
+
+@pytest.mark.parametrize(("constraint", "said"), REFUSED.values(), ids=REFUSED)
+def test_refused(constraint: dict[str, Any], said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        load_scene(robot(constraint))
+
+
+def test_names_must_differ() -> None:
+    with pytest.raises(SceneError, match="two constraints are called 'a'"):
+        load_scene(
+            robot({"type": "plane", "name": "a", **TIP}, {"type": "point", "name": "a", **TIP})
+        )
+
+
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ({"joints": {"elbow": {"friction": {"coulomb": 1.0}}}}, "dry friction"),
+        (
+            {"contact": {"type": "contact", "frame": "tip", "plane": {"point": [0, 0, -2]}}},
+            "contact",
+        ),
+    ],
+)
+def test_what_cannot_be_combined_is_refused(more: dict[str, Any], said: str) -> None:
+    held = [{"type": "plane", **TIP}, *([more.pop("contact")] if "contact" in more else [])]
+    with pytest.raises(SceneError, match=said):
+        Simulator(robot(*held, **more))
+
+
+OVERCONSTRAINED = {"bricard": 4, "slider_crank": 2, "parallel_gripper": 5, "panda_pen": 1}
+
+
+@pytest.mark.parametrize(("name", "rank"), OVERCONSTRAINED.items())
+def test_rows_that_depend_on_others_are_left_out(name: str, rank: int) -> None:
+    model = ArmModel(load_scene(models.SCENES / f"{name}.yaml"))
+    assert sum(len(kept) for kept in model.constraint_rows.values()) == rank
+
+
+def test_a_doubled_constraint_is_left_out_unless_the_other_can_go() -> None:
+    both = [{"type": "plane", "name": name, **TIP} for name in ("a", "b")]
+    assert ArmModel(load_scene(robot(*both))).constraint_rows == {0: (0,), 1: ()}
+    both[0]["switchable"] = True
+    assert ArmModel(load_scene(robot(*both))).constraint_rows == {0: (), 1: (0,)}
+    both[1]["switchable"] = True
+    assert ArmModel(load_scene(robot(*both))).constraint_rows == {0: (0,), 1: (0,)}
+
+
+def test_of_equal_rows_the_first_is_kept() -> None:
+    """Bricard's linkage is symmetric: rounding, which machines differ in, must not choose."""
+    model = ArmModel(models.scene("bricard"))
+    assert model.constraint_rows == {0: (0, 1, 2), 1: (2,)}

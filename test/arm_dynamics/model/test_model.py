@@ -1,0 +1,80 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robot as numbers: names, types, limits and masses."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import models
+from arm_dynamics import ArmModel, Dynamics, load_scene
+
+SCARA = str(models.FOLDER / "scara.urdf")
+
+
+def vectors(model: ArmModel) -> list[np.ndarray]:
+    friction = [model.viscous, model.friction.coulomb.mean, model.armature]
+    limits = [model.effort_limit, model.velocity_limit]
+    return [model.q0, model.v0, *friction, *limits, model.position_lower, model.position_upper]
+
+
+def test_scara_by_hand() -> None:
+    model = ArmModel(load_scene(SCARA))
+    assert model.n == 4
+    assert model.joint_names == ("inner", "outer", "slide", "spin")
+    assert model.joint_types == ("revolute", "revolute", "prismatic", "continuous")
+    np.testing.assert_array_equal(model.position_lower, [-2.6, -2.6, 0.0, -np.inf])
+    np.testing.assert_array_equal(model.position_upper, [2.6, 2.6, 0.2, np.inf])
+    np.testing.assert_array_equal(model.velocity_limit, [6.0, 8.0, 1.0, np.inf])
+    np.testing.assert_array_equal(model.effort_limit, [60.0, 30.0, 100.0, np.inf])
+    np.testing.assert_allclose(model.total_mass, 4 + 2.5 + 0.8 + 0.3, rtol=1e-15)
+
+
+def test_scene_replaces_limits() -> None:
+    limits = {"effort": 5.0, "velocity": 0.5, "lower": -0.1, "upper": 0.1}
+    model = ArmModel(
+        load_scene({"robot": {"urdf": SCARA}, "joints": {"slide": {"limits": limits}}})
+    )
+    found = (model.effort_limit, model.velocity_limit, model.position_lower, model.position_upper)
+    assert [float(x[2]) for x in found] == [5.0, 0.5, -0.1, 0.1]
+    np.testing.assert_array_equal(model.effort_limit[[0, 1, 3]], [60.0, 30.0, np.inf])
+
+
+def test_frames_include_links_and_joints(robot: str) -> None:
+    frames = models.dynamics(robot).model.frame_names
+    assert set(models.dynamics(robot).joint_names) <= set(frames)
+
+
+def test_vectors_are_read_only(robot: str) -> None:
+    model = models.dynamics(robot).model
+    for array in vectors(model):
+        with pytest.raises(ValueError, match="read-only"):
+            array[0] = 1.0
+
+
+def test_vectors_have_one_entry_per_joint(robot: str) -> None:
+    model = models.dynamics(robot).model
+    for array in vectors(model):
+        assert len(array) == model.n
+
+
+def test_holds_pinocchios_model() -> None:
+    model = models.dynamics("panda").model
+    assert isinstance(model.pin, pin.Model)
+    assert list(model.pin.names)[1:] == list(model.joint_names)
+
+
+def test_real_robots_have_the_joints_they_are_sold_with() -> None:
+    assert [models.dynamics(name).n for name in ("panda", "ur10", "kinova", "z1", "puma560")] == [
+        7,
+        6,
+        6,
+        6,
+        6,
+    ]
+
+
+def test_dynamics_takes_a_model_that_is_built() -> None:
+    model = ArmModel(load_scene(SCARA))
+    assert Dynamics(model).model is model

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A bad scene gives one clear error that names the key, the value and what is allowed."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import models
+from arm_dynamics import ArmError, ArmModel, SceneError, load_scene
+
+URDF = str(models.FOLDER / "planar_3r.urdf")
+NAN, INF = float("nan"), float("inf")
+
+
+def payload(**changes: Any) -> dict[str, Any]:
+    return {"payloads": [{"frame": "link3", "mass": 1.0, **changes}]}
+
+
+def tied(**constraint: Any) -> dict[str, Any]:
+    return {"constraints": [{"frames": ["link3", "world"], **constraint}]}
+
+
+# What stands beside `robot` in the scene, and words that the error must contain.
+BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "unknown key": ({"gravitty": [0, 0, -9.81]}, ("gravitty", "gravity")),
+    "unknown key of a joint": ({"joints": {"joint1": {"damping": 1}}}, ("damping", "friction")),
+    "unknown friction": (
+        {"joints": {"joint1": {"friction": {"vicious": 1}}}},
+        ("vicious", "viscous"),
+    ),
+    "unknown key of a payload": (payload(weight=1), ("weight", "mass")),
+    "unknown key of sim": ({"sim": {"step": 1}}, ("step", "dt")),
+    "unknown joint": ({"joints": {"elbow": {"armature": 1}}}, ("elbow", "joint1")),
+    "unknown initial position": ({"initial": {"position": {"q9": 1}}}, ("q9", "joint1")),
+    "unknown initial velocity": ({"initial": {"velocity": {"q9": 1}}}, ("q9", "joint1")),
+    "unknown frame": (payload(frame="hand"), ("hand", "link3")),
+    "gravity of two": ({"gravity": [0, -9.81]}, ("gravity",)),
+    "gravity of four": ({"gravity": [0, 0, 0, -9.81]}, ("gravity",)),
+    "gravity a number": ({"gravity": -9.81}, ("gravity", "-9.81")),
+    "gravity NaN": ({"gravity": [0, 0, NAN]}, ("gravity", "nan", "finite")),
+    "gravity infinite": ({"gravity": [0, INF, 0]}, ("gravity", "inf", "finite")),
+    "gravity of words": ({"gravity": ["a", "b", "c"]}, ("gravity", "'a'")),
+    "gravity nothing": ({"gravity": None}, ("gravity",)),
+    "negative friction": (
+        {"joints": {"joint1": {"friction": {"viscous": -1}}}},
+        ("viscous", "-1"),
+    ),
+    "negative Coulomb": ({"joints": {"*": {"friction": {"coulomb": -0.5}}}}, ("coulomb", "-0.5")),
+    "friction NaN": ({"joints": {"*": {"friction": {"coulomb": NAN}}}}, ("coulomb", "nan")),
+    "friction a truth value": (
+        {"joints": {"*": {"friction": {"viscous": True}}}},
+        ("viscous", "True"),
+    ),
+    "friction a number": ({"joints": {"*": {"friction": 0.5}}}, ("friction", "0.5")),
+    "negative armature": ({"joints": {"joint1": {"armature": -2}}}, ("armature", "-2")),
+    "negative effort limit": (
+        {"joints": {"joint1": {"limits": {"effort": -3}}}},
+        ("effort", "-3"),
+    ),
+    "effort limit NaN": ({"joints": {"joint1": {"limits": {"effort": NAN}}}}, ("effort", "nan")),
+    "line without direction": (
+        tied(type="line", direction=[0, 0, 0]),
+        ("direction", "not be zero"),
+    ),
+    "plane without normal": (tied(type="plane", normal=[0, 0, 1e-10]), ("normal", "not be zero")),
+    "axle without direction": (
+        tied(type="rolling", radius=1, axle=[0, 0, 0]),
+        ("axle", "not be zero"),
+    ),
+    "negative mass": (payload(mass=-1.2), ("mass", "-1.2")),
+    "mass infinite": (payload(mass=INF), ("mass", "inf")),
+    "no mass": ({"payloads": [{"frame": "link3"}]}, ("mass",)),
+    "com of two": (payload(com=[0, 0]), ("com",)),
+    "com NaN": (payload(com=[0, 0, NAN]), ("com", "nan")),
+    "inertia of three": (payload(inertia=[1, 1, 1]), ("inertia",)),
+    "inertia negative": (payload(inertia=[-1, 0, 0, 1, 0, 1]), ("inertia", "negative")),
+    "inertia indefinite": (payload(inertia=[1, 5, 0, 1, 0, 1]), ("inertia", "negative")),
+    "payloads a mapping": ({"payloads": {"frame": "link3", "mass": 1}}, ("payloads",)),
+    "joints a list": ({"joints": ["joint1"]}, ("joints",)),
+    "initial NaN": ({"initial": {"position": {"joint1": NAN}}}, ("joint1", "nan")),
+    "initial a list": ({"initial": {"position": [0, 0, 0]}}, ("position",)),
+    "dt zero": ({"sim": {"dt": 0}}, ("dt", "0")),
+    "dt negative": ({"sim": {"dt": -1e-3}}, ("dt", "-0.001")),
+    "dt NaN": ({"sim": {"dt": NAN}}, ("dt", "nan")),
+    "tolerance zero": ({"sim": {"tolerance": 0}}, ("tolerance", "0")),
+    "tolerance NaN": ({"sim": {"tolerance": NAN}}, ("tolerance", "nan")),
+    "tolerance infinite": ({"sim": {"tolerance": INF}}, ("tolerance", "inf")),
+}
+
+# The whole scene, where it is the robot or the form that is wrong.
+BAD_SCENES: dict[str, tuple[Any, tuple[str, ...]]] = {
+    "no robot": ({"gravity": [0, 0, 0]}, ("robot",)),
+    "empty": ({}, ("robot",)),
+    "robot a path": ({"robot": URDF}, ("robot",)),
+    "no urdf": ({"robot": {"lock": []}}, ("urdf",)),
+    "urdf empty": ({"robot": {"urdf": ""}}, ("urdf",)),
+    "missing urdf": ({"robot": {"urdf": "no/such/arm.urdf"}}, ("no/such/arm.urdf",)),
+    "missing package": ({"robot": {"urdf": "package://nobody/a.urdf"}}, ("package://nobody/a.urdf",)),
+    "missing file": ("no_such_scene.yaml", ("no_such_scene.yaml",)),
+    "a folder": (str(models.FOLDER), (str(models.FOLDER),)),
+    "empty name": ("", ()),
+    "unknown lock": ({"robot": {"urdf": URDF, "lock": ["wrist"]}}, ("lock", "wrist", "joint1")),
+    "lock a name": ({"robot": {"urdf": URDF, "lock": "joint1"}}, ("lock", "joint1")),
+}  # fmt: skip
+
+BAD_YAML = {
+    "unclosed": "robot: {urdf: arm.urdf",
+    "tab": "robot:\n\turdf: arm.urdf",
+    "a list": "- robot\n- gravity\n",
+    "a word": "panda",
+    "nothing": "",
+    "an object": "robot: !!python/object/apply:os.getcwd []",
+    "key twice over": "robot: [urdf]\n  lock: x",
+}
+
+
+@pytest.mark.parametrize(("part", "words"), BAD_KEYS.values(), ids=BAD_KEYS)
+def test_bad_key(part: dict[str, Any], words: tuple[str, ...]) -> None:
+    refuses({"robot": {"urdf": URDF}, **part}, words)
+
+
+@pytest.mark.parametrize(("scene", "words"), BAD_SCENES.values(), ids=BAD_SCENES)
+def test_bad_scene(scene: Any, words: tuple[str, ...]) -> None:
+    refuses(scene, words)
+
+
+@pytest.mark.parametrize("text", BAD_YAML.values(), ids=BAD_YAML)
+def test_bad_yaml_names_the_file(text: str, tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_text(text)
+    refuses(path, ("bad.yaml",))
+
+
+def test_binary_file(tmp_path: Path) -> None:
+    path = tmp_path / "bad.yaml"
+    path.write_bytes(b"\x89PNG\xff\xfe\x00\x01")
+    refuses(path, ("bad.yaml",))
+
+
+@pytest.mark.parametrize("source", [None, 3, 1.5, ["panda.yaml"], object], ids=str)
+def test_not_a_source(source: Any) -> None:
+    with pytest.raises(ArmError):
+        load_scene(source)
+
+
+def test_locking_everything() -> None:
+    scene = load_scene({"robot": {"urdf": URDF, "lock": ["joint1", "joint2", "joint3"]}})
+    with pytest.raises(SceneError, match="no joint"):
+        ArmModel(scene)
+
+
+def test_every_complaint_at_once() -> None:
+    """Two mistakes are told in one go, not one after the other."""
+    refuses({"robot": {"urdf": URDF}, "gravity": [0, 0], "sim": {"dt": -1}}, ("gravity", "dt"))
+
+
+def refuses(source: Any, words: tuple[str, ...]) -> None:
+    with pytest.raises(SceneError) as caught:
+        load_scene(source)
+    missing = [word for word in words if word not in str(caught.value)]
+    assert not missing, f"{missing} not in: {caught.value}"

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Sim and controller close the loop, driven by hand: no clock, so the same on every machine."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Ros
+from sensor_msgs.msg import JointState
+from sim_by_hand import state_bytes
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+import models
+from arm_dynamics import load_scene
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+RMS = 1e-3  # [rad] with a perfect model
+GOALS = 0.5 * np.array([[1, -1, 1, -1, 1, -1, 1], [-1, 1, 0, 1, -1, 1, 0], [0, 0, 0, 0, 0, 0, 0]])
+
+
+def pair(
+    ros: Ros, controllers_scene: Any = None, **parameters: Any
+) -> tuple[SimNode, ControllerNode]:
+    scene = models.scene("panda")
+    sim = ros.add(SimNode, scene, realtime=False, integrator="rk4", **parameters)
+    return sim, ros.add(ControllerNode, controllers_scene or scene, bandwidth=[20.0])
+
+
+def trajectory(sim: SimNode) -> JointTrajectory:
+    """Half a radian there and back with every joint, in three seconds."""
+    points = [
+        JointTrajectoryPoint(positions=(sim.simulator.model.q0 + goal).tolist()) for goal in GOALS
+    ]
+    for i, point in enumerate(points):
+        point.time_from_start.sec = i + 1
+    return JointTrajectory(joint_names=list(sim.simulator.joint_names), points=points)
+
+
+def follow(sim: SimNode, controller: ControllerNode, ticks: int) -> tuple[np.ndarray, np.ndarray]:
+    """Drive both, each state answered within its tick; return tracking errors and positions."""
+    controller.on_joint_states(state_bytes(sim))
+    controller.on_joint_trajectory(trajectory(sim))
+    errors, positions = [], []
+    for _ in range(ticks):
+        sim.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
+        sim.tick()
+        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
+        errors.append(reference.q - sim.simulator.state.q)
+        positions.append(sim.simulator.state.q)
+    return np.array(errors), np.array(positions)
+
+
+def rms(errors: np.ndarray) -> float:
+    return float(np.sqrt(np.mean(errors**2)))
+
+
+def test_tracks_with_a_perfect_model(ros: Ros) -> None:
+    sim, controller = pair(ros)
+    errors, positions = follow(sim, controller, 3500)
+    assert rms(errors) < RMS
+    assert np.ptp(positions, axis=0).min() > 0.4
+    np.testing.assert_allclose(positions[-1], sim.simulator.model.q0, rtol=0.0, atol=RMS)
+
+
+def test_a_wrong_model_shows(ros: Ros) -> None:
+    heavy = load_scene(
+        {
+            **models.scene("panda").model_dump(exclude_unset=True),
+            "payloads": [{"frame": "panda_hand", "mass": 2.0, "com": [0.0, 0.0, 0.1]}],
+        }
+    )
+    errors, _ = follow(*pair(ros, heavy), 1500)
+    assert rms(errors) > 10 * RMS
+
+
+def test_two_runs_are_equal_to_the_bit(ros: Ros) -> None:
+    first = follow(*pair(ros), 500)
+    second = follow(*pair(ros), 500)
+    np.testing.assert_array_equal(first, second)
+
+
+def test_over_topics(ros: Ros) -> None:
+    sim, _ = pair(ros, stale_policy="gravity")
+    answers = ros.listen(JointState, "/joint_commands")
+    q0 = sim.simulator.state.q
+    for count in range(1, 101):
+        sim.tick()
+        ros.spin_until(lambda count=count: len(answers) >= count)
+    assert sim._outputs.round_trip.percentiles().count > 50
+    np.testing.assert_allclose(sim.simulator.state.q, q0, rtol=0.0, atol=1e-6)

@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Motors over topics: currents and voltages by name, torques as what acted."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from harness import Ros
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from sim_by_hand import state_bytes
+from std_msgs.msg import Float64MultiArray
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+import models
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+
+def lead(sim: SimNode, controller: ControllerNode, goal: list[float], ticks: int) -> np.ndarray:
+    """Lead the arm to a goal within a second; errors of the joints at each tick."""
+    controller.on_joint_states(state_bytes(sim))
+    point = JointTrajectoryPoint(positions=goal)
+    point.time_from_start.sec = 1
+    names = list(sim.simulator.joint_names)
+    controller.on_joint_trajectory(JointTrajectory(joint_names=names, points=[point]))
+    errors = []
+    for _ in range(ticks):
+        sim.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
+        sim.tick()
+        reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
+        errors.append(sim.simulator.state.q - reference.q)
+    return np.array(errors)
+
+
+@pytest.mark.parametrize(
+    ("scene", "goal", "error"),
+    [("motor_pendulum", [1.2], 5e-3), ("flexible_arm", [0.3, -0.6], 1e-2)],
+)
+def test_controller_leads_an_arm_through_its_motors(
+    ros: Ros, scene: str, goal: list[float], error: float
+) -> None:
+    """Voltages on a motor, a harmonic drive and a belt: the node finds commands by itself."""
+    sim = ros.add(SimNode, models.scene(scene), realtime=False)
+    controller = ros.add(ControllerNode, models.scene(scene), bandwidth=[20.0])
+    errors = lead(sim, controller, goal, 1500)
+    assert np.abs(errors).max() < error
+    assert np.abs(errors[-1]).max() < error / 2
+
+
+def test_a_voltage_on_the_topic_and_its_limit(ros: Ros) -> None:
+    sim = ros.add(SimNode, models.scene("motor_pendulum"), realtime=False)
+    sim.on_joint_commands(serialize_message(JointState(name=["swing"], effort=[100.0])))
+    for _ in range(20):
+        sim.tick()
+    current = sim.simulator.state.z[0]
+    assert 0.0 < current < 24.0 / 0.8
+    np.testing.assert_allclose(sim.simulator.effort, 50 * 0.05 * current, rtol=1e-12)
+
+
+def test_commands_in_model_order(ros: Ros) -> None:
+    sim = ros.add(SimNode, models.scene("flexible_arm"), realtime=False)
+    sim.on_commands(Float64MultiArray(data=[5.0, 0.0]))
+    sim.tick()
+    assert sim.simulator.state.z[1] > 0.0
+
+
+def test_policy_gravity_finds_the_command_that_carries_the_arm(ros: Ros) -> None:
+    sim = ros.add(SimNode, models.scene("flexible_arm"), realtime=False, stale_policy="gravity")
+    for _ in range(500):
+        sim.tick()
+    simulator = sim.simulator
+    assert np.abs(simulator.state.q - simulator.model.q0).max() < 0.05

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Error-controlled sub-steps inside every tick."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import models
+from arm_sim import Simulator
+
+DATA = json.loads((Path(__file__).parents[2] / "reference/double_pendulum.json").read_text())[
+    "pi6_pi4"
+]
+
+
+def error(seconds: float, **options: object) -> float:
+    sim = models.simulator("double_pendulum", **options)
+    sim.reset(q=[np.pi / 6, np.pi / 12], v=[0.0, 0.0])
+    q = sim.run(seconds).q[-1]
+    th1, th2 = (float(x) for x in DATA[str(int(seconds))][:2])
+    return float(np.abs(q - [th1, th2 - th1]).max())
+
+
+@pytest.mark.parametrize("tolerance", [1e-4, 1e-6, 1e-8, 1e-10])
+@pytest.mark.parametrize("dt", [1e-3, 0.1, 1.0])
+def test_delivers_what_is_asked(tolerance: float, dt: float) -> None:
+    """Ten seconds to ten times the tolerance, whatever the length of a tick."""
+    assert error(10.0, tolerance=tolerance, dt=dt) < 10 * tolerance
+
+
+def test_tighter_is_better() -> None:
+    errors = [error(5.0, tolerance=tolerance, dt=1.0) for tolerance in (1e-4, 1e-7, 1e-10)]
+    assert errors[0] > errors[1] > errors[2]
+
+
+def test_a_long_tick_works_where_a_fixed_step_cannot() -> None:
+    """One tick of a second: the fixed step is far off, error control is not."""
+    assert error(1.0, integrator="rk4", dt=1.0) > 0.1
+    assert error(1.0, tolerance=1e-9, dt=1.0) < 1e-8
+
+
+@pytest.mark.parametrize("name", ["dopri5", "dop853"])
+def test_both_embedded_pairs(name: str) -> None:
+    assert error(5.0, integrator=name, tolerance=1e-8) < 1e-7
+
+
+def test_estimate_is_in_state_and_recording() -> None:
+    sim = models.simulator("double_pendulum", tolerance=1e-6, dt=0.1)
+    run = sim.run(2.0)
+    assert run.error[0] == 0.0 and run.error[-1] == sim.state.error > 0.0
+    assert (np.diff(run.error) >= 0.0).all()
+    assert sim.reset().error == 0.0
+
+
+def test_estimate_is_of_the_size_of_the_error() -> None:
+    """A sum of local estimates: not a bound, but neither idle nor absurd."""
+    sim = models.simulator("double_pendulum", tolerance=1e-6, dt=0.1)
+    true = error(5.0, tolerance=1e-6, dt=0.1)
+    assert true / 100 < sim.state.error < 100 * true + 1e-4
+
+
+def test_fixed_steps_claim_no_error() -> None:
+    run = models.simulator("double_pendulum", integrator="rk4").run(0.1)
+    np.testing.assert_array_equal(run.error, np.zeros(101))
+
+
+def test_starts_afresh_after_reset() -> None:
+    """What was learned of the step size must not leak into the next run: same start, same bits."""
+    sim = models.simulator("double_pendulum", tolerance=1e-8, dt=0.05)
+    first = sim.run(0.5).q
+    sim.reset(q=[3.0, 0.0], v=[9.0, -9.0])
+    sim.run(0.5)
+    sim.reset()
+    np.testing.assert_array_equal(sim.run(0.5).q, first)
+
+
+def test_torque_changes_between_ticks_are_met_exactly(rng: np.random.Generator) -> None:
+    """A torque that jumps each tick: error control gives what very short fixed steps give."""
+    torque = rng.normal(0.0, 10.0, (20, 2))
+    controlled = models.simulator("double_pendulum", tolerance=1e-11, dt=0.05).run(1.0, torque)
+    fine = models.simulator("double_pendulum", integrator="rk4", dt=2.5e-4).run(
+        1.0, torque.repeat(200, axis=0)
+    )
+    np.testing.assert_allclose(controlled.q[-1], fine.q[-1], rtol=0, atol=1e-8)
+
+
+def test_auto_chooses_by_what_is_asked() -> None:
+    scene = models.scene("double_pendulum")
+    assert Simulator(scene).plan.integrator == "rk4"
+    assert Simulator(scene, tolerance=1e-8).plan.integrator != "rk4"
+    assert Simulator(scene, integrator="auto").plan.reason

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Contact of points with planes: touch, bounce, rest, slide and lift off, against closed forms."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import models
+from arm_sim import Simulator
+from models.touching import contact, rails
+from tolerances import CLOSED_FORM, CONTACT_EVENTS, FINITE_DIFF, assert_close
+
+G = 9.81
+OPTIONS: dict[str, dict[str, Any]] = {
+    "rk4 1 ms": {"integrator": "rk4", "dt": 1e-3},
+    "rk4 10 ms": {"integrator": "rk4", "dt": 1e-2},
+    "error control": {"tolerance": 1e-10, "dt": 1e-2},
+}
+ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
+PENDULUM = {"robot": {"urdf": str(models.SCENES / "pendulum.urdf")}}
+TWO_LINK = str(models.SCENES / "two_link.urdf")
+L1, L2 = 0.5, 0.4
+
+
+def touching(scene: dict[str, Any], *contacts: dict[str, Any], **options: Any) -> Simulator:
+    return Simulator({**scene, "constraints": contacts}, **options)
+
+
+def bouncing(time: np.ndarray, height: float, e: float) -> tuple[np.ndarray, float]:
+    """Height of a point mass that bounces, and the time at which it has come to rest."""
+    landing = np.sqrt(2 * height / G)
+    z, start, v = height - 0.5 * G * time**2, landing, e * G * landing
+    z[time > landing] = 0.0
+    while v > 1e-14:
+        t = time - start
+        flying = (t > 0.0) & (t < 2 * v / G)
+        z[flying] = v * t[flying] - 0.5 * G * t[flying] ** 2
+        start, v = start + 2 * v / G, e * v
+    return z, landing * (1 + e) / (1 - e)
+
+
+@ALL
+@pytest.mark.parametrize("e", [0.0, 0.5, 0.8])
+def test_bounces_to_rest(options: dict[str, Any], e: float) -> None:
+    """All bounces at their times and heights, and rest from t1 (1 + e)/(1 - e) on for ever."""
+    sim = touching(rails("z", 2.0), contact("body", restitution=e), **options)
+    sim.reset(q=[0.3])
+    run = sim.run(2.5)
+    z, rests = bouncing(run.time, 0.3, e)
+    assert_close(run.q[:, 0], z, CONTACT_EVENTS)
+    after = run.time > rests + 1e-9
+    assert after.any() and (run.v[~after][1:, 0] != 0.0).all()
+    np.testing.assert_array_equal(run.q[after], np.zeros((after.sum(), 1)))
+    np.testing.assert_array_equal(run.v[after], np.zeros((after.sum(), 1)))
+
+
+@ALL
+def test_slides_to_a_stop_on_a_plane(options: dict[str, Any]) -> None:
+    """From speed s straight on for s²/2µg, for s/µg seconds, in any direction of the plane."""
+    mu, v0 = 0.4, np.array([1.0, 0.5, 0.0])
+    sim = touching(rails("xyz", 2.0), contact("body", friction=mu), **options)
+    sim.reset(v=v0)
+    run = sim.run(0.5)
+    speed = np.linalg.norm(v0)
+    stopped = run.time > speed / (mu * G)
+    assert (np.abs(run.v[~stopped, 0]) > 0.0).all()
+    np.testing.assert_array_equal(run.v[stopped], np.zeros((stopped.sum(), 3)))
+    assert_close(run.q[-1], v0 * speed / (2 * mu * G), CLOSED_FORM)
+
+
+@ALL
+def test_slope_at_the_angle_of_friction(options: dict[str, Any]) -> None:
+    """Rests for ever below tan θ = µ, starts above it, and slides up and back again."""
+    angle = 0.3
+    normal, down = (np.sin(angle), 0.0, np.cos(angle)), np.array([np.cos(angle), -np.sin(angle)])
+    for factor, rests in ((1.0001, True), (0.9999, False)):
+        mu = float(np.tan(angle)) * factor
+        plane = contact("body", friction=mu, plane={"normal": normal})
+        sim = touching(rails("xz"), plane, **options)
+        run = sim.run(0.3)
+        a = 0.0 if rests else G * (np.sin(angle) - mu * np.cos(angle))
+        assert_close(run.q, 0.5 * a * run.time[:, None] ** 2 * down, CLOSED_FORM)
+        assert (run.q == 0.0).all() == rests
+    sim = touching(rails("xz"), contact("body", friction=0.2, plane={"normal": normal}), **options)
+    sim.reset(v=-down)
+    run = sim.run(0.5)
+    up, back = (G * (np.sin(angle) + sign * 0.2 * np.cos(angle)) for sign in (1, -1))
+    way = -0.5 / up + 0.5 * back * (0.5 - 1 / up) ** 2
+    assert_close(run.q[-1], way * down, CLOSED_FORM)
+
+
+def test_pendulum_against_a_wall() -> None:
+    """Each hit leaves e² of the energy above that at the wall, to the next hit."""
+    e, angle = 0.7, 0.4
+    wall = {"point": [np.sin(angle), 0, 0], "normal": [-1, 0, 0]}
+    hit = contact("bob", point=[0, 0, -1], restitution=e, plane=wall)
+    sim = touching(PENDULUM, hit, tolerance=1e-12, dt=1e-2)
+    sim.reset(q=[-2.0])
+    run = sim.run(6.0)
+    over = run.energy + G * np.cos(angle)
+    levels = over[0] * e ** (2.0 * np.arange(30))
+    nearest = levels[np.argmin(abs(over[:, None] - levels), axis=1)]
+    assert len(np.unique(nearest)) > 4
+    assert_close(over, nearest, 1e-10)
+
+
+@ALL
+def test_arm_presses_on_a_table(options: dict[str, Any]) -> None:
+    """Two links stick to a table: its force is that of statics, and nothing moves, to the bit."""
+    q = elbow_up(0.7, -0.2)
+    table = contact("tip", friction=0.6, plane={"point": [0, 0, -0.2]})
+    sim = touching({"robot": {"urdf": TWO_LINK}}, table, **options)
+    wanted = np.array([3.0, 20.0])
+    tau = sim.dynamics.gravity(q) - jacobian(q).T @ wanted
+    sim.reset(q=q)
+    run = sim.run(1.0, tau)
+    (force,) = sim.contact_forces()
+    assert force.state == "sticks"
+    assert_close(force.force, [3.0, 0.0, 20.0], 1e-10)
+    np.testing.assert_array_equal(run.q[1:], np.broadcast_to(run.q[1], run.q[1:].shape))
+    np.testing.assert_array_equal(run.v, np.zeros_like(run.v))
+    assert_close(run.q[-1], q, 1e-15)
+
+
+@ALL
+def test_arm_slides_where_it_is_pushed_beyond_the_cone(options: dict[str, Any]) -> None:
+    """The tip starts at once, stays on the table, and bears µ times the normal force."""
+    table = contact("tip", friction=0.5, plane={"point": [0, 0, -0.2]})
+    sim = touching({"robot": {"urdf": TWO_LINK}}, table, **options)
+    q = elbow_up(0.6, -0.2)
+    sim.reset(q=q)
+    run = sim.run(0.05, sim.dynamics.gravity(q) - jacobian(q).T @ [-15.0, 20.0])
+    (force,) = sim.contact_forces()
+    assert force.state == "slides" and force.normal > 0.0
+    assert_close(force.force, force.normal * np.array([-0.5, 0.0, 1.0]), CLOSED_FORM)
+    assert run.v[1] @ jacobian(run.q[1])[0] > 0.0
+    assert_close(height(run.q[1:]), np.full(len(run) - 1, -0.2), 1e-15)
+
+
+def test_linearize_keeps_to_the_table() -> None:
+    """Derivatives of a sliding tick along the table, against differences; none away from it."""
+    table = contact("tip", friction=0.5, plane={"point": [0, 0, -0.2]})
+    sim = touching({"robot": {"urdf": TWO_LINK}}, table)
+    q = elbow_up(0.6, -0.2)
+    tau = sim.dynamics.gravity(q) - jacobian(q).T @ [-15.0, 20.0]
+    sim.reset(q=q)
+    sim.run(0.05, tau)
+    state, h = sim.state, 1e-6
+    A, B = sim.linearize(state, tau)
+    across = jacobian(state.q)[1]
+    along = np.array([-across[1], across[0]])
+
+    def after(speed: float, push: np.ndarray) -> np.ndarray:
+        sim.set_state(state.q, state.v + speed * along)
+        end = sim.step(tau + push)
+        return np.concatenate([end.q, end.v])
+
+    still = np.zeros(2)
+    assert_close(A[:, 2:] @ along, (after(h, still) - after(-h, still)) / (2 * h), FINITE_DIFF)
+    for push in np.eye(2):
+        difference = (after(0.0, h * push) - after(0.0, -h * push)) / (2 * h)
+        assert_close(B @ push, difference, FINITE_DIFF)
+    assert np.abs(across @ A[:2, :2] @ across) < 1e-3 * (across @ across)
+
+
+def test_unbalanced_rotor_lifts_its_base_off() -> None:
+    """Pressed down with F and without weight, a rotor jumps at sin ωt = F/(m r ω²)."""
+    m, r, base, F, w = 0.5, 0.2, 1.0, 6.0, 10.0
+    urdf = f"""<robot name="rotor"><link name="floor"/><link name="base"><inertial>
+      <mass value="{base}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link><link name="arm"><inertial><origin xyz="{r} 0 0"/><mass value="{m}"/><inertia ixx="0"
+      iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial></link><joint name="z" type="prismatic">
+      <parent link="floor"/><child link="base"/><axis xyz="0 0 1"/><limit lower="-9" upper="9"
+      effort="1e9" velocity="1e9"/></joint><joint name="turn" type="continuous"><parent
+      link="base"/><child link="arm"/><axis xyz="0 -1 0"/></joint></robot>"""
+    scene = {"robot": {"urdf": urdf}, "gravity": [0, 0, 0]}
+    for options in OPTIONS.values():
+        sim = touching(scene, contact("base"), **options)
+        sim.reset(v=[0.0, w])
+        jump = np.arcsin(F / (m * r * w**2)) / w
+        run = sim.run(0.2, [-F, 0.0])
+        held = run.time <= jump
+        np.testing.assert_array_equal(run.q[held, 0], np.zeros(held.sum()))
+        assert (run.q[~held, 0] > 0.0).all()
+
+        def slope(_: float, x: np.ndarray) -> list[float]:
+            _, angle, v, spin = x
+            M = [[base + m, m * r * np.cos(angle)], [m * r * np.cos(angle), m * r**2]]
+            a = np.linalg.solve(M, [-F + m * r * spin**2 * np.sin(angle), 0.0])
+            return [v, spin, *a]
+
+        start = [0.0, w * jump, 0.0, w]
+        exact = solve_ivp(slope, (jump, 0.2), start, "DOP853", rtol=3e-14, atol=1e-15).y[:, -1]
+        tolerance = 1e-9 if options.get("dt") == 1e-3 or "tolerance" in options else 1e-6
+        assert_close(np.hstack([run.q[-1], run.v[-1]]), exact, tolerance)
+
+
+@pytest.mark.parametrize("depth", [1e-6, -1e-6])
+def test_grazes_within_a_tick(depth: float) -> None:
+    """A bob that swings a micrometre too low between two ticks touches; one too high does not."""
+    options = {"integrator": "rk4", "dt": 0.02}
+    floor = contact("bob", point=[0, 0, -1], restitution=1.0, plane={"point": [0, 0, -1 + depth]})
+    scene = {**PENDULUM, "initial": {"position": {"swing": -0.0101}}}
+    free, sim = Simulator(scene, **options), touching(scene, floor, **options)
+    for s in (free, sim):
+        s.reset(q=[-0.0101], v=[1.0])
+        s.step([0.0])
+    if depth < 0.0:
+        assert_close(sim.state.q, free.state.q, CLOSED_FORM)
+    else:
+        assert sim.state.q[0] < -np.arccos(1 - depth) and sim.state.v[0] < -0.99
+
+
+def elbow_up(x: float, z: float) -> np.ndarray:
+    """Joint positions of the two-link arm with its tip at (x, z)."""
+    elbow = -np.arccos((x**2 + z**2 - L1**2 - L2**2) / (2 * L1 * L2))
+    return np.array(
+        [np.arctan2(z, x) - np.arctan2(L2 * np.sin(elbow), L1 + L2 * np.cos(elbow)), elbow]
+    )
+
+
+def height(q: np.ndarray) -> np.ndarray:
+    return np.asarray(L1 * np.sin(q[..., 0]) + L2 * np.sin(q[..., 0] + q[..., 1]))
+
+
+def jacobian(q: np.ndarray) -> np.ndarray:
+    """Of the tip's (x, z)."""
+    a, b = q[0], q[0] + q[1]
+    return np.array(
+        [
+            [-L1 * np.sin(a) - L2 * np.sin(b), -L2 * np.sin(b)],
+            [L1 * np.cos(a) + L2 * np.cos(b), L2 * np.cos(b)],
+        ]
+    )

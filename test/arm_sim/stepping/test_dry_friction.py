@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dry friction: a joint below its level stays exactly still, breaks away at the right torque,
+stops at the right time and place, and never chatters.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import SceneError, load_scene
+from arm_sim import Simulator
+from models.rotor import rotor
+from tolerances import CLOSED_FORM, assert_close
+
+J, FC, B = 0.1, 0.5, 0.2
+OPTIONS: dict[str, dict[str, Any]] = {
+    "rk4 1 ms": {"integrator": "rk4", "dt": 1e-3},
+    "rk4 10 ms": {"integrator": "rk4", "dt": 1e-2},
+    "euler 1 ms": {"integrator": "euler", "dt": 1e-3},
+    "error control": {"tolerance": 1e-10, "dt": 1e-2},
+}
+ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
+
+
+def wheel(options: dict[str, Any], **friction: float) -> Simulator:
+    return Simulator(rotor(J, **(friction or {"coulomb": FC, "viscous": B})), **options)
+
+
+@ALL
+@pytest.mark.parametrize("tau", [0.0, 0.499, -0.499, 0.5, -0.5])
+def test_stays_exactly_still_below_its_level(options: dict[str, Any], tau: float) -> None:
+    sim = wheel(options)
+    sim.reset(q=[0.3], v=[0.0])
+    run = sim.run(2.0, [tau])
+    np.testing.assert_array_equal(run.q, np.full_like(run.q, 0.3))
+    np.testing.assert_array_equal(run.v, np.zeros_like(run.v))
+
+
+@ALL
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_breaks_away_above_it(options: dict[str, Any], sign: float) -> None:
+    """Without viscous friction the acceleration is (tau - Fc) / J from the first instant."""
+    sim = wheel(options, coulomb=FC, viscous=0.0)
+    run = sim.run(0.5, [sign * (FC + 0.01)])
+    assert_close(run.v[:, 0], sign * 0.1 * run.time, CLOSED_FORM)
+
+
+@pytest.mark.parametrize("name", ["rk4 1 ms", "rk4 10 ms", "error control"])
+def test_coasts_down_and_stops(name: str) -> None:
+    """From w0 with viscous friction b: stops at t = J/b ln(1 + b w0/Fc), having turned through
+    J w0/b - J Fc/b² ln(1 + b w0/Fc), and stays there.
+    """
+    w0, turned = 5.0, np.log(1 + B * 5.0 / FC)
+    t_stop, q_stop = J / B * turned, J * w0 / B - J * FC / B**2 * turned
+    assert_close([t_stop, q_stop], [0.549306144334054846, 1.12673463916486289], CLOSED_FORM)
+    sim = wheel(OPTIONS[name])
+    sim.reset(q=[0.0], v=[w0])
+    run = sim.run(1.0)
+    still = run.time >= t_stop
+    assert (run.v[~still] > 0.0).all()
+    np.testing.assert_array_equal(run.v[still], np.zeros((still.sum(), 1)))
+    assert_close(run.q[still], np.full((still.sum(), 1), q_stop), 1e-7)
+
+
+def test_stopping_keeps_the_order_of_the_method() -> None:
+    """The instant of the stop is found, so the place is right to the fourth order all the same."""
+    errors = []
+    for dt in (0.1, 0.05):
+        sim = wheel({"integrator": "rk4", "dt": dt})
+        sim.reset(q=[0.0], v=[5.0])
+        errors.append(abs(sim.run(1.0).q[-1, 0] - 1.12673463916486289))
+    assert errors[1] < errors[0] / 2**3.5
+
+
+@ALL
+def test_holds_an_arm_against_its_weight(options: dict[str, Any]) -> None:
+    """Two rods held out level by friction alone, just above and just below what that takes."""
+    urdf = str(models.SCENES / "two_link.urdf")
+    weight = models.dynamics("two_link").gravity([0.0, 0.0])
+    for factor, holds in ((1.01, True), (0.99, False)):
+        levels = dict(zip(("shoulder", "elbow"), factor * weight, strict=True))
+        joints = {name: {"friction": {"coulomb": float(level)}} for name, level in levels.items()}
+        sim = Simulator({"robot": {"urdf": urdf}, "joints": joints}, **options)
+        run = sim.run(0.1)
+        assert (np.abs(run.q).max() == 0.0) == holds
+
+
+def test_reversal_under_a_swinging_torque_never_chatters(rng: np.random.Generator) -> None:
+    """Speed changes sign at most twice a period, and friction never adds energy."""
+    sim = wheel({"integrator": "rk4", "dt": 1e-3})
+    times = 1e-3 * np.arange(4000)
+    run = sim.run(4.0, 2.0 * np.sin(2 * np.pi * times)[:, None])
+    moving = np.sign(run.v[run.v[:, 0] != 0.0, 0])
+    assert np.count_nonzero(np.diff(moving)) <= 2 * 4
+    work = np.cumsum(run.tau[:-1, 0] * np.diff(run.q[:, 0]))
+    assert (run.energy[1:] - run.energy[0] <= work + 1e-12).all()
+
+
+@ALL
+def test_static_level_above_the_sliding_one(options: dict[str, Any]) -> None:
+    """Holds up to Fs; once loose only Fc acts, so it starts with a jolt."""
+    sim = wheel(options, coulomb=FC, static=0.8, viscous=0.0)
+    assert np.abs(sim.run(0.5, [0.79]).v).max() == 0.0
+    sim.reset(q=[0.0], v=[0.0])
+    run = sim.run(0.5, [0.81])
+    assert_close(run.v[:, 0], (0.81 - FC) / J * run.time, 1e-9)
+
+
+def test_stribeck_falls_from_static_to_coulomb() -> None:
+    """F(v) = Fc + (Fs - Fc) exp(-(v/vs)²), seen in the numeric answer."""
+    dyn = wheel({}, coulomb=FC, static=0.8, stribeck_velocity=0.1, viscous=0.0).dynamics
+    v = np.array([[1e-9], [0.1], [-0.1], [10.0]])
+    wanted = [[0.8], [FC + 0.3 / np.e], [-FC - 0.3 / np.e], [FC]]
+    assert_close(dyn.friction(v), wanted, CLOSED_FORM)
+
+
+@pytest.mark.parametrize(
+    "friction", [{"static": 0.4, "coulomb": 0.5}, {"stribeck_velocity": 0.0}, {"static": -1.0}]
+)
+def test_impossible_friction(friction: dict[str, float]) -> None:
+    with pytest.raises(SceneError, match=next(iter(friction))):
+        Simulator(load_scene(rotor(J, **friction)))

@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene does not use is not computed, and the plan says so."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics.codegen.kernel import generate
+from arm_sim import Simulator
+
+PANDA = models.scene("panda").model_dump(exclude_unset=True)
+STILL = {"friction": {"viscous": 0.0, "coulomb": 0.0}}
+
+
+def simulator(**changes: Any) -> Simulator:
+    return Simulator({**PANDA, **changes}, integrator="rk4", backend="vm")
+
+
+@pytest.fixture(scope="module")
+def whole() -> Simulator:
+    return simulator()
+
+
+def code(sim: Simulator) -> str:
+    return generate([sim.plant.acceleration])
+
+
+FEWER: dict[str, dict[str, Any]] = {
+    "gravity off": {"gravity": [0, 0, 0]},
+    "friction off": {"joints": {"*": STILL}},
+    "one joint locked": {
+        "robot": {**PANDA["robot"], "lock": [*PANDA["robot"]["lock"], "panda_joint7"]}
+    },
+    "four joints locked": {
+        "robot": {
+            **PANDA["robot"],
+            "lock": [*PANDA["robot"]["lock"], *(f"panda_joint{i}" for i in (1, 3, 5, 7))],
+        }
+    },
+}
+
+
+@pytest.mark.parametrize("changes", FEWER.values(), ids=FEWER)
+def test_fewer_operations(whole: Simulator, changes: dict[str, Any]) -> None:
+    plan = simulator(**changes).plan
+    assert plan.operations < whole.plan.operations
+    assert plan.evaluation < whole.plan.evaluation
+
+
+def test_no_effort_limit_saves_the_cut(whole: Simulator) -> None:
+    free = simulator(joints={"*": {"limits": {"effort": float("inf")}}})
+    assert free.plan.operations < whole.plan.operations
+    assert free.plan.evaluation == whole.plan.evaluation
+
+
+NOTHING: dict[str, dict[str, Any]] = {
+    "armature of zero": {"joints": {"*": {"armature": 0.0}}},
+    "payload of zero": {"payloads": [{"frame": "panda_link7", "mass": 0.0}]},
+    "payload on the ground": {"payloads": [{"frame": "panda_link0", "mass": 5.0}]},
+    "other start": {"initial": {"position": {"panda_joint1": 1.0}}},
+    "other limits": {"joints": {"*": {"limits": {"velocity": 1.0}}}},
+}
+
+
+@pytest.mark.parametrize("changes", NOTHING.values(), ids=NOTHING)
+def test_what_says_nothing_costs_nothing(whole: Simulator, changes: dict[str, Any]) -> None:
+    """Not one operation more."""
+    assert simulator(**changes).plan.operations == whole.plan.operations
+
+
+def test_default_spelled_out_is_the_very_same_code(whole: Simulator) -> None:
+    assert code(
+        simulator(gravity=[0, 0, -9.81], joints={"*": {"armature": 0.0}}, payloads=[])
+    ) == code(whole)
+
+
+def test_a_payload_is_folded_into_its_link(whole: Simulator) -> None:
+    """Numbers change, the work hardly does: the flange has a full tensor already."""
+    loaded = simulator(payloads=[{"frame": "panda_link7", "mass": 1.0, "com": [0.0, 0.0, 0.1]}])
+    assert loaded.plan.evaluation <= whole.plan.evaluation * 1.02
+
+
+def test_armature_costs_one_addition_a_joint(whole: Simulator) -> None:
+    with_drive = simulator(joints={"*": {"armature": 0.1}})
+    assert whole.plan.evaluation <= with_drive.plan.evaluation <= whole.plan.evaluation + 2 * 7
+
+
+def test_order_of_work_by_method(whole: Simulator) -> None:
+    """A tick of RK4 is four evaluations and some sums; Euler's is one."""
+    euler = Simulator(PANDA, integrator="euler", backend="vm").plan
+    assert 3.5 < whole.plan.operations / euler.operations < 4.5
+
+
+def test_a_planar_arm_costs_less_than_one_in_space() -> None:
+    """Same number of joints, but everything out of the plane folds away."""
+    planar, spatial = (
+        models.simulator(name).plan.evaluation for name in ("planar_3r", "spherical_wrist")
+    )
+    assert planar < spatial / 4
+
+
+def test_the_pandas_equations_are_short(whole: Simulator) -> None:
+    """Articulated bodies with the robot's constants folded in take 2036 operations; moving inertia
+    to parents must save a quarter of that and more, friction included.
+    """
+    assert whole.plan.evaluation < 0.75 * 2036
+
+
+def test_slides_alone_need_no_sines() -> None:
+    assert "sin" not in code(models.simulator("gantry")).replace("casadi_sincos", "")
+
+
+def lines(sim: Simulator, word: str) -> list[str]:
+    return [line for line in str(sim.plan).splitlines() if line.startswith(word)]
+
+
+def test_words_for_people(whole: Simulator) -> None:
+    text = str(whole.plan)
+    for word in (
+        "rk4",
+        "operations",
+        "gravity",
+        "friction",
+        "locked",
+        "payload",
+        str(whole.plan.operations),
+    ):
+        assert word in text, f"{word} not in:\n{text}"
+
+
+@pytest.mark.parametrize(
+    ("changes", "part"),
+    [({"gravity": [0, 0, 0]}, "gravity"), ({"joints": {"*": STILL}}, "viscous")],
+    ids=["gravity", "friction"],
+)
+def test_says_what_is_skipped(whole: Simulator, changes: dict[str, Any], part: str) -> None:
+    assert any(part in line for line in lines(whole, "computed"))
+    sim = simulator(**changes)
+    assert any(part in line for line in lines(sim, "skipped"))
+    assert not any(part in line for line in lines(sim, "computed"))
+
+
+@pytest.mark.parametrize("name", ["z1", "planar_3r", "puma560"])
+def test_dry_friction_is_not_passed_over_in_silence(name: str) -> None:
+    assert models.dynamics(name).model.has_dry_friction
+    assert any(
+        word in str(models.simulator(name).plan).lower() for word in ("dry friction", "coulomb")
+    )
+
+
+def test_measured_time_is_positive_and_harmless(whole: Simulator) -> None:
+    before = whole.state
+    assert 0.0 < whole.plan.nanoseconds < 1e9
+    assert whole.state is before
+
+
+def test_unused_features_do_not_change_the_motion() -> None:
+    """A scene that spells out every default moves to the bit like one that says nothing."""
+    urdf = str(models.SCENES / "ur10.yaml")
+    bare = Simulator(urdf)
+    spelled = models.scene("ur10").model_dump(exclude_unset=True)
+    spelled |= {"gravity": [0, 0, -9.81], "payloads": [], "joints": {"*": {"armature": 0.0}}}
+    runs = [sim.run(0.05, np.ones(6)) for sim in (bare, Simulator(spelled))]
+    np.testing.assert_array_equal(runs[0].q, runs[1].q)

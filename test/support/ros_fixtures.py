@@ -1,0 +1,45 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every test of a node has a ROS of its own: context, domain, executor; nothing stays behind.
+
+The conftest.py of each folder with such tests imports these fixtures.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from harness import Ros
+
+from arm_dynamics.ros.common.shared_memory import clear_dead
+from arm_dynamics.ros.common.transport import by_udp
+
+
+@pytest.fixture(autouse=True)
+def ros_environment(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Tests meet nobody else, and their logs go away with them."""
+    monkeypatch.setenv("ROS_LOG_DIR", str(tmp_path / "log"))
+    for name in ("ROS_DOMAIN_ID", "ROS_NAMESPACE"):
+        monkeypatch.delenv(name, raising=False)
+
+
+@pytest.fixture(scope="session", autouse=True)
+def transports() -> Iterator[None]:
+    """Nobody outside this machine hears the tests, and they stay out of shared memory.
+
+    Nodes that tests start as processes talk as for users; what killed ones leave is given back.
+    """
+    with pytest.MonkeyPatch.context() as patch:
+        for name, value in by_udp().items():
+            patch.setenv(name, value)
+        yield
+    clear_dead()
+
+
+@pytest.fixture
+def ros(ros_environment: None) -> Iterator[Ros]:
+    """A ROS for one test."""
+    instance = Ros()
+    yield instance
+    instance.close()

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A sim node that ticks when told to."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+import numpy as np
+from harness import Ros
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+
+import models
+from arm_dynamics.ros.joint_state.serialization import Read
+from arm_sim.ros.sim_node import SimNode
+
+NAMES = list(models.dynamics("two_link").joint_names)
+TAU = [1.5, -0.5]
+
+
+def by_hand(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
+    """The node for a scene, or for one of the robots by name."""
+    scene = models.scene(scene) if isinstance(scene, str) else scene
+    return ros.add(SimNode, scene, realtime=False, **parameters)
+
+
+class Waiting:
+    """Commands that have come since the last tick, in place of the middleware."""
+
+    def __init__(self, node: SimNode) -> None:
+        node.input.close()
+        self.messages: deque[bytes] = deque()
+        self._read = node.input._reader.read
+        node.input._source = self
+
+    def take(self) -> tuple[int, Read] | None:
+        return (0, self._read(self.messages.popleft())) if self.messages else None
+
+    def close(self) -> None:
+        pass
+
+
+def command(**fields: Any) -> bytes:
+    return serialize_message(JointState(**fields))
+
+
+def ticks(node: SimNode, count: int) -> None:
+    for _ in range(count):
+        node.tick()
+
+
+def motion(node: SimNode) -> np.ndarray:
+    return np.array([node.simulator.state.q, node.simulator.state.v])
+
+
+def state_bytes(sim: SimNode) -> bytes:
+    state, message = sim.simulator.state, JointState(name=list(sim.simulator.joint_names))
+    message.position, message.velocity = state.q.tolist(), state.v.tolist()
+    stamp = round(state.time * 1e9)
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    return serialize_message(message)

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The cores know nothing of ROS: no module of theirs imports it, in a process that has done
+nothing else.
+"""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+SOURCE = Path(__file__).parents[1] / "src"
+ROS = ("rclpy", "arm_msgs", "sensor_msgs", "std_msgs")
+NOT_CORE = ("ros", "cli")
+
+
+def core_modules(package: str) -> list[str]:
+    root = SOURCE / package
+    paths = [path.relative_to(root).with_suffix("") for path in (root / package).rglob("*.py")]
+    names = [path.parts for path in paths if not set(NOT_CORE) & set(path.parts)]
+    return sorted(".".join(name).removesuffix(".__init__") for name in names)
+
+
+@pytest.mark.parametrize("package", ["arm_dynamics", "arm_sim"])
+def test_core_modules_do_not_import_ros(package: str) -> None:
+    modules = core_modules(package)
+    assert len(modules) > 3
+    code = f"""
+import importlib, sys
+for name in {modules!r}:
+    importlib.import_module(name)
+    found = [m for m in sys.modules if m.split('.')[0] in {ROS!r}]
+    assert not found, f'{{name}} imports {{found[0]}}'
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr
+
+
+def test_equations_know_nothing_of_integration() -> None:
+    """Imports go one way: arm_sim uses arm_dynamics, never the other way round."""
+    code = f"""
+import importlib, sys
+for name in {core_modules("arm_dynamics")!r}:
+    importlib.import_module(name)
+assert not any(m.split('.')[0] == 'arm_sim' for m in sys.modules)
+"""
+    done = subprocess.run(
+        [sys.executable, "-c", code], capture_output=True, text=True, timeout=120
+    )
+    assert done.returncode == 0, done.stderr

@@ -1,0 +1,247 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes compiled elsewhere: a machine without a compiler runs them, and refuses by name what it
+must not load.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import logging
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner, Result
+
+from arm_dynamics import InvalidInput, KernelError
+from arm_dynamics.codegen import compiler, processor
+from arm_sim import Simulator
+from arm_sim.cli.main import main
+
+URDF = """
+<robot name="pendulum">
+  <link name="world"/>
+  <link name="rod"><inertial><origin xyz="0 0 -0.5"/><mass value="1"/>
+    <inertia ixx="0.1" ixy="0" ixz="0" iyy="0.1" iyz="0" izz="0.1"/></inertial></link>
+  <joint name="hinge" type="revolute"><parent link="world"/><child link="rod"/>
+    <axis xyz="0 1 0"/><limit effort="50" velocity="10" lower="-9" upper="9"/></joint>
+</robot>"""
+SCENE = """
+robot: {urdf: rod.urdf}
+joints: {hinge: {friction: {coulomb: 0.5, static: 0.8}}}
+initial: {position: {hinge: 1.0}}
+"""
+RUN = (
+    "import sys; from arm_sim import Simulator\n"
+    "s = Simulator(sys.argv[1], backend='native'); s.run(0.3)\n"
+    "print(s.state.q[0].hex(), s.plan.backend)"
+)
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a scene, a pendulum with dry friction, and ``compiled``, made from it."""
+    folder = tmp_path_factory.mktemp("scene")
+    (folder / "rod.urdf").write_text(URDF)
+    (folder / "rod.yaml").write_text(SCENE)
+    build(folder / "rod.yaml", folder / "compiled")
+    return folder
+
+
+@pytest.fixture
+def scene(made: Path) -> Path:
+    """The scene."""
+    return made / "rod.yaml"
+
+
+@pytest.fixture
+def compiled(made: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """The compiled scene on a machine that has nothing else, and no compiler."""
+    shutil.copytree(made / "compiled", tmp_path / "compiled")
+    (tmp_path / "nothing").mkdir()
+    for variable in ("CC", "CXX"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path / "nothing"))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("ARM_CACHE", str(tmp_path / "compiled"))
+    assert compiler.find_compiler() is None and compiler.find_compiler("c++") is None
+    return tmp_path / "compiled"
+
+
+def build(scene: Path, out: Path, *options: str) -> Result:
+    done = CliRunner().invoke(main, ["build", str(scene), "--out", str(out), *options])
+    assert done.exit_code == 0, done.output
+    return done
+
+
+def step_in(folder: Path) -> Path:
+    """The library with the simulator's step."""
+    manifests = {path: json.loads(path.read_text()) for path in folder.glob("*.json")}
+    (found,) = (path for path, said in manifests.items() if said["kernel"] == "simulator step")
+    return found.with_suffix(".so")
+
+
+def say(library: Path, **other: object) -> None:
+    """Write something else into a manifest."""
+    manifest = library.with_suffix(".json")
+    manifest.write_text(json.dumps(json.loads(manifest.read_text()) | other))
+
+
+def motion(scene: Path) -> np.ndarray:
+    return Simulator(scene, backend="native").run(0.3).q
+
+
+def test_a_process_without_a_compiler_runs_the_scene(scene: Path, compiled: Path) -> None:
+    """As it runs where there is one, to the bit, and it writes no cache."""
+    done = subprocess.run(
+        [sys.executable, "-c", RUN, str(scene)], capture_output=True, text=True, timeout=120,
+        env=os.environ.copy(), check=False,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+    position, runs_on = done.stdout.split(maxsplit=1)
+    assert str(compiled) in runs_on
+    assert not (compiled.parent / "cache").exists()
+    with pytest.MonkeyPatch.context() as elsewhere:
+        elsewhere.setenv("PATH", os.defpath)
+        elsewhere.delenv("ARM_CACHE")
+        here = Simulator(scene, backend="native")
+        assert str(compiled) not in here.plan.backend
+        assert here.run(0.3).q[-1, 0] == float.fromhex(position)
+
+
+def test_other_folders_of_the_list_are_searched(
+    scene: Path, compiled: Path, monkeypatch: pytest.MonkeyPatch, tmp_path: Path
+) -> None:
+    monkeypatch.setenv("ARM_CACHE", os.pathsep.join([str(tmp_path), "", str(compiled)]))
+    assert motion(scene)[-1, 0] != 1.0
+
+
+def test_what_was_not_compiled_is_said_with_the_way_out(scene: Path, compiled: Path) -> None:
+    with pytest.raises(KernelError) as said:
+        Simulator(scene, "euler", backend="native")
+    for word in (str(compiled), "nothing in it", "apt install gcc", "./arm build", "ARM_CACHE="):
+        assert word in str(said.value)
+
+
+def test_a_folder_that_is_not_there_is_named(
+    scene: Path, compiled: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("ARM_CACHE", "/no/such/folder")
+    with pytest.raises(KernelError, match="/no/such/folder: no such folder"):
+        motion(scene)
+
+
+def damaged(library: Path) -> None:
+    content = bytearray(library.read_bytes())
+    content[len(content) // 2] ^= 0xFF
+    library.write_bytes(content)
+
+
+def linked(library: Path) -> None:
+    library.rename(library.with_suffix(".elsewhere"))
+    library.symlink_to(library.with_suffix(".elsewhere"))
+
+
+def not_a_library(library: Path) -> None:
+    library.write_bytes(b"rubbish")
+    say(library, sha256=hashlib.sha256(b"rubbish").hexdigest())
+
+
+REFUSED = {
+    "damaged": (damaged, "is damaged"),
+    "cut": (lambda x: x.write_bytes(x.read_bytes()[:-100]), "is damaged"),
+    "writable by the group": (lambda x: x.chmod(0o664), r"written by others \(mode 664\)"),
+    "manifest writable by all": (
+        lambda x: x.with_suffix(".json").chmod(0o646), r"json can be written by others"
+    ),
+    "folder writable by all": (lambda x: x.parent.chmod(0o777), "written by others"),
+    "a link": (linked, "is not a plain file"),
+    "without a manifest": (lambda x: x.with_suffix(".json").unlink(), "json cannot be read"),
+    "with half a manifest": (
+        lambda x: x.with_suffix(".json").write_text('{"scene": "rod.yaml"'), "json is damaged"
+    ),
+    "with a manifest of another version": (lambda x: say(x, more=1), "of another version"),
+    "for another processor": (
+        lambda x: say(x, instructions=["avx9000", "sse77"]), "processor lacks: avx9000, sse77"
+    ),
+    "for another machine": (lambda x: say(x, machine="vax"), "compiled for vax"),
+    "not a library": (not_a_library, "cannot be loaded"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("what", REFUSED)
+def test_what_must_not_be_loaded_is_refused_by_name(
+    scene: Path, compiled: Path, what: str
+) -> None:
+    """Without a compiler it is the end; all that is said is in one error."""
+    change, reason = REFUSED[what]
+    library = step_in(compiled)
+    change(library)
+    with pytest.raises(KernelError, match=reason) as said:
+        motion(scene)
+    name = compiled if what.startswith("folder") else compiled / library.stem
+    assert str(name) in str(said.value)
+
+
+@pytest.mark.skipif(os.getuid() != 0, reason="only root can give files away")
+@pytest.mark.parametrize("of", ["library", "manifest", "folder"])
+def test_what_belongs_to_somebody_else_is_refused(scene: Path, compiled: Path, of: str) -> None:
+    library = step_in(compiled)
+    path = {"library": library, "manifest": library.with_suffix(".json"), "folder": compiled}[of]
+    os.chown(path, 12345, -1)
+    with pytest.raises(KernelError, match=f"{path} belongs to user 12345"):
+        motion(scene)
+
+
+def test_with_a_compiler_a_refusal_is_logged_and_the_code_compiled(
+    scene: Path,
+    compiled: Path,
+    monkeypatch: pytest.MonkeyPatch,
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    before = motion(scene)
+    library = step_in(compiled)
+    damaged(library)
+    monkeypatch.setenv("PATH", os.defpath)
+    with caplog.at_level(logging.WARNING):
+        np.testing.assert_array_equal(motion(scene), before)
+    assert f"{library} (rod.yaml: simulator step) is damaged" in caplog.text
+
+
+def test_a_folder_that_others_may_write_is_not_built_into(scene: Path, tmp_path: Path) -> None:
+    tmp_path.chmod(0o777)
+    done = CliRunner().invoke(main, ["build", str(scene), "--out", str(tmp_path)])
+    assert done.exit_code == 1
+    assert f"{tmp_path} can be written by others" in done.output
+    assert list(tmp_path.glob("*.so")) == []
+
+
+def test_building_again_keeps_what_is_right_and_mends_the_rest(
+    made: Path, scene: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "compiled"
+    shutil.copytree(made / "compiled", out)
+    damaged(step_in(out))
+    kept = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    build(scene, out)
+    now = {path.name: path.stat().st_mtime_ns for path in out.iterdir()}
+    step = step_in(out).stem
+    assert {name for name in now if now[name] != kept.get(name)} == {f"{step}.so", f"{step}.json"}
+
+
+@pytest.mark.skipif(os.uname().machine != "x86_64", reason="levels are those of x86-64")
+def test_code_for_a_level_needs_no_more_than_the_level(scene: Path, tmp_path: Path) -> None:
+    build(scene, tmp_path / "v2", "--processor", "x86-64-v2")
+    said = json.loads(step_in(tmp_path / "v2").with_suffix(".json").read_text())
+    assert set(said["instructions"]) == processor.needed("x86-64-v2")
+    assert not any(name.startswith("avx") for name in said["instructions"])
+
+
+def test_unknown_level() -> None:
+    with pytest.raises(InvalidInput, match=r"x86-64-v9.*x86-64-v3"):
+        processor.needed("x86-64-v9")
