@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Run time against error: this suite and the simulators people could pick instead, in one run.
+"""Everything that is measured, in folders by subject; each can be run by itself.
 
-``python -m benchmarks --help`` from the project root, or ``./arm bench``.
+``comparison`` (``./arm bench``) sets run time against error, here and in other simulators, and is
+made of ``studies``; ``accuracy``, ``stress``, ``loop``, ``soak``, ``latency`` and ``regression``
+have commands of their own. Below them are ``reference``, ``peers``, ``robots``, ``measurement``
+and ``reporting``, which know none of those above.
 """

@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error of every method and step on problems whose motion is known; see docs/accuracy.md."""
+"""The error of every method, step and tolerance on motions that are known.
+
+``./arm python -m benchmarks.accuracy`` measures, holds the gates of the tests and writes
+``docs/accuracy.md``.
+"""

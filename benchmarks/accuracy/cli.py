@@ -19,8 +19,8 @@ from benchmarks.accuracy import friction, motors, sweep
 from benchmarks.accuracy.checks import checks
 from benchmarks.accuracy.page import write
 from benchmarks.accuracy.problems import ROOT, Problem, all_problems
-from benchmarks.markdown import number
-from benchmarks.progress import Bar
+from benchmarks.reporting.markdown import number
+from benchmarks.reporting.progress import Bar
 
 EXAMPLES = """\b
 Examples:

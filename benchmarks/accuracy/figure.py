@@ -14,7 +14,7 @@ import numpy as np
 
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
-from benchmarks.figures import MARKS, STYLE
+from benchmarks.reporting.style import MARKS, STYLE
 
 PANELS = (
     "pendulum", "double pendulum", "spherical pendulum", "free top", "four-bar", "Panda",

@@ -25,7 +25,7 @@ from arm_sim import Simulator
 from benchmarks.accuracy.motors import timed
 from benchmarks.accuracy.problems import ROOT
 from benchmarks.accuracy.sweep import Row, verdict
-from benchmarks.markdown import number, table
+from benchmarks.reporting.markdown import number, table
 
 J, FC, B, W0 = 0.1, 0.5, 0.2, 5.0  # [kg m²], [N m], [N m s/rad], [rad/s]
 STOP = J * W0 / B - J * FC / B**2 * np.log1p(B * W0 / FC)  # [rad], where J w' = -FC - B w ends

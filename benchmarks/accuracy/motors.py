@@ -21,7 +21,7 @@ except ImportError:  # only to compare with
 
 from arm_sim import Simulator
 from benchmarks.accuracy.sweep import Row, verdict
-from benchmarks.markdown import number, table
+from benchmarks.reporting.markdown import number, table
 
 R, L, K, J, B, VOLTS = 1.0, 1e-3, 0.05, 5e-5, 1e-5, 12.0
 TIMES = (0.001, 0.01, 0.05)  # [s]

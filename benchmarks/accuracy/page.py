@@ -15,7 +15,7 @@ from benchmarks.accuracy import friction, motors
 from benchmarks.accuracy.figure import draw
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
-from benchmarks.markdown import number, table
+from benchmarks.reporting.markdown import number, table
 
 TEMPLATE = Path(__file__).with_name("page.md")
 ROUNDING = 0.99e-10  # below this tolerance rounding has a say in the error

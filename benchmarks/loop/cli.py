@@ -43,7 +43,7 @@ def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: boo
     processor shares, and lockstep. The exit status does not depend on the figures: they are of
     this machine and its load.
     """
-    from arm_dynamics.client.client import ArmClient
+    from arm_dynamics.client import ArmClient
     from benchmarks.loop.page import promises, write
 
     domain = free_domain()
@@ -70,7 +70,8 @@ def _measured(
     seconds: float, priority: int, quick: bool, out: Path, domain: int, console: Console
 ) -> dict[str, Any]:
     from benchmarks.loop import stages
-    from benchmarks.loop.bare import spread
+    from benchmarks.loop.baseline import spread
+    from benchmarks.loop.lockstep import lockstep
 
     logs = out / "loop_logs"
     logs.mkdir(parents=True, exist_ok=True)
@@ -89,6 +90,6 @@ def _measured(
     record["services"] = stages.services(SCENE, domain, 300 if quick else 2000, logs)
     record["core"] = stages.core(SCENE)
     say("lockstep")
-    record["lockstep"] = stages.together(SCENE, 3_000 if quick else 100_000, 100_000, logs, domain)
+    record["lockstep"] = lockstep(SCENE, 3_000 if quick else 100_000, 100_000, logs, domain)
     record["load"] = [load, os.getloadavg()[0]]
     return record

@@ -20,7 +20,7 @@ from arm_dynamics.trajectory.reference import Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 from arm_sim import Simulator
 from arm_sim.cli.demo.processes import DemoFailed, Processes
-from arm_sim.closed_loop import Together
+from arm_sim import ClosedLoop
 from arm_sim.plant.actuation import computed_torque
 from arm_sim.ros.sim_node import SimNode
 
@@ -90,7 +90,7 @@ def _across(scene: str, ticks: int, logs: Path, domain: int) -> dict[str, Any]:
 
 def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher = node.create_publisher(JointTrajectory, "controller/joint_trajectory", 10)
-    answers = lambda: node.round_trip().count  # noqa: E731
+    answers = lambda: node.inputs.round_trip.percentiles().count  # noqa: E731
     _spin(executor, lambda: publisher.get_subscription_count() and answers(), 30.0)
     message = JointTrajectory(joint_names=list(node.simulator.joint_names))
     message.header.stamp.nanosec = START
@@ -101,19 +101,17 @@ def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher.publish(message)
     settled = time.monotonic() + 2.0
     _spin(executor, lambda: time.monotonic() > settled, 10.0)
-    digest, advance = _Digest(), node.advance
+    digest, engine = _Digest(), node.engine
 
-    def noted(tau: np.ndarray) -> bool:
-        good = advance(tau)
+    def note() -> None:
         state = node.simulator.state
         digest.add(state.q, state.v, node.simulator.effort)
-        node.paused = state.step >= ticks
-        return good
+        engine.paused = state.step >= ticks
 
-    node.advance = noted
-    node.requests.pause(False)
+    engine.on_tick.append(note)
+    engine.pause(False)
     began = time.perf_counter()
-    _spin(executor, lambda: node.paused, 1e-2 * ticks + 60.0)
+    _spin(executor, lambda: engine.paused, 1e-2 * ticks + 60.0)
     rate = ticks / (time.perf_counter() - began)
     asked = node.lockstep.asked_again if node.lockstep else 0
     return {"rate": rate, "digest": str(digest), "asked again": asked}
@@ -129,7 +127,7 @@ def _spin(executor: Any, done: Any, timeout: float) -> None:
 
 def _alone(scene: str, ticks: int) -> dict[str, Any]:
     """The same in this process, without messages."""
-    pair, digest = Together(scene), _Digest()
+    pair, digest = ClosedLoop(scene), _Digest()
     pair.follow(_points(pair.simulator.state.q), START)
     began = time.perf_counter()
     motion = pair.run(ticks * pair.simulator.dt)

@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.loop.figure import draw
-from benchmarks.markdown import table
+from benchmarks.reporting.markdown import table
 
 BEGIN, END = "<!-- loop: begin -->", "<!-- loop: end -->"
 KINDS = ("inverse", "forward", "terms")

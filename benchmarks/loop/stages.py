@@ -16,29 +16,28 @@ import numpy as np
 
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
-from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client import ArmClient
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
 from arm_sim.cli.demo.processes import Processes
-from benchmarks.loop.lockstep import lockstep
-from benchmarks.soak.watch import Watcher, processor_time
+from benchmarks.measurement.watcher import Watcher, processor_time
 
 WARM = 3.0  # [s]
 Say = Callable[[str], None]
 Record = dict[str, Any]
 
 
-class Bare:
-    """One of the processes of ``bare``, ended whatever happens."""
+class Baseline:
+    """One of the processes of ``baseline``, ended whatever happens."""
 
     def __init__(self, name: str, seconds: float) -> None:
         """Start it."""
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.loop.bare", name, str(seconds)],
+            [sys.executable, "-m", "benchmarks.loop.baseline", name, str(seconds)],
             stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         self._patience = seconds + 60.0
 
-    def __enter__(self) -> Bare:
+    def __enter__(self) -> Baseline:
         """Use it in a ``with`` statement."""
         return self
 
@@ -70,7 +69,7 @@ def closed_loop(
         # Whoever joins may hold everybody up for a third of a second: not while this is measured.
         watcher = stack.enter_context(closing(Watcher(domain, tracking=False)))
         time.sleep(WARM)
-        bare = stack.enter_context(Bare("thread", seconds))
+        bare = stack.enter_context(Baseline("thread", seconds))
         ids = processes.ids
         client.reset_counters()
         before = {name: processor_time(pid) for name, pid in ids.items()}
@@ -96,13 +95,13 @@ def closed_loop(
 
 def timer(seconds: float) -> Record:
     """A timer of rclpy at 1 kHz."""
-    with Bare("timer", seconds) as bare:
+    with Baseline("timer", seconds) as bare:
         return bare.result()
 
 
 def ping_pong(seconds: float) -> list[int]:
     """Trips in [ns] of a joint state there and back by rclpy with its default executor."""
-    with Bare("echo", seconds + 20.0), Bare("ping", seconds) as ping:
+    with Baseline("echo", seconds + 20.0), Baseline("ping", seconds) as ping:
         trips: list[int] = ping.result()["trips"]
     return trips
 
@@ -173,11 +172,6 @@ def _rate(answer: Callable[..., object], *vectors: Array) -> float:
     """Points per second, once it has been asked."""
     answer(*vectors)
     return len(vectors[0]) / float(np.median([_timed(lambda: answer(*vectors)) for _ in "12345"]))
-
-
-def together(scene: str, ticks: int, compiled_ticks: int, logs: Path, domain: int) -> Record:
-    """Lockstep across processes, in one process, and with the compiled controller; each twice."""
-    return lockstep(scene, ticks, compiled_ticks, logs, domain)
 
 
 def _timed(action: Callable[[], object]) -> float:

@@ -1,5 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The simulators that are compared; those not installed are left out by name."""
+"""The simulators that are compared; those not installed are left out by name.
+
+``base`` is what the benchmark asks of one; each other file adapts one library to it, ``ours``
+this suite.
+"""
 
 from __future__ import annotations
 
@@ -8,10 +12,10 @@ from importlib import import_module
 from benchmarks.peers.base import Contestant
 
 ADAPTERS = {
-    "MuJoCo": "mujoco_peer",
-    "Drake": "drake_peer",
-    "PyBullet": "pybullet_peer",
-    "SciPy": "scipy_peer",
+    "MuJoCo": "mujoco",
+    "Drake": "drake",
+    "PyBullet": "pybullet",
+    "SciPy": "scipy",
 }
 
 

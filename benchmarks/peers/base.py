@@ -9,9 +9,10 @@ from typing import Protocol
 
 import numpy as np
 
-from benchmarks.robots import Robot
+from benchmarks.robots.models import Robot
 
 Vector = np.ndarray
+OURS = "arm_sim"  # the family of this suite's own methods
 TICK = 1e-3  # [s], over which a controller's torque is held
 
 

@@ -40,7 +40,9 @@ def main(minutes: float, out: Path, shared_memory: bool) -> None:
     seconds, and no process may grow by more than 5 MB. Ends with an error if anything is amiss.
     """
     from benchmarks.soak.page import complaints, page, write
-    from benchmarks.soak.suite import Result, running, soak
+    from benchmarks.soak.result import Result
+    from benchmarks.soak.run import soak
+    from benchmarks.soak.system import running
 
     domain = free_domain()
     os.environ |= {"ROS_DOMAIN_ID": str(domain), **(as_usual() if shared_memory else by_udp())}
@@ -53,8 +55,8 @@ def main(minutes: float, out: Path, shared_memory: bool) -> None:
 
     with interruptible():
         try:
-            with running(str(SCENE), domain, logs) as suite:
-                for result in soak(suite, minutes, progress):
+            with running(str(SCENE), domain, logs) as system:
+                for result in soak(system, minutes, progress):
                     write(result, out)  # a run that is cut short is not lost
         except (DemoFailed, ArmError, KeyboardInterrupt) as error:
             result.ended = str(error) or type(error).__name__

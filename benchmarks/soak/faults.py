@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is done to the suite, and which words of whose diagnostics must tell of it."""
+"""What is done to the system, and which words of whose diagnostics must tell of it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,6 @@ import sys
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -20,9 +19,7 @@ from std_msgs.msg import Float64MultiArray, String
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.ros.interfaces import LATCHED
-
-if TYPE_CHECKING:
-    from benchmarks.soak.suite import Suite
+from benchmarks.soak.system import System
 
 FLOOD_RATE, FLOOD_TIME = 10_000, 1.5  # [Hz], [s]
 HOG = "import time\nend = time.monotonic() + 2.0\nwhile time.monotonic() < end: pass"
@@ -44,7 +41,7 @@ class Fault:
     """
 
     name: str
-    do: Callable[[Suite], None]
+    do: Callable[[System], None]
     part: str
     words: str
     gentle: bool = True
@@ -58,23 +55,23 @@ class Fault:
         return [(self.part, self.words), *([self.or_else] if self.or_else else [])]
 
 
-def _command(suite: Suite, effort: list[float], names: list[str] | None = None) -> None:
-    message = JointState(name=suite.names if names is None else names, effort=effort)
+def _command(system: System, effort: list[float], names: list[str] | None = None) -> None:
+    message = JointState(name=system.names if names is None else names, effort=effort)
     message.header.frame_id = "intruder"
-    suite.watcher.publisher(JointState, "joint_commands").publish(message)
+    system.watcher.publisher(JointState, "joint_commands").publish(message)
 
 
-def _some_commands(suite: Suite, effort: list[float], names: list[str] | None = None) -> None:
+def _some_commands(system: System, effort: list[float], names: list[str] | None = None) -> None:
     for _ in range(50):
-        _command(suite, effort, names)
+        _command(system, effort, names)
         time.sleep(0.003)
 
 
-def _flood(suite: Suite) -> None:
-    message = JointState(name=suite.names, effort=[5.0] * suite.n)
+def _flood(system: System) -> None:
+    message = JointState(name=system.names, effort=[5.0] * system.n)
     message.header.frame_id = "intruder"
     raw = serialize_message(message)
-    publisher = suite.watcher.publisher(JointState, "joint_commands")
+    publisher = system.watcher.publisher(JointState, "joint_commands")
     began, sent = time.monotonic(), 0
     while (elapsed := time.monotonic() - began) < FLOOD_TIME:
         while sent < elapsed * FLOOD_RATE:
@@ -83,76 +80,76 @@ def _flood(suite: Suite) -> None:
         time.sleep(1e-3)
 
 
-def _bare(suite: Suite) -> None:
-    publisher = suite.watcher.publisher(Float64MultiArray, "sim/commands")
-    for data in ([0.0] * 1000, [1.0], [float("nan")] * suite.n):
+def _bare(system: System) -> None:
+    publisher = system.watcher.publisher(Float64MultiArray, "sim/commands")
+    for data in ([0.0] * 1000, [1.0], [float("nan")] * system.n):
         publisher.publish(Float64MultiArray(data=data))
         time.sleep(0.1)  # only the newest one is delivered
 
 
-def _wrench(suite: Suite) -> None:
+def _wrench(system: System) -> None:
     message = WrenchStamped()
     message.header.frame_id = "no_such_frame"
-    suite.watcher.publisher(WrenchStamped, "sim/wrench").publish(message)
+    system.watcher.publisher(WrenchStamped, "sim/wrench").publish(message)
 
 
-def _trajectory(suite: Suite) -> None:
-    publisher = suite.watcher.publisher(JointTrajectory, "controller/joint_trajectory")
-    point = JointTrajectoryPoint(positions=[float("inf")] * suite.n)
+def _trajectory(system: System) -> None:
+    publisher = system.watcher.publisher(JointTrajectory, "controller/joint_trajectory")
+    point = JointTrajectoryPoint(positions=[float("inf")] * system.n)
     point.time_from_start.sec = 1
-    publisher.publish(JointTrajectory(joint_names=suite.names, points=[point]))
+    publisher.publish(JointTrajectory(joint_names=system.names, points=[point]))
     publisher.publish(JointTrajectory(joint_names=["nobody"], points=[point]))
 
 
-def _states(suite: Suite) -> None:
-    publisher = suite.watcher.publisher(JointState, "joint_states")
-    message = JointState(name=suite.names, position=[float("nan")] * suite.n)
-    message.velocity = [0.0] * suite.n
+def _states(system: System) -> None:
+    publisher = system.watcher.publisher(JointState, "joint_states")
+    message = JointState(name=system.names, position=[float("nan")] * system.n)
+    message.velocity = [0.0] * system.n
     for _ in range(50):
         publisher.publish(message)
         time.sleep(0.003)
-    suite.watcher.drop("joint_states")
+    system.watcher.drop("joint_states")
 
 
-def _description(suite: Suite) -> None:
-    publisher = suite.watcher.publisher(String, "other/robot_description", LATCHED)
+def _description(system: System) -> None:
+    publisher = system.watcher.publisher(String, "other/robot_description", LATCHED)
     publisher.publish(String(data="<robot/>"))
 
 
-def _requests(suite: Suite) -> None:
-    suite.refused(np.full(suite.n, np.nan))
-    suite.refused(np.zeros(suite.n + 1))
+def _requests(system: System) -> None:
+    system.refused(np.full(system.n, np.nan))
+    system.refused(np.zeros(system.n + 1))
 
 
-def _diverge(suite: Suite) -> None:
-    suite.client.set_joint_state(v=np.full(suite.n, 1e160))
-    suite.watcher.listen(2.5)
-    suite.client.reset()
-    suite.client.resume()
+def _diverge(system: System) -> None:
+    system.client.set_joint_state(v=np.full(system.n, 1e160))
+    system.watcher.listen(2.5)
+    system.client.reset()
+    system.client.resume()
 
 
-def _back(suite: Suite) -> None:
-    suite.client.reset()
+def _back(system: System) -> None:
+    system.client.reset()
 
 
-def _hog(suite: Suite) -> None:
+def _hog(system: System) -> None:
     hogs = [subprocess.Popen([sys.executable, "-c", HOG]) for _ in range(os.cpu_count() or 1)]
-    suite.watcher.until(lambda: all(hog.poll() is not None for hog in hogs), 20.0)
+    system.watcher.until(lambda: all(hog.poll() is not None for hog in hogs), 20.0)
 
 
-def _freeze(suite: Suite) -> None:
-    pid = suite.processes.ids["controller"]
+def _freeze(system: System) -> None:
+    pid = system.processes.ids["controller"]
     os.kill(pid, signal.SIGSTOP)
-    suite.watcher.listen(1.5)
+    system.watcher.listen(1.5)
     os.kill(pid, signal.SIGCONT)
 
 
-def _kill(name: str) -> Callable[[Suite], None]:
-    def kill(suite: Suite) -> None:
-        os.kill(suite.processes.ids[name], signal.SIGKILL)
-        suite.watcher.listen(2.5)
-        suite.processes.stop(name)
-        suite.start(name)
+def _kill(name: str) -> Callable[[System], None]:
+    def kill(system: System) -> None:
+        os.kill(system.processes.ids[name], signal.SIGKILL)
+        system.watcher.listen(2.5)
+        system.processes.stop(name)
+        system.start(name)
 
     return kill
 

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.markdown import table
+from benchmarks.reporting.markdown import table
 from benchmarks.soak.faults import FAULTS
-from benchmarks.soak.suite import Result
+from benchmarks.soak.result import Result
 
 GROWTH = 5.0  # [MB] that memory may grow
 

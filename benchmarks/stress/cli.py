@@ -15,7 +15,7 @@ import click
 from rich.console import Console
 from rich.table import Table
 
-from benchmarks.progress import Bar
+from benchmarks.reporting.progress import Bar
 from benchmarks.stress.page import write
 from benchmarks.stress.survey import Found, Plan, survey
 from benchmarks.stress.tables import runs, wrong

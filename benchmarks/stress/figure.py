@@ -13,7 +13,7 @@ import numpy as np
 mpl.use("Agg")
 import matplotlib.pyplot as plt
 
-from benchmarks.figures import MARKS, STYLE
+from benchmarks.reporting.style import MARKS, STYLE
 from benchmarks.stress.survey import Found
 from benchmarks.stress.tables import Point, fixed, runs
 from benchmarks.stress.verdict import SURVIVED, Result

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 
 import numpy as np
 
-from benchmarks.markdown import table
+from benchmarks.reporting.markdown import table
 from benchmarks.stress.survey import REFERENCE, Found
 from benchmarks.stress.verdict import FORBIDDEN, OUTCOMES, SURVIVED, Result
 

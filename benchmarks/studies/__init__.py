@@ -1,2 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One question a file; each returns plain data for the report."""
+"""One question a file, put to all simulators in the same run; each returns plain data.
+
+``bench`` is what every study is given. The report is made in ``comparison``, which the studies do
+not know; ``contact`` prints a table of its own.
+"""

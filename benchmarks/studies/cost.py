@@ -7,11 +7,11 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks.bench import Bench, Record
-from benchmarks.measure import Cost, Job, cpu, steady
-from benchmarks.peers import pinocchio_peer
+from benchmarks.measurement.timing import Cost, Job, cpu, steady
+from benchmarks.peers import pinocchio as pinocchio_peer
 from benchmarks.peers.base import Contestant
-from benchmarks.robots import Robot, chain
+from benchmarks.robots.models import Robot, chain
+from benchmarks.studies.bench import Bench, Record
 
 STEP = 1e-3
 STEPS = 500

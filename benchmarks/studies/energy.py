@@ -9,9 +9,9 @@ import time
 import numpy as np
 import pinocchio as pin
 
-from benchmarks.bench import Bench, Record
 from benchmarks.peers.base import Contestant, Trial
-from benchmarks.robots import Robot, panda
+from benchmarks.robots.models import Robot, panda
+from benchmarks.studies.bench import Bench, Record
 
 HORIZONS = (1.0, 10.0, 100.0, 1000.0)  # [s]
 QUICK_HORIZONS = (1.0, 10.0)

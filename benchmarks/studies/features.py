@@ -7,9 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.bench import Bench, Record
-from benchmarks.measure import Job, steady
-from benchmarks.robots import panda
+from benchmarks.measurement.timing import Job, steady
+from benchmarks.robots.models import panda
+from benchmarks.studies.bench import Bench, Record
 
 STEPS = 1000
 STEP = 1e-3

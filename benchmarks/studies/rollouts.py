@@ -11,8 +11,8 @@ from typing import Protocol
 
 import numpy as np
 
-from benchmarks.bench import Bench, Record
-from benchmarks.robots import Robot
+from benchmarks.robots.models import Robot
+from benchmarks.studies.bench import Bench, Record
 
 STEP = 1e-3
 STEPS = 50
@@ -33,10 +33,10 @@ Fleets = dict[str, Callable[[Robot, int], Fleet]]  # label -> (robot, threads) -
 def mujoco_fleets() -> Fleets:
     """MuJoCo's rollout with its Euler and RK4 steps; empty where it is not installed."""
     try:
-        from benchmarks.peers import mujoco_fleet
+        from benchmarks.peers import mujoco as mujoco_peer
     except ImportError:
         return {}
-    return {f"MuJoCo {m}": mujoco_fleet.builder(m, STEP, STEPS) for m in ("Euler", "RK4")}
+    return {f"MuJoCo {m}": mujoco_peer.fleet(m, STEP, STEPS) for m in ("Euler", "RK4")}
 
 
 @dataclass

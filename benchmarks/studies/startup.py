@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from benchmarks.bench import Bench, Record
-from benchmarks.robots import Robot, chain
+from benchmarks.robots.models import Robot, chain
+from benchmarks.studies.bench import Bench, Record
 
 CHILD = Path(__file__).with_name("startup_child.py")
 LINKS = (2, 5, 10, 20, 30, 40, 50)

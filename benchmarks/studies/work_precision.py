@@ -7,12 +7,12 @@ from collections.abc import Callable
 
 import numpy as np
 
-from benchmarks import truth
-from benchmarks.bench import Bench, Record
-from benchmarks.closed_loop import Loop
-from benchmarks.measure import Cost, Job, steady
+from benchmarks.measurement.timing import Cost, Job, steady
 from benchmarks.peers.base import Contestant, Trial
-from benchmarks.robots import Robot
+from benchmarks.reference import solution
+from benchmarks.reference.closed_loop import Loop
+from benchmarks.robots.models import Robot
+from benchmarks.studies.bench import Bench, Record
 
 SCENARIOS = ("free motion", "computed torque at 1 kHz")
 HOPELESS = 10.0  # [rad], an error beyond which a point is not drawn
@@ -31,7 +31,7 @@ def run(bench: Bench) -> Record:
 
 
 def _free(bench: Bench, robot: Robot) -> tuple[Record, list[Record]]:
-    reference = bench.once(f"truth: {robot.name}, free", lambda: truth.free_motion(robot))
+    reference = bench.once(f"truth: {robot.name}, free", lambda: solution.free_motion(robot))
     jobs: dict[tuple[int, float], Job] = {}
     errors: dict[tuple[int, float], float] = {}
     still = np.zeros(robot.n)
@@ -63,7 +63,7 @@ def _free_job(trial: Trial, robot: Robot) -> Job:
 def _closed(bench: Bench, robot: Robot) -> tuple[Record, list[Record]]:
     loop = Loop(robot, ticks=1000 if bench.quick else 2000)
     label = f"truth: {robot.name}, controlled"
-    reference = bench.once(label, lambda: truth.closed_loop(robot, loop))
+    reference = bench.once(label, lambda: solution.closed_loop(robot, loop))
     jobs: dict[tuple[int, float], Job] = {}
     errors: dict[tuple[int, float], float] = {}
     cases = _cases(bench, lambda who: who.tick_settings)
@@ -91,7 +91,7 @@ def _about(robot: Robot, scenario: str, duration: float) -> Record:
     return {"robot": robot.name, "scenario": scenario, "duration_s": duration}
 
 
-def _truth_record(about: Record, reference: truth.Truth) -> Record:
+def _truth_record(about: Record, reference: solution.Truth) -> Record:
     return about | {"halving_rad": reference.halving, "other_method_rad": reference.other}
 
 

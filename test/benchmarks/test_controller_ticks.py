@@ -9,7 +9,7 @@ import re
 import pytest
 
 from arm_dynamics.ros.common.transport import DISCOVERY
-from benchmarks import controller_ticks
+from benchmarks.latency import controller_ticks
 
 pytestmark = pytest.mark.ros
 

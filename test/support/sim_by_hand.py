@@ -29,10 +29,10 @@ class Waiting:
     """Commands that have come since the last tick, in place of the middleware."""
 
     def __init__(self, node: SimNode) -> None:
-        node.input.close()
+        node.inputs.close()
         self.messages: deque[bytes] = deque()
-        self._read = node.input._reader.read
-        node.input._source = self
+        self._read = node.inputs.reader.read
+        node.inputs.source = self
 
     def take(self) -> tuple[int, Read] | None:
         return (0, self._read(self.messages.popleft())) if self.messages else None

@@ -14,7 +14,7 @@ from arm_dynamics.codegen import kernel as kernels
 from arm_dynamics.codegen.kernel import Kernel, generate
 from arm_dynamics.codegen.split_functions import divided
 from arm_sim.plant.plant import Plant
-from benchmarks.urdf import chain_urdf
+from benchmarks.robots.urdf import chain_urdf
 
 PIECE = 100
 

@@ -11,6 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics.equations import motor
 from arm_sim import Simulator
 from models.driven import WINDING, B, J, K, L, R, law, linear, of_states, wheel
 from tolerances import ALGEBRA, MOTOR, PINOCCHIO, assert_close
@@ -145,6 +146,30 @@ def test_amplifier_limits_the_current_under_voltage() -> None:
     np.testing.assert_allclose(recording.z[~before, 0], 8.0, rtol=1e-6)
     falling = sim.run(0.005, [0.0]).z[:, 0]
     np.testing.assert_allclose(falling[-1], 8.0 * np.exp(-5.0), rtol=1e-5)
+
+
+def test_a_limited_amplifier_treats_both_directions_alike() -> None:
+    """At either limit it gives at least what keeps the current from growing further."""
+    for current in (-9.0, -8.0, -3.0, 8.0, 9.0):
+        for voltage in (-20.0, 0.0, 20.0):
+            given = motor.limited_voltage(voltage, current, 2.0, 8.0, R)
+            mirrored = motor.limited_voltage(-voltage, -current, -2.0, 8.0, R)
+            assert given == -mirrored
+            steady = R * current + 2.0
+            held = min(voltage, steady) if current > 0.0 else max(voltage, steady)
+            assert given == (held if abs(current) >= 8.0 else voltage)
+
+
+def test_the_torque_limit_is_that_of_current_or_stall() -> None:
+    """N K_t I, or N K_t V / R where the voltage does not drive as much at rest."""
+    motors = {"resistance": 2.0, "torque_constant": 0.05, "gear_ratio": 20.0}
+    for more, amperes in (
+        ({"voltage_limit": 12.0, "current_limit": 8.0}, 6.0),
+        ({"voltage_limit": 12.0, "current_limit": 5.0}, 5.0),
+        ({"voltage_limit": 12.0}, 6.0),
+    ):
+        model = ArmModel(load_scene(wheel(command="current", **motors, **more)))
+        assert_close(model.effort_limit, [20.0 * 0.05 * amperes], PINOCCHIO)
 
 
 def test_no_load_speed_and_stall_torque() -> None:

@@ -186,6 +186,8 @@ def test_kinematic_error_shifts_the_output_by_itself() -> None:
         flow = of_states(drives, 1)
         torque = float(flow["torque"]([q], [0.5], [position, speed], [0]))
         assert abs(torque) < 1e-10
+        faster = 2e-3 * 2 * RATIO * np.cos(2 * RATIO * position + 0.4)
+        assert_close(speed * (1.0 + faster), 0.5, PINOCCHIO)  # the spring is not being wound
 
 
 def test_kinematic_error_reacts_on_the_motor() -> None:

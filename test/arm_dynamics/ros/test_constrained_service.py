@@ -10,10 +10,13 @@ import pytest
 from arm_msgs.msg import Multipliers
 from arm_msgs.srv import ConstrainedDynamics as Service
 from harness import Ros
+from std_msgs.msg import Float64MultiArray
 
 import models
 from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import CONSTRAINED_DYNAMICS
 from arm_sim.ros.sim_node import SimNode
 from tolerances import INVERSE_PAIR, PINOCCHIO, assert_close
 
@@ -29,7 +32,7 @@ def node(ros: Ros) -> DynamicsNode:
 
 
 def ask(node: DynamicsNode, **fields: Any) -> Any:
-    return node.on_constrained_dynamics(Service.Request(**fields), Service.Response())
+    return node.answer(CONSTRAINED_DYNAMICS, Service.Request(**fields), Service.Response())
 
 
 def test_there_and_back_over_the_wire(ros: Ros, node: DynamicsNode) -> None:
@@ -59,16 +62,37 @@ def test_bad_multipliers_are_refused(node: DynamicsNode) -> None:
     assert "multipliers has 1 numbers; allowed is 3" in answer.message
 
 
-def test_forces_are_published_to_listeners(ros: Ros) -> None:
-    sim = ros.add(SimNode, SCENE, realtime=False)
+def published(ros: Ros, sim: SimNode) -> Multipliers:
+    """The forces after some ticks."""
     heard = ros.listen(Multipliers, "/sim/multipliers")
 
-    def ticked() -> list[Any]:
-        for _ in range(20):
-            sim.tick()
+    def ticked() -> list[Multipliers]:
+        sim.tick()
         return heard
 
     ros.spin_until(ticked)
-    assert list(heard[0].names) == ["loop"] * 3
-    assert np.isfinite(heard[0].values).all()
-    assert np.abs(heard[0].values).max() > 0.0
+    ros.spin_until(lambda: to_nanoseconds(heard[-1].header.stamp) == sim.engine.stamp)
+    return heard[-1]
+
+
+def test_forces_of_a_moving_loop_are_those_of_the_present_state(ros: Ros) -> None:
+    sim = ros.add(SimNode, SCENE, realtime=False, energy_period=0.001)
+    message = published(ros, sim)
+    assert list(message.names) == ["loop"] * 3
+    state = sim.simulator.state
+    _, lam = Dynamics(SCENE).constrained_forward(state.q, state.v, np.zeros(3))
+    assert np.abs(lam).max() > 1.0
+    assert_close(message.values, lam, PINOCCHIO)
+
+
+def test_a_pen_that_presses_down_bears_a_force_downward(ros: Ros) -> None:
+    """What the arm exerts against the constraint has the sign of the push."""
+    sim = ros.add(
+        SimNode, models.scene("panda_pen"), realtime=False, energy_period=0.001,
+        command_timeout=0.0,
+    )  # fmt: skip
+    dyn = sim.simulator.dynamics
+    push = dyn.contact_torque(dyn.model.q0, [0.0, 0.0, -7.0])
+    command = (dyn.gravity(dyn.model.q0) + push).tolist()
+    sim.inputs.on_commands(Float64MultiArray(data=command))
+    assert_close(published(ros, sim).values, [-7.0], 1e-6)

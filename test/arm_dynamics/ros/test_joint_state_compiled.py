@@ -152,7 +152,7 @@ def test_without_a_compiler_the_node_moves_the_arm_to_the_same_bits(
     monkeypatch.setattr(compiled, "native", lambda: None)
     nodes.append(by_hand(ros))
     for node in nodes:
-        node.on_joint_commands(command(name=NAMES, effort=TAU))
+        node.inputs.on_joint_commands(command(name=NAMES, effort=TAU))
         ticks(node, 50)
     assert motion(nodes[0]).tobytes() == motion(nodes[1]).tobytes()
 

@@ -84,7 +84,12 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
         ("joint2", "origin"),
     ),
     "inertia NaN": (changed('iyy="0.015"', 'iyy="nan"'), ("link2", "inertia", "nan")),
-    "inertia negative": (changed('iyy="0.015"', 'iyy="-0.015"'), ("link2", "inertia", "negative")),
+    "ixx negative": (
+        changed('ixx="0" ixy="0" ixz="0" iyy="0.015"', 'ixx="-1" ixy="0" ixz="0" iyy="0.015"'),
+        ("link2", "inertia ixx", "negative"),
+    ),
+    "iyy negative": (changed('iyy="0.015"', 'iyy="-0.015"'), ("link2", "inertia iyy", "negative")),
+    "izz negative": (changed('izz="0.015"', 'izz="-0.015"'), ("link2", "inertia izz", "negative")),
     "damping negative": (
         changed('damping="0.4"', 'damping="-0.4"'),
         ("joint2", "damping", "-0.4"),

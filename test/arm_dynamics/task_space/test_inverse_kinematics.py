@@ -15,7 +15,6 @@ from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import circle, line, timed
 from arm_dynamics.trajectory.joint_path import joint_path, paced
 from arm_dynamics.trajectory.time_scaling import torque_stretch
-from arm_dynamics.trajectory.timing import Quintic, Trapezoid
 
 FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "puma560": None, "kinova": None}
 
@@ -140,36 +139,6 @@ def test_a_whole_circle_returns_and_keeps_its_radius() -> None:
         assert rate <= 0.3 + 1e-12
     end = task.pose(path.sample(motion.duration).q)
     np.testing.assert_allclose(end.position, start.position, atol=1e-11)
-
-
-def test_slerp_turns_evenly_about_one_axis() -> None:
-    start = Pose(np.zeros(3), pin.exp3(np.array([0.1, 0.4, -0.2])))
-    end = Pose(np.array([1.0, 0, 0]), pin.exp3(np.array([0.0, -1.0, 2.0])))
-    way = line(start, end)
-    np.testing.assert_allclose(way.at(1.0).rotation, end.rotation, atol=1e-12)
-    whole = pin.log3(end.rotation @ start.rotation.T)
-    half = pin.log3(way.at(0.5).rotation @ start.rotation.T)
-    np.testing.assert_allclose(half, 0.5 * whole, atol=1e-12)
-    h = 1e-6
-    rate = pin.log3(way.at(0.3 + h).rotation @ way.at(0.3 - h).rotation.T) / (2 * h)
-    np.testing.assert_allclose(rate, way.at(0.3).first[3:], atol=1e-8)
-
-
-@pytest.mark.parametrize("law", [Quintic, Trapezoid])
-@pytest.mark.parametrize("length", [0.01, 0.5])
-def test_timing_reaches_a_limit_and_exceeds_none(law: type, length: float) -> None:
-    timing = law.within(length, 0.5, 2.0)
-    t = np.linspace(0.0, timing.duration, 2001)
-    u, rate, rise = np.array([timing.at(float(x)) for x in t]).T
-    assert u[0] == 0.0 and abs(u[-1] - 1.0) < 1e-12
-    speed, acceleration = length * rate.max() / 0.5, length * abs(rise).max() / 2.0
-    assert max(speed, acceleration) <= 1.0 + 1e-9
-    assert max(speed, acceleration) > 1.0 - 1e-3
-    np.testing.assert_allclose(np.gradient(u, t)[5:-5], rate[5:-5], atol=3e-3 * rate.max())
-    slow = timing.slower(2.0)
-    assert slow.duration == 2 * timing.duration
-    np.testing.assert_allclose(slow.at(0.6 * timing.duration)[1] * 2,
-                               timing.at(0.3 * timing.duration)[1])  # fmt: skip
 
 
 def test_pacing_brings_torque_to_its_limit_and_no_further() -> None:

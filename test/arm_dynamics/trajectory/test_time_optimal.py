@@ -10,13 +10,14 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmError, InvalidInput, Unreachable
+from arm_dynamics import ArmError, Dynamics, InvalidInput, Unreachable
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import line, timed
 from arm_dynamics.trajectory.joint_path import JointPath, joint_path, paced
 from arm_dynamics.trajectory.reference import Trajectory
 from arm_dynamics.trajectory.time_optimal import Profile, retimed
 from arm_dynamics.trajectory.timing import Quintic
+from models.rotor import rotor
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 pytestmark = pytest.mark.filterwarnings("ignore::SyntaxWarning")  # docstrings of toppra
@@ -62,6 +63,20 @@ def test_one_joint_with_an_acceleration_limit_is_bang_bang(toppra: object) -> No
     )
     quick = retimed(JointPath(over, Quintic(9.0)), dyn, np.inf, 2.0)
     assert quick.duration == pytest.approx(2.0 * np.sqrt(0.5), rel=1e-3)
+
+
+def test_dry_friction_helps_to_brake(toppra: object) -> None:
+    """Up with (T - F)/J and down with (T + F)/J, over 1 rad."""
+    inertia, dry, most = 0.1, 1.0, 2.0
+    over = Trajectory(
+        np.array([0.0, 1.0]),
+        np.array([[[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]]),
+        np.array([[0.0], [1.0]]),
+    )
+    dyn = Dynamics(rotor(inertia, coulomb=dry))
+    quick = retimed(JointPath(over, Quintic(9.0)), dyn, most)
+    wanted = np.sqrt(2.0 * inertia * (1.0 / (most - dry) + 1.0 / (most + dry)))
+    assert quick.duration == pytest.approx(wanted, rel=5e-3)
 
 
 @pytest.mark.parametrize(

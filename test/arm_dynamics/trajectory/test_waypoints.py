@@ -10,11 +10,13 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.trajectory.quintic import extremes
 from arm_dynamics.trajectory.waypoints import (
     Limits,
+    Reference,
     Trajectory,
     Waypoint,
     hold,
     quintic,
     quintic_through,
+    stop,
 )
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
@@ -189,6 +191,32 @@ def test_stretches_to_keep_limits(
 
 def test_does_not_stretch_without_need(rng: np.random.Generator) -> None:
     assert quintic(random_waypoints(rng), limits(1e3, 1e3)).stretch == 1.0
+
+
+def test_given_inner_derivatives_shrink_with_the_stretch() -> None:
+    """Velocities by the stretch, accelerations by its square: the path is the same."""
+    v, a = np.array([0.3, -0.2, 0.1]), np.array([0.4, 0.2, -0.5])
+    waypoints = [Waypoint(0.0, np.zeros(N)), Waypoint(1.0, np.ones(N), v, a),
+                 Waypoint(2.0, np.zeros(N))]  # fmt: skip
+    kept = quintic(waypoints, limits(velocity=0.5))
+    inner = kept.sample(kept.times[1])
+    assert kept.stretch > 1.5
+    assert_close(inner.v, v / kept.stretch, ALGEBRA)
+    assert_close(inner.a, a / kept.stretch**2, ALGEBRA)
+
+
+def test_a_stop_is_as_short_as_the_acceleration_limit_allows() -> None:
+    """1.5 v/a for the fastest joint, on the way v T/2, and never quicker than asked for."""
+    q, v = np.array([0.1, 0.2, 0.3]), np.array([0.4, -1.2, 0.0])
+    halt = stop(Reference(q, v, np.zeros(N)), limits(acceleration=3.0), least=0.1)
+    assert_close(halt.stretch, 1.0, ALGEBRA)
+    assert_close(halt.duration, 1.5 * 1.2 / 3.0, ALGEBRA)
+    middle, end = halt.sample(halt.duration / 2), halt.sample(halt.duration)
+    assert_close(middle.v, v / 2, ALGEBRA)
+    assert_close(abs(middle.a), 1.5 * abs(v) / halt.duration, ALGEBRA)
+    assert_close(end.q, q + v * halt.duration / 2, ALGEBRA)
+    slow = stop(Reference(q, v, np.zeros(N)), limits(acceleration=1e3), least=0.25)
+    assert slow.duration == 0.25
 
 
 def test_start_in_motion_is_kept_while_stretching() -> None:

@@ -6,7 +6,7 @@ from __future__ import annotations
 import pytest
 
 from arm_dynamics import InvalidInput
-from arm_sim.ros.commands.arbiter import STREAM, Arbiter
+from arm_sim.ros.commands.arbiter import Arbiter
 
 pytestmark = pytest.mark.ros
 
@@ -14,7 +14,7 @@ BOTH, FIRST, SECOND = frozenset({0, 1}), frozenset({0}), frozenset({1})
 
 
 def streaming(source: str, joints: frozenset[int], arbiter: Arbiter) -> None:
-    for _ in range(STREAM):
+    for _ in range(10):
         arbiter.tick()
         arbiter.admit(source, joints)
 
@@ -29,11 +29,26 @@ def test_a_stream_keeps_its_joints() -> None:
     arbiter.admit("left", BOTH)
 
 
+def test_ten_commands_make_a_stream_and_nine_do_not() -> None:
+    arbiter = Arbiter(100)
+    for _ in range(9):
+        arbiter.admit("left", BOTH)
+    arbiter.admit("right", BOTH)
+    arbiter.admit("left", BOTH)
+    with pytest.raises(InvalidInput, match="'right' is refused"):
+        arbiter.admit("right", BOTH)
+
+
 def test_a_silent_source_loses_them() -> None:
     arbiter = Arbiter(5)
     streaming("left", BOTH, arbiter)
-    for _ in range(6):
+    for _ in range(5):
         arbiter.tick()
+    assert arbiter.sources == ("left",)
+    with pytest.raises(InvalidInput, match="'right' is refused"):
+        arbiter.admit("right", BOTH)
+    arbiter.tick()
+    assert arbiter.sources == ()
     streaming("right", BOTH, arbiter)
     with pytest.raises(InvalidInput, match="'left' is refused"):
         arbiter.admit("left", BOTH)
@@ -46,6 +61,38 @@ def test_streams_of_different_joints_go_together() -> None:
     streaming("right", SECOND, arbiter)
     streaming("left", FIRST, arbiter)
     assert arbiter.refused == 0
+
+
+def test_a_refusal_is_told_for_as_long_as_a_source_is_remembered() -> None:
+    arbiter = Arbiter(5)
+    assert not arbiter.conflict
+    streaming("left", BOTH, arbiter)
+    with pytest.raises(InvalidInput):
+        arbiter.admit("right", BOTH)
+    for _ in range(5):
+        arbiter.tick()
+        assert arbiter.conflict
+    arbiter.tick()
+    assert not arbiter.conflict
+
+
+def test_commands_with_long_silences_between_them_make_no_stream() -> None:
+    arbiter = Arbiter(5)
+    for _ in range(20):
+        arbiter.admit("now and then", BOTH)
+        for _ in range(6):
+            arbiter.tick()
+    arbiter.admit("now and then", BOTH)
+    arbiter.admit("other", BOTH)
+
+
+def test_forgotten_sources_keep_nothing() -> None:
+    arbiter = Arbiter(100)
+    streaming("left", BOTH, arbiter)
+    arbiter.forget()
+    assert arbiter.sources == ()
+    arbiter.admit("right", BOTH)
+    assert arbiter.alone
 
 
 def test_single_commands_own_nothing() -> None:

@@ -47,7 +47,7 @@ def follow(sim: SimNode, controller: ControllerNode, ticks: int) -> tuple[np.nda
     controller.on_joint_trajectory(trajectory(sim))
     errors, positions = [], []
     for _ in range(ticks):
-        sim.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
+        sim.inputs.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
         sim.tick()
         reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
         errors.append(reference.q - sim.simulator.state.q)
@@ -91,5 +91,5 @@ def test_over_topics(ros: Ros) -> None:
     for count in range(1, 101):
         sim.tick()
         ros.spin_until(lambda count=count: len(answers) >= count)
-    assert sim._outputs.round_trip.percentiles().count > 50
+    assert sim.inputs.round_trip.percentiles().count > 50
     np.testing.assert_allclose(sim.simulator.state.q, q0, rtol=0.0, atol=1e-6)

@@ -28,7 +28,7 @@ def lead(sim: SimNode, controller: ControllerNode, goal: list[float], ticks: int
     controller.on_joint_trajectory(JointTrajectory(joint_names=names, points=[point]))
     errors = []
     for _ in range(ticks):
-        sim.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
+        sim.inputs.on_joint_commands(controller.on_joint_states(state_bytes(sim)))
         sim.tick()
         reference = controller.follower.reference(round(sim.simulator.state.time * 1e9))
         errors.append(sim.simulator.state.q - reference.q)
@@ -52,7 +52,7 @@ def test_controller_leads_an_arm_through_its_motors(
 
 def test_a_voltage_on_the_topic_and_its_limit(ros: Ros) -> None:
     sim = ros.add(SimNode, models.scene("motor_pendulum"), realtime=False)
-    sim.on_joint_commands(serialize_message(JointState(name=["swing"], effort=[100.0])))
+    sim.inputs.on_joint_commands(serialize_message(JointState(name=["swing"], effort=[100.0])))
     for _ in range(20):
         sim.tick()
     current = sim.simulator.state.z[0]
@@ -62,7 +62,7 @@ def test_a_voltage_on_the_topic_and_its_limit(ros: Ros) -> None:
 
 def test_commands_in_model_order(ros: Ros) -> None:
     sim = ros.add(SimNode, models.scene("flexible_arm"), realtime=False)
-    sim.on_commands(Float64MultiArray(data=[5.0, 0.0]))
+    sim.inputs.on_commands(Float64MultiArray(data=[5.0, 0.0]))
     sim.tick()
     assert sim.simulator.state.z[1] > 0.0
 

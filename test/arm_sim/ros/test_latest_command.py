@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_sim.ros.commands.latest import Commands
+from arm_sim.ros.commands.latest import LatestCommand
 
 pytestmark = pytest.mark.ros
 
@@ -16,13 +16,13 @@ TAU = np.array([1.0, 2.0])
 
 
 @pytest.fixture
-def commands() -> Commands:
-    slot = Commands(models.dynamics("two_link"))
+def commands() -> LatestCommand:
+    slot = LatestCommand(models.dynamics("two_link"))
     slot.configure(3, "zero")
     return slot
 
 
-def test_newest_command_acts_until_it_is_old(commands: Commands) -> None:
+def test_newest_command_acts_until_it_is_old(commands: LatestCommand) -> None:
     commands.put(np.array([9.0, 9.0]))
     commands.put(TAU)
     taken = [commands.take(Q) for _ in range(5)]
@@ -31,7 +31,7 @@ def test_newest_command_acts_until_it_is_old(commands: Commands) -> None:
     assert commands.stale_count == 1
 
 
-def test_each_command_is_young_again(commands: Commands) -> None:
+def test_each_command_is_young_again(commands: LatestCommand) -> None:
     for value in range(10):
         commands.put(np.full(2, float(value)))
         for _ in range(3):
@@ -39,14 +39,14 @@ def test_each_command_is_young_again(commands: Commands) -> None:
     assert commands.stale_count == 0
 
 
-def test_the_same_numbers_again_are_a_new_command(commands: Commands) -> None:
+def test_the_same_numbers_again_are_a_new_command(commands: LatestCommand) -> None:
     for _ in range(5):
         commands.put(TAU.copy())
         taken = [commands.take(Q) for _ in range(3)]
         np.testing.assert_array_equal(taken, [TAU] * 3)
 
 
-def test_commands_that_come_back_end_staleness(commands: Commands) -> None:
+def test_commands_that_come_back_end_staleness(commands: LatestCommand) -> None:
     commands.put(TAU)
     for _ in range(9):
         commands.take(Q)
@@ -56,7 +56,7 @@ def test_commands_that_come_back_end_staleness(commands: Commands) -> None:
 
 
 @pytest.mark.parametrize("policy", ["zero", "hold", "gravity"])
-def test_policies(commands: Commands, policy: str) -> None:
+def test_policies(commands: LatestCommand, policy: str) -> None:
     gravity = models.dynamics("two_link").gravity(Q)
     before = {"zero": np.zeros(2), "hold": np.zeros(2), "gravity": gravity}
     after = {**before, "hold": TAU}
@@ -68,14 +68,14 @@ def test_policies(commands: Commands, policy: str) -> None:
     np.testing.assert_array_equal(commands.take(Q), after[policy])
 
 
-def test_without_timeout_a_command_never_grows_old(commands: Commands) -> None:
+def test_without_timeout_a_command_never_grows_old(commands: LatestCommand) -> None:
     commands.configure(0, "zero")
     commands.put(TAU)
     for _ in range(100):
         np.testing.assert_array_equal(commands.take(Q), TAU)
 
 
-def test_held_does_not_make_it_older(commands: Commands) -> None:
+def test_held_does_not_make_it_older(commands: LatestCommand) -> None:
     np.testing.assert_array_equal(commands.held(Q), [0.0, 0.0])
     commands.put(TAU)
     for _ in range(10):
@@ -83,7 +83,7 @@ def test_held_does_not_make_it_older(commands: Commands) -> None:
     np.testing.assert_array_equal(commands.take(Q), TAU)
 
 
-def test_clear_forgets(commands: Commands) -> None:
+def test_clear_forgets(commands: LatestCommand) -> None:
     commands.put(TAU)
     commands.take(Q)
     commands.clear()

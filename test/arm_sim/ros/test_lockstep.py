@@ -12,14 +12,14 @@ import pytest
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from std_srvs.srv import SetBool, Trigger
+from std_srvs.srv import SetBool
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.interfaces import NEWEST
+from arm_dynamics.ros.interfaces import NEWEST, PAUSE, RESET
 from arm_dynamics.trajectory.reference import Waypoint
-from arm_sim.closed_loop import Together
+from arm_sim import ClosedLoop
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -35,7 +35,7 @@ def lockstep(ros: Ros, **parameters: Any) -> SimNode:
 
 def expected() -> np.ndarray:
     """The same motion in one process, without messages."""
-    pair = Together(models.scene("two_link"))
+    pair = ClosedLoop(models.scene("two_link"))
     pair.follow([Waypoint(0.2, pair.simulator.state.q + GOAL)], START)
     motion = pair.run(TICKS * pair.simulator.dt)
     return np.hstack([motion.q, motion.v])
@@ -53,15 +53,12 @@ def trajectory(sim: SimNode) -> JointTrajectory:
 def watched(sim: SimNode) -> list[np.ndarray]:
     """Fills with every state that the simulation reaches; stops it after ``TICKS``."""
     states = [np.concatenate([sim.simulator.state.q, sim.simulator.state.v])]
-    advance = sim.advance
 
-    def noted(tau: np.ndarray) -> bool:
-        good = advance(tau)
+    def note() -> None:
         states.append(np.concatenate([sim.simulator.state.q, sim.simulator.state.v]))
-        sim.paused = sim.simulator.step_count >= TICKS
-        return good
+        sim.engine.paused = sim.simulator.step_count >= TICKS
 
-    sim.advance = noted
+    sim.engine.on_tick.append(note)
     return states
 
 
@@ -70,7 +67,7 @@ def motion(ros: Ros, sim: SimNode, controller: ControllerNode) -> np.ndarray:
     ros.spin_until(lambda: controller.follower is not None)
     controller.on_joint_trajectory(trajectory(sim))
     ros.spin_until(lambda: controller.follower.remaining(0) > 0.0)  # planned, if planning waits
-    sim.requests.pause(False)
+    sim.engine.pause(False)
     ros.spin_until(lambda: sim.simulator.step_count >= TICKS, timeout=60.0)
     return np.array(states)
 
@@ -88,13 +85,13 @@ def test_lost_messages_are_asked_for_again_and_change_nothing(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sim, controller = pair(ros, lockstep_retry=0.005)
-    send, count = controller._send, iter(range(10**9))
+    send, count = controller.send, iter(range(10**9))
 
     def lose_every_seventh(command: bytes) -> None:
         if next(count) % 7:
             send(command)
 
-    monkeypatch.setattr(controller, "_send", lose_every_seventh)
+    monkeypatch.setattr(controller, "send", lose_every_seventh)
     np.testing.assert_array_equal(motion(ros, sim, controller), expected())
     assert sim.lockstep.asked_again >= TICKS // 7 - 2
 
@@ -131,7 +128,7 @@ def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
     ros.spin_until(lambda: sim.lockstep.gone)
     assert 0.15 < time.monotonic() - since < 2.0
     assert "the partner is gone; time stands still" in capfd.readouterr().err
-    found = {f.part: f for f in sim.findings()}["lockstep"].message(sim)
+    found = {f.part: f for f in sim.diagnostics()}["lockstep"].message(sim)
     assert found.level == b"\x02"
     assert "gives no answer" in found.message
     assert sim.simulator.step_count == 1
@@ -142,13 +139,13 @@ def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
 
 def test_paused_it_waits_for_nobody(ros: Ros) -> None:
     sim = lockstep(ros, lockstep_timeout=0.05, lockstep_retry=0.01)
-    assert sim.requests.on_pause(SetBool.Request(data=True), SetBool.Response()).success
+    assert sim.requests.answer(PAUSE, SetBool.Request(data=True)).success
     answer(sim, 0)
     end = time.monotonic() + 0.2
     ros.spin_until(lambda: time.monotonic() > end)
     assert not sim.lockstep.gone
     assert sim.simulator.step_count == 0
-    assert sim.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    assert sim.requests.answer(PAUSE, SetBool.Request(data=False)).success
     answer(sim, 0)
     assert sim.simulator.step_count == 1
 
@@ -157,7 +154,7 @@ def test_after_a_reset_the_first_state_is_answered_anew(ros: Ros) -> None:
     sim = lockstep(ros)
     for stamp in range(0, 5_000_000, 1_000_000):
         answer(sim, stamp)
-    assert sim.requests.on_reset(Trigger.Request(), Trigger.Response()).success
+    assert sim.requests.answer(RESET).success
     answer(sim, 5_000_000)
     assert sim.simulator.step_count == 0
     answer(sim, 0)
@@ -170,10 +167,10 @@ def test_a_failure_stops_time_and_is_said(ros: Ros, monkeypatch: pytest.MonkeyPa
     def fail(_: Any) -> None:
         raise ZeroDivisionError("by surprise")
 
-    monkeypatch.setattr(sim.commands, "take", fail)
+    monkeypatch.setattr(sim.engine.commands, "take", fail)
     answer(sim, 0)
-    assert sim.paused
-    assert "by surprise" in sim.trouble
+    assert sim.engine.paused
+    assert "by surprise" in sim.engine.failure
 
 
 def test_a_state_that_comes_again_gets_the_same_answer(ros: Ros) -> None:

@@ -9,7 +9,7 @@ import time
 import numpy as np
 import pytest
 
-from arm_sim.ros.histogram import Histogram
+from arm_sim.ros.latency import Histogram, RoundTrip
 from arm_sim.ros.realtime_loop import RealtimeLoop
 
 pytestmark = pytest.mark.ros
@@ -153,6 +153,45 @@ def test_histogram_beyond_twenty_milliseconds() -> None:
     assert summary.p50 == pytest.approx(0.5, rel=0.03)
     assert summary.p99 == pytest.approx(0.99, rel=0.03)
     assert sum(count for _, count in histogram.bars()) == 1000
+
+
+def test_a_long_duration_lies_between_the_edges_of_its_bar() -> None:
+    for duration in (0.0200005, 0.0203, 0.1, 1.0, 60.0, 1000.0):
+        histogram = Histogram()
+        histogram.add(round(1e9 * duration))
+        ((edge, count),) = histogram.bars()
+        assert count == 1
+        assert edge / 2 ** (1 / 32) <= duration * (1 + 1e-9)
+        assert duration <= edge * (1 + 1e-9)
+    assert Histogram().bars() == ()
+
+
+def test_a_short_duration_has_a_bar_of_a_microsecond() -> None:
+    histogram = Histogram()
+    for nanoseconds in (0, 999, 1000, 19_999_999):
+        histogram.add(nanoseconds)
+    edges, counts = zip(*histogram.bars(), strict=True)
+    assert edges == pytest.approx((1e-6, 2e-6, 20e-3))
+    assert counts == (2, 1, 1)
+
+
+def test_the_first_answer_to_a_state_counts() -> None:
+    trip = RoundTrip()
+    began = time.time_ns()
+    for stamp in range(300):
+        trip.sent(stamp)
+    assert trip.newest == 299
+    now = time.time_ns()
+    trip.answered(299, now)
+    trip.answered(299, now + 10**12)  # once more
+    trip.answered(300, now + 10**12)  # to no state
+    trip.answered(0, now + 10**12)  # to one that is forgotten
+    assert trip.percentiles().count == 1
+    assert trip.percentiles().max <= 1e-9 * (now - began)
+    trip.reset()
+    assert trip.percentiles().count == 0
+    trip.answered(44, now)  # the oldest that is remembered
+    assert trip.percentiles().count == 1
 
 
 def test_prepares_in_its_own_thread() -> None:

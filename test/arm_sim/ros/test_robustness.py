@@ -10,14 +10,10 @@ from typing import Any
 import numpy as np
 import pytest
 from arm_msgs.srv import (
-    DynamicsTerms,
-    ForwardDynamics,
-    InverseDynamics,
     SetFriction,
     SetJointState,
     SetPayload,
     Step,
-    TaskSpace,
 )
 from geometry_msgs.msg import WrenchStamped
 from harness import Ros
@@ -32,6 +28,17 @@ import models
 from arm_dynamics import load_scene
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import (
+    DYNAMICS_TERMS,
+    FORWARD_DYNAMICS,
+    INVERSE_DYNAMICS,
+    RESET,
+    SET_FRICTION,
+    SET_JOINT_STATE,
+    SET_PAYLOAD,
+    STEP,
+    TASK_SPACE,
+)
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -45,6 +52,8 @@ bounded = settings(
 numbers = st.floats(width=64)  # infinities and NaN among them
 few = st.lists(numbers, max_size=5)
 names = st.lists(st.sampled_from([*NAMES, "knee", "", "x" * 200, "ä"]), max_size=4)
+orders = st.permutations(NAMES) | st.just([]) | names  # of joints, as they may be given, or not
+points = st.lists(st.floats(-10.0, 10.0), min_size=2, max_size=2) | few  # one, or whatever
 
 
 class Nodes:
@@ -83,9 +92,9 @@ def command(**fields: Any) -> bytes:
 def alive(nodes: Nodes) -> None:
     """The sim still takes a good command and moves by it, finitely."""
     sim = nodes.sim
-    sim.requests.on_reset(None, Step.Response())
-    sim.requests.pause(False)
-    sim.on_joint_commands(command())
+    sim.requests.answer(RESET)
+    sim.engine.pause(False)
+    sim.inputs.on_joint_commands(command())
     sim.tick()
     np.testing.assert_array_equal(sim.simulator.effort, TAU)
     assert sim.simulator.step_count == 1
@@ -98,9 +107,9 @@ def alive(nodes: Nodes) -> None:
 @bounded
 @given(st.binary(max_size=300))
 def test_any_bytes(nodes: Nodes, raw: bytes) -> None:
-    nodes.sim.on_joint_commands(command())
-    nodes.sim.on_joint_commands(raw)
-    np.testing.assert_array_equal(nodes.sim.commands.held(np.zeros(2)), TAU)
+    nodes.sim.inputs.on_joint_commands(command())
+    nodes.sim.inputs.on_joint_commands(raw)
+    np.testing.assert_array_equal(nodes.sim.engine.commands.held(np.zeros(2)), TAU)
     nodes.controller.on_joint_states(raw)
     alive(nodes)
 
@@ -112,10 +121,10 @@ def test_damaged_messages(nodes: Nodes, data: st.DataObject) -> None:
     for _ in range(data.draw(st.integers(1, 4))):
         raw[data.draw(st.integers(0, len(raw) - 1))] = data.draw(st.integers(0, 255))
     cut = data.draw(st.integers(0, len(raw)))
-    nodes.sim.on_joint_commands(bytes(raw))
-    nodes.sim.on_joint_commands(bytes(raw[:cut]))
+    nodes.sim.inputs.on_joint_commands(bytes(raw))
+    nodes.sim.inputs.on_joint_commands(bytes(raw[:cut]))
     nodes.controller.on_joint_states(bytes(raw))
-    assert np.isfinite(nodes.sim.commands.held(np.zeros(2))).all()
+    assert np.isfinite(nodes.sim.engine.commands.held(np.zeros(2))).all()
     alive(nodes)
 
 
@@ -124,7 +133,7 @@ def test_a_length_that_is_not_there_is_not_allocated(nodes: Nodes) -> None:
     at = raw.index(struct.pack("<I", 2))  # number of names
     for length in (2**31, 2**32 - 1, 10**8):
         raw[at : at + 4] = struct.pack("<I", length)
-        nodes.sim.on_joint_commands(bytes(raw))
+        nodes.sim.inputs.on_joint_commands(bytes(raw))
     alive(nodes)
 
 
@@ -139,8 +148,8 @@ def test_joint_states_of_any_content(
     raw = serialize_message(
         JointState(name=name, position=position, velocity=velocity, effort=effort)
     )
-    nodes.sim.on_joint_commands(raw)
-    assert np.isfinite(nodes.sim.commands.held(np.zeros(2))).all()
+    nodes.sim.inputs.on_joint_commands(raw)
+    assert np.isfinite(nodes.sim.engine.commands.held(np.zeros(2))).all()
     answer = nodes.controller.on_joint_states(raw)
     if answer is not None:
         assert np.isfinite(deserialize_message(answer, JointState).effort).all()
@@ -172,7 +181,7 @@ def test_wrenches_of_any_content(nodes: Nodes, frame: str, values: list[float]) 
     message.header.frame_id = frame
     force, torque = message.wrench.force, message.wrench.torque
     force.x, force.y, force.z, torque.x, torque.y, torque.z = values
-    nodes.sim.push.on_wrench(message)
+    nodes.sim.inputs.on_wrench(message)
     nodes.sim.tick()
     assert np.isfinite(nodes.sim.simulator.state.q).all()
     alive(nodes)
@@ -180,9 +189,9 @@ def test_wrenches_of_any_content(nodes: Nodes, frame: str, values: list[float]) 
 
 @pytest.mark.parametrize("size", [10**5, 3 * 10**6])
 def test_giant_messages(nodes: Nodes, size: int) -> None:
-    nodes.sim.on_commands(Float64MultiArray(data=[0.0] * size))
-    nodes.sim.on_joint_commands(command(effort=[0.0] * size))
-    nodes.sim.on_joint_commands(command(name=["x"] * (size // 10), effort=[]))
+    nodes.sim.inputs.on_commands(Float64MultiArray(data=[0.0] * size))
+    nodes.sim.inputs.on_joint_commands(command(effort=[0.0] * size))
+    nodes.sim.inputs.on_joint_commands(command(name=["x"] * (size // 10), effort=[]))
     nodes.controller.on_joint_states(state(position=[0.0] * size))
     alive(nodes)
 
@@ -197,55 +206,125 @@ def test_descriptions_of_any_content_leave_the_arm(nodes: Nodes, text: str) -> N
 # --- requests ----------------------------------------------------------------------------------
 
 
+def fits(name: list[str], position: Any, *others: Any) -> bool:
+    """Whether joints, positions and other vectors make sense together."""
+    whole = len(position) > 0 and len(position) % len(NAMES) == 0
+    sizes = all(len(other) in (0, len(position)) for other in others)
+    finite = all(np.isfinite(vector).all() for vector in (position, *others))
+    return whole and sizes and finite and (not name or sorted(name) == sorted(NAMES))
+
+
 @bounded
-@given(names, few, few, few, st.integers(0, 255))
-def test_requests_of_any_content(
+@given(orders, points, points, points, st.integers(0, 20))
+def test_what_makes_sense_is_answered_and_all_else_refused(
     nodes: Nodes, name: list[str], position: Any, velocity: Any, other: Any, terms: int
 ) -> None:
+    """What makes sense is answered as the core does, and the rest is refused."""
     common = {"joint_names": name, "position": position, "velocity": velocity}
-    node = nodes.dynamics
-    for answer, field in (
-        (node.on_inverse_dynamics(
-            InverseDynamics.Request(**common, acceleration=other, terms=terms),
-            InverseDynamics.Response()), "effort"),
-        (node.on_forward_dynamics(
-            ForwardDynamics.Request(**common, effort=other), ForwardDynamics.Response()),
-         "acceleration"),
-        (node.on_dynamics_terms(DynamicsTerms.Request(**common), DynamicsTerms.Response()),
-         "mass_matrix"),
-        (node.on_task_space(
-            TaskSpace.Request(**common, frame="tip", direction=other[:2], axes=name[:2]),
-            TaskSpace.Response()), "jacobian"),
+    node, dynamics = nodes.dynamics, nodes.dynamics.dynamics
+    for service, more, field, compute in (
+        (INVERSE_DYNAMICS, {"acceleration": other, "terms": terms}, "effort",
+         lambda q, v, a: dynamics.inverse(q, v, a, terms)),
+        (FORWARD_DYNAMICS, {"effort": other}, "acceleration", dynamics.forward),
     ):  # fmt: skip
-        assert answer.success or answer.message
+        request = service.type.Request(**common, **more)
+        answer = node.answer(service, request, service.type.Response())
         assert "unexpected" not in answer.message
-        assert np.isfinite(getattr(answer, field)).all()
+        known = service is FORWARD_DYNAMICS or terms <= 15
+        if not (known and fits(name, position, velocity, other)):
+            assert not answer.success
+            assert answer.message and not getattr(answer, field)
+            continue
+        order = [NAMES.index(joint) for joint in name or NAMES]
+        back = np.argsort(order)
+        given_rows = (np.reshape(x or np.zeros(len(position)), (-1, 2))[:, back]
+                      for x in (position, velocity, other))  # fmt: skip
+        with np.errstate(all="ignore"):
+            exact = np.array(compute(*given_rows))[:, order].ravel()
+        assert answer.success == bool(np.isfinite(exact).all())
+        np.testing.assert_array_equal(getattr(answer, field), exact if answer.success else [])
 
 
 @bounded
-@given(names, few, few, numbers, st.integers(0, 2**32 - 1))
+@given(orders, points, points, few, names)
+def test_requests_with_matrices_are_answered_if_they_make_sense(
+    nodes: Nodes, name: list[str], position: Any, velocity: Any, direction: Any, axes: list[str]
+) -> None:
+    common = {"joint_names": name, "position": position, "velocity": velocity}
+    node, sense = nodes.dynamics, fits(name, position, velocity)
+    for service, more, allowed in (
+        (DYNAMICS_TERMS, {}, sense),
+        (TASK_SPACE, {"frame": "tip"}, sense),
+        (TASK_SPACE, {"frame": "tip", "direction": direction, "axes": axes}, False),
+    ):
+        request = service.type.Request(**common, **more)
+        answer = node.answer(service, request, service.type.Response())
+        assert "unexpected" not in answer.message
+        if not answer.success:
+            modest = np.abs([*position, *velocity]).max(initial=0.0) < 1e3
+            assert answer.message and not (allowed and modest)
+            continue
+        assert sense
+        field = "mass_matrix" if service is DYNAMICS_TERMS else "inertia"
+        assert np.isfinite(getattr(answer, field)).all() and len(getattr(answer, field))
+
+
+def finite(*vectors: Any) -> bool:
+    return all(np.isfinite(vector).all() for vector in vectors)
+
+
+@bounded
+@given(orders, points, points, st.one_of(st.floats(0.0, 10.0), numbers), st.integers(0, 12_000))
 def test_orders_of_any_content(
     nodes: Nodes, name: list[str], position: Any, velocity: Any, mass: float, count: int
 ) -> None:
-    requests = nodes.sim.requests
+    """What makes sense is done, and the rest is refused and changes nothing."""
+    requests, simulator = nodes.sim.requests, nodes.sim.simulator
+    joints = [NAMES.index(joint) for joint in name or NAMES if joint in NAMES]
+    named = len(joints) == len(name or NAMES) == len(set(joints))
+    q, v = simulator.state.q.copy(), simulator.state.v.copy()
+    answer = requests.answer(
+        SET_JOINT_STATE,
+        SetJointState.Request(joint_names=name, position=position, velocity=velocity),
+    )
+    lengths = {len(position), len(velocity)} <= {0, len(joints)}
+    assert answer.success == (named and lengths and finite(position, velocity)), answer.message
+    if answer.success:
+        q[joints] = position or q[joints]
+        v[joints] = velocity or 0.0
+    np.testing.assert_array_equal([simulator.state.q, simulator.state.v], [q, v])
+
+    before = simulator.parameters
     six = (velocity * 6 + [0.0] * 6)[:6]
-    for answer in (
-        requests.on_set_joint_state(
-            SetJointState.Request(joint_names=name, position=position, velocity=velocity),
-            SetJointState.Response()),
-        requests.on_set_payload(
-            SetPayload.Request(index=count % 3, mass=mass, com=six[:3], inertia=six),
-            SetPayload.Response()),
-        requests.on_set_friction(
-            SetFriction.Request(joint_names=name, viscous=position), SetFriction.Response()),
-        requests.on_step(Step.Request(steps=count if count > 10_000 else count % 20),
-                         Step.Response()),
-    ):  # fmt: skip
-        assert answer.success or answer.message
-        assert "unexpected" not in answer.message
-    assert np.isfinite(nodes.sim.simulator.state.q).all()
-    requests.on_set_payload(SetPayload.Request(mass=0.1), SetPayload.Response())
-    requests.on_set_friction(SetFriction.Request(viscous=[0.0, 0.0]), SetFriction.Response())
+    load = SetPayload.Request(index=count % 3, mass=mass, com=six[:3], inertia=six)
+    answer = requests.answer(SET_PAYLOAD, load)
+    possible = load.index == 0 and mass >= 0.0 and finite([mass], six)
+    assert possible if answer.success else not (possible and mass < 10.0 and not any(six))
+    if answer.success:
+        assert simulator.dynamics.model.scene.payloads[0].mass == mass
+    else:
+        np.testing.assert_array_equal(simulator.parameters, before)
+
+    before = simulator.dynamics.model.viscous.copy()
+    rub = SetFriction.Request(joint_names=name, viscous=position)
+    answer = requests.answer(SET_FRICTION, rub)
+    possible = named and len(position) == len(joints) and finite(position)
+    assert answer.success == (possible and min(position) >= 0.0), answer.message
+    if answer.success:
+        before[joints] = position
+    np.testing.assert_array_equal(simulator.dynamics.model.viscous, before)
+
+    count = count if count > 10_000 else count % 20
+    was = simulator.step_count
+    answer = requests.answer(STEP, Step.Request(steps=count))
+    if answer.success:
+        assert 1 <= count <= 10_000
+        assert simulator.step_count == was + count
+    else:
+        assert count in (0, *range(10_001, 12_001)) or nodes.sim.engine.failure
+    assert np.isfinite(simulator.state.q).all()
+    requests.answer(SET_PAYLOAD, SetPayload.Request(mass=0.1))
+    requests.answer(SET_FRICTION, SetFriction.Request(viscous=[0.0, 0.0]))
     alive(nodes)
 
 
@@ -269,11 +348,11 @@ def effort_after(controller: ControllerNode, jump: int) -> np.ndarray:
 def test_when_time_jumps_the_arm_is_held(nodes: Nodes, jump: int) -> None:
     still = models.dynamics("two_link").gravity([0.1, 0.2])
     held = effort_after(nodes.controller, jump)
-    loaded = nodes.controller._dynamics.gravity([0.1, 0.2])
+    loaded = nodes.controller.dynamics.gravity([0.1, 0.2])
     assert np.abs(loaded - still).max() < 1.0
     np.testing.assert_allclose(held, loaded, atol=1e-9)
 
 
 def test_a_small_gap_is_no_jump(nodes: Nodes) -> None:
-    held = nodes.controller._dynamics.gravity([0.1, 0.2])
+    held = nodes.controller.dynamics.gravity([0.1, 0.2])
     assert np.abs(effort_after(nodes.controller, 500_000_000) - held).max() > 1e-3

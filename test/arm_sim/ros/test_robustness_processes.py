@@ -21,7 +21,7 @@ from sensor_msgs.msg import JointState
 from std_msgs.msg import String
 
 import models
-from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client import ArmClient
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import LATCHED, NEWEST
 from arm_sim.ros.sim_node import SimNode
@@ -179,7 +179,7 @@ def test_a_publisher_that_vanishes_is_told_from_one_that_goes_on(ros: Ros) -> No
     for _ in range(20):
         node.tick()
     np.testing.assert_array_equal(node.simulator.effort, [0.0, 0.0])
-    assert node.commands.stale_count == 1
+    assert node.engine.commands.stale_count == 1
 
 
 def test_another_arm_while_questions_come_in(ros: Ros) -> None:

@@ -3,19 +3,21 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
 import pytest
 from harness import Ros
+from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, Waiting, by_hand, command, motion, ticks
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
 
 import models
 from arm_dynamics.ros.common.convert import to_time
+from arm_dynamics.ros.interfaces import RESET
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -29,7 +31,7 @@ def node(ros: Ros) -> SimNode:
 
 def acting(node: SimNode) -> np.ndarray:
     """The torque of the next tick."""
-    return node.commands.held(node.simulator.state.q)
+    return node.engine.commands.held(node.simulator.state.q)
 
 
 def ticks_until(ros: Ros, node: SimNode, tau: list[float]) -> None:
@@ -85,7 +87,7 @@ def test_two_sources_lead_joints_of_their_own_in_every_tick(
     acted = []
     for k in range(1, 6):
         for joint, source in enumerate(("left", "right")):
-            waiting.messages.append(named(node.stamp, source, joint, float(k)))
+            waiting.messages.append(named(node.engine.stamp, source, joint, float(k)))
         node.tick()
         acted.append(node.simulator.effort.tolist())
     assert acted[0][0] == 1.0
@@ -95,21 +97,70 @@ def test_two_sources_lead_joints_of_their_own_in_every_tick(
 def test_the_answer_to_the_newest_state_acts_whatever_waits_before_it(
     node: SimNode, waiting: Waiting
 ) -> None:
-    for stamp in (0, 1_000_000, 2_000_000, node.stamp):
+    for stamp in (0, 1_000_000, 2_000_000, node.engine.stamp):
         waiting.messages.append(named(stamp, "one", 0, 1e-6 * stamp))
     node.tick()
     assert node.simulator.effort[0] == 3.0
 
 
+def test_all_commands_that_come_within_a_tick_are_looked_at(ros: Ros, node: SimNode) -> None:
+    """Sixteen: one who leads, and fifteen who would like to."""
+    for _ in range(10):
+        node.inputs.on_joint_commands(named(0, "leader", 0, 1.0))
+    publisher = ros.publisher(JointState, "/joint_commands")
+    publisher.publish(named(0, "leader", 0, 2.0))
+    for _ in range(15):
+        publisher.publish(named(0, "other", 0, 9.0))
+    time.sleep(0.3)  # all of them are there
+    node.tick()
+    assert node.simulator.effort[0] == 2.0
+    assert node.engine.arbiter.refused == 15
+
+
+def test_of_bare_commands_only_the_newest_is_taken(ros: Ros, node: SimNode) -> None:
+    publisher = ros.publisher(Float64MultiArray, "/sim/commands")
+    for count in range(1, 6):
+        publisher.publish(Float64MultiArray(data=[0.0] * (10 + count)))
+    time.sleep(0.3)  # all of them are there
+    ros.spin_until(lambda: node.inputs.refused)
+    end = time.monotonic() + 0.2
+    ros.spin_until(lambda: time.monotonic() > end)
+    assert node.inputs.refused == 1
+
+
+@pytest.mark.parametrize(
+    ("topic", "reliable"),
+    [
+        ("/joint_commands", False), ("/sim/commands", False), ("/sim/wrench", True),
+        ("/joint_states", True), ("/sim/energy", True), ("/clock", True),
+    ],
+)  # fmt: skip
+def test_quality_of_service(ros: Ros, topic: str, reliable: bool) -> None:
+    """Best effort where the newest counts, so that every publisher will do."""
+    by_hand(ros, publish_clock=True)
+    found: list[Any] = []
+
+    def ends() -> list[Any]:
+        found[:] = ros.peer.get_subscriptions_info_by_topic(topic)
+        found.extend(ros.peer.get_publishers_info_by_topic(topic))
+        return found
+
+    ros.spin_until(ends)
+    (end,) = found
+    wanted = ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT
+    assert end.qos_profile.reliability == wanted
+    assert end.qos_profile.durability == DurabilityPolicy.VOLATILE
+
+
 def test_commands_go_by_name(node: SimNode) -> None:
-    node.on_joint_commands(command(name=list(NAMES[::-1]), effort=TAU[::-1]))
+    node.inputs.on_joint_commands(command(name=list(NAMES[::-1]), effort=TAU[::-1]))
     np.testing.assert_array_equal(acting(node), TAU)
 
 
 def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
-    node.on_joint_commands(command(name=[NAMES[0]], effort=[0.5]))
+    node.inputs.on_joint_commands(command(name=[NAMES[0]], effort=[0.5]))
     np.testing.assert_array_equal(acting(node), [0.5, 0.0])
-    node.on_joint_commands(command(name=[NAMES[1]], effort=[0.7]))
+    node.inputs.on_joint_commands(command(name=[NAMES[1]], effort=[0.7]))
     np.testing.assert_array_equal(acting(node), [0.5, 0.7])
 
 
@@ -127,8 +178,8 @@ def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
 def test_bad_commands_are_passed_over(
     node: SimNode, fields: dict[str, Any], complaint: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    node.on_joint_commands(command(name=list(NAMES), effort=TAU))
-    node.on_joint_commands(command(**fields))
+    node.inputs.on_joint_commands(command(name=list(NAMES), effort=TAU))
+    node.inputs.on_joint_commands(command(**fields))
     np.testing.assert_array_equal(acting(node), TAU)
     said = capfd.readouterr().err
     assert "command passed over" in said
@@ -139,23 +190,34 @@ def test_bad_commands_are_passed_over(
 def test_bad_arrays_are_passed_over(
     node: SimNode, data: list[float], capfd: pytest.CaptureFixture[str]
 ) -> None:
-    node.on_commands(Float64MultiArray(data=TAU))
-    node.on_commands(Float64MultiArray(data=data))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=data))
     np.testing.assert_array_equal(acting(node), TAU)
     said = capfd.readouterr().err
     assert "allowed are 2 finite numbers" in said
     assert len(said) < 1000
 
 
-def test_effort_beyond_its_limit_is_cut_and_said(
-    ros: Ros, capfd: pytest.CaptureFixture[str]
-) -> None:
+@pytest.mark.parametrize("topic", ["joint_commands", "~/commands"])
+@pytest.mark.parametrize("effort", [1000.0, -1000.0])
+def test_effort_beyond_its_limit_is_cut_and_told_once(
+    ros: Ros, topic: str, effort: float,
+    capfd: pytest.CaptureFixture[str], caplog: pytest.LogCaptureFixture,
+) -> None:  # fmt: skip
     node = by_hand(ros, "panda")
-    node.on_commands(Float64MultiArray(data=[0.0, 1000.0, 0.0, 0.0, 0.0, 0.0, 0.0]))
-    node.tick()
+    efforts = [1.0, effort, 0.0, 0.0, 0.0, 0.0, -2.0]
+    for _ in range(4):
+        if topic == "joint_commands":
+            node.inputs.on_joint_commands(command(name=node.simulator.joint_names, effort=efforts))
+        else:
+            node.inputs.on_commands(Float64MultiArray(data=efforts))
+        node.tick()
     limit = node.simulator.model.effort_limit[1]
-    assert node.simulator.effort[1] == limit
-    assert f"1000 of joint 'panda_joint2' is beyond its limit {limit:g}" in capfd.readouterr().err
+    expected = [1.0, np.copysign(limit, effort), 0.0, 0.0, 0.0, 0.0, -2.0]
+    np.testing.assert_array_equal(node.simulator.effort, expected)
+    told = f"effort {effort:g} of joint 'panda_joint2' is beyond its limit {limit:g} N m"
+    assert capfd.readouterr().err.count(told) == 1
+    assert not caplog.records  # the simulation itself has nothing to add
 
 
 @pytest.mark.parametrize("policy", ["zero", "hold", "gravity"])
@@ -171,13 +233,13 @@ def test_old_commands_give_way_to_the_policy(
         "hold": lambda: np.array(TAU),
         "gravity": lambda: sim.dynamics.gravity(sim.state.q),
     }[policy]
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     for count in range(30):
         node.tick()
         sim.step(TAU if count < 5 else wanted())
         np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
     assert capfd.readouterr().err.count(f"the policy '{policy}' acts") == 1
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     node.tick()
     assert "commands are back" in capfd.readouterr().err
 
@@ -185,10 +247,10 @@ def test_old_commands_give_way_to_the_policy(
 def test_reset_is_not_taken_for_a_command(
     ros: Ros, node: SimNode, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     for _ in range(150):
         node.tick()
-    assert node.commands.stale
-    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    assert node.engine.commands.stale
+    node.requests.answer(RESET)
     node.tick()
     assert "commands are back" not in capfd.readouterr().err

@@ -15,10 +15,10 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, Waiting, by_hand, ticks
 from std_msgs.msg import Float64MultiArray
-from std_srvs.srv import Trigger
 
 import models
 from arm_dynamics import load_scene
+from arm_dynamics.ros.interfaces import RESET, RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.ros.commands.arbiter import STREAM
@@ -36,7 +36,7 @@ def pushed(frame: str, *values: float) -> WrenchStamped:
 
 
 def finding(node: SimNode, part: str) -> DiagnosticStatus:
-    return {f.part: f for f in node.findings()}[part].message(node)
+    return {f.part: f for f in node.diagnostics()}[part].message(node)
 
 
 def command(source: str = "", effort: Any = TAU) -> bytes:
@@ -52,7 +52,7 @@ def test_a_wrench_moves_the_arm_for_as_long_as_it_acts(ros: Ros) -> None:
     node, sim = by_hand(ros, wrench_timeout=0.005), models.simulator("two_link")
     wrench = np.array([3.0, -2.0, 5.0, 0.0, 1.0, 0.5])
     ticks(node, 3)
-    node.push.on_wrench(pushed("tip", *wrench))
+    node.inputs.on_wrench(pushed("tip", *wrench))
     task = TaskSpace(models.dynamics("two_link"), "tip", "local")
     for tick in range(15):
         state = sim.state
@@ -62,17 +62,17 @@ def test_a_wrench_moves_the_arm_for_as_long_as_it_acts(ros: Ros) -> None:
             node.tick()
     np.testing.assert_allclose(node.simulator.state.q, sim.state.q, rtol=0.0, atol=1e-12)
     np.testing.assert_array_equal(node.simulator.effort, [0.0, 0.0])
-    assert node.push.active == ()
+    assert node.engine.pushed_frames == ()
 
 
 def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
     node = by_hand(ros, wrench_timeout=10.0)
     publisher = ros.publisher(WrenchStamped, "/sim/wrench")
     publisher.publish(pushed("tip", 1.0, 0.0, 1.0, 0.0, 0.0, 0.0))
-    ros.spin_until(lambda: node.push.active)
+    ros.spin_until(lambda: node.engine.pushed_frames)
     ticks(node, 10)
     assert np.any(node.simulator.state.q != models.simulator("two_link").state.q)
-    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    node.requests.answer(RESET)
     sim = models.simulator("two_link")
     for _ in range(10):
         node.tick()
@@ -93,22 +93,10 @@ def test_bad_wrenches_are_passed_over(
     ros: Ros, frame: str, values: list[float], said: str, capfd: pytest.CaptureFixture[str]
 ) -> None:
     node = by_hand(ros)
-    node.push.on_wrench(pushed(frame, *values))
+    node.inputs.on_wrench(pushed(frame, *values))
     assert said in capfd.readouterr().err
-    assert node.push.active == ()
+    assert node.engine.pushed_frames == ()
     assert "1 wrenches passed over" in finding(node, "commands").message
-
-
-def test_the_energy_account_knows_of_pushes(ros: Ros) -> None:
-    node = by_hand(ros, wrench_timeout=10.0, integrator="rk4")
-    node._outputs.audited = True
-    ticks(node, 20)
-    node.push.on_wrench(pushed("tip", 5.0, 0.0, 3.0, 0.0, 0.0, 0.0))
-    ticks(node, 200)
-    account = node._outputs.account()
-    assert account is not None
-    assert abs(account.input) > 0.01
-    assert abs(account.balance) < 1e-4 * abs(account.input)
 
 
 # --- payload and friction ----------------------------------------------------------------------
@@ -125,10 +113,10 @@ def test_payload_and_friction_are_set_by_services(ros: Ros) -> None:
     node = by_hand(ros, scene(tunable=["payload", "friction"]), integrator="rk4")
     load = SetPayload.Request(index=0, mass=2.0, com=[0.1, 0.0, 0.0], inertia=[0.01, 0, 0] * 2)
     load.inertia = [0.01, 0.0, 0.0, 0.01, 0.0, 0.01]
-    answer = node.requests.on_set_payload(load, SetPayload.Response())
+    answer = node.requests.answer(SET_PAYLOAD, load)
     assert answer.success, answer.message
     rub = SetFriction.Request(joint_names=["elbow"], viscous=[2.0])
-    answer = node.requests.on_set_friction(rub, SetFriction.Response())
+    answer = node.requests.answer(SET_FRICTION, rub)
     assert answer.success, answer.message
     heavy = {**LOAD, "mass": 2.0, "com": [0.1, 0.0, 0.0], "inertia": list(load.inertia)}
     joints = {**models.scene("two_link").model_dump(exclude_unset=True).get("joints", {})}
@@ -142,19 +130,19 @@ def test_payload_and_friction_are_set_by_services(ros: Ros) -> None:
 
 def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
     node = by_hand(ros, scene(tunable=["payload", "friction"]))
-    before = node.simulator._stepper.p.copy()
+    before = node.simulator.parameters
     for request in (
         SetPayload.Request(mass=-1.0), SetPayload.Request(mass=np.nan),
         SetPayload.Request(index=1), SetPayload.Request(mass=1.0, inertia=[-1.0] * 6),
     ):  # fmt: skip
-        assert not node.requests.on_set_payload(request, SetPayload.Response()).success
+        assert not node.requests.answer(SET_PAYLOAD, request).success
     for rub in (
         SetFriction.Request(viscous=[1.0]), SetFriction.Request(viscous=[-1.0, 0.0]),
         SetFriction.Request(joint_names=["knee"], viscous=[1.0]),
         SetFriction.Request(viscous=[np.inf, 0.0]),
     ):  # fmt: skip
-        assert not node.requests.on_set_friction(rub, SetFriction.Response()).success
-    np.testing.assert_array_equal(node.simulator._stepper.p, before)
+        assert not node.requests.answer(SET_FRICTION, rub).success
+    np.testing.assert_array_equal(node.simulator.parameters, before)
 
 
 # --- the first command -------------------------------------------------------------------------
@@ -164,10 +152,10 @@ def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
     node = by_hand(ros, wait_for_command=True)
     ticks(node, 50)
     assert node.simulator.step_count == 0
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 5)
     assert node.simulator.step_count == 5
-    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    node.requests.answer(RESET)
     ticks(node, 5)
     assert node.simulator.step_count == 0
 
@@ -196,21 +184,52 @@ def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
     assert values["diverged"] == "false"
 
 
+def test_the_energy_account_is_kept_while_diagnostics_are_heard(ros: Ros) -> None:
+    node = by_hand(ros, energy_period=0.005)
+    ticks(node, 5)
+    assert node.engine.account() is None
+    heard = ros.peer.create_subscription(DiagnosticArray, "/diagnostics", lambda _: None, 10)
+    ros.spin_until(lambda: node.diagnosis.heard)
+    ticks(node, 5)
+    assert node.engine.account() is not None
+    ros.peer.destroy_subscription(heard)
+    ros.spin_until(lambda: not node.diagnosis.heard)
+    ticks(node, 5)
+    assert node.engine.account() is None
+
+
+def test_several_publishers_show_unless_each_leads_joints_of_its_own(ros: Ros) -> None:
+    node = by_hand(ros)
+    publishers = [ros.publisher(JointState, "/joint_commands")]
+    ros.spin_until(lambda: node.count_publishers("/joint_commands") == 1)
+    assert finding(node, "commands").level == DiagnosticStatus.OK
+    publishers.append(ros.publisher(JointState, "/joint_commands"))
+    ros.spin_until(lambda: node.count_publishers("/joint_commands") == 2)
+    found = finding(node, "commands")
+    assert found.level == DiagnosticStatus.WARN
+    assert found.message == "2 publishers on /joint_commands"
+    for source, joint in (("left", 0), ("right", 1)):
+        message = JointState(name=[NAMES[joint]], effort=[1.0])
+        message.header.frame_id = source
+        node.inputs.on_joint_commands(serialize_message(message))
+    assert finding(node, "commands").level == DiagnosticStatus.OK
+
+
 def test_stale_commands_show(ros: Ros) -> None:
     node = by_hand(ros, command_timeout=0.005)
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 10)
     found = finding(node, "commands")
     assert found.level == DiagnosticStatus.WARN
     assert "the policy 'zero' acts" in found.message
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 2)
     assert finding(node, "commands").level == DiagnosticStatus.OK
 
 
 def test_bad_commands_show(ros: Ros) -> None:
     node = by_hand(ros)
-    node.on_joint_commands(command(effort=[np.nan, 0.0]))
+    node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
     assert "1 commands passed over" in finding(node, "commands").message
     assert finding(node, "commands").message == "ok"
 
@@ -220,9 +239,9 @@ def test_two_controllers_show_and_the_first_one_stays(
 ) -> None:
     node = by_hand(ros)
     for _ in range(STREAM):
-        node.on_joint_commands(command("/controller:1"))
+        node.inputs.on_joint_commands(command("/controller:1"))
         node.tick()
-    node.on_joint_commands(command("/controller:2", effort=[9.0, 9.0]))
+    node.inputs.on_joint_commands(command("/controller:2", effort=[9.0, 9.0]))
     node.tick()
     np.testing.assert_array_equal(node.simulator.effort, TAU)
     found = finding(node, "commands")
@@ -234,7 +253,7 @@ def test_two_controllers_show_and_the_first_one_stays(
 def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(ros: Ros) -> None:
     node = by_hand(ros)
     for _ in range(STREAM):
-        node.on_joint_commands(command("/controller:1"))
+        node.inputs.on_joint_commands(command("/controller:1"))
         node.tick()
     waiting = Waiting(node)
     intruder = [command("/controller:2", effort=[9.0, 9.0])] * 10
@@ -242,7 +261,7 @@ def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(ros: Ros) -> 
     node.tick()
     np.testing.assert_array_equal(node.simulator.effort, [2.0, 1.0])
     assert not waiting.messages
-    assert node.input.arbiter.refused == 10
+    assert node.engine.arbiter.refused == 10
 
 
 def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
@@ -252,12 +271,26 @@ def test_divergence_shows(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
     found = finding(node, "simulation")
     assert found.level == DiagnosticStatus.ERROR
     assert "the last good state is kept" in found.message
-    node.requests.on_reset(Trigger.Request(), Trigger.Response())
+    node.requests.answer(RESET)
     assert finding(node, "simulation").level == DiagnosticStatus.OK
 
 
-def test_counters_begin_afresh(ros: Ros) -> None:
-    node = by_hand(ros)
-    node.on_joint_commands(command(effort=[np.nan, 0.0]))
-    assert node.requests.on_reset_counters(Trigger.Request(), Trigger.Response()).success
-    assert node.input.passed_over == 0
+def test_counters_begin_anew(ros: Ros) -> None:
+    node = by_hand(ros, command_timeout=0.002)
+    for _ in range(STREAM):
+        node.inputs.on_joint_commands(command("one"))
+    for _ in range(3):
+        node.inputs.on_joint_commands(command("two"))
+    node.inputs.on_wrench(pushed("paw", *[1.0] * 6))
+    ticks(node, 5)
+    counts = lambda: [  # noqa: E731
+        node.inputs.refused, node.inputs.refused_wrenches, node.engine.arbiter.refused,
+        node.engine.commands.stale_count,
+    ]  # fmt: skip
+    assert counts() == [3, 1, 3, 1]
+    assert "3 commands passed over" in finding(node, "commands").message
+    assert node.requests.answer(RESET_COUNTERS).success
+    assert counts() == [0, 0, 0, 0]
+    assert "passed over" not in finding(node, "commands").message
+    node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
+    assert "1 commands passed over" in finding(node, "commands").message

@@ -32,7 +32,7 @@ def node(ros: Ros) -> SimNode:
 def test_ticks_equal_the_simulator_to_the_bit(ros: Ros, rng: np.random.Generator) -> None:
     node, sim = by_hand(ros, "panda"), models.simulator("panda")
     for tau in rng.normal(scale=5.0, size=(200, sim.n)):
-        node.on_joint_commands(command(name=list(sim.joint_names), effort=tau.tolist()))
+        node.inputs.on_joint_commands(command(name=list(sim.joint_names), effort=tau.tolist()))
         node.tick()
         sim.step(tau)
         np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
@@ -41,7 +41,7 @@ def test_ticks_equal_the_simulator_to_the_bit(ros: Ros, rng: np.random.Generator
 
 def test_publishes_each_state_with_the_torque_that_acted(ros: Ros, node: SimNode) -> None:
     heard = ros.listen(JointState, "/joint_states", 50)
-    node.on_commands(Float64MultiArray(data=[1e9, 0.25]))
+    node.inputs.on_commands(Float64MultiArray(data=[1e9, 0.25]))
     for count in range(1, 6):
         node.tick()
         ros.spin_until(lambda count=count: len(heard) >= count)
@@ -58,16 +58,16 @@ def test_publishes_each_state_with_the_torque_that_acted(ros: Ros, node: SimNode
 def test_policy_may_change_while_it_runs(ros: Ros, node: SimNode) -> None:
     q = node.simulator.state.q
     assert node.set_parameters([Parameter("stale_policy", value="gravity")])[0].successful
-    np.testing.assert_array_equal(node.commands.take(q), node.simulator.dynamics.gravity(q))
+    np.testing.assert_array_equal(node.engine.commands.take(q), node.simulator.dynamics.gravity(q))
     assert not node.set_parameters([Parameter("stale_policy", value="prayer")])[0].successful
-    np.testing.assert_array_equal(node.commands.take(q), node.simulator.dynamics.gravity(q))
+    np.testing.assert_array_equal(node.engine.commands.take(q), node.simulator.dynamics.gravity(q))
 
 
 def test_energy_account_balances(ros: Ros) -> None:
     node = by_hand(ros, "panda", energy_period=0.01, command_timeout=0.0, integrator="rk4")
     heard = ros.listen(Energy, "/sim/energy")
     ticks(node, 10)
-    node.on_commands(Float64MultiArray(data=[3.0, -20.0, 1.0, 15.0, 0.5, 2.0, 0.1]))
+    node.inputs.on_commands(Float64MultiArray(data=[3.0, -20.0, 1.0, 15.0, 0.5, 2.0, 0.1]))
     start = sum(node.simulator.dynamics.energy(*motion(node)))
     for _ in range(20):
         ticks(node, 10)
@@ -85,7 +85,17 @@ def test_energy_account_balances(ros: Ros) -> None:
 
 def test_energy_is_not_counted_when_nobody_listens(node: SimNode) -> None:
     ticks(node, 50)
-    assert node._outputs._meter is None
+    assert node.engine.account() is None
+
+
+def test_stamps_are_rounded_to_the_nanosecond(ros: Ros) -> None:
+    """Cutting off digits is wrong first at tick 1025."""
+    node = by_hand(ros, publish_every=1025)
+    heard = ros.listen(JointState, "/joint_states")
+    ticks(node, 1025)
+    ros.spin_until(lambda: heard)
+    stamp = heard[-1].header.stamp
+    assert (stamp.sec, stamp.nanosec) == (1, 25_000_000)
 
 
 def test_clock_only_when_asked(ros: Ros) -> None:
@@ -117,8 +127,8 @@ def test_a_failure_in_the_loop_pauses_it(
     def fail(_: Any) -> None:
         raise ZeroDivisionError("by surprise")
 
-    monkeypatch.setattr(node.commands, "take", fail)
-    ros.spin_until(lambda: node.paused)
+    monkeypatch.setattr(node.engine.commands, "take", fail)
+    ros.spin_until(lambda: node.engine.paused)
     said = capfd.readouterr().err
     assert said.count("by surprise") == 1
     assert ros.call(Step, "/sim/step", Step.Request(steps=2)).success

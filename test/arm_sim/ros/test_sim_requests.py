@@ -15,9 +15,10 @@ from std_msgs.msg import Float64MultiArray
 from std_srvs.srv import SetBool, Trigger
 
 import models
+from arm_dynamics.ros.interfaces import PAUSE, RESET, SET_JOINT_STATE, STEP
 from arm_sim import SimulationDiverged
-from arm_sim.ros.interfaces import MAX_STEPS
 from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.tick_engine import MAX_STEPS
 
 pytestmark = pytest.mark.ros
 
@@ -29,22 +30,20 @@ def node(ros: Ros) -> SimNode:
 
 
 def set_joint_state(node: SimNode, **fields: Any) -> Any:
-    return node.requests.on_set_joint_state(
-        SetJointState.Request(**fields), SetJointState.Response()
-    )
+    return node.requests.answer(SET_JOINT_STATE, SetJointState.Request(**fields))
 
 
 def step(node: SimNode, steps: int) -> Any:
-    return node.requests.on_step(Step.Request(steps=steps), Step.Response())
+    return node.requests.answer(STEP, Step.Request(steps=steps))
 
 
 def test_pause_stops_and_releases(node: SimNode) -> None:
     ticks(node, 3)
-    assert node.requests.on_pause(SetBool.Request(data=True), SetBool.Response()).success
+    assert node.requests.answer(PAUSE, SetBool.Request(data=True)).success
     before = motion(node)
     ticks(node, 3)
     np.testing.assert_array_equal(motion(node), before)
-    assert node.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    assert node.requests.answer(PAUSE, SetBool.Request(data=False)).success
     ticks(node, 3)
     assert node.simulator.step_count == 6
 
@@ -60,7 +59,7 @@ def test_a_paused_arm_is_seen_now_and_then(ros: Ros) -> None:
 
 def test_step_advances_a_paused_simulation_with_the_last_command(ros: Ros) -> None:
     node, sim = by_hand(ros, paused=True, command_timeout=0.002), models.simulator("two_link")
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     answer = step(node, 25)
     assert answer.success, answer.message
     assert answer.time == pytest.approx(0.025)
@@ -79,13 +78,13 @@ def test_step_is_bounded(node: SimNode, steps: int) -> None:
 
 def test_reset_goes_back_to_the_start_without_a_command(ros: Ros, node: SimNode) -> None:
     start = motion(node)
-    node.on_commands(Float64MultiArray(data=TAU))
+    node.inputs.on_commands(Float64MultiArray(data=TAU))
     ticks(node, 10)
     heard = ros.listen(JointState, "/joint_states")
-    assert node.requests.on_reset(Trigger.Request(), Trigger.Response()).success
+    assert node.requests.answer(RESET).success
     np.testing.assert_array_equal(motion(node), start)
     assert node.simulator.state.time == 0.0
-    np.testing.assert_array_equal(node.commands.take(node.simulator.state.q), [0.0, 0.0])
+    np.testing.assert_array_equal(node.engine.commands.take(node.simulator.state.q), [0.0, 0.0])
     ros.spin_until(lambda: heard)
     assert heard[-1].header.stamp.nanosec == 0
 
@@ -143,7 +142,7 @@ def test_divergence_pauses_and_keeps_the_last_good_state(
         assert "after 0 of 2 steps" in answer.message
     ticks(node, 3)
     np.testing.assert_array_equal(motion(node), good)
-    assert node.requests.on_pause(SetBool.Request(data=False), SetBool.Response()).success
+    assert node.requests.answer(PAUSE, SetBool.Request(data=False)).success
     ticks(node, 2)
     assert node.simulator.step_count == 6
 

@@ -35,11 +35,11 @@ def wanted(state: int) -> Any:
 
 def test_offered_only_where_the_package_is(node: SimNode) -> None:
     installed = importlib.util.find_spec("simulation_interfaces") is not None
-    assert bool(node.requests.standard.offered) is installed
+    assert bool(node.standard.offered) is installed
 
 
 def test_pauses_plays_and_stops(node: SimNode) -> None:
-    standard = node.requests.standard
+    standard = node.standard
     node.tick()
     assert standard.on_get_state(None, answer()).state.state == PLAYING
     assert standard.on_set_state(wanted(PAUSED), answer()).result.result == OK
@@ -56,7 +56,7 @@ def test_pauses_plays_and_stops(node: SimNode) -> None:
 
 
 def test_steps_and_resets(node: SimNode) -> None:
-    standard = node.requests.standard
+    standard = node.standard
     assert standard.on_step(SimpleNamespace(steps=5), answer()).result.result == OK
     assert node.simulator.step_count == 5
     refused = standard.on_step(SimpleNamespace(steps=0), answer()).result
@@ -68,5 +68,5 @@ def test_steps_and_resets(node: SimNode) -> None:
 
 def test_names_its_features(node: SimNode) -> None:
     known = SimpleNamespace(SIMULATION_RESET=10, STEP_SIMULATION_SINGLE=15, features=[])
-    node.requests.standard.on_features(None, SimpleNamespace(features=known))
+    node.standard.on_features(None, SimpleNamespace(features=known))
     assert known.features == [10, 15]

@@ -89,8 +89,8 @@ def _other_parts(
     from arm_dynamics.control import computed_torque
     from arm_dynamics.dynamics.dynamics import MANY
 
-    if simulator.audit.makes_ticks_again:
-        yield "energy account", simulator.audit.prepare
+    if simulator.energy_account.makes_ticks_again:
+        yield "energy account", simulator.energy_account.prepare
     yield "computed torque", lambda: computed_torque.build(simulator.model)
     if not batches:
         return

@@ -1,102 +1,121 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the sim node finds out about itself, for ``/diagnostics``."""
+"""How the parts of the sim node are doing, for ``/diagnostics``."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from collections.abc import Sequence
+
+from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state.compiled import native
+from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.lockstep import Lockstep
+from arm_sim.ros.params import SimParams
+from arm_sim.ros.realtime_loop import RealtimeLoop
+from arm_sim.ros.tick_engine import TickEngine
 
-if TYPE_CHECKING:
-    from arm_sim.ros.sim_node import SimNode
 
+class SimDiagnostics:
+    """Looks at the parts of a sim node; counts that grew since the last look are reported."""
 
-class Findings:
-    """Looks at a sim node; counts that grew since the last look are complained about."""
-
-    def __init__(self, node: SimNode) -> None:
-        """Prepare to look at ``node``."""
-        self._node = node
+    def __init__(
+        self,
+        node: Node,
+        params: SimParams,
+        engine: TickEngine,
+        loop: RealtimeLoop,
+        inputs: Inputs,
+        lockstep: Lockstep | None,
+        refused_privileges: Sequence[str],
+    ) -> None:
+        """Prepare to look at these parts."""
+        self._node, self._params, self._engine, self._loop = node, params, engine, loop
+        self._inputs, self._lockstep = inputs, lockstep
+        self._refused_privileges = refused_privileges
         self._before: dict[str, int] = {}
 
     def __call__(self) -> list[Finding]:
         """Look at every part."""
-        found = [self._loop(), self._commands(), self._simulation()]
-        return [*found, self._lockstep()] if self._node.lockstep is not None else found
+        found = [self._look_at_loop(), self._look_at_commands(), self._look_at_simulation()]
+        return found if self._lockstep is None else [*found, self._look_at(self._lockstep)]
 
     def _grown(self, name: str, count: int) -> int:
+        """How much a counter has grown since the last look; it may have been reset meanwhile."""
         before, self._before[name] = self._before.get(name, 0), count
-        return count - before
+        return count - before if count >= before else count
 
-    def _loop(self) -> Finding:
-        node = self._node
-        report, found = node.loop.report(), Finding("loop")
+    def _warn(self, found: Finding, count: int, what: str) -> None:
+        """Complain if a counter has grown."""
+        if grown := self._grown(what, count):
+            found.complain(WARN, f"{grown} {what}")
+
+    def _look_at_loop(self) -> Finding:
+        report, params, found = self._loop.report(), self._params, Finding("loop")
+        executor = self._node.executor
         found.values = {
             "rate [Hz]": report.rate, "ticks": report.ticks, "missed": report.missed,
             "dropped": report.dropped, "lateness p50 [s]": report.lateness.p50,
             "lateness p99 [s]": report.lateness.p99, "lateness max [s]": report.lateness.max,
-            "realtime factor": node.params.realtime_factor, "overrun": node.params.overrun,
-            "driven by": node.driven_by, "executor": node.executor_name,
+            "realtime factor": params.realtime_factor, "overrun": params.overrun,
+            "driven by": params.tick_source,
+            "executor": "none" if executor is None else type(executor).__name__,
             "messages": "in C" if native() is not None else "in Python",
         }  # fmt: skip
-        if missed := self._grown("missed", report.missed):
-            found.complain(WARN, f"{missed} ticks began after the next one was due")
-        if dropped := self._grown("dropped", report.dropped):
-            found.complain(WARN, f"{dropped} ticks dropped")
-        for refusal in node.refused_privileges:
+        self._warn(found, report.missed, "ticks began after the next one was due")
+        self._warn(found, report.dropped, "ticks dropped")
+        for refusal in self._refused_privileges:
             found.complain(WARN, refusal)
         return found
 
-    def _commands(self) -> Finding:
-        node, found = self._node, Finding("commands")
-        arbiter, commands, trip = node.input.arbiter, node.commands, node.round_trip()
-        publishers = node.command_publishers()
+    def _look_at_commands(self) -> Finding:
+        engine, found = self._engine, Finding("commands")
+        arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
+        inputs, trip = self._inputs, self._inputs.round_trip.percentiles()
+        topic = self._node.resolve_topic_name(JOINT_COMMANDS.name)
+        publishers = self._node.count_publishers(topic)
         found.values = {
-            "age [s]": commands.age * node.simulator.dt, "stale": commands.stale,
-            "stale count": commands.stale_count, "policy": node.params.stale_policy,
-            "passed over": node.input.passed_over, "sources": ", ".join(arbiter.sources),
-            "publishers": publishers, "answers": trip.count, "round trip p50 [s]": trip.p50,
-            "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(node.push.active),
-            "wrenches passed over": node.push.refused,
+            "age [s]": slot.age * engine.simulator.dt, "stale": slot.stale,
+            "stale count": slot.stale_count, "policy": policy, "passed over": inputs.refused,
+            "sources": ", ".join(arbiter.sources), "publishers": publishers,
+            "answers": trip.count, "round trip p50 [s]": trip.p50,
+            "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
+            "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
-        stopped = self._grown("stale", commands.stale_count)
-        if commands.stale:
-            found.complain(WARN, f"commands stopped: the policy '{node.params.stale_policy}' acts")
+        stopped = self._grown("stale", slot.stale_count)
+        if slot.stale:
+            found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
         elif stopped:
             found.complain(WARN, "commands stopped, and are back")
-        if passed := self._grown("passed", node.input.passed_over):
-            found.complain(WARN, f"{passed} commands passed over")
-        if pushes := self._grown("pushes", node.push.refused):
-            found.complain(WARN, f"{pushes} wrenches passed over")
+        self._warn(found, inputs.refused, "commands passed over")
+        self._warn(found, inputs.refused_wrenches, "wrenches passed over")
         if self._grown("conflicts", arbiter.refused) or arbiter.conflict:
-            found.complain(ERROR, arbiter.words)
+            found.complain(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
-            found.complain(WARN, f"{publishers} publishers on {node.command_topic}")
+            found.complain(WARN, f"{publishers} publishers on {topic}")
         return found
 
-    def _simulation(self) -> Finding:
-        node, found = self._node, Finding("simulation")
-        state, account = node.errands.run(lambda: node.simulator.state), node.energy_account()
+    def _look_at_simulation(self) -> Finding:
+        engine, found = self._engine, Finding("simulation")
+        state, account = engine.queue.run(lambda: (engine.simulator.state, engine.account()))
         found.values = {
-            "time [s]": state.time, "paused": node.paused, "diverged": bool(node.trouble),
-            "method": node.simulator.choice.method.name, "error estimate": state.error,
+            "time [s]": state.time, "paused": engine.paused, "diverged": bool(engine.failure),
+            "method": engine.simulator.choice.method.name, "error estimate": state.error,
             "energy balance [J]": "closed" if account is None else account.balance,
             "energy [J]": "closed" if account is None else account.total,
         }  # fmt: skip
-        if node.trouble:
-            found.complain(ERROR, node.trouble)
+        if engine.failure:
+            found.complain(ERROR, engine.failure)
         return found
 
-    def _lockstep(self) -> Finding:
-        lockstep, found = self._node.lockstep, Finding("lockstep")
-        assert lockstep is not None
+    def _look_at(self, lockstep: Lockstep) -> Finding:
+        found = Finding("lockstep")
         found.values = {
             "asked again": lockstep.asked_again, "ignored": lockstep.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
-        if again := self._grown("again", lockstep.asked_again):
-            found.complain(WARN, f"{again} states had to be published again")
+        self._warn(found, lockstep.asked_again, "states had to be published again")
         if lockstep.gone:
             found.complain(ERROR, "the partner gives no answer; time stands still")
         return found

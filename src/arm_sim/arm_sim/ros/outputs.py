@@ -1,117 +1,112 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the sim node publishes, and when."""
+"""What the sim node publishes tick by tick, and when."""
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
-from arm_msgs.msg import Energy
+from arm_msgs.msg import Energy, Multipliers
 from rclpy.node import Node
 from rclpy.serialization import serialize_message
 
-from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.cdr import HEADER, time_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import sender
+from arm_dynamics.ros.interfaces import JOINT_STATES
 from arm_dynamics.ros.joint_state.compiled import make_sink
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
-from arm_sim.ros import interfaces
-from arm_sim.ros.energy_meter import Account, EnergyMeter
-from arm_sim.ros.multiplier_output import MultiplierOutput
+from arm_sim.ros.interfaces import CLOCK, ENERGY, MULTIPLIERS
+from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.params import SimParams
-from arm_sim.ros.round_trip import RoundTrip
-from arm_sim.simulator import Simulator
+from arm_sim.ros.tick_engine import TickEngine
+
+_IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 
 
 class Outputs:
-    """Joint states, and clock and energy for those who asked; used by the ticking thread only.
+    """Joint states; clock, energy and constraint forces where they are wanted.
 
-    Attributes:
-        round_trip: How long answers to joint states take.
-        audited: Whether somebody besides the listeners of ``~/energy`` wants the energy account.
-        newest: Stamp of the state published last, in [ns].
+    Used by the ticking thread only.
     """
 
-    def __init__(self, node: Node, simulator: Simulator, params: SimParams) -> None:
-        """Advertise what will be published."""
-        self._simulator = simulator
+    def __init__(
+        self,
+        node: Node,
+        engine: TickEngine,
+        params: SimParams,
+        round_trip: RoundTrip,
+        account_wanted: Callable[[], bool],
+    ) -> None:
+        """Advertise the topics and follow the engine; ``round_trip`` is told of every state.
+
+        ``account_wanted`` tells whether the energy account is wanted besides on ``~/energy``.
+        """
+        self._engine, self._simulator = engine, engine.simulator
+        self._round_trip, self._account_wanted = round_trip, account_wanted
+        simulator = engine.simulator
         self._every = params.publish_every
         self._energy_every = max(1, round(params.energy_period / simulator.dt))
-        writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
         n, x = simulator.n, simulator.x
         self._driven = np.zeros(n) if simulator.plant.torques is not None else None
         effort = simulator.acted if self._driven is None else self._driven
-        arrays = x[:n], x[n : 2 * n], effort
-        self._states = make_sink(node, interfaces.JOINT_STATES, writer, arrays)
-        topic = interfaces.ENERGY
-        self._energy = node.create_publisher(topic.type, topic.name, topic.publish)
-        self._multipliers = MultiplierOutput(node, simulator)
-        self._send_clock = sender(node, interfaces.CLOCK) if params.publish_clock else None
-        self._clock_header = bytes(serialize_message(interfaces.CLOCK.type()))[:HEADER]
-        self._meter: EnergyMeter | None = None
-        simulator.audit.prepare()
+        writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
+        self._states = make_sink(node, JOINT_STATES, writer, (x[:n], x[n : 2 * n], effort))
+        self._energy = node.create_publisher(ENERGY.type, ENERGY.name, ENERGY.publish)
+        self._multipliers = None
+        if simulator.model.scene.bilateral:
+            self._multipliers = node.create_publisher(
+                MULTIPLIERS.type, MULTIPLIERS.name, MULTIPLIERS.publish
+            )
+            simulator.multipliers()  # builds what the loop should not have to wait for
+        self._send_clock = sender(node, CLOCK) if params.publish_clock else None
+        self._clock_header = bytes(serialize_message(CLOCK.type()))[:HEADER]
+        simulator.energy_account.prepare()
         self._idle = 0.0
-        self.round_trip = RoundTrip()
-        self.audited = False
-        self.newest = 0
-
-    def restart(self) -> None:
-        """Publish the state after a jump and open a new energy account."""
-        self._meter = None
-        self.publish()
-
-    def after_tick(self, push: Array | None = None) -> None:
-        """Publish what is due after the tick that was just made.
-
-        Args:
-            push: Joint torques from outside that acted beside the effort, if any.
-        """
-        step = self._simulator.step_count
-        if self._meter is not None:
-            self._meter.note(push)
-        if step % self._every == 0:
-            self.publish()
-        if step % self._energy_every == 0:
-            self._publish_energy()
-            self._multipliers.publish(self.stamp())
-
-    def repeat(self, period: float, call: float) -> None:
-        """Publish the same state again about every ``period``; ``call`` is the time between calls.
-
-        Both are in [s].
-        """
-        self._idle += call
-        if self._idle >= period:
-            self.publish()
+        engine.on_tick.append(self._after_tick)
+        engine.on_idle.append(lambda: self.repeat(simulator.dt))
+        engine.on_jump.append(self.publish)
 
     def publish(self) -> None:
         """Publish the present state, and the clock."""
         self._idle = 0.0
-        self.newest = stamp = self.stamp()
-        self.round_trip.sent(stamp)
+        stamp = self._engine.stamp
+        self._round_trip.sent(stamp)
         if self._driven is not None:
             self._driven[:] = self._simulator.effort
         self._states.send(stamp)
         if self._send_clock is not None:
             self._send_clock(self._clock_header + time_bytes(stamp))
 
-    def stamp(self) -> int:
-        """Simulated time in [ns], from the step counter."""
-        return round(1e9 * (self._simulator.step_count * self._simulator.dt))
+    def repeat(self, elapsed: float) -> None:
+        """Publish the present state now and then; ``elapsed`` in [s] since the last call."""
+        self._idle += elapsed
+        if self._idle >= _IDLE_PERIOD:
+            self.publish()
 
-    def account(self) -> Account | None:
-        """Energies since the account was opened, None while it is closed."""
-        return None if self._meter is None else self._meter.account()
+    def _after_tick(self) -> None:
+        step = self._simulator.step_count
+        if step % self._every == 0:
+            self.publish()
+        if step % self._energy_every == 0:
+            self._publish_energy()
+            self._publish_multipliers()
 
     def _publish_energy(self) -> None:
         """Keep the account while somebody wants it; it opens with the first one who does."""
         heard = self._energy.get_subscription_count() > 0
-        if not (heard or self.audited):
-            self._meter = None
-            return
-        if self._meter is None:
-            self._meter = EnergyMeter(self._simulator)
+        self._engine.keep_account(heard or self._account_wanted())
         if not heard:
             return
-        message = Energy(**self._meter.account()._asdict())
-        message.header.stamp = to_time(self.stamp())
+        message = Energy(**self._engine.account()._asdict())
+        message.header.stamp = to_time(self._engine.stamp)
         self._energy.publish(message)
+
+    def _publish_multipliers(self) -> None:
+        if self._multipliers is None or self._multipliers.get_subscription_count() == 0:
+            return
+        simulator = self._simulator
+        message = Multipliers(names=list(simulator.dynamics.constrained.names))
+        message.values = simulator.multipliers().tolist()
+        message.header.stamp = to_time(self._engine.stamp)
+        self._multipliers.publish(message)

@@ -12,6 +12,8 @@ from arm_sim.ros.commands.latest import POLICIES, ZERO
 from arm_sim.ros.realtime_loop import CATCH_UP, OVERRUN
 from arm_sim.simulator import Simulator
 
+LOCKSTEP, CLOCK, HAND = "lockstep", "clock", "hand"
+
 
 @dataclass(frozen=True)
 class SimParams(ThreadParams):
@@ -23,12 +25,9 @@ class SimParams(ThreadParams):
     tolerance: float = parameter(
         0.0, "Error allowed inside a tick; 0: as the scene says", low=0.0, high=1.0
     )
-    realtime: bool = parameter(True, "Tick by the clock; false: only when somebody calls tick()")
+    realtime: bool = parameter(True, "Tick by the clock; false: only when tick() is called")
     realtime_factor: float = parameter(
-        1.0,
-        "Simulated time per time of the clock; 0: as fast as it goes",
-        low=0.0,
-        high=1000.0,
+        1.0, "Simulated time per time of the clock; 0: as fast as possible", low=0.0, high=1000.0
     )
     overrun: str = parameter(
         CATCH_UP,
@@ -79,9 +78,14 @@ class SimParams(ThreadParams):
         read_only=False,
     )
 
+    @property
+    def tick_source(self) -> str:
+        """What makes the simulation tick: ``lockstep``, ``clock``, or a caller by ``hand``."""
+        return LOCKSTEP if self.lockstep else CLOCK if self.realtime else HAND
+
 
 def simulator_of(scene: Any, params: SimParams) -> Simulator:
-    """The simulation of a scene, of that which the parameters name when it is None.
+    """The simulation of a scene, or where it is None of the one that the parameters name.
 
     Raises:
         ArmError: If there is none, or it cannot be used.

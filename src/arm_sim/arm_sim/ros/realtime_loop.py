@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thread that calls a function at absolute deadlines and keeps count of how well it does."""
+"""A thread that calls a function at absolute deadlines and measures how well it keeps them."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from arm_sim.ros.histogram import Histogram, Percentiles
+from arm_sim.ros.latency import Histogram, Percentiles
 
 CATCH_UP, SKIP, SLOW_DOWN = "catch_up", "skip", "slow_down"
 OVERRUN = (CATCH_UP, SKIP, SLOW_DOWN)
@@ -18,13 +18,13 @@ _PR_SET_TIMERSLACK = 29
 
 @dataclass(frozen=True)
 class LoopReport:
-    """How a loop has kept its deadlines since it started or was last asked afresh.
+    """How a loop has kept its deadlines since it started or was reset.
 
     Attributes:
         ticks: Calls made.
         elapsed: Time they took in [s].
         missed: Ticks that began after the next one was due.
-        dropped: Deadlines that nobody kept: given up, left out or put off.
+        dropped: Deadlines that were given up, left out or put off.
         lateness: How long after their deadline ticks began.
     """
 
@@ -52,7 +52,17 @@ class RealtimeLoop:
     * ``slow_down``: the grid itself is put off; the next tick comes a period after the late one.
 
     With a period of zero, ticks follow one another as fast as they can, and nothing is late.
+
+    Args:
+        tick: What to call; it must not raise.
+        period: Time between deadlines in [s]; 0: none.
+        overrun: ``catch_up``, ``skip`` or ``slow_down``.
+        closest: Least distance of ticks while catching up, as a part of the period.
+        give_up: Lag in [s] beyond which deadlines are dropped while catching up.
+        prepare: Called once by the thread, before its first tick.
     """
+
+    _until: int | None
 
     def __init__(
         self,
@@ -64,16 +74,6 @@ class RealtimeLoop:
         give_up: float = 1.0,
         prepare: Callable[[], None] = lambda: None,
     ) -> None:
-        """Prepare the loop; ``start`` runs it.
-
-        Args:
-            tick: What to call; it must not raise.
-            period: Time between deadlines in [s]; 0: none.
-            overrun: ``catch_up``, ``skip`` or ``slow_down``.
-            closest: Least distance of ticks while catching up, as a part of the period.
-            give_up: Lag in [s] beyond which deadlines are dropped while catching up.
-            prepare: Called once by the thread, before its first tick.
-        """
         self._tick, self._prepare = tick, prepare
         self._period = round(1e9 * period)
         self._closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
@@ -81,7 +81,7 @@ class RealtimeLoop:
         self._slow_down = overrun == SLOW_DOWN
         self._thread: threading.Thread | None = None
         self._running = False
-        self.forget()
+        self.reset()
 
     def start(self) -> None:
         """Start ticking in a thread of its own."""
@@ -98,14 +98,14 @@ class RealtimeLoop:
         if self._until is None:
             self._until = time.monotonic_ns()
 
-    def forget(self) -> None:
-        """Count afresh."""
+    def reset(self) -> None:
+        """Begin counting anew."""
         self._lateness = Histogram()
         self._missed = self._dropped = 0
         self._since, self._until = time.monotonic_ns(), None
 
     def report(self) -> LoopReport:
-        """Say how well deadlines were kept."""
+        """How well deadlines were kept."""
         lateness = self._lateness.percentiles()
         elapsed = 1e-9 * ((self._until or time.monotonic_ns()) - self._since)
         return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness)
@@ -117,7 +117,7 @@ class RealtimeLoop:
     def _run(self) -> None:
         _ask_for_exact_timers()
         self._prepare()
-        self.forget()
+        self.reset()
         if self._period:
             self._by_the_clock()
         while self._running:
@@ -149,8 +149,6 @@ class RealtimeLoop:
         dropped = -(-(late - self._give_up) // self._period)
         self._dropped += dropped
         return dropped * self._period
-
-    _until: int | None
 
 
 def _ask_for_exact_timers() -> None:

@@ -1,53 +1,51 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work that other threads want done by the thread that ticks, between two ticks."""
+"""Actions that other threads hand to the ticking thread, which runs them between two ticks."""
 
 from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
-from queue import Empty, SimpleQueue
+from queue import SimpleQueue
 from typing import Any
 
 from arm_dynamics import InvalidInput
 
-_PATIENCE = 30.0  # [s] that one who asks waits
 
+class TickQueue:
+    """A queue of actions; while no thread serves it, an action runs at once.
 
-class Errands:
-    """A queue of things to do; with nobody else to do them, they are done at once.
+    Args:
+        timeout: How long a caller waits in [s].
 
     Attributes:
         served: Whether another thread empties the queue.
     """
 
-    def __init__(self) -> None:
-        """Start empty; nobody serves yet."""
+    def __init__(self, timeout: float = 30.0) -> None:
         self.served = False
+        self._timeout = timeout
         self._queue: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
 
     def run(self, action: Callable[[], Any]) -> Any:
-        """Have something done and wait for its result, or for its exception.
+        """Have an action run between two ticks; return its result, or raise its exception.
 
         Raises:
-            InvalidInput: If nobody did it in time.
+            InvalidInput: If it was not run in time; then it never will be.
         """
         if not self.served:
             return action()
         future: Future[Any] = Future()
         self._queue.put((action, future))
         try:
-            return future.result(_PATIENCE)
+            return future.result(self._timeout)
         except TimeoutError:
             future.cancel()
-            raise InvalidInput(f"the simulation gave no answer in {_PATIENCE:g} s") from None
+            raise InvalidInput(f"the simulation did not respond in {self._timeout:g} s") from None
 
     def serve(self) -> None:
-        """Do what is in the queue."""
+        """Run what is queued."""
         while not self._queue.empty():
-            try:
-                action, future = self._queue.get_nowait()
-            except Empty:
-                return
+            action, future = self._queue.get()
             if not future.set_running_or_notify_cancel():
                 continue
             try:

@@ -27,10 +27,11 @@ from arm_dynamics.ros.interfaces import (
     INVERSE_DYNAMICS,
     JOINT_TRAJECTORY,
     MODEL_INFO,
+    RESET_COUNTERS,
 )
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.demo.processes import DemoFailed, postponed
-from arm_sim.ros.interfaces import ENERGY, RESET_COUNTERS
+from arm_sim.ros.interfaces import ENERGY
 
 _GLANCE = 0.02  # [s]
 _AT_EASE = 0.5  # [s]: who has just been met may be holding the others up for a third of a second

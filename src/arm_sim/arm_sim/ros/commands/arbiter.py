@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lets one stream of commands lead a joint at a time."""
+"""Lets one stream of commands at a time drive a joint."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ STREAM = 10  # commands without a long silence that make a stream
 
 
 @dataclass
-class _Heard:
+class _Source:
     joints: frozenset[int]
     at: int
     count: int = 1
@@ -24,18 +24,20 @@ class Arbiter:
     process there. A source that has been silent for ``patience`` ticks loses its joints, and one
     that sends a command now and then does not own any.
 
+    Args:
+        patience: Ticks after which a silent source is gone.
+
     Attributes:
         refused: How many commands were refused.
-        words: The last refusal.
+        last_refusal: What the newest refusal said.
     """
 
     def __init__(self, patience: int) -> None:
-        """Start without any source; ``patience`` in ticks."""
         self.patience = patience
         self.refused = 0
-        self.words = ""
+        self.last_refusal = ""
         self._refused_at = -patience
-        self._heard: dict[str, _Heard] = {}
+        self._heard: dict[str, _Source] = {}
         self._now = 0
 
     def tick(self) -> None:
@@ -44,7 +46,7 @@ class Arbiter:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Who has commanded joints lately."""
+        """Sources that commanded joints lately."""
         return tuple(source for source, heard in self._heard.items() if self._fresh(heard))
 
     @property
@@ -66,8 +68,8 @@ class Arbiter:
         if len(self._heard) > 1 or source not in self._heard:
             self._contest(source, joints)
         heard = self._heard.get(source)
-        if heard is None:
-            self._heard[source] = _Heard(joints, self._now)
+        if heard is None or not self._fresh(heard):
+            self._heard[source] = _Source(joints, self._now)
         else:
             heard.joints, heard.at, heard.count = joints, self._now, heard.count + 1
 
@@ -77,12 +79,12 @@ class Arbiter:
             if other != source and heard.count >= STREAM and heard.joints & joints:
                 self.refused += 1
                 self._refused_at = self._now
-                self.words = (
+                self.last_refusal = (
                     f"two controllers: '{source}' is refused while '{other}' commands these joints"
                 )
-                raise InvalidInput(f"{self.words}; allowed is one stream for each joint")
+                raise InvalidInput(f"{self.last_refusal}; allowed is one stream for each joint")
 
-    def _fresh(self, heard: _Heard) -> bool:
+    def _fresh(self, heard: _Source) -> bool:
         return self._now - heard.at <= self.patience
 
     def forget(self) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The torque that acts next: the newest command, or what the policy says when it has grown old."""
+"""The torque that acts next: the newest command, or the policy's when that one is too old."""
 
 from __future__ import annotations
 
@@ -14,8 +14,8 @@ ZERO, HOLD, GRAVITY = "zero", "hold", "gravity"
 POLICIES = (ZERO, HOLD, GRAVITY)
 
 
-class Commands:
-    """A slot that one thread fills and another one empties; only the newest command counts.
+class LatestCommand:
+    """A slot that one thread fills and another one reads; only the newest command counts.
 
     Age is counted in ticks since a command was first used, so a run by hand is repeatable.
 
@@ -25,7 +25,6 @@ class Commands:
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
-        """Start without a command: the policy is in force."""
         zero = np.zeros(dynamics.n)
         none: Sequence[float] = zero.tolist()
         self._policies: dict[str, Callable[[Array], Sequence[float]]] = {

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The results as JSON, as Markdown for people with figures, and as ``docs/performance.md``."""
+
+from __future__ import annotations
+
+import json
+import re
+from pathlib import Path
+
+from rich.table import Table
+
+from benchmarks.comparison import figures, sections
+from benchmarks.reporting.markdown import quantity
+from benchmarks.studies.bench import Record
+
+TEMPLATE = Path(__file__).with_name("page.md")
+FIGURES = "figures/"
+
+
+def write(results: Record, out: Path) -> Path:
+    """Write ``report.json``, ``report.md`` and the figures.
+
+    Args:
+        results: as ``suite.run`` returns them.
+        out: folder, made if need be.
+
+    Returns:
+        Path of the Markdown report.
+    """
+    save(results, out)
+    pictures = figures.draw(results, out)
+    path = out / "report.md"
+    path.write_text(sections.markdown(results, pictures))
+    return path
+
+
+def save(results: Record, out: Path) -> None:
+    """Write ``report.json`` only.
+
+    Args:
+        results: as ``suite.run`` returns them.
+        out: folder, made if need be.
+    """
+    out.mkdir(parents=True, exist_ok=True)
+    (out / "report.json").write_text(json.dumps(results, indent=1) + "\n")
+
+
+def summary(results: Record) -> Table:
+    """The promises and what was measured, for the terminal."""
+    table = Table("promise", "measured", "allowed", "")
+    for claim in results["claims"]:
+        verdict = {True: "[green]kept", False: "[red]broken", None: "not measured"}[claim["kept"]]
+        table.add_row(
+            claim["text"], quantity(claim["value"], claim["unit"]),
+            quantity(claim["limit"], claim["unit"]), verdict,
+        )  # fmt: skip
+    return table
+
+
+def write_page(results: Record, docs: Path) -> Path:
+    """Write ``docs/performance.md``: words from page.md, tables and figures from the results.
+
+    Args:
+        results: of all studies.
+        docs: folder of the documentation.
+
+    Returns:
+        Path of the page.
+    """
+    (docs / FIGURES).mkdir(parents=True, exist_ok=True)
+    pictures = figures.draw(results, docs / FIGURES)
+    path = docs / "performance.md"
+    path.write_text(page(results, pictures))
+    return path
+
+
+def page(results: Record, pictures: dict[str, str]) -> str:
+    """The page in Markdown; a place without a value is an error.
+
+    Args:
+        results: of all studies.
+        pictures: file names of the figures, by study.
+    """
+    parts = {
+        "about": sections.about(results),
+        "claims": sections.claims(results),
+        "method": sections.METHOD,
+        "targets": sections.targets(results),
+        "truths": sections.truths(results),
+    }
+    for study, (_, section) in sections.SECTIONS.items():
+        parts[study] = section(results)
+        parts[f"{study}_figures"] = sections.figures(pictures, study, FIGURES)
+    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], TEMPLATE.read_text())

@@ -1,0 +1,41 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controllers that compete, all tuned to one bandwidth on the model they know."""
+
+from __future__ import annotations
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.control.factory import Settings, make_controller
+from arm_dynamics.control.wrappers import AnyController
+from benchmarks.controllers.cases import Arm
+
+OMEGA = 15.0  # [rad/s], critically damped
+OBSERVER = 40.0  # [1/s]
+
+CONTENDERS = {
+    "PD": "pd",
+    "PID": "pid",
+    "PD + gravity": "pd_gravity",
+    "feed-forward + PD": "feed_forward",
+    "computed torque": "computed_torque",
+    "computed torque + observer": "computed_torque",
+    "operational space": "operational_space",
+    "joint impedance": "joint_impedance",
+    "Cartesian impedance": "cartesian_impedance",
+}
+
+
+def contender(title: str, arm: Arm, dt: float, limit: Array) -> AnyController:
+    """Make one of ``CONTENDERS``.
+
+    Args:
+        title: Its title.
+        arm: What it controls; the nominal model is what it knows.
+        dt: Time between calls in [s].
+        limit: The plant's torque limits in [N m], for what remembers, shape (n,).
+    """
+    feeds = CONTENDERS[title] in ("operational_space", "cartesian_impedance")
+    settings = Settings(
+        dt=dt, bandwidth=OMEGA, frame=arm.frame, axes=arm.axes, friction=feeds, limit=limit,
+        observer=OBSERVER if title.endswith("observer") else 0.0,
+    )  # fmt: skip
+    return make_controller(CONTENDERS[title], arm.nominal, settings)

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The least that can be done, to compare with: a thread, a timer, a ping and its echo.
+
+Each is a process: ``python -m benchmarks.loop.baseline NAME SECONDS``; it prints what it measured.
+"""
+
+from __future__ import annotations
+
+import json
+import sys
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+PERIOD = 1_000_000  # [ns]
+
+
+def thread(seconds: float) -> dict[str, Any]:
+    """Sleep to absolute deadlines a millisecond apart and do nothing."""
+    late = []
+    used = time.process_time()
+    deadline = time.monotonic_ns()
+    end = deadline + round(1e9 * seconds)
+    while deadline < end:
+        now = time.monotonic_ns()
+        if now < deadline:
+            time.sleep(1e-9 * (deadline - now))
+            now = time.monotonic_ns()
+        late.append(now - deadline)
+        deadline += PERIOD
+    used = time.process_time() - used
+    return {"share": used / seconds, "rate": len(late) / seconds, **lateness(np.array(late))}
+
+
+def lateness(late: np.ndarray) -> dict[str, Any]:
+    """How well deadlines were kept, from how late each tick was in [ns]."""
+    # Summed up here: to write every single one down would keep a processor busy for a second,
+    # beside the node that is being measured.
+    micro, counts = np.unique(late // 1000, return_counts=True)
+    return {
+        "missed": int((late > PERIOD).sum()), "ticks": len(late), **spread(late),
+        "bars": np.transpose([1e-6 * (micro + 1), counts]).tolist(),
+    }  # fmt: skip
+
+
+def spread(durations: np.ndarray) -> dict[str, float]:
+    """Percentiles in [s] of durations in [ns]."""
+    p50, p99 = np.percentile(durations, [50, 99])
+    return {"p50": 1e-9 * p50, "p99": 1e-9 * p99, "max": 1e-9 * float(durations.max())}
+
+
+def timer(seconds: float) -> dict[str, Any]:
+    """A timer of rclpy with its default executor."""
+    import rclpy
+
+    rclpy.init()
+    node = rclpy.create_node("bare_timer")
+    came: list[int] = []
+    node.create_timer(1e-9 * PERIOD, lambda: came.append(time.monotonic_ns()))
+    executor = rclpy.executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    gaps = np.diff(came)
+    return {
+        "rate": len(came) / seconds, "missed": int((gaps > 2 * PERIOD).sum()),
+        "ticks": len(came), "share": time.process_time() / seconds,
+    }  # fmt: skip
+
+
+def echo(seconds: float) -> dict[str, Any]:
+    """Send every joint state back, as rclpy does it by default."""
+    node, executor = _spun("bare_echo")
+    from sensor_msgs.msg import JointState
+
+    publisher = node.create_publisher(JointState, "bare_echo", 10)
+    node.create_subscription(JointState, "bare_ping", publisher.publish, 10)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    return {}
+
+
+def ping(seconds: float) -> dict[str, Any]:
+    """Send a joint state, wait for it to come back, send the next one a millisecond after it.
+
+    As in the loop: who sends in a row finds everything in the caches, and is quicker by half.
+    """
+    node, executor = _spun("bare_ping")
+    from sensor_msgs.msg import JointState
+
+    publisher = node.create_publisher(JointState, "bare_ping", 10)
+    back: list[int] = []
+    subscription = node.create_subscription(
+        JointState, "bare_echo", lambda _: back.append(time.monotonic_ns()), 10
+    )
+    message = JointState(name=[f"joint{i}" for i in range(7)])
+    message.position = message.velocity = message.effort = [0.0] * 7
+    trips = []
+    _spin(executor, lambda: publisher.get_subscription_count() and _matched(node), 20.0)
+    del subscription
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        back.clear()
+        sent = time.monotonic_ns()
+        publisher.publish(message)
+        if _spin(executor, lambda: back, 1.0):
+            trips.append(back[0] - sent)
+        time.sleep(max(0.0, 1e-9 * (sent + PERIOD - time.monotonic_ns())))
+    return {"trips": trips}
+
+
+def _matched(node: Any) -> bool:
+    return bool(node.count_publishers("bare_echo"))
+
+
+def _spun(name: str) -> tuple[Any, Any]:
+    import rclpy
+
+    rclpy.init()
+    node = rclpy.create_node(name)
+    executor = rclpy.executors.SingleThreadedExecutor()
+    executor.add_node(node)
+    return node, executor
+
+
+def _spin(executor: Any, done: Callable[[], Any], timeout: float) -> bool:
+    end = time.monotonic() + timeout
+    while not done():
+        if time.monotonic() > end:
+            return False
+        executor.spin_once(timeout_sec=0.1)
+    return True
+
+
+if __name__ == "__main__":
+    measure = {"thread": thread, "timer": timer, "ping": ping, "echo": echo}[sys.argv[1]]
+    print(json.dumps(measure(float(sys.argv[2]))), flush=True)

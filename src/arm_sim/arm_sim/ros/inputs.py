@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands and wrenches that come in on topics: checked, and refused with a warning."""
+
+from __future__ import annotations
+
+import numpy as np
+from geometry_msgs.msg import WrenchStamped
+from rclpy.node import Node
+from std_msgs.msg import Float64MultiArray
+
+from arm_dynamics import ArmError, InvalidInput
+from arm_dynamics.arrays import any_beyond
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS
+from arm_dynamics.ros.joint_state.compiled import make_reader, make_source
+from arm_dynamics.ros.joint_state.serialization import Numbers
+from arm_dynamics.ros.joint_state.topics import JointStateSource
+from arm_sim.ros.latency import RoundTrip
+from arm_sim.ros.tick_engine import TickEngine
+
+_THROTTLE = 2.0  # [s] between warnings of one kind
+_UNNAMED = "~/commands"  # the source of commands that cannot name one
+_AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
+
+
+class Inputs:
+    """Hands commands and wrenches to the engine, which asks for commands before each tick.
+
+    Attributes:
+        reader: Of efforts by joint name, in serialized JointStates.
+        source: Where those come from when the engine asks for them; None: from nowhere.
+        round_trip: How long commands take from state to effort.
+        refused: How many commands were refused.
+        refused_wrenches: How many wrenches were refused.
+    """
+
+    def __init__(self, node: Node, engine: TickEngine) -> None:
+        self._log, self._engine, self._model = node.get_logger(), engine, engine.simulator.model
+        self._limit = self._model.command_limit.tolist()
+        self.reader = make_reader(
+            self._model.joint_names, ("effort",), partial=True, extra=False,
+            admit=engine.arbiter.admit, limit=self._limit, beyond=self._cut
+        )  # fmt: skip
+        self.source: JointStateSource | None = None
+        self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
+        engine.read_commands = self._read_waiting
+
+    def open(self, node: Node) -> None:
+        """Subscribe to efforts by joint name, to be read before each tick."""
+        self.source = make_source(node, JOINT_COMMANDS, self.reader)
+
+    def close(self) -> None:
+        """End the subscription."""
+        if self.source is not None:
+            self.source.close()
+            self.source = None
+
+    def reset_counters(self) -> None:
+        """Begin counting anew."""
+        self.round_trip.reset()
+        self.refused = self.refused_wrenches = 0
+
+    def _read_waiting(self) -> None:
+        """Read the commands that came since the last tick; the newest that is admitted counts.
+
+        None is sought behind the answer to the newest state, unless others command too: a look
+        that finds nothing takes as long as one that finds something.
+        """
+        for _ in range(_AT_ONCE):
+            try:
+                if self.source is None or (taken := self.source.take()) is None:
+                    return
+            except InvalidInput as error:
+                self._refuse(error)
+                continue
+            arrival, (stamp, (tau,)) = taken
+            self._engine.commands.put(tau)
+            self.round_trip.answered(stamp, arrival)
+            if stamp and stamp == self.round_trip.newest and self._engine.arbiter.alone:
+                return
+
+    def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
+        """Take efforts by joint name from a serialized JointState that came at ``arrival`` [ns].
+
+        Returns:
+            Its stamp in [ns], or None if it was refused.
+        """
+        try:
+            stamp, (tau,) = self.reader.read(raw)
+        except InvalidInput as error:
+            self._refuse(error)
+            return None
+        self._engine.commands.put(tau)
+        self.round_trip.answered(stamp, arrival)
+        return stamp
+
+    def on_commands(self, message: Float64MultiArray) -> None:
+        """Take efforts in model order."""
+        tau, n = np.array(message.data, float), self._model.n
+        try:
+            if tau.shape != (n,) or not np.isfinite(tau).all():
+                raise InvalidInput(
+                    f"{tau.size} numbers {tau[:10]}; allowed are {n} finite numbers"
+                )
+            self._engine.arbiter.admit(_UNNAMED, frozenset(range(n)))
+        except InvalidInput as error:
+            self._refuse(error)
+            return
+        numbers = tuple(tau.tolist())
+        self._engine.commands.put(
+            self._cut(numbers) if any_beyond(numbers, self._limit) else numbers
+        )
+
+    def on_wrench(self, message: WrenchStamped) -> None:
+        """Push the frame that the header names."""
+        force, moment = message.wrench.force, message.wrench.torque
+        wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
+        try:
+            self._engine.push(message.header.frame_id, wrench)
+        except ArmError as error:
+            self.refused_wrenches += 1
+            self._log.warning(f"wrench passed over: {error}", throttle_duration_sec=_THROTTLE)
+
+    def _cut(self, tau: Numbers) -> Numbers:
+        """Cut efforts to their limits, with a warning."""
+        limits, model = self._limit, self._model
+        joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)
+        self._log.warning(
+            f"effort {tau[joint]:.6g} of joint '{model.joint_names[joint]}' is beyond its "
+            f"limit {limits[joint]:.6g} {model.command_unit[joint]} and is cut to it",
+            throttle_duration_sec=_THROTTLE,
+        )
+        return tuple(max(-limit, min(limit, x)) for x, limit in zip(tau, limits, strict=True))
+
+    def _refuse(self, why: InvalidInput) -> None:
+        self.refused += 1
+        self._log.warning(f"command passed over: {why}", throttle_duration_sec=_THROTTLE)

@@ -1,0 +1,238 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happens in a tick of a running simulation, without ROS."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics import InvalidInput
+from arm_sim.exceptions import SimulationDiverged
+from arm_sim.external_wrench import ExternalWrenches
+from arm_sim.ros.commands.arbiter import Arbiter
+from arm_sim.ros.commands.latest import ZERO, LatestCommand
+from arm_sim.ros.energy_meter import Account, EnergyMeter
+from arm_sim.ros.tick_queue import TickQueue
+from arm_sim.runtime_changes import EXTERNAL, external_change
+from arm_sim.simulator import Simulator
+
+MAX_STEPS = 10_000  # of one call
+_SILENCE = 1.0  # [s] after which a silent source is gone; a busy machine may well delay one
+
+Listeners = list[Callable[[], None]]
+
+
+class TickEngine:
+    """A simulation that takes commands, wrenches and orders, and advances tick by tick.
+
+    All methods are for the thread that ticks; other threads go through ``queue``. Only ``push``
+    is for any thread.
+
+    Attributes:
+        simulator: The simulation.
+        commands: The slot for the newest command.
+        arbiter: Who may command.
+        queue: Actions of other threads, run between ticks.
+        paused: Whether time stands still.
+        failure: Why the simulation paused itself, else empty.
+        stale_policy: What acts without a command or with an old one.
+        read_commands: Called before a tick, to fill the slot.
+        on_tick: Called after each tick.
+        on_idle: Called instead of a tick while time stands still.
+        on_jump: Called when state or model changed other than by a tick.
+        on_pause: Called when time was stopped or released.
+        on_failure: Called when the simulation has paused itself.
+        on_staleness: Called when the stale policy begins or ceases to act.
+    """
+
+    def __init__(
+        self,
+        simulator: Simulator,
+        *,
+        paused: bool = False,
+        self_running: bool = False,
+        wait_for_command: bool = False,
+        wrench_timeout: float = 0.1,
+        wrench_reference: str = "local",
+    ) -> None:
+        """Prepare; the policy ``zero`` acts until ``configure`` says otherwise.
+
+        Args:
+            simulator: The simulation.
+            paused: Whether to start paused.
+            self_running: Whether a clock or a partner makes it tick, rather than a caller.
+            wait_for_command: Whether time stands still until the first command.
+            wrench_timeout: Simulated time that a wrench acts in [s].
+            wrench_reference: Axes of wrenches, see ``ExternalWrenches``.
+        """
+        self.simulator, self._q = simulator, simulator.x[: simulator.n]
+        self.commands = LatestCommand(simulator.dynamics)
+        self.arbiter, self.queue = Arbiter(self.ticks(_SILENCE)), TickQueue()
+        self.paused, self.failure, self._was_stale = paused, "", False
+        self._self_running, self._wait_for_command = self_running, wait_for_command
+        self._wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
+        self._wrench_ticks = self.ticks(wrench_timeout)
+        self._pushable = self._pushing = False
+        self._meter: EnergyMeter | None = None
+        self.read_commands: Callable[[], None] = lambda: None
+        self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
+        self.on_pause, self.on_failure, self.on_staleness = Listeners(), Listeners(), Listeners()
+        self.configure(0.0, ZERO)
+
+    def configure(self, command_timeout: float, stale_policy: str) -> None:
+        """Choose the simulated time in [s] after which a command is old, 0: never, and the policy.
+
+        The policy is ``zero``, ``hold`` or ``gravity``, see ``LatestCommand``.
+        """
+        ticks = self.ticks(command_timeout)
+        self.commands.configure(ticks, stale_policy)
+        self.arbiter.patience = max(ticks, self.ticks(_SILENCE))
+        self.stale_policy = stale_policy
+
+    def ticks(self, duration: float) -> int:
+        """Number of ticks in a duration in [s], at least one unless it is zero."""
+        return max(round(duration / self.simulator.dt), 1) if duration > 0.0 else 0
+
+    @property
+    def stamp(self) -> int:
+        """Simulated time in [ns]."""
+        return round(1e9 * (self.simulator.step_count * self.simulator.dt))
+
+    # --- ticking -------------------------------------------------------------------------------
+
+    def tick(self) -> None:
+        """Run the queue and read commands; then advance by one tick unless time stands still."""
+        self.queue.serve()
+        self.arbiter.tick()
+        if not self.paused:
+            self.read_commands()
+            if not (self._wait_for_command and self.commands.empty):
+                self._advance(self.commands.take(self._q))
+                if self.commands.stale is not self._was_stale:
+                    self._was_stale = self.commands.stale
+                    _call(self.on_staleness)
+                return
+        _call(self.on_idle)
+
+    def tick_unattended(self) -> None:
+        """Tick where no caller would see an exception: one pauses the simulation."""
+        try:
+            self.tick()
+        except Exception as error:
+            self._fail(f"paused after an unexpected failure: {error!r}")
+
+    def step(self, steps: int) -> None:
+        """Make some ticks with the newest command, which does not age.
+
+        Raises:
+            InvalidInput: If the number is not allowed, or the simulation runs by itself.
+            SimulationDiverged: If it diverges on the way; the last good state is kept.
+        """
+        if not 1 <= steps <= MAX_STEPS:
+            raise InvalidInput(f"steps = {steps}; allowed are 1 to {MAX_STEPS}")
+        if self._self_running and not self.paused:
+            raise InvalidInput("the simulation is running; allowed only while it is paused")
+        self.read_commands()
+        for done in range(steps):
+            if not self._advance(self.commands.held(self._q)):
+                raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
+
+    def _advance(self, tau: Sequence[float]) -> bool:
+        """Make a tick; on divergence pause at the last good state and return False."""
+        push = self._push_torque() if self._pushable else None
+        try:
+            self.simulator.advance(tau)
+        except SimulationDiverged as error:
+            self._fail(
+                f"paused, the last good state is kept; reset or set the joint state: {error}"
+            )
+            return False
+        if self._meter is not None:
+            self._meter.note(push)
+        _call(self.on_tick)
+        return True
+
+    def _fail(self, why: str) -> None:
+        self.paused, self.failure = True, why
+        _call(self.on_failure)
+
+    # --- orders --------------------------------------------------------------------------------
+
+    def pause(self, stop: bool) -> None:
+        """Stop time, or let it go on."""
+        self.paused = stop
+        if not stop:
+            self.failure = ""
+        _call(self.on_pause)
+
+    def reset(self) -> None:
+        """Go back to the initial state and time zero, without commands, sources and wrenches."""
+        self.commands.clear()
+        self.arbiter.forget()
+        self._wrenches.clear()
+        self.failure, self._was_stale = "", False
+        self.change(self.simulator.reset)
+
+    def change(self, action: Callable[[], Any]) -> None:
+        """Run what changes state or model at once; the energy account is closed."""
+        action()
+        self._meter = None
+        _call(self.on_jump)
+
+    # --- wrenches ------------------------------------------------------------------------------
+
+    @property
+    def pushed_frames(self) -> tuple[str, ...]:
+        """Frames on which a wrench acts."""
+        return self._wrenches.active
+
+    def push(self, frame: str, wrench: ArrayLike) -> None:
+        """Let a wrench act on a frame from the next tick on, in place of the one before.
+
+        Nothing is computed for wrenches before the first one; that one takes a second to build, in
+        the calling thread.
+
+        Args:
+            frame: A frame that moves.
+            wrench: Force in [N] and moment in [N m], shape (6,).
+
+        Raises:
+            InvalidInput: If the frame is unknown or never moves, or a number is not finite.
+        """
+        simulator = self.simulator
+        if not self._pushable:
+            ExternalWrenches(simulator.dynamics).push(frame, wrench, 0)  # refuses at once
+            self.queue.run(external_change(simulator))
+            self._pushable = True
+        last = self._wrench_ticks - 1
+        self.queue.run(lambda: self._wrenches.push(frame, wrench, simulator.step_count + last))
+
+    def _push_torque(self) -> np.ndarray | None:
+        """Joint torques of the wrenches in the next tick, shape (n,), None if there are none."""
+        if not (self._wrenches.active or self._pushing):
+            return None
+        tau = self._wrenches.torque(self._q, self.simulator.step_count)
+        self.simulator.set_parameter(EXTERNAL, tau)
+        self._pushing = bool(self._wrenches.active)
+        return tau
+
+    # --- energy --------------------------------------------------------------------------------
+
+    def keep_account(self, wanted: bool) -> None:
+        """Open the energy account if it is closed, or close it where nobody wants it."""
+        if not wanted:
+            self._meter = None
+        elif self._meter is None:
+            self._meter = EnergyMeter(self.simulator)
+
+    def account(self) -> Account | None:
+        """Energies since the account was opened; None while it is closed."""
+        return None if self._meter is None else self._meter.account()
+
+
+def _call(listeners: Listeners) -> None:
+    for listener in listeners:
+        listener()

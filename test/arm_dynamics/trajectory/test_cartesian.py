@@ -1,0 +1,44 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ways of a frame through space: how it turns on lines and circles."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from arm_dynamics.task_space.task_space import Pose
+from arm_dynamics.trajectory.cartesian import circle, line
+from tolerances import ALGEBRA, FINITE_DIFF, assert_close
+
+
+def test_slerp_turns_evenly_about_one_axis() -> None:
+    start = Pose(np.zeros(3), pin.exp3(np.array([0.1, 0.4, -0.2])))
+    end = Pose(np.array([1.0, 0, 0]), pin.exp3(np.array([0.0, -1.0, 2.0])))
+    way = line(start, end)
+    np.testing.assert_allclose(way.at(1.0).rotation, end.rotation, atol=1e-12)
+    whole = pin.log3(end.rotation @ start.rotation.T)
+    half = pin.log3(way.at(0.5).rotation @ start.rotation.T)
+    np.testing.assert_allclose(half, 0.5 * whole, atol=1e-12)
+    h = 1e-6
+    rate = pin.log3(way.at(0.3 + h).rotation @ way.at(0.3 - h).rotation.T) / (2 * h)
+    np.testing.assert_allclose(rate, way.at(0.3).first[3:], atol=1e-8)
+
+
+@pytest.mark.parametrize("turning", [True, False])
+def test_on_a_circle_the_frame_turns_with_it_or_keeps_its_rotation(turning: bool) -> None:
+    start = Pose(np.array([0.5, 0.0, 0.3]), pin.exp3(np.array([0.1, 0.4, -0.2])))
+    centre = np.array([0.5, 0.1, 0.3])
+    way = circle(start, centre, [0, 0, -2], 1.2, turning)
+    for u in (0.0, 0.3, 1.0):
+        place = way.at(u)
+        turned = pin.exp3(np.array([0.0, 0.0, -1.2 * u]))
+        assert_close(place.position - centre, turned @ (start.position - centre), ALGEBRA)
+        wanted = turned @ start.rotation if turning else start.rotation
+        assert_close(place.rotation, wanted, ALGEBRA)
+    h = 1e-6
+    before, here, after = (way.at(0.4 + d) for d in (-h, 0.0, h))
+    rate = np.concatenate(
+        [after.position - before.position, pin.log3(after.rotation @ before.rotation.T)]
+    )
+    assert_close(here.first, rate / (2 * h), FINITE_DIFF)

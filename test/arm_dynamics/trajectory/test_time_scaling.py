@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How much slower a motion must be for its torques: found at once, friction of every kind."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics
+from arm_dynamics.trajectory.time_scaling import torque_stretch
+from models.rotor import rotor
+from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
+
+FRICTION: dict[str, dict[str, Any]] = {
+    "none": {"viscous": 0.0, "coulomb": 0.0},
+    "viscous": {"viscous": 2.0, "coulomb": 0.0},
+    "dry": {"viscous": 0.5, "coulomb": 1.5},
+    "bristles": {"viscous": 0.5, "coulomb": 1.5, "lugre": {"sigma0": 1e5}},
+}
+
+
+@pytest.mark.parametrize("speed", [2.0, -2.0])
+@pytest.mark.parametrize("rise", [5.0, -5.0])
+def test_a_wheel_with_friction_of_every_kind(speed: float, rise: float) -> None:
+    """F + b v x + J a x² = T along the motion, F + b v x - J a x² = T where it brakes hard."""
+    inertia, b, dry, limit = 0.5, 0.2, 0.4, 1.5
+    dyn = Dynamics(rotor(inertia, viscous=b, coulomb=dry))
+    motion = np.zeros((1, 1)), np.array([[speed]]), np.array([[rise]])
+    x = 1.0 / torque_stretch(dyn, *motion, np.array([limit]))
+    push = inertia * 5.0 * x**2
+    if speed * rise > 0.0:
+        assert_close(dry + b * 2.0 * x + push, limit, ALGEBRA)
+    else:
+        assert_close(push - b * 2.0 * x - dry, limit, ALGEBRA)
+
+
+@pytest.mark.parametrize("kind", FRICTION)
+def test_at_that_pace_one_torque_is_at_its_limit(kind: str, rng: np.random.Generator) -> None:
+    given = models.scene("two_link").model_dump(exclude_none=True)
+    dyn = Dynamics(given | {"joints": {"*": {"friction": FRICTION[kind]}}})
+    q, v, a = (rng.normal(0.0, s, (20, 2)) for s in (1.0, 3.0, 30.0))
+    limit = abs(dyn.gravity(q)).max(axis=0) + 3.0
+    stretch = torque_stretch(dyn, q, v, a, limit)
+    assert stretch > 1.2
+    share = abs(dyn.inverse(q, v / stretch, a / stretch**2)) / limit
+    assert_close(share.max(), 1.0, INVERSE_PAIR)

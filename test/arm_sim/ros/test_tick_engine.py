@@ -1,0 +1,316 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tick engine by itself, without ROS: commands, orders, wrenches, energy, and its queue."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import InvalidInput
+from arm_dynamics.task_space.task_space import TaskSpace
+from arm_sim import SimulationDiverged, Simulator
+from arm_sim.ros.tick_engine import MAX_STEPS, TickEngine
+from arm_sim.ros.tick_queue import TickQueue
+
+TAU = (1.5, -0.5)
+BOTH = frozenset({0, 1})
+
+
+def engine(**options: Any) -> TickEngine:
+    """A two-link arm; its simulator is its own, for what changes the model."""
+    return TickEngine(Simulator(models.scene("two_link")), **options)
+
+
+def ticks(made: TickEngine, count: int) -> None:
+    for _ in range(count):
+        made.tick()
+
+
+def acting(made: TickEngine) -> list[float]:
+    made.tick()
+    return made.simulator.effort.tolist()
+
+
+def test_stamps_are_whole_milliseconds() -> None:
+    """From the counter and rounded: cutting off digits is wrong first at tick 1025."""
+    made = engine()
+    for count in range(1, 1100):
+        made.tick()
+        assert made.stamp == count * 1_000_000
+
+
+@pytest.mark.parametrize(
+    ("timeout", "acts"), [(1e-5, 1), (4e-4, 1), (1e-3, 1), (2e-3, 2), (2.6e-3, 3)]
+)
+def test_a_command_acts_for_its_timeout_and_for_a_tick_at_least(timeout: float, acts: int) -> None:
+    made = engine()
+    made.configure(timeout, "zero")
+    made.commands.put(TAU)
+    assert [acting(made) == [*TAU] for _ in range(5)] == [k < acts for k in range(5)]
+
+
+def test_without_a_timeout_a_command_acts_for_ever() -> None:
+    made = engine()
+    made.configure(0.0, "zero")
+    made.commands.put(TAU)
+    ticks(made, 5000)
+    assert acting(made) == [*TAU]
+
+
+@pytest.mark.parametrize(("timeout", "patience"), [(0.005, 1000), (0.0, 1000), (3.0, 3000)])
+def test_a_silent_source_keeps_its_joints_for_a_second_or_the_timeout(
+    timeout: float, patience: int
+) -> None:
+    made = engine(paused=True)
+    made.configure(timeout, "zero")
+    for _ in range(20):
+        made.arbiter.admit("one", BOTH)
+    ticks(made, patience)
+    with pytest.raises(InvalidInput, match="'two' is refused"):
+        made.arbiter.admit("two", BOTH)
+    made.tick()
+    made.arbiter.admit("two", BOTH)
+
+
+def test_reset_goes_back_and_forgets_commands_sources_and_wrenches() -> None:
+    made = engine(wrench_timeout=10.0)
+    made.configure(0.0, "hold")
+    for _ in range(20):
+        made.arbiter.admit("one", BOTH)
+    made.commands.put(TAU)
+    made.push("tip", [0.0, 0.0, 9.0, 0.0, 0.0, 0.0])
+    ticks(made, 5)
+    assert made.arbiter.sources == ("one",)
+    made.reset()
+    assert made.arbiter.sources == ()
+    made.arbiter.admit("two", BOTH)  # nothing is kept for the stream of before
+    assert made.pushed_frames == ()
+    assert made.simulator.step_count == 0
+    ticks(made, 5)
+    free = models.simulator("two_link")
+    for _ in range(5):
+        free.step([0.0, 0.0])
+    np.testing.assert_array_equal(made.simulator.state.q, free.state.q)
+
+
+def test_time_waits_for_the_first_command_where_told_to() -> None:
+    made = engine(wait_for_command=True)
+    idle: list[int] = []
+    made.on_idle.append(lambda: idle.append(1))
+    ticks(made, 3)
+    assert (made.simulator.step_count, len(idle)) == (0, 3)
+    made.commands.put(TAU)
+    ticks(made, 2)
+    assert (made.simulator.step_count, len(idle)) == (2, 3)
+
+
+def test_commands_are_read_before_the_tick_in_which_they_act() -> None:
+    made = engine()
+    made.read_commands = lambda: made.commands.put(TAU)
+    assert acting(made) == [*TAU]
+    made.pause(True)
+    made.read_commands = lambda: made.commands.put((9.0, 9.0))
+    made.tick()
+    made.step(1)
+    assert made.simulator.effort.tolist() == [9.0, 9.0]
+
+
+@pytest.mark.parametrize("steps", [-1, 0, MAX_STEPS + 1])
+def test_steps_are_bounded(steps: int) -> None:
+    made = engine()
+    with pytest.raises(InvalidInput, match="allowed are 1 to 10000"):
+        made.step(steps)
+    assert made.simulator.step_count == 0
+
+
+def test_steps_do_not_age_the_command_and_need_a_pause_where_something_else_ticks() -> None:
+    made = engine(self_running=True)
+    made.configure(0.002, "zero")
+    made.commands.put(TAU)
+    with pytest.raises(InvalidInput, match="allowed only while it is paused"):
+        made.step(1)
+    made.pause(True)
+    made.step(50)
+    assert made.simulator.step_count == 50
+    made.pause(False)
+    assert [acting(made) == [*TAU] for _ in range(3)] == [True, True, False]
+
+
+def test_divergence_pauses_with_the_last_good_state_until_it_is_released() -> None:
+    made = engine()
+    failed: list[str] = []
+    made.on_failure.append(lambda: failed.append(made.failure))
+    made.simulator.set_state([0.0, 0.0], [1e160, 1e160])
+    before = made.simulator.state
+    ticks(made, 3)
+    assert made.paused
+    assert len(failed) == 1
+    assert "the last good state is kept" in failed[0]
+    np.testing.assert_array_equal(made.simulator.state.v, before.v)
+    with pytest.raises(SimulationDiverged, match="after 0 of 2 steps"):
+        made.step(2)
+    made.reset()
+    assert made.failure == ""
+    assert made.paused  # a reset does not let time go on
+    made.pause(False)
+    ticks(made, 2)
+    assert made.simulator.step_count == 2
+
+
+def test_releasing_time_forgets_the_failure_and_stopping_it_does_not() -> None:
+    made = engine()
+    made.read_commands = lambda: 1 / 0
+    made.tick_unattended()
+    assert made.paused
+    assert "ZeroDivisionError" in made.failure
+    made.pause(True)
+    assert made.failure
+    made.pause(False)
+    assert not made.failure
+
+
+def test_listeners_hear_of_jumps_pauses_and_staleness() -> None:
+    made, heard = engine(), list[str]()
+    made.configure(0.002, "zero")
+    for name in ("on_jump", "on_pause", "on_staleness"):
+        getattr(made, name).append(lambda name=name: heard.append(name))
+    made.reset()
+    made.pause(True)
+    made.pause(False)
+    made.change(lambda: made.simulator.set_state([0.0, 0.0]))
+    assert heard == ["on_jump", "on_pause", "on_pause", "on_jump"]
+    heard.clear()
+    made.commands.put(TAU)
+    ticks(made, 9)
+    assert heard == ["on_staleness"]
+    made.commands.put((1.0, 1.0))
+    made.tick()
+    assert heard == ["on_staleness"] * 2
+    assert not made.commands.stale
+
+
+# --- wrenches ----------------------------------------------------------------------------------
+
+UP, ALONG = np.array([0.0, 0.0, 5.0, 0.0, 1.0, 0.0]), np.array([3.0, 0.0, 0.0, 0.0, 0.0, 0.5])
+
+
+def pushed(pushes: Callable[[int], list[tuple[str, np.ndarray]]], count: int) -> np.ndarray:
+    """Where an arm ends on which these wrenches act in each tick, by torques."""
+    sim = models.simulator("two_link")
+    tasks = {f: TaskSpace(sim.dynamics, f, "local") for f in ("tip", "forearm")}
+    for tick in range(count):
+        q = sim.state.q
+        sim.step(sum((tasks[f].jacobian(q).T @ w for f, w in pushes(tick)), np.zeros(2)))
+    return np.array(sim.state.q)
+
+
+def test_wrenches_of_different_frames_add_up_and_the_newest_on_a_frame_counts() -> None:
+    made = engine(wrench_timeout=0.005)
+    ticks(made, 2)
+    made.push("tip", ALONG)
+    made.push("tip", UP)
+    made.push("forearm", ALONG)
+    assert set(made.pushed_frames) == {"tip", "forearm"}
+    ticks(made, 3)
+    made.push("tip", ALONG)
+    ticks(made, 7)
+
+    def pushes(tick: int) -> list[tuple[str, np.ndarray]]:
+        tip = [("tip", UP if tick < 5 else ALONG)] if 2 <= tick < 10 else []
+        return tip + ([("forearm", ALONG)] if 2 <= tick < 7 else [])
+
+    assert made.pushed_frames == ()
+    np.testing.assert_allclose(made.simulator.state.q, pushed(pushes, 12), rtol=0.0, atol=1e-12)
+    assert not made.simulator.effort.any()  # none of it is a motor's
+
+
+def test_a_wrench_that_makes_no_sense_is_refused_and_builds_nothing() -> None:
+    made = engine()
+    plant = made.simulator.plant
+    for frame, wrench in (("paw", UP), ("tip", [np.nan] * 6), ("tip", [1.0] * 5)):
+        with pytest.raises(InvalidInput):
+            made.push(frame, wrench)
+    assert made.simulator.plant is plant
+    assert made.pushed_frames == ()
+
+
+# --- energy ------------------------------------------------------------------------------------
+
+
+def test_the_energy_account_knows_of_wrenches() -> None:
+    made = TickEngine(Simulator(models.scene("two_link"), "rk4"), wrench_timeout=10.0)
+    made.keep_account(True)
+    ticks(made, 20)
+    made.push("tip", [5.0, 0.0, 3.0, 0.0, 0.0, 0.0])
+    ticks(made, 200)
+    account = made.account()
+    assert account is not None
+    assert abs(account.input) > 0.01
+    assert abs(account.balance) < 1e-4 * abs(account.input)
+
+
+def test_the_energy_account_is_open_while_it_is_wanted_and_closed_by_a_jump() -> None:
+    made = engine()
+    assert made.account() is None
+    made.keep_account(True)
+    made.commands.put((5.0, 5.0))
+    ticks(made, 10)
+    supplied = made.account().input
+    assert supplied != 0.0
+    made.keep_account(True)
+    assert made.account().input == supplied
+    made.change(lambda: None)
+    assert made.account() is None
+    made.keep_account(True)
+    assert made.account().input == 0.0
+    made.keep_account(False)
+    assert made.account() is None
+
+
+# --- the queue ---------------------------------------------------------------------------------
+
+
+def asked(queue: TickQueue, action: Callable[[], Any]) -> tuple[threading.Thread, list[Any]]:
+    """A thread that asks, and what it got."""
+    got: list[Any] = []
+
+    def ask() -> None:
+        try:
+            got.append(queue.run(action))
+        except Exception as error:
+            got.append(error)
+
+    thread = threading.Thread(target=ask)
+    thread.start()
+    return thread, got
+
+
+def test_the_thread_that_ticks_runs_what_others_ask_for() -> None:
+    made = engine()
+    made.queue.served = True
+    names: list[str] = []
+    thread, got = asked(made.queue, lambda: names.append(threading.current_thread().name) or 7)
+    while thread.is_alive():
+        made.tick()
+    assert got == [7]
+    assert names == [threading.current_thread().name]
+    thread, got = asked(made.queue, lambda: 1 / 0)
+    while thread.is_alive():
+        made.tick()
+    assert isinstance(got[0], ZeroDivisionError)
+
+
+def test_what_was_not_run_in_time_is_never_run() -> None:
+    queue, done = TickQueue(timeout=0.05), list[int]()
+    queue.served = True
+    thread, got = asked(queue, lambda: done.append(1))
+    thread.join()
+    assert isinstance(got[0], InvalidInput)
+    assert "did not respond in 0.05 s" in str(got[0])
+    queue.serve()
+    assert done == []

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The comparison of controllers: what is measured is what happened, and what everybody knows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+
+from arm_sim import Simulator
+from benchmarks.controllers.cases import ARMS, PACES, PLANTS, TASKS
+from benchmarks.controllers.cli import main, print_tables
+from benchmarks.controllers.contenders import CONTENDERS
+from benchmarks.controllers.figures import draw
+from benchmarks.controllers.measure import Result, run
+
+
+@pytest.fixture(scope="module")
+def plants() -> dict[str, Simulator]:
+    return {name: Simulator(ARMS["two_link"].plant(name), dt=1e-3) for name in PLANTS}
+
+
+def measured(plants: dict[str, Simulator], plant: str, controller: str, *case: str) -> Result:
+    return run("two_link", plants[plant], plant, *case, controller)
+
+
+def test_plants_differ_as_they_say() -> None:
+    arm = ARMS["two_link"]
+    exact, heavy = arm.plant("exact"), arm.plant("payload")
+    np.testing.assert_allclose(exact.total_mass, arm.nominal.model.total_mass)
+    np.testing.assert_allclose(heavy.total_mass - exact.total_mass, 0.2 * arm.payload)
+    assert arm.plant("friction").friction.coulomb.mean.tolist() == list(arm.coulomb)
+    _, q, v, a = arm.lines["fast"].table(200)
+    share = abs(arm.nominal.inverse(q, v, a)) / arm.plant("limits").effort_limit
+    assert share.max() > 1.0
+    _, q, v, a = arm.lines["slow"].table(200)
+    assert (abs(arm.nominal.inverse(q, v, a)) < arm.limits).all()
+
+
+def test_lines_have_the_speeds_they_say() -> None:
+    for arm in ARMS.values():
+        for pace, speed in zip(PACES, arm.speeds, strict=True):
+            _, q, v, _ = arm.lines[pace].table(401)
+            J = arm.task.jacobian(q)
+            linear = np.linalg.norm((J @ v[..., None])[:, : arm.task.linear, 0], axis=1)
+            np.testing.assert_allclose(linear.max(), speed, rtol=1e-3)
+
+
+def test_the_order_that_everybody_expects(plants: dict[str, Simulator]) -> None:
+    """On an exact model knowing more is better; with a wrong payload only the observer is good."""
+    line = ("line", "slow")
+    names = ("PD", "PD + gravity", "computed torque")
+    worse, better, best = (measured(plants, "exact", name, *line).error for name in names)
+    assert worse > 10 * better > 100 * best
+    plain = measured(plants, "payload", "computed torque", *line)
+    helped = measured(plants, "payload", "computed torque + observer", *line)
+    assert plain.final > 1.0 > 1e3 * helped.final
+
+
+def test_numbers_of_a_run(plants: dict[str, Simulator]) -> None:
+    arm = ARMS["two_link"]
+    jump = measured(plants, "exact", "computed torque", "regulation", "fast")
+    way = 1e3 * float(np.linalg.norm(arm.step))
+    np.testing.assert_allclose([jump.error, jump.course[0]], way, rtol=1e-9)
+    assert jump.final < 1e-6 and jump.aside is None and jump.overshoot < 0.1
+    critically = 5.83 / 15.0  # (1 + ω t) exp(-ω t) = 0.02
+    np.testing.assert_allclose(jump.settling, critically, rtol=0.1)
+    cut = measured(plants, "limits", "computed torque", "regulation", "fast")
+    assert cut.saturated > 5.0 * jump.saturated
+    assert cut.settling > jump.settling
+    sagging = measured(plants, "exact", "PD", "regulation", "fast")
+    assert sagging.settling == np.inf
+
+
+def invented(error: float) -> list[Result]:
+    time = np.linspace(0.0, 1.0, 5)
+    return [
+        Result("two_link", plant, task, pace, controller, error, None if task == "regulation"
+               else 1.0, 1e-9, 2.0, float("inf"), 3.0, 4.0, 5.0, time, error * time)
+        for plant in PLANTS for task in TASKS for pace in PACES for controller in CONTENDERS
+    ]  # fmt: skip
+
+
+def test_figures_and_tables_are_made(tmp_path: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    files = draw(invented(12.345), tmp_path / "new")
+    assert [f.read_bytes()[:4] for f in files] == [b"\x89PNG"] * 2
+    print_tables(invented(12.345))
+    text = capsys.readouterr().out
+    assert text.count("12.345") == len(PLANTS) * len(TASKS) * len(PACES) * len(CONTENDERS)
+    assert "never" in text
+
+
+def test_an_unknown_arm_is_refused() -> None:
+    answer = CliRunner().invoke(main, ["--arm", "octopus"])
+    assert answer.exit_code == 2
+    assert "octopus" in answer.output and "two_link" in answer.output

@@ -1,0 +1,200 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The benchmark measures what it says: its truth, its clocks and its report on a tiny problem."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from benchmarks.comparison import targets
+from benchmarks.comparison.report import page, summary, write
+from benchmarks.comparison.suite import judged
+from benchmarks.measurement.timing import Cost, Noise, interleaved
+from benchmarks.peers.base import OURS, Contestant, halvings
+from benchmarks.reference import solution
+from benchmarks.reference.closed_loop import Loop
+from benchmarks.reference.extended_precision import REAL, ExtendedArm
+from benchmarks.reference.extrapolation import integrate
+from benchmarks.robots.models import Robot, chain, panda
+from benchmarks.studies import energy, model_agreement, work_precision
+from benchmarks.studies.bench import Bench
+
+
+class LeapTrial:
+    """A simulator small enough for a test: explicit Euler on Pinocchio."""
+
+    def __init__(self, robot: Robot, step: float) -> None:
+        self.model, self.data, self.step = robot.pin, robot.pin.createData(), step
+        self.reset(robot.q0, np.zeros(robot.n))
+
+    def reset(self, q: np.ndarray, v: np.ndarray) -> None:
+        self.q, self.v = q.copy(), v.copy()
+
+    def advance(self, duration: float) -> None:
+        self._hold(np.zeros(len(self.q)), round(duration / self.step))
+
+    def replay(self, torques: np.ndarray) -> None:
+        for tau in torques:
+            self._hold(tau, round(1e-3 / self.step))
+
+    def state(self) -> tuple[np.ndarray, np.ndarray]:
+        return self.q.copy(), self.v.copy()
+
+    def acceleration(self, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:
+        return pin.aba(self.model, self.data, q, v, tau).copy()
+
+    def _hold(self, tau: np.ndarray, steps: int) -> None:
+        for _ in range(steps):
+            a = self.acceleration(self.q, self.v, tau)
+            self.q, self.v = self.q + self.step * self.v, self.v + self.step * a
+
+
+@pytest.fixture
+def bench(monkeypatch: pytest.MonkeyPatch) -> Bench:
+    """One contestant and a chain of two links for a twentieth of a second."""
+    small = Robot("Chain 2", chain(2).urdf, chain(2).q0, duration=0.05)
+    who = Contestant(OURS, "leap", "step", (4e-3, 2e-3, 1e-3), (1e-3,), LeapTrial)
+    bench = Bench([who], quick=True)
+    monkeypatch.setattr(Bench, "repeats", 1)
+    monkeypatch.setattr(Bench, "robots", lambda self: [small])
+    monkeypatch.setattr(work_precision, "Loop", lambda robot, ticks: Loop(robot, 20))
+    return bench
+
+
+@pytest.mark.parametrize("robot", [panda, lambda: chain(5)])
+def test_extended_dynamics_agree_with_pinocchio(robot: Callable[[], Robot]) -> None:
+    arm = robot()
+    q, v, tau = np.random.default_rng(3).uniform(-2, 2, (3, arm.n))
+    expected = pin.aba(arm.pin, arm.pin.createData(), q, v, tau)
+    found = ExtendedArm(arm.pin).forward(*(x.astype(REAL) for x in (q, v, tau)))
+    np.testing.assert_allclose(found.astype(float), expected, rtol=1e-12)
+
+
+def test_extrapolation_has_its_order() -> None:
+    start = np.array([1.0, 0.0])
+
+    def error(steps: int) -> float:
+        x = integrate(lambda x: np.array([x[1], -x[0]]), start, 8.0, steps, 3)
+        return float(np.abs(x - [np.cos(8.0), -np.sin(8.0)]).max())
+
+    assert np.log2(error(8) / error(16)) == pytest.approx(6, abs=0.5)
+
+
+def test_truth_knows_how_good_it_is(bench: Bench) -> None:
+    [robot] = bench.robots()
+    free = solution.free_motion(robot)
+    assert free.halving < solution.AGREED
+    assert free.other < 1e-12
+    assert np.abs(free.q - robot.q0).max() > 1e-4
+    held = solution.closed_loop(robot, Loop(robot, 20))
+    assert held.q.shape == (21, 2)
+    assert max(held.halving, held.other) < 1e-12
+
+
+def test_every_job_runs_once_a_round_in_turn() -> None:
+    calls: list[str] = []
+    jobs = {name: (lambda name=name: float(calls.append(name) or len(calls))) for name in "ab"}
+    costs = interleaved(jobs, 3, Noise(), lambda: None)
+    assert calls == ["a", "b"] * 3
+    assert costs["a"] == Cost(median=3.0, low=2.0, high=4.0)
+
+
+def test_steps_and_targets() -> None:
+    assert halvings(8e-3, 1e-3) == (8e-3, 4e-3, 2e-3, 1e-3)
+    points = [
+        {"method": "slow", "error_rad": e, "cpu_s": c}
+        for e, c in ((1e-2, 1.0), (1e-4, 100.0), (None, 1e4))
+    ]
+    cost, method = targets.cheapest(points, 1e-3)
+    assert method == "slow"
+    assert cost == pytest.approx(10.0)
+    assert targets.cheapest(points, 1e-5) is None
+    assert targets.cheapest(points, 1.0) == (1.0, "slow")
+
+
+def test_steps_that_miss_the_end_are_refused() -> None:
+    with pytest.raises(ValueError, match=r"0\.016 s does not divide 1\.0 s"):
+        Contestant(OURS, "leap", "step", (0.016,), (), LeapTrial)
+
+
+def test_a_wrong_arm_is_noticed(bench: Bench) -> None:
+    assert model_agreement.run(bench)["rows"][0]["relative"] < 1e-12
+    other = Robot("Chain 2", chain(2).urdf.replace('mass value="1.0"', 'mass value="1.1"'),
+                  chain(2).q0)  # fmt: skip
+    wrong = Contestant(OURS, "wrong", "step", (), (), lambda robot, step: LeapTrial(other, step))
+    bench.contestants.append(wrong)
+    assert model_agreement.run(bench)["rows"][1]["relative"] > 1e-3
+
+
+def test_energy_error_of_euler_grows(bench: Bench) -> None:
+    rows = [r["drift_J"] for r in energy.run(bench)["rows"]]
+    assert 0 < rows[0] < rows[1]
+
+
+def test_page_has_a_value_for_every_place(bench: Bench) -> None:
+    found = page(judged(full_results(bench)), {"cost:joints": "joints.png"})
+    assert "{{" not in found
+    assert "![joints](figures/joints.png)" in found
+    assert "| RK4 step of Panda ÷ MuJoCo's Euler step | 0.50 | 0.75 | kept |" in found
+    assert "| forward dynamics ÷ Pinocchio's aba from C++ | 1/20 | 0.40 | kept |" in found
+    assert "| cold start of Panda | 6 s | 5 s | **broken** |" in found
+
+
+def full_results(bench: Bench) -> dict[str, Any]:
+    """What a full run returns, with a row or two in each study."""
+    steps = [
+        (f"{OURS} rk4", "step", 1000.0),
+        ("MuJoCo Euler", "step", 2000.0),
+        (OURS, "evaluation", 100.0),
+        ("Pinocchio aba from C++", "evaluation", 2000.0),
+    ]
+    start = {"total without imports": 6.0, "imports": 1.0, "load_scene": 1.0, "Simulator": 1.0,
+             "first step": 1.0, "processor": 1.0}  # fmt: skip
+    return {
+        "about": about(bench),
+        "model_agreement": model_agreement.run(bench),
+        "work_precision": work_precision.run(bench),
+        "cost": {
+            "rows": [{"robot": "Panda", "who": who, "what": what, "ns": ns}
+                     for who, what, ns in steps],
+            "growth": [{"joints": 2, "who": "MuJoCo Euler", "ns": 1.0}],
+        },
+        "features": {"rows": [{"scene": "bare", "operations": 10, "ns": 2.0}]},
+        "closed_chain": {"rows": [{"who": f"{OURS} rk4, 1 ms", "ns": 1.0, "step": 1e-3,
+                                   "error": 1e-9}], "pinocchio_ns": 2.0},
+        "rollouts": {"rows": [{"robot": "Panda", "who": "MuJoCo RK4", "threads": 1, "arms": 8,
+                               "arm_steps_per_s": 1e5, "arm_steps_per_s_per_core": 1e5}]},
+        "energy": energy.run(bench),
+        "startup": {"rows": [{"robot": "Panda", "joints": 7, "cold_s": start, "cached_s": start,
+                              "compiled_bytes": 1024}]},
+    }  # fmt: skip
+
+
+def about(bench: Bench) -> dict[str, Any]:
+    """What a run says of itself."""
+    return {
+        "date": "today", "processor": "one", "compiler": "none", "versions": {"numpy": "2"},
+        "repeats": 1, "elapsed_s": 1.0, "quick": True, "left_out": {"Drake": "no module"},
+        "notes": {}, "noise": bench.noise.summary(),
+    }  # fmt: skip
+
+
+def test_report_of_a_tiny_run(bench: Bench, tmp_path: Path) -> None:
+    found = work_precision.run(bench)
+    errors = [p["error_rad"] for p in found["points"] if p["scenario"] == "free motion"]
+    assert errors[0] > errors[1] > 0, "the error must fall with the step"
+    assert all(p["cpu_s"] > 0 for p in found["points"])
+    results = judged({"about": about(bench), "work_precision": found})
+    report = write(results, tmp_path).read_text()
+    assert json.loads((tmp_path / "report.json").read_text())["work_precision"] == found
+    assert "left out, not installed: Drake" in report
+    assert "![work precision chain 2](work_precision_chain_2.png)" in report
+    assert (tmp_path / "work_precision_chain_2.png").stat().st_size > 10_000
+    assert {c["kept"] for c in results["claims"]} == {None}, "nothing promised was measured"
+    assert summary(results).row_count == len(results["claims"])

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The comparison in pairs times what its lines say, and tells what has become slower."""
+
+from __future__ import annotations
+
+import json
+from io import StringIO
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from rich.console import Console
+
+from arm_sim import Simulator
+from benchmarks.regression.lines import TIP, lines
+from benchmarks.regression.paired import ROOT, pair, table
+from benchmarks.reporting.progress import Bar
+from benchmarks.robots.models import panda
+
+LINES = lines()
+
+
+def motion(name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Positions and velocities over the ticks that are timed."""
+    line = LINES[name]
+    simulator = Simulator(line["scene"], integrator=line["integrator"], dt=1e-3)
+    simulator.reset(line["q"], line["v"])
+    found = simulator.run(line["ticks"] * 1e-3, line.get("tau"))
+    return found.q, found.v
+
+
+def heights(q: np.ndarray) -> np.ndarray:
+    """Of the tip over the ticks in [m]."""
+    model, data = panda().pin, panda().pin.createData()
+    frame = model.getFrameId(TIP)
+    found = []
+    for row in q:
+        pin.framesForwardKinematics(model, data, row)
+        found.append(data.oMf[frame].translation[2])
+    return np.array(found)
+
+
+@pytest.mark.parametrize("name", ["dry friction, sticking", "contact, sticking"])
+def test_what_sticks_stays(name: str) -> None:
+    q, v = motion(name)
+    assert np.abs(q - q[0]).max() < 1e-12
+    assert np.abs(v).max() < 1e-12
+
+
+def test_every_joint_slides_all_the_time() -> None:
+    _, v = motion("dry friction, sliding")
+    assert (v > 0.0).all()
+
+
+def test_the_tip_slides_along_the_table() -> None:
+    q, _ = motion("contact, sliding")
+    np.testing.assert_allclose(heights(q), heights(q[:1])[0], atol=1e-12)
+    assert np.abs(q[-1] - q[0]).max() > 1e-2
+
+
+def test_two_processes_measure_by_turns(tmp_path: Path) -> None:
+    task = {"batch": {"kind": "inverse", "scene": LINES["four-bar"]["scene"], "points": 10},
+            "wrong": {"kind": "run", "scene": {"robot": {"urdf": "<robot/>"}}}}  # fmt: skip
+    path = tmp_path / "lines.json"
+    path.write_text(json.dumps(task))
+    with Bar(Console(file=StringIO())) as bar:
+        found = pair((ROOT, ROOT), tmp_path, path, list(task), 2, bar)
+    assert all(1e-9 < seconds < 1e-2 for seconds in found["batch"])
+    assert str(found["wrong"]).startswith("this tree: ")
+
+
+def test_only_what_is_slower_by_more_than_allowed_is_told() -> None:
+    ratios = {"slow": (1.06, 1.07, 1.08), "noisy": (2.0, 1.0, 1.0), "well": (1.0, 1.04, 1.04)}
+    rounds = [{name: [r[k], 1.0] for name, r in ratios.items()} | {"gone": "no"} for k in range(3)]
+    shown, failed = table(rounds, "older")
+    assert failed == ["slow", "gone"]
+    assert shown.row_count == 4
