@@ -13,16 +13,6 @@ from arm_dynamics.actuation.lugre_joints import LugreFriction
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 
 __all__ = [
-    "CommandMap",
-    "Drives",
-    "Ensemble",
-    "FRICTION",
-    "Flow",
-    "FrictionLaw",
-    "LugreFriction",
-    "StatefulLaw",
-    "SteadyFriction",
-    "friction_laws",
-    "laws_of",
-    "rigid_twin",
-]
+    "CommandMap", "Drives", "Ensemble", "FRICTION", "Flow", "FrictionLaw", "LugreFriction",
+    "StatefulLaw", "SteadyFriction", "friction_laws", "laws_of", "rigid_twin",
+]  # fmt: skip

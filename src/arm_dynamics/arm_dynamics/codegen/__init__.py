@@ -6,9 +6,4 @@ Knows expressions and files, and nothing of robots.
 
 from arm_dynamics.codegen.kernel import Call, Kernel, generate, operations
 
-__all__ = [
-    "Call",
-    "Kernel",
-    "generate",
-    "operations",
-]
+__all__ = ["Call", "Kernel", "generate", "operations"]

@@ -23,18 +23,7 @@ from arm_dynamics.equations import (
 )
 
 __all__ = [
-    "constraint",
-    "contact",
-    "elementary",
-    "forward_dynamics",
-    "frame",
-    "friction",
-    "interpolation",
-    "lugre",
-    "motor",
-    "projection",
-    "rigid_body",
-    "sticking",
-    "transmission",
+    "constraint", "contact", "elementary", "forward_dynamics", "frame", "friction",
+    "interpolation", "lugre", "motor", "projection", "rigid_body", "sticking", "transmission",
     "tree",
-]
+]  # fmt: skip

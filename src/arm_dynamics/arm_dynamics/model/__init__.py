@@ -19,16 +19,6 @@ from arm_dynamics.model.tree_builder import (
 )
 
 __all__ = [
-    "ArmModel",
-    "Closure",
-    "ConstraintRows",
-    "FrameMotion",
-    "JointFriction",
-    "RigidTerms",
-    "Robot",
-    "contact_points",
-    "frame_of",
-    "gravity_of",
-    "linkage_of",
-    "tree_of",
-]
+    "ArmModel", "Closure", "ConstraintRows", "FrameMotion", "JointFriction", "RigidTerms",
+    "Robot", "contact_points", "frame_of", "gravity_of", "linkage_of", "tree_of",
+]  # fmt: skip

@@ -23,27 +23,9 @@ from arm_dynamics.scene.load import load_scene, scene_from_urdf
 from arm_dynamics.scene.schema import Initial, Joint, Limits, Payload, Scene, Sim, validated
 
 __all__ = [
-    "Actuator",
-    "Bilateral",
-    "Constraint",
-    "Contact",
-    "CouplingConstraint",
-    "DistanceConstraint",
-    "FrameConstraint",
-    "Friction",
-    "Initial",
-    "Joint",
-    "Limits",
-    "LineConstraint",
-    "Lugre",
-    "Payload",
-    "PlaneConstraint",
-    "PointConstraint",
-    "RollingConstraint",
-    "Scene",
-    "Sim",
-    "Transmission",
-    "load_scene",
-    "scene_from_urdf",
+    "Actuator", "Bilateral", "Constraint", "Contact", "CouplingConstraint",
+    "DistanceConstraint", "FrameConstraint", "Friction", "Initial", "Joint", "Limits",
+    "LineConstraint", "Lugre", "Payload", "PlaneConstraint", "PointConstraint",
+    "RollingConstraint", "Scene", "Sim", "Transmission", "load_scene", "scene_from_urdf",
     "validated",
-]
+]  # fmt: skip

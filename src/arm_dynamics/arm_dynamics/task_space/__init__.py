@@ -16,14 +16,6 @@ from arm_dynamics.task_space.task_space import (
 )
 
 __all__ = [
-    "AXES",
-    "EffectiveMass",
-    "InverseKinematics",
-    "MassEllipsoid",
-    "Pose",
-    "Solution",
-    "TaskSpace",
-    "TaskTerms",
-    "chosen_axes",
-    "quaternions",
-]
+    "AXES", "EffectiveMass", "InverseKinematics", "MassEllipsoid", "Pose", "Solution",
+    "TaskSpace", "TaskTerms", "chosen_axes", "quaternions",
+]  # fmt: skip

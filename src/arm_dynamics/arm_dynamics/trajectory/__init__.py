@@ -22,28 +22,8 @@ from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
 from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
 
 __all__ = [
-    "CartesianGoals",
-    "CartesianTrajectory",
-    "Follower",
-    "JointPath",
-    "Limits",
-    "Motion",
-    "Pace",
-    "Quintic",
-    "Reference",
-    "TaskReference",
-    "Timing",
-    "Trajectory",
-    "Trapezoid",
-    "Waypoint",
-    "circle",
-    "hold",
-    "joint_path",
-    "line",
-    "paced",
-    "quintic",
-    "quintic_through",
-    "retimed",
-    "stop",
-    "timed",
-]
+    "CartesianGoals", "CartesianTrajectory", "Follower", "JointPath", "Limits", "Motion",
+    "Pace", "Quintic", "Reference", "TaskReference", "Timing", "Trajectory", "Trapezoid",
+    "Waypoint", "circle", "hold", "joint_path", "line", "paced", "quintic", "quintic_through",
+    "retimed", "stop", "timed",
+]  # fmt: skip
