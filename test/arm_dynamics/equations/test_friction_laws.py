@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput, SceneError, load_scene
+from arm_dynamics import Dynamics, InvalidInput, SceneError
 from arm_dynamics.equations.interpolation import Curve
-from arm_dynamics.model.arm import ArmModel
 from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
@@ -150,7 +149,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "LuGre not passive": (
         {"viscous": 0.4, "coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
          "lugre": {"sigma0": 1e5, "sigma1": 316}},
-        r"viscous >= sigma1 \(static - coulomb\) / coulomb = 158 is wanted, got 0\.4",
+        r"viscous >= sigma1 \(static - coulomb\) / coulomb = 158 is expected, got 0\.4",
     ),
     "LuGre that fades too late": (
         {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
@@ -164,7 +163,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("case", REFUSED.values(), ids=REFUSED)
 def test_refusals(case: tuple[dict[str, Any], str]) -> None:
     with pytest.raises(SceneError, match=case[1]):
-        ArmModel(load_scene(rotor(J, **case[0])))
+        Dynamics(rotor(J, **case[0]))
 
 
 def test_position_is_wanted_where_friction_depends_on_it() -> None:
