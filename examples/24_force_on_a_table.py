@@ -12,8 +12,7 @@ import numpy as np
 
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.control.task_space import MotionForce
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import line, timed
 from arm_sim import Simulator
 

@@ -13,7 +13,7 @@ import pytest
 
 SOURCE = Path(__file__).parents[1] / "src"
 ROS = ("rclpy", "arm_msgs", "sensor_msgs", "std_msgs")
-NOT_CORE = ("ros", "cli")
+NOT_CORE = ("ros", "client", "cli")
 
 
 def core_modules(package: str) -> list[str]:

@@ -22,7 +22,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from functools import partial
-from importlib import import_module
+from importlib import import_module  # noqa: TID251 - what it records has no fixed place
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any

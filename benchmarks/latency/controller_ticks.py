@@ -69,10 +69,10 @@ def _answers(scene: Any, name: str, observer: float | None) -> Iterator[Callable
     states = cycle([_state(node, 0.02), _state(node, 0.03)])  # a state repeated is not computed
     node.on_joint_states(next(states))
     node.on_joint_trajectory(_long_way(node))
-    publish = node._send
+    publish = node.send
     try:
         for send in (lambda command: None, publish):
-            node._send = send
+            node.send = send
             yield lambda: node.on_joint_states(next(states))
     finally:
         node.destroy_node()
@@ -89,7 +89,7 @@ def _state(node: ControllerNode, off: float) -> bytes:
 
 def _long_way(node: ControllerNode) -> JointTrajectory:
     """A motion that outlasts the measurement, so that the reference is one that moves."""
-    names = list(node._dynamics.joint_names)
+    names = list(node.dynamics.joint_names)
     point = JointTrajectoryPoint(positions=(node._dynamics.model.q0 + 0.1).tolist())
     point.time_from_start.sec = 1000
     return JointTrajectory(joint_names=names, points=[point])

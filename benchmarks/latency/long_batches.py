@@ -20,7 +20,7 @@ import numpy as np
 from rich.console import Console
 from rich.table import Table
 
-from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client import ArmClient
 from arm_dynamics.ros.common.transport import DISCOVERY, with_room
 from arm_sim.cli.demo.processes import Processes, free_domain
 

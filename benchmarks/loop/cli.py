@@ -43,7 +43,7 @@ def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: boo
     processor shares, and lockstep. The exit status does not depend on the figures: they are of
     this machine and its load.
     """
-    from arm_dynamics.client.client import ArmClient
+    from arm_dynamics.client import ArmClient
     from benchmarks.loop.page import promises, write
 
     domain = free_domain()

@@ -16,7 +16,7 @@ import numpy as np
 
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
-from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client import ArmClient
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
 from arm_sim.cli.demo.processes import Processes
 from benchmarks.measurement.watcher import Watcher, processor_time

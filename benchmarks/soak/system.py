@@ -13,7 +13,7 @@ import numpy as np
 from std_msgs.msg import Float64MultiArray
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import Refused
 from arm_sim.cli.demo.processes import DemoFailed, Processes
 from benchmarks.measurement.watcher import Watcher

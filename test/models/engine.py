@@ -25,8 +25,8 @@ _CALLBACK = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_double)
 
 _CONES = """
 __attribute__((visibility("default")))
-int solve_cones(const double* W, const double* c, const double* mu, const double* given, const int* slides,
-                const int* allowed, int* state, double* force) {
+int solve_cones(const double* W, const double* c, const double* mu, const double* given,
+                const int* slides, const int* allowed, int* state, double* force) {
   cones_t cones = {.W = W, .c = c, .friction = mu};
   answer_t answers[NC];
   for (int k = 0; k < NC; ++k) {
@@ -58,7 +58,8 @@ double locate(double (*value_at)(const void*, double), double h) {
 """
 _IMPACT = """
 __attribute__((visibility("default")))
-double impulse_at(const double* x, const double* rebound, double* W, double* B, double* before, double* impulse) {
+double impulse_at(const double* x, const double* rebound, double* W, double* B, double* before,
+                  double* impulse) {
   static const real still[NU];
   geometry_t geometry;
   inertia_t inertia;

@@ -16,9 +16,9 @@ from rclpy.service import Service
 
 import models
 from arm_dynamics import InvalidInput, Term
-from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import NoAnswer, Refused
-from arm_dynamics.ros.common.direct import Asker
+from arm_dynamics.ros.common.caller import Asker
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
 from arm_dynamics.task_space.task_space import TaskSpace
 from tolerances import ALGEBRA
@@ -126,7 +126,7 @@ def test_numbers_that_no_message_holds_are_refused(arm: ArmClient) -> None:
         arm.step(-1)
     with pytest.raises(InvalidInput, match="terms = 256"):
         arm.inverse_dynamics([0.0, 0.0], terms=256)
-    with pytest.raises(InvalidInput, match="com has 2 numbers; 3 are wanted"):
+    with pytest.raises(InvalidInput, match="com has 2 numbers; expected 3"):
         arm.set_payload(1.0, com=(0.0, 0.0))
 
 

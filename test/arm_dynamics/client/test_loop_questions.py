@@ -15,7 +15,7 @@ from typist import Typist, answer
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.client.client import ArmClient
+from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import Refused
 from arm_dynamics.ros.interfaces import MAX_TERMS_POINTS
 from arm_dynamics.task_space.task_space import TaskSpace

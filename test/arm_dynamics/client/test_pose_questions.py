@@ -15,8 +15,7 @@ from typist import Typist, answer
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.client.client import ArmClient
-from arm_dynamics.client.values import NotReached
+from arm_dynamics.client import ArmClient, NotReached
 from arm_dynamics.exceptions import Refused, Unreachable
 from arm_dynamics.ros.interfaces import MAX_POSES
 from arm_dynamics.task_space.inertia import quaternions
@@ -132,13 +131,13 @@ def test_what_is_not_reached_is_an_error_that_holds_the_nearest(panda: ArmClient
         ({"seed": [0.0] * 6}, Refused, "seed has 6 numbers"),
         ({"axes": "up"}, Refused, "selection = 'up'"),
         ({"joint_names": ["nobody"]}, Refused, "unknown joints nobody"),
-        ({"pose": [0.0] * 6}, InvalidInput, r"pose has shape \(6,\); \(7,\) or \(k, 7\) is"),
+        ({"pose": [0.0] * 6}, InvalidInput, r"pose has shape \(6,\); expected \(7,\) or \(k, 7\)"),
         ({"pose": [0.0] * 14}, InvalidInput, r"pose has shape \(14,\)"),
         ({"pose": "here"}, InvalidInput, "numbers of one shape"),
         ({"pose": [[0.0], [0.0, 1.0]]}, InvalidInput, "numbers of one shape"),
         ({"seed": np.zeros((7, 1))}, InvalidInput, r"seed has shape \(7, 1\)"),
-        ({"axes": 3}, InvalidInput, "axes = 3: names are wanted"),
-        ({"joint_names": [1, 2]}, InvalidInput, r"joint_names = \[1, 2\]: names are wanted"),
+        ({"axes": 3}, InvalidInput, "axes = 3; expected names"),
+        ({"joint_names": [1, 2]}, InvalidInput, r"joint_names = \[1, 2\]; expected names"),
     ],
 )
 def test_bad_questions_about_poses(

@@ -11,8 +11,8 @@ import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.dynamics.verify import check_forward
-from arm_dynamics.equations import articulated_body as articulated
 from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations.forward_dynamics import articulated_bodies
 from arm_dynamics.equations.tree import Tree
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.plant.plant import Plant
@@ -85,7 +85,7 @@ def test_both_forward_algorithms_on_random_trees(joints: int, rng: np.random.Gen
     model, oracle = ArmModel(scene), Oracle(scene)
     q, v, tau = (ca.SX.sym(name, model.n) for name in ("q", "v", "tau"))
     g = ca.SX(ca.DM(list(scene.gravity)))
-    for law in (rigid_body.forward_dense, articulated.forward):
+    for law in (rigid_body.forward_dense, articulated_bodies):
         function = ca.Function("f", [q, v, tau], [law(tree_of(model), q, v, tau, g)])
         for _ in range(5):
             state = models.random_state(rng, model.n)

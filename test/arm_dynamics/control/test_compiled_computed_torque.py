@@ -11,9 +11,8 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
-from arm_dynamics.control import compiled_computed_torque as control_compiled
-from arm_dynamics.control.compiled_computed_torque import CompiledComputedTorque
-from arm_dynamics.control.computed_torque import ComputedTorque, Measured
+from arm_dynamics.control import computed_torque
+from arm_dynamics.control.computed_torque import CompiledComputedTorque, ComputedTorque, Measured
 from arm_dynamics.control.factory import Settings, make_controller, preparation
 from arm_dynamics.trajectory.reference import Reference
 from tolerances import ALGEBRA, assert_close
@@ -60,7 +59,7 @@ def test_it_is_the_plain_law(robot: str, rng: np.random.Generator) -> None:
     agree(dynamics, rng)
     agree(dynamics, rng, rng.uniform(0.0, 40.0, dynamics.n), 0.7, 4e-3)
     agree(dynamics, rng, 10.0, 1.0, 0.0)
-    assert control_compiled.build(dynamics.model) is not None
+    assert computed_torque.build(dynamics.model) is not None
 
 
 @pytest.mark.parametrize("name", models.DRIVEN)
@@ -72,7 +71,7 @@ def test_joints_at_rest_are_helped_to_where_they_are_to_slide(rng: np.random.Gen
     dynamics = rubbing()
     assert dynamics.model.friction.directional
     agree(dynamics, rng)
-    assert control_compiled.build(dynamics.model) is not None
+    assert computed_torque.build(dynamics.model) is not None
 
 
 def test_it_is_built_once_for_all_gains(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -81,7 +80,7 @@ def test_it_is_built_once_for_all_gains(monkeypatch: pytest.MonkeyPatch) -> None
     assert job is not None
     job()
     assert preparation("computed_torque", dynamics, Settings()) is None
-    monkeypatch.setattr(control_compiled, "Kernel", None)
+    monkeypatch.setattr(computed_torque, "Kernel", None)
     for bandwidth in (5.0, 50.0):
         control = ComputedTorque(dynamics, bandwidth)
         fast = make_controller("computed_torque", dynamics, Settings(bandwidth=bandwidth))
@@ -95,7 +94,7 @@ def test_nothing_is_built_unless_it_is_asked_for() -> None:
     assert preparation("pd", dynamics, Settings()) is None
     assert preparation("operational_space", dynamics, Settings(frame="tip")) is not None
     make_controller("computed_torque", dynamics)
-    assert not control_compiled.is_built(dynamics.model)
+    assert not computed_torque.is_built(dynamics.model)
 
 
 def test_without_a_compiler_it_is_still_right(
@@ -104,21 +103,21 @@ def test_without_a_compiler_it_is_still_right(
     monkeypatch.setenv("CC", "/no/such/compiler")
     dynamics = new("two_link")
     agree(dynamics, rng)
-    assert control_compiled.build(dynamics.model) is None
+    assert computed_torque.build(dynamics.model) is None
 
 
 def test_a_law_that_differs_is_not_used(
     monkeypatch: pytest.MonkeyPatch, caplog: pytest.LogCaptureFixture, rng: np.random.Generator
 ) -> None:
-    right = control_compiled.torque
+    right = computed_torque.expression
 
     def wrong(*arguments: Any) -> ca.SX:
         return right(*arguments) * (1.0 + 1e-9)
 
-    monkeypatch.setattr(control_compiled, "torque", wrong)
+    monkeypatch.setattr(computed_torque, "expression", wrong)
     dynamics = new("two_link")
     agree(dynamics, rng)
-    assert control_compiled.build(dynamics.model) is None
+    assert computed_torque.build(dynamics.model) is None
     assert "differs" in caplog.text
     assert "slower" in caplog.text
 

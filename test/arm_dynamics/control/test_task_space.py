@@ -18,8 +18,7 @@ from arm_dynamics.control.task_space import (
     at_rest,
     task_reference,
 )
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import line, timed
 from arm_dynamics.trajectory.joint_path import joint_path
 from arm_dynamics.trajectory.reference import Reference, TaskReference

@@ -11,7 +11,7 @@ import pytest
 import models
 from arm_dynamics import Dynamics, SceneError, Term
 from arm_dynamics.control.friction_compensation import ahead
-from arm_dynamics.equations import gear
+from arm_dynamics.equations import transmission
 from arm_sim import Simulator
 from models.driven import wheel
 from tolerances import PINOCCHIO, assert_close
@@ -47,11 +47,11 @@ def test_four_quadrants(speed: float, torque: float) -> None:
 def test_power_that_arrives() -> None:
     for direction in (-1.0, 1.0):
         for torque in (-2.0, 5.0):
-            out = torque - gear.loss(direction, torque, ETA)
+            out = torque - transmission.gear_loss(direction, torque, ETA)
             driving = torque * direction > 0.0
             assert_close(out / torque if driving else torque / out, ETA, PINOCCHIO)
-            assert direction * gear.loss(direction, torque, ETA) > 0.0
-            assert_close(gear.motor_torque(direction, out, ETA), torque, PINOCCHIO)
+            assert direction * transmission.gear_loss(direction, torque, ETA) > 0.0
+            assert_close(transmission.gear_input(direction, out, ETA), torque, PINOCCHIO)
 
 
 @pytest.mark.parametrize("share", [ETA * 1.001, 1.0, 0.999 / ETA])

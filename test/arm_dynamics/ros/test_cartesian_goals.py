@@ -59,9 +59,9 @@ def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
     tick()
     way = np.array([0.05, 0.2, -0.1])
     node.on_cartesian_goal(pose(way))
-    while node._goals.busy:
+    while node.goals.busy:
         time.sleep(1e-3)
-        node._goals.deliver()
+        node.deliver()
     worst = 0.0
     for _ in range(2000):
         tick()
@@ -75,7 +75,7 @@ def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:
     """The answer to the goal itself takes no time, and states are answered meanwhile."""
     before = see(node, MS)
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
-    assert node._goals.busy
+    assert node.goals.busy
     np.testing.assert_array_equal(see(node, MS), before)
     planned(node, 2 * MS)
     duration = node.follower.remaining(2 * MS)
@@ -139,7 +139,7 @@ def test_a_short_trajectory_takes_the_place_of_a_goal_that_is_being_planned(
 ) -> None:
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
     node.on_joint_trajectory(long_trajectory(2, 1.0))
-    assert not node.busy or node._builder.busy
+    assert not node.goals.busy
     time.sleep(0.3)
     see(node, MS)
     assert_close(node.follower.reference(5_000 * MS).q, HOME + 0.2, 1e-12)
@@ -188,7 +188,7 @@ def test_a_bad_goal_is_refused_with_the_reason_and_the_arm_holds(
     said = capfd.readouterr().err
     assert "refused, the one before goes on" in said
     assert complaint in said
-    assert complaint in node._goals.outcome
+    assert complaint in node.goals.outcome
     np.testing.assert_array_equal(see(node, 1000 * MS), before)
     assert node.follower.remaining(1000 * MS) == 0.0
 
@@ -208,7 +208,7 @@ def test_without_a_frame_or_a_state_goals_are_refused(
 def test_time_that_goes_backwards_gives_up_what_is_planned(node: ControllerNode) -> None:
     see(node, 5_000 * MS)
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
-    while node._goals._background._waiting[0].running():
+    while not node.goals.ready:
         time.sleep(1e-3)
     see(node, MS)
     planned(node, 2 * MS)
@@ -222,14 +222,14 @@ def test_a_goal_over_the_wire_shows_in_the_state(ros: Ros) -> None:
     paths = ros.publisher(Path, "/controller/cartesian_path")
     see(node, 0)
     publisher.publish(pose([0.0, 0.1, 0.0]))
-    ros.spin_until(lambda: node._goals.busy)
+    ros.spin_until(lambda: node.goals.busy)
     planned(node, MS)
     see(node, 5 * MS)
     ros.spin_until(lambda: heard and heard[-1].remaining > 0.0)
     assert heard[-1].goal.startswith("following a straight line for ")
     see(node, 60_000 * MS)
     paths.publish(path([9.0, 0.0, 0.0]))
-    ros.spin_until(lambda: node._goals.busy)
+    ros.spin_until(lambda: node.goals.busy)
     planned(node, 60_001 * MS)
     see(node, 60_010 * MS)
     ros.spin_until(lambda: "Cartesian path refused" in heard[-1].goal)

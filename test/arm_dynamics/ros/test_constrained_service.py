@@ -16,6 +16,7 @@ import models
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.ros.common.convert import to_nanoseconds
 from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import CONSTRAINED_DYNAMICS
 from arm_sim.ros.sim_node import SimNode
 from tolerances import INVERSE_PAIR, PINOCCHIO, assert_close
 
@@ -31,7 +32,7 @@ def node(ros: Ros) -> DynamicsNode:
 
 
 def ask(node: DynamicsNode, **fields: Any) -> Any:
-    return node.on_constrained_dynamics(Service.Request(**fields), Service.Response())
+    return node.answer(CONSTRAINED_DYNAMICS, Service.Request(**fields), Service.Response())
 
 
 def test_there_and_back_over_the_wire(ros: Ros, node: DynamicsNode) -> None:

@@ -71,8 +71,7 @@ def settle(node: ControllerNode) -> None:
     end = time.monotonic() + 20.0
     while node.busy and time.monotonic() < end:
         time.sleep(0.01)
-        node._goals.deliver()
-        node._builder.deliver()
+        node.deliver()
     assert not node.busy
 
 
@@ -177,7 +176,7 @@ def test_laws_change_over_the_wire(ros: Ros) -> None:
         )
         assert answer.result.successful == (not said)
         assert said in answer.result.reason
-    assert node._params.controller == "pd_gravity"
+    assert node.params.controller == "pd_gravity"
 
 
 def test_a_change_without_time_would_jump(ros: Ros) -> None:
@@ -249,7 +248,7 @@ def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[
     assert "torque cut at the effort limit: " in said
     assert all(
         (name in said) == (abs(tau) > most)
-        for name, tau, most in zip(node._dynamics.joint_names, asked, limit, strict=True)
+        for name, tau, most in zip(node.dynamics.joint_names, asked, limit, strict=True)
     )
 
 
@@ -284,12 +283,12 @@ def test_bad_settings_are_refused_at_start(
 def test_bad_settings_in_motion_are_refused_and_the_law_goes_on(ros: Ros) -> None:
     node = controller_node(ros)
     effort(node, 0)
-    exact, before = effort(node, MS, HOME + 0.1), node._params
+    exact, before = effort(node, MS, HOME + 0.1), node.params
     for values, complaint in BAD:
         result = change(node, **values)
         assert not result.successful
         assert complaint in result.reason
-        assert node._params == before
+        assert node.params == before
         np.testing.assert_array_equal(effort(node, 2 * MS, HOME + 0.1), exact)
     result = change(node, switch_time=1.0)
     assert not result.successful

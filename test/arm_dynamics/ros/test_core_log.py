@@ -10,7 +10,7 @@ from harness import Ros
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.core_log import CORES, core_log_of
+from arm_dynamics.ros.common.executor import CORES, core_log_of
 
 pytestmark = pytest.mark.ros
 

@@ -15,7 +15,16 @@ from std_msgs.msg import String
 import models
 from arm_dynamics import ArmError, Term
 from arm_dynamics.ros.dynamics_node import DynamicsNode
-from arm_dynamics.ros.interfaces import LATCHED, MAX_POINTS, MAX_TERMS_POINTS
+from arm_dynamics.ros.interfaces import (
+    DYNAMICS_TERMS,
+    FORWARD_DYNAMICS,
+    INVERSE_DYNAMICS,
+    LATCHED,
+    MAX_POINTS,
+    MAX_TERMS_POINTS,
+    MODEL_INFO,
+    Service,
+)
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = pytest.mark.ros
@@ -30,20 +39,24 @@ def node(ros: Ros) -> DynamicsNode:
     return ros.add(DynamicsNode, models.scene("panda"))
 
 
+def asked(node: DynamicsNode, service: Service, **fields: Any) -> Any:
+    return node.answer(service, service.type.Request(**fields), service.type.Response())
+
+
 def inverse(node: DynamicsNode, **fields: Any) -> Any:
-    return node.on_inverse_dynamics(InverseDynamics.Request(**fields), InverseDynamics.Response())
+    return asked(node, INVERSE_DYNAMICS, **fields)
 
 
 def forward(node: DynamicsNode, **fields: Any) -> Any:
-    return node.on_forward_dynamics(ForwardDynamics.Request(**fields), ForwardDynamics.Response())
+    return asked(node, FORWARD_DYNAMICS, **fields)
 
 
 def terms(node: DynamicsNode, **fields: Any) -> Any:
-    return node.on_dynamics_terms(DynamicsTerms.Request(**fields), DynamicsTerms.Response())
+    return asked(node, DYNAMICS_TERMS, **fields)
 
 
 def info(node: DynamicsNode) -> Any:
-    return node.on_model_info(ModelInfo.Request(), ModelInfo.Response())
+    return asked(node, MODEL_INFO)
 
 
 def batch(rng: np.random.Generator, count: int, n: int = 7) -> np.ndarray:

@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.convert import to_nanoseconds
-from arm_dynamics.ros.controller.goal_bytes import PathBytes, TrajectoryBytes
+from arm_dynamics.ros.controller.messages import PathBytes, TrajectoryBytes
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 
 pytestmark = pytest.mark.ros

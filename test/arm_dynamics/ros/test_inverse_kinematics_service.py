@@ -12,7 +12,7 @@ from harness import Ros
 
 import models
 from arm_dynamics.ros.dynamics_node import DynamicsNode
-from arm_dynamics.ros.interfaces import MAX_POSES
+from arm_dynamics.ros.interfaces import INVERSE_KINEMATICS, MAX_POSES
 from arm_dynamics.task_space.inertia import quaternions
 from arm_dynamics.task_space.task_space import TaskSpace
 from tolerances import assert_close
@@ -32,7 +32,7 @@ def node(ros: Ros) -> DynamicsNode:
 
 def ask(node: DynamicsNode, **fields: Any) -> Any:
     request = Service.Request(**{"frame": FRAME, **fields})
-    return node.on_inverse_kinematics(request, Service.Response())
+    return node.answer(INVERSE_KINEMATICS, request, Service.Response())
 
 
 def within_limits(rng: np.random.Generator, count: int) -> np.ndarray:

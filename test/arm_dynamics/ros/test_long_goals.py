@@ -44,7 +44,7 @@ def node(ros: Ros) -> ControllerNode:
 
 def test_a_long_trajectory_is_planned_aside(node: ControllerNode) -> None:
     node.on_joint_trajectory(long_trajectory(1000, 4.0))
-    assert node._goals.busy
+    assert node.goals.busy
     planned(node, 3 * MS)
     assert node.follower.remaining(3 * MS) == pytest.approx(4.0)
     assert_close(node.follower.reference(3 * MS).q, HOME, 1e-12)
@@ -55,7 +55,7 @@ def test_a_long_trajectory_is_planned_aside(node: ControllerNode) -> None:
 def test_a_long_trajectory_in_motion_takes_over_without_a_jump(node: ControllerNode) -> None:
     node.on_joint_trajectory(long_trajectory(10, 1.0))
     see(node, 300 * MS)
-    old = [node.follower._at((300 + k) * MS) for k in range(1000)]
+    old = [node.follower.reference((300 + k) * MS) for k in range(1000)]
     node.on_joint_trajectory(long_trajectory(500, 2.0, late=0.7))
     planned(node, 301 * MS)
     new = [node.follower.reference((301 + k) * MS) for k in range(3000)]
@@ -72,7 +72,7 @@ def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
     node.on_joint_trajectory(long_trajectory(500, 2.0))
     stamp = 300 * MS
     end = time.monotonic() + 20.0
-    while node._goals.busy and time.monotonic() < end:
+    while node.goals.busy and time.monotonic() < end:
         stamp += 20 * MS
         time.sleep(2e-3)
         see(node, stamp)
@@ -86,19 +86,19 @@ def test_another_frame_is_built_aside_and_taken_when_it_is_ready(ros: Ros) -> No
         switch_time=0.0,
     )  # fmt: skip
     see(node, 0)
-    law = node._control.active
+    law = node.control.active
     wanted = [
         Parameter("task_frame", value="panda_link6"),
         Parameter("task_axes", value="position"),
     ]
     assert node.set_parameters_atomically(wanted).successful
-    assert node._params.task_frame == "panda_link6"
+    assert node.params.settings.frame == "panda_link6"
     end = time.monotonic() + 20.0
     while node.busy and time.monotonic() < end:
-        assert node._control.active is law
+        assert node.control.active is law
         time.sleep(1e-3)
         see(node, MS)
-    assert node._control.active is not law
+    assert node.control.active is not law
     assert np.isfinite(see(node, 2 * MS)).all()
 
 
@@ -108,7 +108,7 @@ def test_a_long_trajectory_over_the_wire_is_followed(
 ) -> None:
     publisher = ros.publisher(JointTrajectory, "/controller/joint_trajectory")
     publisher.publish(trajectory_bytes(long_trajectory(1000, 4.0), order))
-    ros.spin_until(lambda: node._goals.busy)
+    ros.spin_until(lambda: node.goals.busy)
     planned(node, MS)
     assert_close(node.follower.reference(2001 * MS).q, HOME + 0.1, 1e-6)
     assert_close(node.follower.reference(5000 * MS).q, HOME + 0.2, 1e-12)
@@ -117,7 +117,7 @@ def test_a_long_trajectory_over_the_wire_is_followed(
 def test_a_path_over_the_wire_is_followed(ros: Ros, node: ControllerNode) -> None:
     publisher = ros.publisher(Path, "/controller/cartesian_path")
     publisher.publish(path([0, 0.1, 0], [0, 0.1, -0.1]))
-    ros.spin_until(lambda: node._goals.busy)
+    ros.spin_until(lambda: node.goals.busy)
     planned(node, MS)
     assert_close(hand(node, 60_000 * MS), [0, 0.1, -0.1], 1e-8)
 
@@ -132,12 +132,12 @@ def test_damaged_goals_are_refused_and_the_arm_holds(
     ):
         publisher = ros.publisher(kind, f"/controller/{name}")
         for damaged in (raw[: len(raw) // 2], raw[:10], b"\0\7\0\0" + raw[4:]):
-            node._goals.outcome = ""
+            node.goals.outcome = ""
             publisher.publish(damaged)
-            ros.spin_until(lambda: node._goals.outcome)
+            ros.spin_until(lambda: node.goals.outcome)
             planned(node, MS)
-            assert "refused, the one before goes on: the message" in node._goals.outcome
-            assert node._goals.outcome in capfd.readouterr().err
+            assert "refused, the one before goes on: the message" in node.goals.outcome
+            assert node.goals.outcome in capfd.readouterr().err
     np.testing.assert_array_equal(see(node, 1000 * MS), before)
 
 
@@ -150,9 +150,9 @@ def test_as_many_points_as_are_allowed_are_followed_and_not_one_more(
     assert node.follower.remaining(MS) == pytest.approx(40.0)
     message.points.append(message.points[-1])
     node.on_joint_trajectory(message)
-    assert not node._goals.busy
+    assert not node.goals.busy
     wanted = f"{MAX_GOAL_POINTS + 1} points; allowed are up to {MAX_GOAL_POINTS}"
-    assert wanted in node._goals.outcome
+    assert wanted in node.goals.outcome
     assert wanted in capfd.readouterr().err
 
 

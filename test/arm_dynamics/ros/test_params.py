@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field
 from typing import Any
 
 import pytest
@@ -12,13 +12,10 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.params import (
-    ControllerParams,
-    DynamicsParams,
-    declare,
-    parameter,
-    watch,
-)
+from arm_dynamics.control.factory import Settings
+from arm_dynamics.ros.common.params import declare, parameter, watch
+from arm_dynamics.ros.controller import ControllerParams
+from arm_dynamics.ros.dynamics_node import DynamicsParams
 from arm_sim.ros.params import SimParams
 
 pytestmark = pytest.mark.ros
@@ -144,6 +141,52 @@ def test_what_makes_the_simulation_tick(values: dict[str, bool], source: str) ->
 
 
 @pytest.mark.parametrize("kind", [DynamicsParams, ControllerParams, SimParams])
-def test_every_parameter_of_the_nodes_is_described(kind: Any) -> None:
-    for item in fields(kind):
-        assert item.metadata["descriptor"].description
+def test_every_parameter_of_the_nodes_is_described(ros: Ros, kind: Any) -> None:
+    node = ros.add(Node, "described")
+    own = set(node.list_parameters([], 0).names)
+    declare(node, kind)
+    declared = set(node.list_parameters([], 0).names) - own
+    assert len(declared) > 1
+    assert all(node.describe_parameter(name).description for name in declared)
+
+
+@dataclass(frozen=True)
+class Tuned(Settings):
+    """Settings of controllers, and one that somebody adds."""
+
+    leak: float = field(default=0.5, metadata={"description": "of it [1/s]", "low": 0, "high": 9})
+
+
+@dataclass(frozen=True)
+class Tuning:
+    """A parameter of the node's own, and those of its controllers."""
+
+    number: float = parameter(1.0, "a number", low=0.0, high=2.0, read_only=False)
+    settings: Tuned = field(default_factory=Tuned)
+
+
+def test_a_setting_of_the_controllers_is_a_parameter_from_what_its_field_says(ros: Ros) -> None:
+    node = ros.add(Node, "tuned", leak=0.25, control_period=0.002)
+    held = [declare(node, Tuning)]
+    assert held[0] == Tuning(settings=Tuned(leak=0.25, dt=0.002))
+    watch(node, lambda: held[-1], held.append)
+    given = {"bandwidth": [3.0, 4.0], "number": 2.0, "force_direction": [1.0, 0.0, 0.0]}
+    changes = [Parameter(name, value=value) for name, value in given.items()]
+    assert node.set_parameters_atomically(changes).successful
+    tuned = Tuned(leak=0.25, dt=0.002, bandwidth=[3.0, 4.0], direction=(1.0, 0.0, 0.0))
+    assert held[-1] == Tuning(number=2.0, settings=tuned)
+    described = node.describe_parameter("leak")
+    assert described.description == "of it [1/s]"
+    assert described.floating_point_range[0].to_value == 9.0
+    assert not node.set_parameters([Parameter("leak", value=10.0)])[0].successful
+    assert not node.has_parameter("limit")  # is what the model says
+
+
+@pytest.mark.parametrize(
+    ("name", "bound", "beyond"), [("force", -1e4, -1.1e4), ("force", 1e4, 1.1e4)]
+)
+def test_ranges_hold_on_both_sides(ros: Ros, name: str, bound: float, beyond: float) -> None:
+    node = ros.add(Node, "bounded")
+    declare(node, ControllerParams)
+    assert node.set_parameters([Parameter("force", value=bound)])[0].successful
+    assert not node.set_parameters([Parameter("force", value=1.1 * bound)])[0].successful

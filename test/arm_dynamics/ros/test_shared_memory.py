@@ -10,7 +10,7 @@ from pathlib import Path
 
 from harness import Ros, surroundings
 
-from arm_dynamics.ros.common.shared_memory import FOLDER, clear_dead
+from arm_dynamics.ros.common.transport import FOLDER, clear_dead
 
 NODE = """
 import rclpy

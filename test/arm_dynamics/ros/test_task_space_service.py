@@ -12,7 +12,7 @@ from harness import Ros
 
 import models
 from arm_dynamics.ros.dynamics_node import DynamicsNode
-from arm_dynamics.ros.interfaces import MAX_TERMS_POINTS
+from arm_dynamics.ros.interfaces import MAX_TERMS_POINTS, TASK_SPACE
 from arm_dynamics.task_space.task_space import TaskSpace
 from tolerances import PINOCCHIO, assert_close
 
@@ -30,7 +30,7 @@ def node(ros: Ros) -> DynamicsNode:
 
 def ask(node: DynamicsNode, **fields: Any) -> Any:
     request = Service.Request(**{"frame": HAND, **fields})
-    return node.on_task_space(request, Service.Response())
+    return node.answer(TASK_SPACE, request, Service.Response())
 
 
 def states(rng: np.random.Generator, count: int) -> tuple[np.ndarray, np.ndarray]:

@@ -11,8 +11,7 @@ import models
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.exceptions import Unreachable
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import circle, line, timed
 from arm_dynamics.trajectory.joint_path import joint_path, paced
 from arm_dynamics.trajectory.time_scaling import torque_stretch

@@ -11,8 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput, Unreachable
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.joint_path import JointPath
 from arm_dynamics.trajectory.planner import CartesianGoals, Pace
 from arm_dynamics.trajectory.reference import Limits, Motion, Reference

@@ -11,8 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, Unreachable
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import line, timed
 from arm_dynamics.trajectory.joint_path import JointPath, joint_path, paced
 from arm_dynamics.trajectory.reference import Trajectory

@@ -106,11 +106,11 @@ def test_task_space(arm: Any) -> None:
         ),
         (
             ("task-space", "--frame", "tip", "--direction", "x=1", "--position", "1 2"),
-            "--direction: one row of numbers is wanted",
+            "--direction: expected one row of numbers",
         ),
         (("step",), "refused: the simulation is running"),
         (("set-joint-state", "--position", "elbow=nan"), "refused: "),
-        (("set-joint-state", "--position", "[[1, 2], [3, 4]]"), "one state is wanted"),
+        (("set-joint-state", "--position", "[[1, 2], [3, 4]]"), "expected one state"),
     ],
 )
 def test_refusals(arm: Any, words: tuple[str, ...], said: str) -> None:

@@ -4,15 +4,216 @@
 from __future__ import annotations
 
 from collections.abc import Iterable
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.actuation.drive_equations import Instant, at_rest, instant, state_names
 from arm_dynamics.actuation.internal_state import Flow
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations import motor, transmission
+from arm_dynamics.equations.elementary import Quantity, within
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.drive import JointDrive
+from arm_dynamics.scene.drive import Wave
+
+
+@dataclass(frozen=True)
+class Instant:
+    """What a drive does at an instant; numbers or CasADi expressions.
+
+    Attributes:
+        torque: What it puts on the link in [N m] or [N].
+        slopes: Rates of its states.
+        stored: Energy that it stores in [J].
+        supplied: Power that it takes from outside in [W].
+        lost: Power that it turns into heat in [W].
+    """
+
+    torque: Quantity
+    slopes: tuple[Quantity, ...] = ()
+    stored: Quantity = 0.0
+    supplied: Quantity = 0.0
+    lost: Quantity = 0.0
+
+
+def state_names(drive: JointDrive, turning: bool) -> dict[str, float]:
+    """States of a drive with their units, and the size of each that matters for its error.
+
+    Args:
+        drive: The drive.
+        turning: Whether its joint turns, rather than slides.
+    """
+    unit = "rad" if turning else "m"
+    named: dict[str, float] = {}
+    if drive.has_current:
+        named["motor current [A]"] = min(1.0, 1.0 / abs(drive.torque_constant))
+    if drive.coupling:
+        named[f"motor position at the joint [{unit}]"] = 1.0
+        named[f"motor velocity at the joint [{unit}/s]"] = 1.0
+        if drive.coupling.hysteresis:
+            named["transmission hysteresis [1]"] = 1.0
+    return named
+
+
+def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
+    """States of a drive without current and without twist at a joint's position and velocity."""
+    states = [0.0] if drive.has_current else []
+    if drive.coupling is None:
+        return states
+    error = drive.coupling.kinematic_error
+    position = _untwisted(q, drive) if error else q
+    states += [position, v / (1.0 + _error_slope(position, drive, error))]
+    return [*states, 0.0] if drive.coupling.hysteresis else states
+
+
+def instant(
+    drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity], u: Quantity
+) -> Instant:
+    """What a drive does.
+
+    Args:
+        drive: The drive.
+        q: Position of its joint in [rad] or [m].
+        v: Velocity of its joint in [rad/s] or [m/s].
+        z: Its states, in the order of ``state_names``.
+        u: Its command in the command's unit.
+    """
+    if drive.coupling is None:
+        return _electric(drive, q, v, z, u)
+    first = int(drive.has_current)
+    position, velocity = z[first], z[first + 1]
+    source = _electric(drive, position, velocity, z, u)
+    link = _coupling(drive, q, v, z[first:])
+    error_slope = _error_slope(position, drive, drive.coupling.kinematic_error)
+    damping = drive.rotor_damping * velocity
+    push = source.torque - damping - link.torque * (1.0 + error_slope)
+    rotor = (velocity, push / drive.rotor_inertia)
+    return Instant(
+        link.torque,
+        (*source.slopes, *rotor, *link.slopes),
+        source.stored + 0.5 * drive.rotor_inertia * velocity**2 + link.stored,
+        source.supplied,
+        source.lost + damping * velocity + link.lost,
+    )
+
+
+def _electric(
+    drive: JointDrive, position: Quantity, velocity: Quantity, z: list[Quantity], u: Quantity
+) -> Instant:
+    """The motor: torque of current and poles on the rotor, as seen at the joint."""
+    m = drive.motor
+    if m.command == "voltage":
+        made = _under_voltage(drive, velocity, z, u)
+    elif m.torque_constant is None:
+        made = Instant(u, supplied=u * velocity)
+    else:
+        made = _under_current(drive, velocity, u)
+    if m.cogging is None:
+        return made
+    rotor, wave = m.gear_ratio * position, _numbers(m.cogging)
+    poles = m.gear_ratio * motor.cogging_torque(rotor, *wave)
+    energy = motor.cogging_energy(rotor, *wave)
+    return replace(made, torque=made.torque + poles, stored=made.stored + energy)
+
+
+def _under_voltage(
+    drive: JointDrive, velocity: Quantity, z: list[Quantity], voltage: Quantity
+) -> Instant:
+    m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
+    R = m.resistance or 0.0
+    if not drive.has_current:
+        i = motor.settled_current(voltage, emf, R)
+        if m.current_limit:
+            i = within(i, -m.current_limit, m.current_limit)
+        return _carrying(drive, i, R * i + emf, velocity)
+    i, L = z[0], m.inductance or 0.0
+    if m.current_limit:
+        voltage = motor.limited_voltage(voltage, i, emf, m.current_limit, R)
+    slope = motor.current_slope(voltage, i, emf, L, R)
+    carrying = _carrying(drive, i, voltage, velocity)
+    return replace(carrying, slopes=(slope,), stored=0.5 * L * i**2)
+
+
+def _under_current(drive: JointDrive, velocity: Quantity, u: Quantity) -> Instant:
+    """An ideal current controller; its command is a current, or a torque divided by N K_t."""
+    m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
+    R, direct = m.resistance or 0.0, m.command == "torque"
+    i = u / drive.torque_constant if direct else u
+    if m.current_limit:
+        i = within(i, -m.current_limit, m.current_limit)
+    if m.voltage_limit:
+        i = motor.current_under(m.voltage_limit, i, emf, R)
+    made = _carrying(drive, i, R * i + emf, velocity)
+    unlimited = direct and not (m.current_limit or m.voltage_limit)
+    return replace(made, torque=u) if unlimited else made
+
+
+def _carrying(
+    drive: JointDrive, current: Quantity, voltage: Quantity, velocity: Quantity
+) -> Instant:
+    torque = motor.torque(current, drive.torque_constant)
+    lost = (drive.motor.resistance or 0.0) * current**2
+    if drive.back_emf_constant != drive.torque_constant:
+        lost = lost + (drive.back_emf_constant - drive.torque_constant) * velocity * current
+    return Instant(torque, supplied=voltage * current, lost=lost)
+
+
+def _coupling(drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity]) -> Instant:
+    """The transmission: its torque on the link and its loss, and w' if it has a hysteresis."""
+    c = drive.coupling
+    assert c is not None
+    position, velocity, error = z[0], z[1], c.kinematic_error
+    twist, rate = position - q, velocity - v
+    if error:
+        twist = twist + transmission.kinematic_error(
+            drive.motor.gear_ratio * position, *_numbers(error)
+        )
+        rate = rate + velocity * _error_slope(position, drive, error)
+    bent = transmission.engaged(twist, c.backlash) if c.backlash else twist
+    elastic = transmission.elastic_torque(bent, c.stiffness, c.stiffening)
+    torque = elastic + c.damping * rate
+    if c.backlash:
+        torque = transmission.flank_torque(bent, elastic, c.damping * rate)
+    lost = (torque - elastic) * rate
+    energy = transmission.elastic_energy(bent, c.stiffness, c.stiffening)
+    if c.hysteresis is None:
+        return Instant(torque, (), energy, lost=lost)
+    h, w = c.hysteresis, z[2]
+    slope = transmission.hysteresis_slope(w, rate, h.deflection, h.sharpness)
+    return Instant(
+        torque + h.torque * w,
+        (slope,),
+        energy + transmission.hysteresis_energy(w, h.torque, h.deflection),
+        lost=lost + h.torque * w * (rate - h.deflection * slope),
+    )
+
+
+def _error_slope(position: Quantity, drive: JointDrive, error: Wave | None) -> Quantity:
+    """de/dθ at a motor position as seen at the joint."""
+    if error is None:
+        return 0.0
+    ratio = drive.motor.gear_ratio
+    return ratio * transmission.kinematic_error_slope(ratio * position, *_numbers(error))
+
+
+def _untwisted(q: float, drive: JointDrive) -> float:
+    """The motor position θ with θ + e(θ) = q; between q - A and q + A there is exactly one."""
+    assert drive.coupling is not None and drive.coupling.kinematic_error is not None
+    wave = drive.coupling.kinematic_error
+    low, high = q - wave.amplitude, q + wave.amplitude
+    while True:
+        middle = 0.5 * (low + high)
+        if not low < middle < high:
+            return middle
+        rotor = drive.motor.gear_ratio * middle
+        ahead = middle + transmission.kinematic_error(rotor, *_numbers(wave)) > q
+        low, high = (low, middle) if ahead else (middle, high)
+
+
+def _numbers(wave: Wave) -> tuple[float, float, float]:
+    return wave.amplitude, wave.order, wave.phase
 
 
 class Drives:

@@ -1,26 +1,23 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services of running nodes as functions: numpy in, numpy out, no spinning.
-
-Needs ROS 2 and the built workspace, which are imported when a client is made.
-"""
+"""The services of running nodes as functions: NumPy in, NumPy out, no spinning."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
+from types import TracebackType
+from typing import Any, Self
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.client.orders import Orders
 from arm_dynamics.client.values import (
     ConstrainedMotion,
     ModelFacts,
     NotReached,
     Postures,
     Terms,
-    agreed,
+    fixed,
     flat,
     motion,
     points,
@@ -30,28 +27,67 @@ from arm_dynamics.client.values import (
     whole,
     words,
 )
-
-__all__ = ["ALL_TERMS", "ArmClient", "ConstrainedMotion", "ModelFacts", "Postures", "Terms"]
+from arm_dynamics.exceptions import Refused
+from arm_dynamics.ros import interfaces
+from arm_dynamics.ros.common.caller import Caller
 
 ALL_TERMS = 15  # as arm_dynamics.Term.ALL, which would import Pinocchio
+_U32 = 2**32 - 1
 
 
-class ArmClient(Orders):
-    """Asks a dynamics node and commands a sim node; one instance for each thread.
+class ArmClient:
+    """Calls the services of a dynamics node and a sim node; one instance for each thread.
 
     Every method waits for the node and for its answer, each at most ``timeout``. The reply to a
-    first call may get lost while the two ends find each other, so a first call is repeated where
-    that does no harm. Errors: ``NoAnswer`` when no node is there or answers, ``Refused`` with the
-    node's words when it will not do it, ``InvalidInput`` for arguments that cannot be sent.
+    first call may get lost while the two ends discover each other, so a call is repeated where
+    that does no harm. Errors: ``NoAnswer`` when no node offers the service or answers, ``Refused``
+    with the node's message when it declines, ``InvalidInput`` for arguments that cannot be sent.
 
     Example:
         >>> with ArmClient() as arm:
         ...     tau = arm.inverse_dynamics(q, v, a)  # q of shape (n,), or (k, n) for k points
     """
 
+    def __init__(
+        self,
+        dynamics: str = "dynamics",
+        sim: str = "sim",
+        timeout: float = 5.0,
+        domain: int | None = None,
+    ) -> None:
+        """Join the ROS graph.
+
+        Args:
+            dynamics: Name of the dynamics node, with its namespace if it has one.
+            sim: Name of the sim node, likewise.
+            timeout: In [s].
+            domain: ROS domain; None for that of the environment.
+        """
+        self._caller = Caller(timeout, domain)
+        self._dynamics, self._sim = dynamics, sim
+
+    def close(self) -> None:
+        """Leave the ROS graph; calling it again does no harm."""
+        self._caller.close()
+
+    def __enter__(self) -> Self:
+        """Use it in a ``with`` statement."""
+        return self
+
+    def __exit__(
+        self,
+        kind: type[BaseException] | None,
+        error: BaseException | None,
+        trace: TracebackType | None,
+    ) -> None:
+        """Leave the ROS graph."""
+        self.close()
+
+    # --- the dynamics node ---------------------------------------------------------------------
+
     def model_info(self) -> ModelFacts:
         """What the node knows about its arm."""
-        answer = self._asked(self._services.MODEL_INFO)
+        answer = self._ask(self._dynamics, interfaces.MODEL_INFO)
         return ModelFacts(
             joint_names=tuple(answer.joint_names),
             joint_types=tuple(answer.joint_types),
@@ -87,7 +123,7 @@ class ArmClient(Orders):
         """
         fields = motion(joint_names, position=q, velocity=v, acceleration=a)
         terms = whole("terms", terms, ALL_TERMS)
-        answer = self._asked(self._services.INVERSE_DYNAMICS, terms=terms, **fields)
+        answer = self._ask(self._dynamics, interfaces.INVERSE_DYNAMICS, terms=terms, **fields)
         return shaped(answer.effort, points(answer, q))
 
     def forward_dynamics(
@@ -99,7 +135,7 @@ class ArmClient(Orders):
     ) -> Array:
         """Accelerations that torques produce, shape of ``q``; see ``inverse_dynamics``."""
         fields = motion(joint_names, position=q, velocity=v, effort=tau)
-        answer = self._asked(self._services.FORWARD_DYNAMICS, **fields)
+        answer = self._ask(self._dynamics, interfaces.FORWARD_DYNAMICS, **fields)
         return shaped(answer.acceleration, points(answer, q))
 
     def dynamics_terms(
@@ -107,7 +143,7 @@ class ArmClient(Orders):
     ) -> Terms:
         """M, C, G, F and the energies; see ``inverse_dynamics`` for the arguments."""
         fields = motion(joint_names, position=q, velocity=v)
-        answer = self._asked(self._services.DYNAMICS_TERMS, **fields)
+        answer = self._ask(self._dynamics, interfaces.DYNAMICS_TERMS, **fields)
         shape = points(answer, q)
         squares = (*shape, shape[-1])
         return Terms(
@@ -144,8 +180,8 @@ class ArmClient(Orders):
             The fields of ``arm_msgs/TaskSpace`` by name, as arrays in their natural shapes; a
             batch has k in front. ``axes`` and ``joint_names`` are tuples.
         """
-        answer = self._asked(
-            self._services.TASK_SPACE, frame=str(frame), reference=str(reference),
+        answer = self._ask(
+            self._dynamics, interfaces.TASK_SPACE, frame=str(frame), reference=str(reference),
             axes=words("axes", axes), direction=flat("direction", direction),
             **motion(joint_names, position=q, velocity=v),
         )  # fmt: skip
@@ -190,10 +226,9 @@ class ArmClient(Orders):
         fields = motion(joint_names, pose=pose, seed=seed)
         fields |= {"frame": str(frame), "axes": words("axes", axes)}
         batch = rows("pose", pose, 7)
-        service = self._services.INVERSE_KINEMATICS
-        answer = self._answered(self._dynamics, service, fields, repeatable=False)
+        answer = self._answer(self._dynamics, interfaces.INVERSE_KINEMATICS, fields, once=True)
         if not len(answer.reached):
-            agreed(answer)
+            _agreed(answer)
         names = tuple(answer.joint_names)
         if seed is not None:
             rows("seed", seed, len(names))
@@ -224,7 +259,7 @@ class ArmClient(Orders):
             joint_names: Order of all joint vectors; none for the model's.
         """
         fields = motion(joint_names, position=q, velocity=v, effort=tau)
-        answer = self._asked(self._services.CONSTRAINED_DYNAMICS, **fields)
+        answer = self._ask(self._dynamics, interfaces.CONSTRAINED_DYNAMICS, **fields)
         shape, names = points(answer, q), tuple(answer.constraint_names)
         return ConstrainedMotion(
             tuple(answer.joint_names), names, shaped(answer.acceleration, shape),
@@ -255,5 +290,88 @@ class ArmClient(Orders):
         fields = motion(
             joint_names, position=q, velocity=v, acceleration=a, multipliers=multipliers
         )
-        answer = self._asked(self._services.CONSTRAINED_DYNAMICS, inverse=True, **fields)
+        answer = self._ask(self._dynamics, interfaces.CONSTRAINED_DYNAMICS, inverse=True, **fields)
         return shaped(answer.effort, points(answer, q))
+
+    # --- the sim node --------------------------------------------------------------------------
+
+    def reset(self) -> None:
+        """Put the simulation back to its initial state and time zero."""
+        self._ask(self._sim, interfaces.RESET)
+
+    def pause(self) -> None:
+        """Stop the simulation's time."""
+        self._ask(self._sim, interfaces.PAUSE, data=True)
+
+    def resume(self) -> None:
+        """Let the simulation's time go on."""
+        self._ask(self._sim, interfaces.PAUSE, data=False)
+
+    def step(self, steps: int = 1) -> float:
+        """Advance a paused simulation by whole ticks; return its time in [s]. Asked only once."""
+        fields = {"steps": whole("steps", steps, _U32)}
+        answer = _agreed(self._answer(self._sim, interfaces.STEP, fields, once=True))
+        return float(answer.time)
+
+    def set_joint_state(
+        self,
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        joint_names: Sequence[str] = (),
+    ) -> None:
+        """Put joints somewhere at once.
+
+        Args:
+            q: Positions in [rad] or [m], one for each joint; None leaves them.
+            v: Velocities, likewise; None for zeros.
+            joint_names: Which joints; none for all in the model's order.
+        """
+        fields = motion(joint_names, position=q, velocity=v)
+        self._ask(self._sim, interfaces.SET_JOINT_STATE, **fields)
+
+    def set_payload(
+        self,
+        mass: float,
+        com: ArrayLike = (0.0, 0.0, 0.0),
+        inertia: ArrayLike = (0.0, 0.0, 0.0, 0.0, 0.0, 0.0),
+        index: int = 0,
+    ) -> None:
+        """Change a payload that the scene declares tunable.
+
+        Args:
+            mass: In [kg].
+            com: Centre of mass in the payload's frame in [m], shape (3,).
+            inertia: About it: xx, xy, xz, yy, yz, zz in [kg m²].
+            index: Which of the scene's payloads.
+        """
+        self._ask(
+            self._sim, interfaces.SET_PAYLOAD, index=whole("index", index, _U32), mass=float(mass),
+            com=fixed("com", com, 3), inertia=fixed("inertia", inertia, 6),
+        )  # fmt: skip
+
+    def set_friction(self, viscous: ArrayLike, joint_names: Sequence[str] = ()) -> None:
+        """Change viscous friction that the scene declares tunable, in [N m s/rad] or [N s/m]."""
+        self._ask(self._sim, interfaces.SET_FRICTION, **motion(joint_names, viscous=viscous))
+
+    def reset_counters(self) -> None:
+        """Have the loop's and the partners' counters begin afresh."""
+        self._ask(self._sim, interfaces.RESET_COUNTERS)
+
+    # --- both ----------------------------------------------------------------------------------
+
+    def _ask(self, node: str, service: interfaces.Service, **fields: Any) -> Any:
+        """The response of a node that did what it was asked; ``Refused`` if it declined."""
+        return _agreed(self._answer(node, service, fields))
+
+    def _answer(
+        self, node: str, service: interfaces.Service, fields: dict[str, Any], once: bool = False
+    ) -> Any:
+        """The response of a node, refusals included; with ``once`` it is never asked twice."""
+        request = service.type.Request(**fields)
+        return self._caller.ask(node, service, request, repeatable=not once)
+
+
+def _agreed(answer: Any) -> Any:
+    if not answer.success:
+        raise Refused(answer.message)
+    return answer

@@ -29,7 +29,7 @@ class ModelFacts:
         frame_names: Frames of the arm.
         total_mass: In [kg].
         gravity: In the world frame in [m/s²], shape (3,).
-        summary: For people.
+        summary: A description in one line.
     """
 
     joint_names: tuple[str, ...]
@@ -106,21 +106,14 @@ class Postures:
 
 
 class NotReached(Refused, Unreachable):
-    """A node looked for joint positions and did not reach every pose; the message is the node's.
+    """A node searched for joint positions and did not reach every pose; the message is the node's.
 
-    ``found`` holds what it found for each pose: where it is not reached, the nearest.
+    ``found`` holds what it found for each pose: the nearest posture where a pose is not reached.
     """
 
     def __init__(self, message: str, found: Postures) -> None:
         super().__init__(message, float(found.distance.max()))
         self.found = found
-
-
-def agreed(answer: Any) -> Any:
-    """The answer of a node that did what it was asked; ``Refused`` if it did not."""
-    if not answer.success:
-        raise Refused(answer.message)
-    return answer
 
 
 def motion(joint_names: Sequence[str], **given: ArrayLike | None) -> dict[str, Any]:
@@ -136,14 +129,14 @@ def flat(name: str, value: ArrayLike) -> array[float]:
     except ValueError:
         numbers = np.asarray(None)
     if numbers.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} = {value!r}: real numbers of one shape are wanted")
+        raise InvalidInput(f"{name} = {value!r}; expected real numbers of one shape")
     return array("d", np.ascontiguousarray(numbers, float).tobytes())
 
 
 def whole(name: str, value: int, most: int) -> int:
     """A whole number that the message's field holds."""
     if not isinstance(value, int | np.integer) or not 0 <= value <= most:
-        raise InvalidInput(f"{name} = {value!r}; a whole number from 0 to {most} is wanted")
+        raise InvalidInput(f"{name} = {value!r}; expected a whole number from 0 to {most}")
     return int(value)
 
 
@@ -151,7 +144,7 @@ def words(name: str, value: str | Sequence[str]) -> list[str]:
     """Names for a field, one or several; ``InvalidInput`` if they are none."""
     listed = [value] if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
     if not all(isinstance(word, str) for word in listed):
-        raise InvalidInput(f"{name} = {value!r}: names are wanted")
+        raise InvalidInput(f"{name} = {value!r}; expected names")
     return listed
 
 
@@ -159,7 +152,7 @@ def rows(name: str, value: ArrayLike, size: int) -> tuple[int, ...]:
     """Shape of an argument of ``size`` numbers, or of ``size`` for each of k: (), or (k,)."""
     shape = np.shape(value)
     if len(shape) not in (1, 2) or shape[-1] != size:
-        raise InvalidInput(f"{name} has shape {shape}; ({size},) or (k, {size}) is wanted")
+        raise InvalidInput(f"{name} has shape {shape}; expected ({size},) or (k, {size})")
     return shape[:-1]
 
 
@@ -173,7 +166,7 @@ def fixed(name: str, value: ArrayLike, size: int) -> Array:
     """Numbers for a field of ``size``; ``InvalidInput`` if they are more or fewer."""
     numbers = np.array(flat(name, value))
     if numbers.shape != (size,):
-        raise InvalidInput(f"{name} has {numbers.size} numbers; {size} are wanted")
+        raise InvalidInput(f"{name} has {numbers.size} numbers; expected {size}")
     return numbers
 
 

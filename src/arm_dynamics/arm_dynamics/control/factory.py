@@ -4,15 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control import compiled_computed_torque as control_compiled
-from arm_dynamics.control.compiled_computed_torque import CompiledComputedTorque
+from arm_dynamics.control import computed_torque
+from arm_dynamics.control.computed_torque import CompiledComputedTorque
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.joint_space import (
     PD,
@@ -41,35 +42,70 @@ from arm_dynamics.task_space.task_space import TaskSpace
 Job = Callable[[], object]
 
 
+def _tunable(default: Any, description: str, **about: Any) -> Any:
+    """A setting that is a parameter of the controller node, too.
+
+    Args:
+        default: Its default.
+        description: What it is, with its unit.
+        **about: ``parameter``, its name there if that is another one; ``low`` and ``high``, its
+            range; ``each_joint``, whether it may be a number for each joint; ``read_only``,
+            whether it is fixed once the node runs.
+    """
+    return field(default=default, metadata={"description": description, **about})
+
+
 @dataclass(frozen=True)
 class Settings:
     """What a controller made by name is tuned to.
+
+    The controller node declares a parameter for each of these, from what is said here; only the
+    limits come from its model.
 
     Attributes:
         dt: Time between calls in [s].
         bandwidth: ω in [rad/s], a number or one for each joint; task controllers take a number.
         damping_ratio: ζ, likewise.
-        frame: Frame that the task controllers lead; they need one.
-        axes: Axes of their task.
-        direction: Direction in the world along which ``motion_force`` presses, shape (3,).
-        force: With how much, in [N].
+        frame: Frame that the task controllers lead; they need one. Empty for none.
+        axes: Axes of their task, see ``chosen_axes``.
+        force: Force with which ``motion_force`` presses in [N].
+        direction: Direction in the world along which it presses, shape (3,).
         friction: Whether to feed the model's friction forward; computed torque always does.
-        observer: Bandwidth of a disturbance observer in [1/s], or None for none.
+        observer: Bandwidth of a disturbance observer in [1/s]; 0 for none.
+        saturate: Whether to cut torques at the limits.
         limit: Torque limits in [N m] or [N], a number or shape (n,), for what remembers.
-        saturate: Whether to cut torques at these limits.
     """
 
-    dt: float = 1e-3
-    bandwidth: ArrayLike = 20.0
-    damping_ratio: ArrayLike = 1.0
-    frame: str | None = None
-    axes: str | tuple[str, ...] = "pose"
-    direction: tuple[float, float, float] = (0.0, 0.0, -1.0)
-    force: float = 0.0
-    friction: bool = False
-    observer: float | None = None
+    dt: float = _tunable(
+        1e-3, "Time between joint states, for laws that remember [s]",
+        parameter="control_period", low=1e-6, high=1.0, read_only=True,
+    )  # fmt: skip
+    bandwidth: ArrayLike = _tunable(
+        20.0, "How fast errors vanish [rad/s]: one, or one for each joint", each_joint=True
+    )
+    damping_ratio: ArrayLike = _tunable(
+        1.0, "Damping of errors, 1 is critical: one, or one for each joint", each_joint=True
+    )
+    frame: str = _tunable(
+        "", "Frame that laws in task space lead; empty: none", parameter="task_frame"
+    )
+    axes: str | tuple[str, ...] = _tunable(
+        "pose", 'Axes that they lead: pose, position, orientation, or some of "x y z rx ry rz"',
+        parameter="task_axes",
+    )  # fmt: skip
+    force: float = _tunable(0.0, "Force with which motion_force presses [N]", low=-1e4, high=1e4)
+    direction: tuple[float, ...] = _tunable(
+        (0.0, 0.0, -1.0), "Direction in the world along which it presses",
+        parameter="force_direction",
+    )  # fmt: skip
+    friction: bool = _tunable(
+        False, "Feed the scene's friction forward (computed_torque always does)"
+    )
+    observer: float = _tunable(
+        0.0, "Bandwidth of a disturbance observer [1/s]; 0: none", low=0.0, high=1e4
+    )
+    saturate: bool = _tunable(False, "Cut torques at the scene's effort limits and say so")
     limit: ArrayLike = np.inf
-    saturate: bool = False
 
 
 def make_controller(
@@ -93,7 +129,7 @@ def make_controller(
         raise InvalidInput(f"controller = {name!r}; allowed: {known_names(_BUILDERS)}")
     settings = settings or Settings()
     control, limit = _BUILDERS[name](dynamics, settings), settings.limit
-    if settings.observer is not None:
+    if settings.observer:
         control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
 
@@ -107,12 +143,12 @@ def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None
         settings: What it is tuned to.
     """
     model = dynamics.model
-    if name in IN_TASK_SPACE and settings.frame is not None:
+    if name in IN_TASK_SPACE and settings.frame:
         task = settings.frame, chosen_axes(settings.axes)
         built = task_kernel.is_built(model, *task)
         return None if built else partial(task_kernel.build, model, *task)
-    if name == _COMPILED and not control_compiled.is_built(model):
-        return partial(control_compiled.build, model)
+    if name == _COMPILED and not computed_torque.is_built(model):
+        return partial(computed_torque.build, model)
     return None
 
 
@@ -211,7 +247,7 @@ def _rubbed(
 
 
 def _task(dynamics: Dynamics, s: Settings) -> TaskSpace:
-    if s.frame is None:
+    if not s.frame:
         known = known_names(dynamics.model.frame_names)
         raise InvalidInput(f"frame is not given; a task controller needs one of {known}")
     return TaskSpace(dynamics, s.frame, selection=s.axes)

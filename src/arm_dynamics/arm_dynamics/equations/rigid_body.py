@@ -3,8 +3,8 @@
 
 Recursive Newton-Euler with the angular tensor of Khalil and Dombre (Modeling, Identification and
 Control of Robots, 2002, chapter 9) and composite rigid bodies (Featherstone, Rigid Body Dynamics
-Algorithms, 2008, chapters 5 and 6). ``articulated.py`` has the third classic, which is shorter for
-long chains.
+Algorithms, 2008, chapters 5 and 6). ``forward_dynamics`` has the third classic, which is shorter
+for long chains.
 """
 
 from __future__ import annotations

@@ -11,7 +11,7 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.drive import command_limits, command_units, drives_of, torque_limits
-from arm_dynamics.model.friction_settings import Settings, resolve
+from arm_dynamics.model.friction import Settings, resolve
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.robot import Robot, frozen, velocity_index
 from arm_dynamics.scene.schema import Joint, Scene

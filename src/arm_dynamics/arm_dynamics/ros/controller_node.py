@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller node: leads an arm along joint trajectories by a law of one's choice."""
+"""The controller node: moves an arm along trajectories by a controller of one's choice."""
 
 from __future__ import annotations
 
@@ -28,22 +28,13 @@ from arm_dynamics.control.factory import (
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.ros.common import convert
-from arm_dynamics.ros.common.answer_log import AnswerLog
 from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.direct import sender
 from arm_dynamics.ros.common.executor import run, surviving
-from arm_dynamics.ros.common.params import (
-    ControllerParams,
-    declare,
-    privileges,
-    task_axes,
-    watch,
-)
-from arm_dynamics.ros.controller.goals import Goals
-from arm_dynamics.ros.controller.settings import settings_of
+from arm_dynamics.ros.common.params import declare, privileges, watch
+from arm_dynamics.ros.controller import AnswerLog, ControllerParams, Goals, tracking_state
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -52,23 +43,30 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state.compiled import make_reader
-from arm_dynamics.ros.joint_state.serialization import JointStateWriter
+from arm_dynamics.ros.joint_state import JointStateWriter, make_reader
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
-_FREE = "float"  # the law under which the arm is led by hand, away from its reference
+_FREE = "float"  # the controller under which the arm is led by hand, away from its reference
 
 
 class ControllerNode(Node):
     """Answers every joint state with a joint command.
 
-    It stands still where it first sees the arm, and where it sees it after time went backwards,
-    until a trajectory, a pose or a path comes. Time is that of the states' stamps. The law may be
-    changed in motion.
+    It holds the arm where it first sees it, and where it sees it after time went backwards, until
+    a trajectory, a pose or a path comes. Time is that of the states' stamps. The controller may be
+    changed in motion: a new one is prepared in the background, and the old one stays active until
+    it is ready.
+
+    Attributes:
+        params: The parameters in force.
+        dynamics: The model that the controllers know.
+        control: The active controller, and the hand-over to the next one.
+        goals: What is followed, and what is being planned.
+        send: Publishes a serialized command.
     """
 
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
@@ -82,32 +80,32 @@ class ControllerNode(Node):
             ArmError: If there is no scene, or a scene or parameter that cannot be used.
         """
         super().__init__("controller", **node_kwargs)
-        self._params = declare(self, ControllerParams)
-        scene = scene if scene is not None else self._params.scene or None
+        self.params = declare(self, ControllerParams)
+        scene = scene if scene is not None else self.params.scene or None
         if scene is None:
             raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
-        self._dynamics = Dynamics(rigid_twin(load_scene(scene)))
-        names = self._dynamics.joint_names
-        period, fade = self._params.control_period, self._params.switch_time
-        self._control = Switch(self._made(self._params), period, fade)
+        self.dynamics = Dynamics(rigid_twin(load_scene(scene)))
+        names = self.dynamics.joint_names
+        period, fade = self.params.settings.dt, self.params.switch_time
+        self.control = Switch(self._made(self.params), period, fade)
         self._builder = Background("builder")
-        model = self._dynamics.model
-        self._build_ahead(self._params)
-        limit = self._params.acceleration_limit or float("inf")
-        self._goals = Goals(model, Limits.of(model, limit), self.get_logger())
+        model = self.dynamics.model
+        self._build_ahead(self.params)
+        limit = self.params.acceleration_limit or float("inf")
+        self.goals = Goals(model, Limits.of(model, limit), self.get_logger())
         self._next_report = 0
         self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # tells two controllers apart
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._log = AnswerLog()
         self._connect()
-        watch(self, lambda: self._params, self._apply)
+        watch(self, lambda: self.params, self._apply)
         self._diagnosis = Diagnosis(self, self._findings)
-        for refusal in privileges(self._params).claim():
+        for refusal in privileges(self.params).claim():
             self.get_logger().warning(f"not granted: {refusal}")
 
     def _connect(self) -> None:
-        self._send = sender(self, JOINT_COMMANDS)
+        self.send = sender(self, JOINT_COMMANDS)
         self._report = self.create_publisher(
             CONTROLLER_STATE.type, CONTROLLER_STATE.name, CONTROLLER_STATE.publish
         )
@@ -124,64 +122,71 @@ class ControllerNode(Node):
     @property
     def follower(self) -> Follower | None:
         """What gives the reference; None until the arm has been seen."""
-        return self._goals.follower
+        return self.goals.follower
 
     @property
     def busy(self) -> bool:
-        """Whether a goal is being planned or a law built; done within a tick once it is ready."""
-        return self._goals.busy or self._builder.busy
+        """Whether a goal is being planned or a controller prepared in the background."""
+        return self.goals.busy or self._builder.busy
+
+    def deliver(self) -> None:
+        """Take what the background has finished; done before every answer to a joint state."""
+        self._builder.deliver()
+        self.goals.deliver()
 
     def destroy_node(self) -> None:
         """End the threads, and the node."""
-        self._goals.close()
+        self.goals.close()
         self._builder.close()
         super().destroy_node()
 
     def _made(self, params: ControllerParams) -> AnyController:
-        if params.task_frame:  # refused at once, not when a law first needs it
-            TaskSpace(self._dynamics, params.task_frame, selection=task_axes(params))
-        return make_controller(params.controller, self._dynamics, self._settings(params))
+        frame, axes = params.settings.frame, params.settings.axes
+        if frame:  # refused at once, not when a controller first needs it
+            TaskSpace(self.dynamics, frame, selection=axes)
+        return make_controller(params.controller, self.dynamics, self._settings(params))
 
     def _settings(self, params: ControllerParams) -> Settings:
-        return settings_of(params, self._dynamics.model.effort_limit)
+        return replace(params.settings, limit=self.dynamics.model.effort_limit)
 
-    def _to_build(self, name: str, params: ControllerParams) -> Job | None:
-        return preparation(name, self._dynamics, self._settings(params))
+    def _preparation(self, name: str, params: ControllerParams) -> Job | None:
+        return preparation(name, self.dynamics, self._settings(params))
 
     def _apply(self, params: ControllerParams) -> None:
-        before, control = self._params, self._made(params)
-        gains = {"bandwidth": before.bandwidth, "damping_ratio": before.damping_ratio}
-        retune = replace(params, **gains) == before and not self._builder.busy
+        before, control = self.params, self._made(params)
+        gains = {name: getattr(before.settings, name) for name in ("bandwidth", "damping_ratio")}
+        same = replace(params, settings=replace(params.settings, **gains)) == before
+        retune = same and not self._builder.busy
 
         def put() -> None:
             if retune:
-                self._control.retune(control)
+                self.control.retune(control)
                 return
-            self._control.to(control)
+            self.control.to(control)
             self.get_logger().info(f"controller {params.controller}")
             if before.controller == _FREE != params.controller:
-                self._goals.follower = None  # hold the arm where it was led to
+                self.goals.follower = None  # hold the arm where it was led to
 
-        self._params = params
+        self.params = params
         self._log.forget()
         self._builder.give_up()
-        if (job := self._to_build(params.controller, params)) is None:
+        if (job := self._preparation(params.controller, params)) is None:
             put()
-        else:  # the law before goes on meanwhile
+        else:
             self._builder.start(job, lambda built: self._put(built, put))
 
     def _build_ahead(self, params: ControllerParams) -> None:
-        """Build what the first law needs at once, and what one in task space needs aside."""
-        if job := self._to_build(params.controller, params):
+        """Prepare the first controller at once, and one in task space in the background."""
+        if job := self._preparation(params.controller, params):
             job()
-        if job := self._to_build(IN_TASK_SPACE[0], params):
-            self._builder.start(job, lambda built: None)  # what is wrong matters when it is used
+        if job := self._preparation(IN_TASK_SPACE[0], params):
+            self._builder.start(job, lambda built: None)  # errors matter when it is selected
 
     def _put(self, built: Callable[[], object], put: Callable[[], None]) -> None:
         try:
             built()
         except ArmError as error:
-            self.get_logger().error(f"controller refused, the one before goes on: {error}")
+            self.get_logger().error(f"controller refused, the old one stays active: {error}")
         else:
             put()
 
@@ -191,10 +196,9 @@ class ControllerNode(Node):
         Returns:
             The command that was published, or None when the state could not be used.
         """
-        self._builder.deliver()
-        self._goals.deliver()
+        self.deliver()
         if (command := self._log.again(raw)) is not None:
-            self._send(command)
+            self.send(command)
             return command
         try:
             stamp, (q, v) = self._reader.read(raw)
@@ -204,27 +208,27 @@ class ControllerNode(Node):
             return None
         state = Checked(np.array(q), np.array(v))
         reference = self._reference(stamp, state)
-        tau = self._control.torque(state, reference)
+        tau = self.control.torque(state, reference)
         if not finite_numbers(tau.tolist()):
-            self._control.restart()
+            self.control.restart()
             self._say(f"no command, the torque would not be finite: {tau}")
             return None
         if cut := self._cut():
             self._say(f"torque cut at the effort limit: {', '.join(cut)}")
-        command = self._writer.write(stamp, self._dynamics.command_map(state.q, state.v, tau))
-        self._send(command)
+        command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
+        self.send(command)
         self._log.note(raw, command)
         if stamp >= self._next_report:
             self._publish_report(stamp, reference, state, tau)
         return command
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
-        goals, jump = self._goals, self._jump(stamp)
+        goals, jump = self.goals, self._jump(stamp)
         if goals.follower is None or jump:
             why = f"time went {jump}: " if jump else ""
             if jump:
                 self._log.jumps += 1
-                self._control.restart()
+                self.control.restart()
             self.get_logger().info(
                 f"{why}holding where the arm is", throttle_duration_sec=_THROTTLE
             )
@@ -234,24 +238,24 @@ class ControllerNode(Node):
 
     def _jump(self, stamp: int) -> str:
         """How time jumped since the last state, if it did; the arm is not where it was led to."""
-        if self._goals.follower is None:
+        if self.goals.follower is None:
             return ""
-        gap = 1e-9 * (stamp - self._goals.stamp)
+        gap = 1e-9 * (stamp - self.goals.stamp)
         if gap < 0.0:
             return "backwards"
-        limit = self._params.gap_limit
+        limit = self.params.gap_limit
         return f"on by {gap:.3g} s between two states" if 0.0 < limit < gap else ""
 
     def _cut(self) -> list[str]:
-        law = self._control.active
-        if not (isinstance(law, Saturated) and law.saturated.any()):
+        active = self.control.active
+        if not (isinstance(active, Saturated) and active.saturated.any()):
             return []
-        joints = zip(self._dynamics.joint_names, law.saturated, strict=True)
+        joints = zip(self.dynamics.joint_names, active.saturated, strict=True)
         return [name for name, is_cut in joints if is_cut]
 
     def _findings(self) -> list[Finding]:
-        about = {"goal": self._goals.outcome, "goals refused": self._goals.refused}
-        return [self._log.finding(self, self._params.controller, self._cut(), about)]
+        about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
+        return [self._log.finding(self, self.params.controller, self._cut(), about)]
 
     def _say(self, warning: str) -> None:
         self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
@@ -259,28 +263,28 @@ class ControllerNode(Node):
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:
         """Follow a trajectory from the present reference on, or say why not."""
         self._log.forget()
-        self._goals.trajectory(as_bytes(message))
+        self.goals.trajectory(as_bytes(message))
 
     def on_cartesian_goal(self, message: PoseStamped) -> None:
-        """Lead the frame of the task straight to a pose, or say why not."""
+        """Move the frame of the task straight to a pose, or say why not."""
         self._log.forget()
-        self._goals.pose(message, self._params)
+        self.goals.pose(message, self.params)
 
     def on_cartesian_path(self, message: bytes | Path) -> None:
-        """Lead the frame of the task through poses, or say why not."""
+        """Move the frame of the task through poses, or say why not."""
         self._log.forget()
-        self._goals.path(as_bytes(message), self._params)
+        self.goals.path(as_bytes(message), self.params)
 
     def _publish_report(
         self, stamp: int, reference: Reference, state: Measured, tau: Array
     ) -> None:
-        """Publish ``~/state`` when somebody listens, at most once in ``state_period``."""
-        self._next_report = stamp + round(1e9 * self._params.state_period)
+        """Publish ``~/state`` if it has subscribers, at most once in ``state_period``."""
+        self._next_report = stamp + round(1e9 * self.params.state_period)
         if self._report.get_subscription_count():
-            names = self._dynamics.joint_names
-            message = convert.tracking_state(stamp, names, reference, state, tau)
-            message.goal = self._goals.outcome
-            message.remaining = self._goals.follower.remaining(stamp)
+            names = self.dynamics.joint_names
+            message = tracking_state(stamp, names, reference, state, tau)
+            message.goal = self.goals.outcome
+            message.remaining = self.goals.follower.remaining(stamp)
             self._report.publish(message)
 
 

@@ -1,9 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The dynamics node: answers what the equations of motion say, as services."""
+"""The dynamics node: the equations of motion of an arm, as services."""
 
 from __future__ import annotations
 
 import sys
+from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 from rclpy.node import Node
@@ -11,16 +13,23 @@ from std_msgs.msg import String
 
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.ros import interfaces
-from arm_dynamics.ros.common import convert
+from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis
 from arm_dynamics.ros.common.executor import run, surviving
-from arm_dynamics.ros.common.params import DynamicsParams, declare, one_or_all, watch
-from arm_dynamics.ros.common.request_counts import RequestCounts
-from arm_dynamics.ros.dynamics.constrained import answer_constrained_dynamics
-from arm_dynamics.ros.dynamics.task_space import answer_inverse_kinematics, fill_task_space
+from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
+from arm_dynamics.ros.dynamics import ANSWERS, RequestCounts
+from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 from arm_dynamics.scene.load import scene_from_urdf
-from arm_dynamics.task_space.task_space import TaskSpace
+
+
+@dataclass(frozen=True)
+class DynamicsParams:
+    """Parameters of the dynamics node."""
+
+    scene: str = parameter("", f"{SCENE}; empty: the robot description says what the arm is")
+    robot_description: str = parameter(
+        "", "URDF text; empty: it comes from the topic robot_description", read_only=False
+    )
 
 
 class DynamicsNode(Node):
@@ -50,24 +59,12 @@ class DynamicsNode(Node):
         else:
             if self._params.robot_description:
                 self.load_description(self._params.robot_description)
-            topic = interfaces.ROBOT_DESCRIPTION
-            self.create_subscription(
-                topic.type,
-                topic.name,
-                surviving(self, self.on_robot_description),
-                topic.subscribe,
-            )
+            topic, heard = ROBOT_DESCRIPTION, surviving(self, self.on_robot_description)
+            self.create_subscription(topic.type, topic.name, heard, topic.subscribe)
             watch(self, lambda: self._params, self._apply)
-        for service, callback in (
-            (interfaces.INVERSE_DYNAMICS, self.on_inverse_dynamics),
-            (interfaces.FORWARD_DYNAMICS, self.on_forward_dynamics),
-            (interfaces.DYNAMICS_TERMS, self.on_dynamics_terms),
-            (interfaces.CONSTRAINED_DYNAMICS, self.on_constrained_dynamics),
-            (interfaces.MODEL_INFO, self.on_model_info),
-            (interfaces.TASK_SPACE, self.on_task_space),
-            (interfaces.INVERSE_KINEMATICS, self.on_inverse_kinematics),
-        ):
-            self.create_service(service.type, service.name, self._counts.counted(callback))
+        for service in ANSWERS:
+            callback = self._counts.counted(partial(self.answer, service))
+            self.create_service(service.type, service.name, callback)
         self._diagnosis = Diagnosis(self, lambda: [self._counts.finding(self)])
 
     @property
@@ -80,7 +77,7 @@ class DynamicsNode(Node):
         if self._dynamics is None:
             raise InvalidInput(
                 "there is no robot yet; give the parameter scene or robot_description, or publish "
-                f"a URDF on {self.resolve_topic_name(interfaces.ROBOT_DESCRIPTION.name)}"
+                f"a URDF on {self.resolve_topic_name(ROBOT_DESCRIPTION.name)}"
             )
         return self._dynamics
 
@@ -103,83 +100,15 @@ class DynamicsNode(Node):
             kept = "the one before stays" if self._dynamics else "there is still no robot"
             self.get_logger().error(f"robot_description refused, {kept}: {error}")
 
+    def answer(self, service: Service, request: Any, response: Any) -> Any:
+        """Answer one of ``ANSWERS``; whatever is wrong with the request is in the response."""
+        with answering(response, self.get_logger()):
+            ANSWERS[service](self.dynamics, request, response)
+        return response
+
     def _apply(self, params: DynamicsParams) -> None:
-        if params.robot_description != self._params.robot_description:
-            self.load_description(params.robot_description)
+        self.load_description(params.robot_description)
         self._params = params
-
-    def _batch(self, request: Any, most: int) -> convert.Batch:
-        names = self.dynamics.joint_names
-        return convert.Batch(request.joint_names, names, request.position, most)
-
-    def on_inverse_dynamics(self, request: Any, response: Any) -> Any:
-        """Answer ``~/inverse_dynamics``."""
-        with convert.answering(response, self.get_logger()):
-            batch = self._batch(request, interfaces.MAX_POINTS)
-            v = batch.read("velocity", request.velocity)
-            a = batch.read("acceleration", request.acceleration)
-            tau = self.dynamics.inverse(batch.q, v, a, request.terms)
-            response.effort = batch.vectors(tau)
-            response.joint_names = batch.joint_names
-        return response
-
-    def on_forward_dynamics(self, request: Any, response: Any) -> Any:
-        """Answer ``~/forward_dynamics``."""
-        with convert.answering(response, self.get_logger()):
-            batch = self._batch(request, interfaces.MAX_POINTS)
-            v = batch.read("velocity", request.velocity)
-            tau = batch.read("effort", request.effort)
-            a = self.dynamics.forward(batch.q, v, tau)
-            response.acceleration = batch.vectors(a)
-            response.joint_names = batch.joint_names
-        return response
-
-    def on_constrained_dynamics(self, request: Any, response: Any) -> Any:
-        """Answer ``~/constrained_dynamics``."""
-        with convert.answering(response, self.get_logger()):
-            batch = self._batch(request, interfaces.MAX_TERMS_POINTS)
-            answer_constrained_dynamics(request, response, self.dynamics, batch)
-        return response
-
-    def on_dynamics_terms(self, request: Any, response: Any) -> Any:
-        """Answer ``~/dynamics_terms``."""
-        with convert.answering(response, self.get_logger()):
-            dynamics, batch = self.dynamics, self._batch(request, interfaces.MAX_TERMS_POINTS)
-            v = batch.read("velocity", request.velocity)
-            kinetic, potential = dynamics.energy(batch.q, v)
-            response.mass_matrix = batch.matrices(dynamics.mass_matrix(batch.q))
-            response.coriolis_matrix = batch.matrices(dynamics.coriolis_matrix(batch.q, v))
-            response.gravity = batch.vectors(dynamics.gravity(batch.q))
-            response.friction = batch.vectors(dynamics.friction(v, q=batch.q))
-            response.kinetic_energy = convert.to_array(convert.finite_answer(kinetic))
-            response.potential_energy = convert.to_array(convert.finite_answer(potential))
-            response.joint_names = batch.joint_names
-        return response
-
-    def on_task_space(self, request: Any, response: Any) -> Any:
-        """Answer ``~/task_space``."""
-        with convert.answering(response, self.get_logger()):
-            batch = self._batch(request, interfaces.MAX_TERMS_POINTS)
-            v = batch.read("velocity", request.velocity)
-            axes = one_or_all(request.axes) or "pose"
-            task = TaskSpace(self.dynamics, request.frame, request.reference, axes)
-            direction = request.direction
-            felt = task.effective_mass(batch.q, direction) if len(direction) else None
-            fill_task_space(response, batch, task.axes, task.terms(batch.q, v), felt)
-        return response
-
-    def on_inverse_kinematics(self, request: Any, response: Any) -> Any:
-        """Answer ``~/inverse_kinematics``."""
-        with convert.answering(response, self.get_logger()):
-            answer_inverse_kinematics(request, response, self.dynamics)
-        return response
-
-    def on_model_info(self, request: Any, response: Any) -> Any:
-        """Answer ``~/model_info``."""
-        del request  # empty
-        with convert.answering(response, self.get_logger()):
-            convert.fill_model_info(response, self.dynamics.model)
-        return response
 
 
 def main(args: list[str] | None = None) -> None:

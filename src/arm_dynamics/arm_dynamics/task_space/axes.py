@@ -18,7 +18,7 @@ def chosen_axes(selection: str | Iterable[str]) -> tuple[str, ...]:
 
     Args:
         selection: ``pose``, ``position``, ``orientation``, or names out of x, y, z (along) and rx,
-            ry, rz (about the axes).
+            ry, rz (about the axes), in one text or one by one.
 
     Returns:
         Names in the order x, y, z, rx, ry, rz.
@@ -28,7 +28,8 @@ def chosen_axes(selection: str | Iterable[str]) -> tuple[str, ...]:
     """
     if isinstance(selection, str) and selection in _GROUPS:
         return _GROUPS[selection]
-    names = (selection,) if isinstance(selection, str) else tuple(selection)
+    listed = selection.replace(",", " ").split() if isinstance(selection, str) else selection
+    names = tuple(listed)
     if not names or len(set(names)) < len(names) or not set(names) <= set(AXES):
         allowed = f"{known_names(_GROUPS)}, or different names out of {known_names(AXES)}"
         raise InvalidInput(f"selection = {selection!r}; allowed: {allowed}")

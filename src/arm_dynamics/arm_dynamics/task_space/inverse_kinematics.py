@@ -17,8 +17,7 @@ from numpy.typing import ArrayLike, NDArray
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.model.sampling import postures
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 
 _ANGLE = 0.3  # [m/rad]: how much an angle counts against a distance
 _BIAS = 1e-6  # damping that stays when the error is gone

@@ -19,7 +19,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.inverse_kinematics import checked_pose
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import TaskReference
 from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
 

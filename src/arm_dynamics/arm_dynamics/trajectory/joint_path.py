@@ -20,8 +20,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
 from arm_dynamics.trajectory.quintic import segment_coefficients
 from arm_dynamics.trajectory.reference import Reference, Trajectory, positive_limits

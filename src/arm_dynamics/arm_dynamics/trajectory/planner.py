@@ -12,8 +12,7 @@ from dataclasses import dataclass
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, checked_pose
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, line
 from arm_dynamics.trajectory.joint_path import JointPath, check_limits, joint_path, paced
 from arm_dynamics.trajectory.pose_path import through, way

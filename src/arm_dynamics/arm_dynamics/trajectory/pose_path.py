@@ -12,8 +12,7 @@ import pinocchio as pin
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import Line, Place, line
 from arm_dynamics.trajectory.joint_path import check_limits, derivatives
 from arm_dynamics.trajectory.quintic import knot_derivatives, segment_coefficients

@@ -86,12 +86,12 @@ def _other_parts(
     """What a scene may need beside the simulator's step, each with what compiles it."""
     import numpy as np
 
-    from arm_dynamics.control import compiled_computed_torque
+    from arm_dynamics.control import computed_torque
     from arm_dynamics.dynamics.dynamics import MANY
 
     if simulator.energy_account.makes_ticks_again:
         yield "energy account", simulator.energy_account.prepare
-    yield "computed torque", lambda: compiled_computed_torque.build(simulator.model)
+    yield "computed torque", lambda: computed_torque.build(simulator.model)
     if not batches:
         return
     q, dynamics = np.tile(simulator.model.q0, (MANY, 1)), simulator.dynamics

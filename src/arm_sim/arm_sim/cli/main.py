@@ -8,8 +8,7 @@ from typing import Any
 import click
 
 from arm_sim.cli.build import build
-from arm_sim.cli.call.command import call
-from arm_sim.cli.compare_controllers.command import compare_controllers
+from arm_sim.cli.call import call
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.nodes import controller, dynamics, sim
@@ -61,5 +60,5 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-for command in (demo, describe, build, call, dynamics, sim, controller, compare_controllers):
+for command in (demo, describe, build, call, dynamics, sim, controller):
     main.add_command(command)

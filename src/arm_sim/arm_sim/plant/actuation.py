@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From what is wanted to the command that acts: the controller, if any, then the limits."""
+"""From a reference or command to what acts: the compiled controller, if any, then the limits."""
 
 from __future__ import annotations
 
@@ -12,8 +12,7 @@ import numpy as np
 from arm_dynamics import ArmModel
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.arrays import Array
-from arm_dynamics.control import compiled_computed_torque as control_compiled
-from arm_dynamics.control.computed_torque import held_gains
+from arm_dynamics.control.computed_torque import expression, held_gains
 from arm_dynamics.equations.tree import constant
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.plant.plant import Plant
@@ -58,7 +57,7 @@ def computed_torque(
     n = model.n
     x, r = ca.SX.sym("x", 2 * n), ca.SX.sym("r", 3 * n)
     q, v = x[:n], x[n:]
-    tau = control_compiled.torque(
+    tau = expression(
         model, q, v, ca.vertsplit(r, n), (constant(kp), constant(kd), constant(np.array([dt])))
     )
     command = CommandMap(model)(q, v, tau)

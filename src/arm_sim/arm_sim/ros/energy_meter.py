@@ -46,7 +46,7 @@ class EnergyMeter:
             self._flows[0] += push @ (x - self._states[-1])[: len(push)]
         self._commands.append(self._simulator.command)
         self._states.append(x)
-        if self._simulator.audit.makes_ticks_again:
+        if self._simulator.energy_account.makes_ticks_again:
             self._add_up()
 
     def account(self) -> Account:
@@ -60,11 +60,11 @@ class EnergyMeter:
     def _add_up(self) -> None:
         if self._commands:
             x, u = np.array(self._states), np.array(self._commands)
-            flows = self._simulator.audit.flows(x, u, self._simulator.parameters)
+            flows = self._simulator.energy_account.flows(x, u, self._simulator.parameters)
             self._flows += flows.sum(axis=0)
             self._states, self._commands = self._states[-1:], []
 
     def _energies(self) -> tuple[float, float, float]:
         x, n = self._states[-1], self._simulator.n
         kinetic, potential = self._simulator.dynamics.energy(x[:n], x[n : 2 * n])
-        return kinetic, potential, float(self._simulator.audit.stored(x[None])[0])
+        return kinetic, potential, float(self._simulator.energy_account.stored(x[None])[0])

@@ -61,7 +61,7 @@ class Outputs:
             simulator.multipliers()  # builds what the loop should not have to wait for
         self._send_clock = sender(node, CLOCK) if params.publish_clock else None
         self._clock_header = bytes(serialize_message(CLOCK.type()))[:HEADER]
-        simulator.audit.prepare()
+        simulator.energy_account.prepare()
         self._idle = 0.0
         engine.on_tick.append(self._after_tick)
         engine.on_idle.append(lambda: self.repeat(simulator.dt))

@@ -12,9 +12,9 @@ _TURN = 5e-5  # [s]
 
 
 def take_short_turns() -> None:
-    """Keep work aside from holding up the loop longer than a twentieth of a millisecond.
+    """Keep background work from holding up the loop longer than a twentieth of a millisecond.
 
-    Python's threads otherwise take turns of 5 ms. For a process of one's own.
+    Python's threads otherwise take turns of 5 ms. For a process that runs one node.
     """
     sys.setswitchinterval(_TURN)
 
@@ -50,6 +50,11 @@ class Background:
         """Whether something has not been delivered yet."""
         return self._waiting is not None
 
+    @property
+    def ready(self) -> bool:
+        """Whether something is done, and waits to be delivered."""
+        return self._waiting is not None and self._waiting.future.done()
+
     def start[T](self, job: Callable[[], T], then: Callable[[Callable[[], T]], None]) -> bool:
         """Begin a job.
 
@@ -77,9 +82,9 @@ class Background:
 
     def deliver(self) -> None:
         """Hand over what is ready, if anything is."""
-        if (ready := self._waiting) is not None and ready.future.done():
-            self._waiting = None
-            ready.then(ready.future.result)
+        if self.ready:
+            done, self._waiting = self._waiting, None
+            done.then(done.future.result)
 
     def close(self) -> None:
         """Give up what waits and end the thread."""

@@ -5,17 +5,17 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 from functools import partial
 from typing import Any
 
 import rclpy
 from rclpy.context import Context
+from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import NoAnswer
-from arm_dynamics.ros.common.direct import Asker
 from arm_dynamics.ros.common.privileges import put_timers_aside
 from arm_dynamics.ros.interfaces import Service
 
@@ -23,6 +23,45 @@ _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not 
 _SETTLE = 0.3  # [s] for the server to see the client, where a request must not be repeated
 _GLANCE = 0.05  # [s] between looks at who offers a service, while its answer is awaited
 _LOOK = 0.01  # [s] between looks whether anybody offers it
+
+
+class Asker:
+    """Asks a service; no executor is needed.
+
+    Attributes:
+        name: Of the service, as everybody sees it.
+    """
+
+    def __init__(self, node: Node, service: Service, name: str) -> None:
+        """Get ready to ask; nobody else may spin ``node``."""
+        client = node.create_client(service.type, name)
+        self.name: str = client.service_name
+        self._response, self._handle = service.type.Response, client.handle
+        self._waiting: Any = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, node.context.handle)
+
+    def ready(self) -> bool:
+        """Whether anybody offers the service."""
+        return bool(self._handle.service_server_is_available())
+
+    def ask(self, request: Any) -> int:
+        """Send a request; return its number."""
+        return int(self._handle.send_request(request))
+
+    def answer(self, asked: Collection[int], timeout: float) -> Any | None:
+        """Wait for the answer to one of some requests, by number; others are passed over.
+
+        Returns:
+            The first that comes, or None if none does within ``timeout`` in [s].
+        """
+        end = time.monotonic_ns() + int(1e9 * timeout)
+        while (left := end - time.monotonic_ns()) > 0:
+            self._waiting.clear_entities()
+            self._waiting.add_client(self._handle)
+            self._waiting.wait(left)
+            info, response = self._handle.take_response(self._response)
+            if info is not None and info.request_id.sequence_number in asked:
+                return response
+        return None
 
 
 class Caller:

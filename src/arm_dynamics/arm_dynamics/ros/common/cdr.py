@@ -2,7 +2,8 @@
 """Reading serialized messages piece by piece, where a loop must go on meanwhile.
 
 A generated deserializer makes objects of a whole message in one call: no other thread gets on. The
-bytes are CDR version 1 (OMG RTPS 2.5, section 10), see ``aligned``.
+bytes are CDR version 1 (OMG RTPS 2.5, section 10): a field is
+aligned to its size, counted from after the header.
 """
 
 from __future__ import annotations
@@ -17,15 +18,11 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 
 HEADER = 4  # bytes that say how the others are encoded
+COUNT = 4  # bytes of a length, and the alignment of a Time
 GIGA = 1_000_000_000
 TIME = struct.Struct("=iI")  # a Time in the byte order of this machine
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 _LONGEST = 1000  # bytes of a name
-
-
-def aligned(at: int, align: int) -> int:
-    """Where a field of that alignment begins, from ``at`` on: counted from after the header."""
-    return at + -(at - HEADER) % align
 
 
 def time_bytes(nanoseconds: int) -> bytes:
@@ -69,7 +66,7 @@ class CdrReader:
         Raises:
             InvalidInput: If the message ends before, as with all that follows.
         """
-        start = aligned(self.at, align)
+        start = self.at + -(self.at - HEADER) % align
         if start + size > len(self._raw):
             raise InvalidInput(f"the message ends too early, after {len(self._raw)} bytes")
         self.at = start + size
@@ -77,7 +74,7 @@ class CdrReader:
 
     def count(self) -> int:
         """Read a length."""
-        return int(self._count.unpack_from(self._raw, self.skip(4, 4))[0])
+        return int(self._count.unpack_from(self._raw, self.skip(COUNT, COUNT))[0])
 
     def count_of(self, what: str, most: int) -> int:
         """Read a length that has a limit.
@@ -92,7 +89,7 @@ class CdrReader:
 
     def nanoseconds(self) -> int:
         """Read a Time or a Duration in [ns]."""
-        seconds, nanoseconds = self._time.unpack_from(self._raw, self.skip(8, 4))
+        seconds, nanoseconds = self._time.unpack_from(self._raw, self.skip(TIME.size, COUNT))
         return int(seconds) * GIGA + int(nanoseconds)
 
     def text(self) -> str:

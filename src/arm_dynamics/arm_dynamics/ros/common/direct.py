@@ -1,22 +1,20 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages in and out without what lies between them and the middleware.
+"""Messages in and out without the layers of rclpy between them and the middleware.
 
-Who ticks at 1 kHz and wants only the newest message need not be woken for each: a look costs under
-a microsecond when there is none and a few when there is one, far less than a callback. Who asks
-and has nothing else to do until the answer is there needs no executor, futures or tasks either.
+A loop at 1 kHz that wants only the newest message need not be woken for each: a look costs under
+a microsecond when there is none and a few when there is one, far less than a callback.
 """
 
 from __future__ import annotations
 
-import time
-from collections.abc import Callable, Collection
+from collections.abc import Callable
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.type_support import check_for_type_support
 
-from arm_dynamics.ros.interfaces import Service, Topic
+from arm_dynamics.ros.interfaces import Topic
 
 
 class Newest:
@@ -47,45 +45,6 @@ class Newest:
         if self._handle is not None:
             self._handle.destroy_when_not_in_use()
             self._handle = None
-
-
-class Asker:
-    """Asks a service; no executor is needed.
-
-    Attributes:
-        name: Of the service, as everybody sees it.
-    """
-
-    def __init__(self, node: Node, service: Service, name: str) -> None:
-        """Get ready to ask; nobody else may spin ``node``."""
-        client = node.create_client(service.type, name)
-        self.name: str = client.service_name
-        self._response, self._handle = service.type.Response, client.handle
-        self._waiting: Any = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, node.context.handle)
-
-    def ready(self) -> bool:
-        """Whether anybody offers the service."""
-        return bool(self._handle.service_server_is_available())
-
-    def ask(self, request: Any) -> int:
-        """Send a request; return its number."""
-        return int(self._handle.send_request(request))
-
-    def answer(self, asked: Collection[int], timeout: float) -> Any | None:
-        """Wait for the answer to one of some requests, by number; others are passed over.
-
-        Returns:
-            The first that comes, or None if none does within ``timeout`` in [s].
-        """
-        end = time.monotonic_ns() + int(1e9 * timeout)
-        while (left := end - time.monotonic_ns()) > 0:
-            self._waiting.clear_entities()
-            self._waiting.add_client(self._handle)
-            self._waiting.wait(left)
-            info, response = self._handle.take_response(self._response)
-            if info is not None and info.request_id.sequence_number in asked:
-                return response
-        return None
 
 
 def sender(node: Node, topic: Topic) -> Callable[[bytes], None]:

@@ -3,10 +3,12 @@
 
 from __future__ import annotations
 
+import logging
 import signal
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 import rclpy
@@ -16,9 +18,9 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.ros.common.core_log import core_log_of
 from arm_dynamics.ros.common.privileges import freeze_garbage, put_timers_aside
 
+CORES = ("arm_dynamics", "arm_sim")
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
 _GLANCE = 0.1  # [s] between looks at whether to end, when nothing happens
@@ -93,6 +95,39 @@ def surviving(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], Non
             )
 
     return guarded
+
+
+class NodeHandler(logging.Handler):
+    """Hands records to a node's logger, as information or as warnings."""
+
+    def __init__(self, node: Node) -> None:
+        """Speak for ``node``."""
+        super().__init__(logging.INFO)
+        self._log = node.get_logger()
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Say one record; ROS wants a line of code of its own for each severity."""
+        if record.levelno >= logging.WARNING:
+            self._log.warning(record.getMessage())
+        else:
+            self._log.info(record.getMessage())
+
+
+@contextmanager
+def core_log_of(node: Node) -> Iterator[None]:
+    """Let a node say what the cores log from INFO on, while the context lasts."""
+    handler = NodeHandler(node)
+    loggers = [logging.getLogger(name) for name in CORES]
+    levels = [logger.level for logger in loggers]
+    for logger in loggers:
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        for logger, level in zip(loggers, levels, strict=True):
+            logger.removeHandler(handler)
+            logger.setLevel(level)
 
 
 def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:

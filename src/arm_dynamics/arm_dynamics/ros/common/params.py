@@ -1,10 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters as frozen dataclasses, declared with range, and changed together or not at all."""
+"""Parameters as frozen dataclasses, declared with range, and changed together or not at all.
+
+A field is a parameter when its metadata hold a ``description``; a field that holds a dataclass is
+a group of parameters.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, fields, replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -17,9 +21,10 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from arm_dynamics.control.factory import NAMES
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros.common.privileges import Privileges, read_cpus
+
+SCENE = "Scene file or URDF: a path, a package:// URI or URDF text"
 
 
 def parameter(
@@ -34,26 +39,19 @@ def parameter(
     """Describe one field of a parameter dataclass.
 
     Args:
-        default: Value when nobody sets it; its type is the parameter's type.
+        default: Value when it is not set; its type is the parameter's type.
         description: What it is, with unit.
         low: Least value allowed, with ``high``.
         high: Greatest value allowed.
         choices: The texts that are allowed, if only some are.
         read_only: Whether it is fixed once the node runs.
     """
-    descriptor = ParameterDescriptor(description=description, read_only=read_only)
-    if choices:
-        descriptor.additional_constraints = "one of " + ", ".join(choices)
-    if low is not None and high is not None:
-        if isinstance(default, int):
-            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
-        else:
-            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
-    metadata = {"descriptor": descriptor, "choices": choices}
+    about = {"description": description, "choices": choices, "read_only": read_only}
+    if low is not None:
+        about |= {"low": low, "high": high}
     if isinstance(default, list):
-        descriptor.dynamic_typing = True  # [30] and 30 mean what [30.0] means
-        return field(default_factory=lambda: list(default), metadata=metadata)
-    return field(default=default, metadata=metadata)
+        return field(default_factory=lambda: list(default), metadata=about)
+    return field(default=default, metadata=about)
 
 
 def one_or_all(values: Sequence[Any]) -> Any:
@@ -67,15 +65,18 @@ def declare[P](node: Node, kind: type[P]) -> P:
     Raises:
         InvalidInput: If a value given at start is of a wrong type or not allowed.
     """
+    defaults = kind()
     values = {}
-    for item in fields(kind):  # type: ignore[arg-type]
-        default = getattr(kind(), item.name)
+    for name, item, default in _parameters(defaults):
+        about = item.metadata
+        if about.get("each_joint"):
+            default = [default]
         try:
-            declared = node.declare_parameter(item.name, default, item.metadata["descriptor"])
+            declared = node.declare_parameter(name, default, _descriptor(about, default))
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
-            raise InvalidInput(f"parameter '{item.name}': {error}") from error
-        values[item.name] = _plain(item.name, declared.value, default)
-    return _checked(kind(**values))
+            raise InvalidInput(f"parameter '{name}': {error}") from error
+        values[name] = declared.value
+    return _with(defaults, values)
 
 
 def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -> None:
@@ -90,11 +91,10 @@ def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
         present = current()
-        changed = [p for p in parameters if hasattr(present, p.name)]
         try:
-            values = {p.name: _plain(p.name, p.value, getattr(present, p.name)) for p in changed}
-            if values:
-                apply(_checked(replace(present, **values)))  # type: ignore[type-var]
+            wanted = _with(present, {p.name: p.value for p in parameters})
+            if wanted != present:
+                apply(wanted)
         except ArmError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -102,31 +102,60 @@ def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -
     node.add_on_set_parameters_callback(on_set)
 
 
-def _plain(name: str, value: Any, like: Any) -> Any:
-    """Give a parameter's value the type of ``like``; one number will do for a list of them."""
+def _parameters(params: Any) -> Iterator[tuple[str, Field[Any], Any]]:
+    """Name, field and value of every parameter, those of groups included."""
+    for item in fields(params):
+        value = getattr(params, item.name)
+        if is_dataclass(value):
+            yield from _parameters(value)
+        elif "description" in item.metadata:
+            yield item.metadata.get("parameter", item.name), item, value
+
+
+def _with[P](params: P, values: Mapping[str, Any]) -> P:
+    """The same with other values of some parameters, by their names; checked."""
+    changes: dict[str, Any] = {}
+    for item in fields(params):  # type: ignore[arg-type]
+        value, about = getattr(params, item.name), item.metadata
+        name = about.get("parameter", item.name)
+        if is_dataclass(value):
+            changes[item.name] = _with(value, values)
+        elif name in values and "description" in about:
+            changes[item.name] = _plain(name, values[name], value, about)
+    return replace(params, **changes)  # type: ignore[type-var]
+
+
+def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
+    """Give a parameter's value the type of ``like``; one number will do for several."""
     if value is None:
         raise InvalidInput(f"parameter '{name}' has no value; it cannot be taken away")
-    if not isinstance(like, list):
+    choices = about.get("choices")
+    if choices and value not in choices:
+        raise InvalidInput(
+            f"parameter '{name}' is '{value}'; allowed is one of {', '.join(choices)}"
+        )
+    several = about.get("each_joint") or isinstance(like, list | tuple)
+    if not several:
         return value
-    return [value] if isinstance(value, (bool, int, float, str)) else list(value)
+    listed = [value] if isinstance(value, bool | int | float | str) else list(value)
+    return one_or_all(listed) if about.get("each_joint") else type(like)(listed)
 
 
-def _checked[P](params: P) -> P:
-    for item in fields(params):  # type: ignore[arg-type]
-        value, choices = getattr(params, item.name), item.metadata["choices"]
-        if choices and value not in choices:
-            raise InvalidInput(
-                f"parameter '{item.name}' is '{value}'; allowed is one of {', '.join(choices)}"
-            )
-    return params
-
-
-def task_axes(params: ControllerParams) -> Any:
-    """Give the axes of the task as the core takes them."""
-    return one_or_all(params.task_axes.replace(",", " ").split())
-
-
-SCENE = "Scene file or URDF: a path, a package:// URI or URDF text"
+def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
+    descriptor = ParameterDescriptor(
+        description=about["description"],
+        read_only=about.get("read_only", False),
+        dynamic_typing=isinstance(default, list | tuple),  # [30] and 30 mean what [30.0] means
+    )
+    if choices := about.get("choices"):
+        descriptor.additional_constraints = "one of " + ", ".join(choices)
+    if "low" in about:
+        low, high = about["low"], about["high"]
+        if isinstance(default, int):
+            descriptor.integer_range = [IntegerRange(from_value=int(low), to_value=int(high))]
+        else:
+            descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
+    return descriptor
 
 
 @dataclass(frozen=True)
@@ -153,91 +182,3 @@ def privileges(params: ThreadParams) -> Privileges:
     """
     cpus = read_cpus(params.cpus)
     return Privileges(params.priority, cpus, params.lock_memory)
-
-
-@dataclass(frozen=True)
-class DynamicsParams:
-    """Parameters of the dynamics node."""
-
-    scene: str = parameter("", f"{SCENE}; empty: the robot description says what the arm is")
-    robot_description: str = parameter(
-        "", "URDF text; empty: it comes from the topic robot_description", read_only=False
-    )
-
-
-@dataclass(frozen=True)
-class ControllerParams(ThreadParams):
-    """Parameters of the controller node."""
-
-    scene: str = parameter("", f"{SCENE}; what the controller believes the arm to be")
-    controller: str = parameter(
-        "computed_torque", "The law that makes the torque", choices=NAMES, read_only=False
-    )
-    bandwidth: list[float] = parameter(
-        [20.0], "How fast errors vanish [rad/s]: one, or one for each joint", read_only=False
-    )
-    damping_ratio: list[float] = parameter(
-        [1.0], "Damping of errors, 1 is critical: one, or one for each joint", read_only=False
-    )
-    task_frame: str = parameter(
-        "", "Frame that laws in task space lead; empty: none", read_only=False
-    )
-    task_axes: str = parameter(
-        "pose",
-        'Axes that they lead: pose, position, orientation, or some of "x y z rx ry rz"',
-        read_only=False,
-    )
-    cartesian_speed: float = parameter(
-        0.25, "Speed of Cartesian goals [m/s]; a turn counts 0.25 m/rad", low=1e-6, high=100.0,
-        read_only=False,
-    )  # fmt: skip
-    cartesian_acceleration: float = parameter(
-        1.0, "Acceleration of Cartesian goals along their way [m/s²]", low=1e-6, high=1e4,
-        read_only=False,
-    )  # fmt: skip
-    cartesian_timing: str = parameter(
-        "smooth",
-        "smooth, or time_optimal: as quick as joint limits allow (needs the library toppra)",
-        choices=("smooth", "time_optimal"),
-        read_only=False,
-    )
-    force: float = parameter(
-        0.0, "Force with which motion_force presses [N]", low=-1e4, high=1e4, read_only=False
-    )
-    force_direction: list[float] = parameter(
-        [0.0, 0.0, -1.0], "Direction in the world along which it presses", read_only=False
-    )
-    friction: bool = parameter(
-        False, "Feed the scene's friction forward (computed_torque always does)", read_only=False
-    )
-    observer: float = parameter(
-        0.0, "Bandwidth of a disturbance observer [1/s]; 0: none", low=0.0, high=1e4,
-        read_only=False,
-    )  # fmt: skip
-    saturate: bool = parameter(
-        False, "Cut torques at the scene's effort limits and say so", read_only=False
-    )
-    switch_time: float = parameter(
-        0.2, "Time that a change of the law takes [s]", low=0.0, high=60.0
-    )
-    control_period: float = parameter(
-        1e-3, "Time between joint states, for laws that remember [s]", low=1e-6, high=1.0
-    )
-    acceleration_limit: float = parameter(
-        0.0,
-        "Greatest acceleration of a trajectory [rad/s²]; 0: none",
-        low=0.0,
-        high=1e6,
-        read_only=True,
-    )
-    gap_limit: float = parameter(
-        1.0,
-        "Time from one joint state to the next after which the arm is held where it is, instead "
-        "of being led to where it should have come meanwhile [s]; 0: any",
-        low=0.0,
-        high=1e6,
-        read_only=False,
-    )
-    state_period: float = parameter(
-        0.02, "Least time between messages on ~/state [s]", low=0.0, high=10.0
-    )

@@ -1,22 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How processes talk, where Fast DDS's usual way will not do: environments for them.
+"""How processes talk where Fast DDS's defaults do not suffice, and what killed ones leave behind.
 
-Shared memory is Fast DDS's usual way, and its ports are the whole machine's. Where a process is
-killed, or stopped for a second, version 2.14 takes its port for dead and maps it anew: who is just
-leaving it may crash, and who still writes to the old one is not heard again.
+Shared memory is Fast DDS's default, and its ports belong to the whole machine. When a process is
+killed, or stopped for a second, version 2.14 takes its port for dead and maps it anew: a process
+that is just leaving it may crash, and one that still writes to the old port is not heard again.
 
 A message larger than the sender's shared memory, 512 kB, loses its end, which is sent again
 some milliseconds later, and so on until all of it is there.
+
+Each participant has segments in /dev/shm and holds a lock on each while it lives. A process that
+is killed cannot give them back; whoever kills one calls ``clear_dead``, which does what ``fastdds
+shm clean`` does (the wheels do not contain it).
 """
 
 from __future__ import annotations
 
+import fcntl
 from pathlib import Path
 
 DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
 LARGE_BATCHES = Path(__file__).with_name("large_batches.xml")
+FOLDER = Path("/dev/shm")
+_LOCKS = ("_el", "_sl")
 
 
 def by_udp() -> dict[str, str]:
@@ -27,7 +34,7 @@ def by_udp() -> dict[str, str]:
 def with_room() -> dict[str, str]:
     """Environment of processes that have 64 MB of shared memory each for what they send.
 
-    As a profile of its own, and for who asks for it: containers often have no more in all.
+    A profile of its own, on request only: containers often have no more than that in all.
     """
     return _profiled(LARGE_BATCHES)
 
@@ -40,3 +47,42 @@ def as_usual() -> dict[str, str]:
 def _profiled(profile: Path) -> dict[str, str]:
     # With the range LOCALHOST, ROS takes no notice of a profile's transports.
     return {PROFILES: str(profile), DISCOVERY: "SYSTEM_DEFAULT"}
+
+
+def clear_dead(folder: Path = FOLDER) -> int:
+    """Remove the segments whose owners are gone; those of living nodes stay.
+
+    Args:
+        folder: Where Fast DDS keeps them.
+
+    Returns:
+        How many segments were removed.
+    """
+    names = {_stem(path.name) for path in folder.glob("fastrtps_*")}
+    return sum(_removed(folder, name) for name in sorted(names))
+
+
+def _stem(name: str) -> str:
+    return name[:-3] if name.endswith(_LOCKS) else name
+
+
+def _removed(folder: Path, name: str) -> bool:
+    locks = [folder / f"{name}{lock}" for lock in _LOCKS]
+    begun = not name.startswith("fastrtps_port") and not any(lock.exists() for lock in locks)
+    if begun or any(map(_is_held, locks)):  # a segment gets its lock last, a port first
+        return False
+    for path in (folder / name, *locks, folder / f"sem.{name}_mutex"):
+        path.unlink(missing_ok=True)
+    return True
+
+
+def _is_held(lock: Path) -> bool:
+    """Whether somebody alive holds a lock; one that may not be looked at counts as held."""
+    try:
+        with lock.open("rb") as file:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except FileNotFoundError:
+        return False
+    except OSError:
+        return True
+    return False

@@ -1,2 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-""" """
+"""The parts of the controller node: its parameters, the goals it follows, what it has answered.
+
+It knows the core, the interfaces and ``common``; it knows neither the node nor the services of
+the dynamics node.
+"""
+
+from arm_dynamics.ros.controller.answer_log import AnswerLog
+from arm_dynamics.ros.controller.goals import Goals
+from arm_dynamics.ros.controller.messages import tracking_state
+from arm_dynamics.ros.controller.params import ControllerParams
+
+__all__ = ["AnswerLog", "ControllerParams", "Goals", "tracking_state"]

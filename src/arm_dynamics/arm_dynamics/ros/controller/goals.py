@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the controller node is told to follow: trajectories, poses and paths, planned aside.
+"""Goals of the controller node: trajectories, poses and paths, planned in the background.
 
 Planning may take longer than a tick, so it has a thread of its own; a motion is taken between two
 ticks, where the reference is as it was planned from. The newest goal counts.
@@ -18,11 +18,15 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.ros.common import convert
 from arm_dynamics.ros.common.background import Background
-from arm_dynamics.ros.common.params import ControllerParams, task_axes
-from arm_dynamics.ros.controller.goal_bytes import PathBytes, TrajectoryBytes
-from arm_dynamics.ros.dynamics.poses import goal_of, path_of
+from arm_dynamics.ros.controller.messages import (
+    PathBytes,
+    TrajectoryBytes,
+    goal_of,
+    path_of,
+    waypoints,
+)
+from arm_dynamics.ros.controller.params import ControllerParams
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower, Outset
 from arm_dynamics.trajectory.joint_path import paced
@@ -52,7 +56,7 @@ class Goals:
     Attributes:
         follower: What gives references; None until the arm has been seen.
         stamp: Stamp of the newest state in [ns].
-        outcome: What became of the newest goal, for people; empty before the first.
+        outcome: What became of the newest goal, in words; empty before the first.
         refused: How many goals were refused.
     """
 
@@ -69,6 +73,11 @@ class Goals:
     def busy(self) -> bool:
         """Whether a goal is being planned."""
         return self._background.busy
+
+    @property
+    def ready(self) -> bool:
+        """Whether a plan is done, and waits for the next tick."""
+        return self._background.ready
 
     def close(self) -> None:
         """End the planner's thread."""
@@ -96,7 +105,7 @@ class Goals:
             return
 
         def plan(outset: Outset) -> Motion:
-            points = convert.waypoints(message, self._model.joint_names, outset.here)
+            points = waypoints(message, self._model.joint_names, outset.here)
             motion = outset.through(points, self._limits)
             while points:  # given back one by one: all in one go would hold up the loop
                 points.pop()
@@ -127,10 +136,11 @@ class Goals:
 
     def _planner(self, params: ControllerParams) -> CartesianGoals:
         """One of its own for every plan: it works on the planner's thread."""
-        if not params.task_frame:
+        frame, axes = params.settings.frame, params.settings.axes
+        if not frame:
             raise InvalidInput("parameter 'task_frame' is empty; allowed is a frame that moves")
         dynamics = Dynamics(self._model)
-        task = TaskSpace(dynamics, params.task_frame, selection=task_axes(params))
+        task = TaskSpace(dynamics, frame, selection=axes)
         pace = Pace(params.cartesian_speed, params.cartesian_acceleration, self._limits)
         return CartesianGoals(task, dynamics, pace, _TIMINGS[params.cartesian_timing])
 

@@ -3,7 +3,7 @@
 
 In a loop that wakes up a thousand times a second the processor's caches are cold, and every line
 of Python costs several times what it costs in a benchmark. What C does not know, or finds
-wrong, is read by ``joint_state_bytes``; that alone refuses.
+wrong, is read by ``serialization``; that alone refuses.
 """
 
 from __future__ import annotations
@@ -20,16 +20,19 @@ from typing import Any
 import numpy as np
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message
-from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import FLAGS, build, may_build
 from arm_dynamics.exceptions import KernelError
 from arm_dynamics.ros.common.cdr import HEADER
 from arm_dynamics.ros.interfaces import Topic
-from arm_dynamics.ros.joint_state.layout import Layout, layout_of
-from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter, Read
+from arm_dynamics.ros.joint_state.serialization import (
+    JointStateReader,
+    JointStateWriter,
+    Layout,
+    Read,
+    layout_of,
+)
 from arm_dynamics.ros.joint_state.topics import JointStateSink, JointStateSource
 
 NONE, KNOWN, BEYOND, OTHER, FAILED = range(5)  # as in joint_state.c
@@ -203,7 +206,7 @@ class CompiledSink(JointStateSink):
         """See ``JointStateSink``."""
         super().__init__(node, topic, writer, arrays)
         raw = writer.write(0, *self.arrays)
-        layout = layout_of(deserialize_message(raw, JointState), raw)
+        layout = layout_of(raw)
         self._raw = ctypes.create_string_buffer(raw, len(raw))
         places = [offset for offset, length in layout.arrays if length]
         sink = _Sink(

@@ -8,8 +8,9 @@ from message to message is the stamp and the numbers.
 from __future__ import annotations
 
 import math
+import struct
+import sys
 from collections.abc import Callable, Sequence
-from itertools import chain
 from typing import Any, NamedTuple, NoReturn
 
 import numpy as np
@@ -18,13 +19,91 @@ from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array, any_beyond, finite_numbers
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.ros.common.cdr import GIGA, time_bytes
-from arm_dynamics.ros.joint_state.layout import FIELDS, NATIVE, Layout, layout_of
+from arm_dynamics.ros.common.cdr import COUNT, GIGA, HEADER, TIME, CdrReader, time_bytes
 
 Numbers = tuple[float, ...]
 Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the fields
 
+FIELDS = ("position", "velocity", "effort")
+NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
 _KINDS = 4  # layouts kept at once, for several publishers on one topic
+
+
+class Layout(NamedTuple):
+    """Where things stand in a serialized JointState.
+
+    Attributes:
+        size: Bytes up to the last number.
+        arrays: Offset and length of position, velocity and effort.
+        record: Takes a message apart: the two numbers of the stamp, then those of the arrays.
+        numbers: Places in the record of position, velocity and effort.
+        fixed: 1 for every bit that is the same in all messages of this layout, as one integer.
+        expected: What these bits are.
+    """
+
+    size: int
+    arrays: tuple[tuple[int, int], ...]
+    record: struct.Struct
+    numbers: tuple[slice, ...]
+    fixed: int
+    expected: int
+
+    def read(self, raw: bytes) -> tuple[Any, ...] | None:
+        """Take ``raw`` apart by the record; None if it has another layout."""
+        size = self.size
+        if len(raw) < size or int.from_bytes(raw[:size], "little") & self.fixed != self.expected:
+            return None
+        return self.record.unpack_from(raw)
+
+    def masks(self) -> tuple[bytes, bytes]:
+        """``fixed`` and ``expected`` byte by byte."""
+        return self.fixed.to_bytes(self.size, "little"), self.expected.to_bytes(
+            self.size, "little"
+        )
+
+    def array(self, raw: bytes | bytearray, field: int) -> Array:
+        """View the numbers of one field in place."""
+        offset, length = self.arrays[field]
+        return np.frombuffer(raw, np.float64, length, offset)
+
+
+def layout_of(raw: bytes) -> Layout:
+    """Find out where things stand in a serialized JointState by walking over it.
+
+    What stays from message to message is everything but the stamp, the numbers and the padding,
+    which may hold anything.
+    """
+    cdr, mask, arrays = CdrReader(raw), bytearray(len(raw)), []
+
+    def stays(size: int) -> None:
+        mask[cdr.at - size : cdr.at] = b"\xff" * size
+
+    def count() -> int:
+        length = cdr.count()
+        stays(COUNT)
+        return length
+
+    def text() -> None:
+        length = count()
+        cdr.skip(length, 1)
+        stays(length)
+
+    stays(HEADER)
+    cdr.skip(TIME.size, COUNT)
+    text()  # frame_id
+    for _ in range(count()):
+        text()
+    for _ in FIELDS:
+        length = count()
+        arrays.append((cdr.skip(8 * length, 8 if length else 1), length))
+    form, at, place, numbers = f"={HEADER}xiI", HEADER + TIME.size, 2, []
+    for start, length in arrays:
+        form += f"{start - at}x{length}d"
+        numbers.append(slice(place, place + length))
+        at, place = start + 8 * length, place + length
+    fixed = int.from_bytes(mask[: cdr.at], "little")
+    expected = int.from_bytes(raw[: cdr.at], "little") & fixed
+    return Layout(cdr.at, tuple(arrays), struct.Struct(form), tuple(numbers), fixed, expected)
 
 
 class JointStateWriter:
@@ -43,11 +122,16 @@ class JointStateWriter:
         message.header.frame_id = frame_id
         for field in fields:
             setattr(message, field, [0.0] * len(names))
-        layout = layout_of(message, serialize_message(message))
+        layout = layout_of(serialize_message(message))
         clean = layout.expected.to_bytes(layout.size, "little")  # no rubbish in the padding
-        header, *pieces = (piece for _, piece in layout_of(message, clean).pieces)
-        # What one call joins: the stamp comes after the header, numbers after each other piece.
-        self._parts: list[Any] = [header, b"", *chain(*((piece, b"") for piece in pieces))]
+        # What one call joins: the stamp, and numbers after each piece of what stays.
+        self._parts: list[Any] = [clean[:HEADER], b""]
+        at = HEADER + TIME.size
+        for field in fields:
+            start, length = layout.arrays[FIELDS.index(field)]
+            self._parts += [clean[at:start], b""]
+            at = start + 8 * length
+        self._parts.append(clean[at:])
         self._numbers = slice(3, 3 + 2 * len(fields), 2)
         self._size = layout.size
 
@@ -164,7 +248,7 @@ class JointStateReader:
         if any_beyond(values[0], self._limit):
             values[0] = self._beyond(values[0])
         self._values = values
-        return found[1] * GIGA + found[2], values
+        return found[0] * GIGA + found[1], values
 
     def _refuse_infinite(self, values: list[Numbers]) -> NoReturn:
         field, joint, bad = next(
@@ -188,7 +272,7 @@ class JointStateReader:
         all_of_them = range(len(self._names))
         joints = [k for k in all_of_them if places is None or places[k] is not None]
         source = message.header.frame_id
-        layout = layout_of(message, raw)
+        layout = layout_of(raw)
         numbers = tuple(layout.numbers[field] for field in self.fields)
         known = Known(layout, numbers, places, source, frozenset(joints))
         for field, name in enumerate(FIELDS):

@@ -1,35 +1,133 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Asks running nodes; what every command of ``./arm call`` needs to show the answer."""
+"""What the commands of ``./arm call`` share: their group and options, and how answers look."""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
-from typing import Any
+from functools import wraps
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
-import numpy as np
 
-from arm_dynamics.client.client import ArmClient
-from arm_dynamics.exceptions import NoAnswer, Refused
-from arm_sim.cli.output import console, number, show, table
-from arm_sim.cli.vectors import Vector
+from arm_sim.cli.output import console, examples, number, show, table
+from arm_sim.cli.vectors import HOW, Vector, VectorType
 
+if TYPE_CHECKING:
+    import numpy as np
+
+    from arm_dynamics.client import ArmClient
+
+VECTOR = VectorType()
 SHOWN = 20  # points of a batch on a terminal
+UNITS = {  # of turning joints and of sliding ones
+    "position": ("rad", "m"), "seed": ("rad", "m"), "velocity": ("rad/s", "m/s"),
+    "acceleration": ("rad/s²", "m/s²"), "effort": ("N m", "N"), "inertia": ("kg m²", "kg"),
+    "damping": ("N m s/rad", "N s/m"),
+}  # fmt: skip
 _DUST = 1e-14  # of the largest number beside it
+_Command = Callable[..., Any]
+
+
+@click.group(
+    epilog=examples(
+        './arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
+        './arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity',
+        "./arm call model-info --json",
+    )
+)
+def call() -> None:
+    """Call a service of a running node.
+
+    Vectors are in the model's order, or by joint name; joints that are not named are zero. Start
+    nodes by ./arm dynamics SCENE and ./arm sim SCENE.
+    """
+
+
+# --- options -----------------------------------------------------------------------------------
+
+
+class Partner(NamedTuple):
+    """A node to be called: its name, and the command that starts one."""
+
+    node: str
+    start: str
+
+
+DYNAMICS = Partner("/dynamics", "./arm dynamics SCENE")
+SIM = Partner("/sim", "./arm sim SCENE")
+
+
+def asks(
+    partner: Partner, check: Callable[..., None] = lambda **_: None
+) -> Callable[[_Command], _Command]:
+    """A command with a client of a node, and the options that come with it.
+
+    Args:
+        partner: The node. The function is called with ``client`` and ``as_json``, and with the
+            options of its own.
+        check: Called with these options before anything is asked.
+    """
+
+    def decorate(command: _Command) -> _Command:
+        @wraps(command)
+        def run(node: str, timeout: float, as_json: bool, **given: Any) -> None:
+            check(**given)
+            with _client(node, partner.start, timeout, as_json) as client:
+                command(client=client, as_json=as_json, **given)
+
+        for option in (
+            click.option("--json", "as_json", is_flag=True, help="Print JSON."),
+            click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
+                         help="How long to wait, in s."),
+            click.option("--node", default=partner.node, show_default=True, help="Node to ask."),
+        ):  # fmt: skip
+            option(run)
+        return run
+
+    return decorate
+
+
+def vector(name: str, what: str, required: bool = False) -> Callable[[_Command], _Command]:
+    """An option for numbers of the joints.
+
+    Args:
+        name: Its name.
+        what: What the numbers are.
+        required: Whether they must be given; else they are zero.
+    """
+    rest = f"; {HOW}." if required else "; zero when omitted."
+    return click.option(f"--{name}", type=VECTOR, required=required, help=what + rest)
+
+
+def split(_: click.Context, __: click.Parameter, value: str) -> list[str]:
+    """Words of an option, with commas or spaces between them."""
+    return value.replace(",", " ").split()
+
+
+joints = click.option(
+    "--joints", default="", callback=split,
+    help='Order of the vectors, e.g. "elbow shoulder"; else the model\'s.',
+)  # fmt: skip
+
+
+def plain_rows(option: str, given: Vector) -> Any:
+    """Numbers that belong to no joints: a row, or a row for each point if several were given."""
+    if given.named:
+        raise click.ClickException(f"{option}: expected numbers without names")
+    return given.rows if given.batch else given.rows[0]
+
+
+# --- asking ------------------------------------------------------------------------------------
 
 
 @contextmanager
-def asking(node: str, start: str, timeout: float, as_json: bool) -> Iterator[ArmClient]:
-    """A client of one node; what goes wrong ends the command.
+def _client(node: str, start: str, timeout: float, as_json: bool) -> Iterator[ArmClient]:
+    """A client of one node; what goes wrong ends the command."""
+    from arm_dynamics.client import ArmClient
+    from arm_dynamics.exceptions import NoAnswer, Refused
 
-    Args:
-        node: Name of the node.
-        start: The command that starts such a node.
-        timeout: How long to wait in [s].
-        as_json: Whether a refusal is told as JSON.
-    """
     with ArmClient(node, node, timeout) as client:
         try:
             yield client
@@ -52,26 +150,26 @@ class Question:
         client: Of the node that is asked.
         joints: Names of the joints in the order of all vectors; none for the model's.
         vectors: Numbers of the joints by what they are, None where they were not given.
-        batch: Whether several points are meant, whatever the vectors say.
+        batch: Whether several points are asked about, whatever the vectors say.
     """
 
     def __init__(
         self,
         client: ArmClient,
-        joints: str,
+        joints: list[str],
         vectors: dict[str, Vector | None],
         batch: bool = False,
     ) -> None:
         facts = client.model_info()
-        self.order = joints.replace(",", " ").split()
+        self.order = joints
         self.names = self.order or list(facts.joint_names)
         self.types = dict(zip(facts.joint_names, facts.joint_types, strict=True))
         self.vectors = {name: v.array(self.names) for name, v in vectors.items() if v is not None}
         self.batch = batch or any(v.batch for v in vectors.values() if v is not None)
 
-    def given(self, name: str) -> np.ndarray | None:
-        """One of the vectors, None if it was not given."""
-        return self.vectors.get(name)
+    def given(self, *names: str) -> list[np.ndarray | None]:
+        """Some of the vectors, None for each that was not given."""
+        return [self.vectors.get(name) for name in names]
 
     def points(self, values: np.ndarray, rank: int = 1) -> np.ndarray:
         """Numbers of an answer, of ``rank`` dimensions a point, as one entry a point."""
@@ -81,35 +179,64 @@ class Question:
         """Numbers for JSON: a list of points if points were given as a list."""
         return values.tolist() if self.batch else values.tolist()[0]
 
-    def unit(self, turning: str, sliding: str) -> str:
-        """The unit of the joints at hand, both where both kinds are."""
+    def unit(self, quantity: str) -> str:
+        """The unit of a quantity for the joints at hand, both where both kinds are."""
+        turning, sliding = UNITS[quantity]
         kinds = {self.types.get(name) == "prismatic" for name in self.names}
         return ", ".join([turning] * (False in kinds) + [sliding] * (True in kinds))
 
 
-def plain_rows(option: str, given: Vector) -> np.ndarray:
-    """Numbers that belong to no joints: a row, or a row for each point if several were meant."""
-    if given.named:
-        raise click.ClickException(f"{option}: numbers alone are wanted, without names")
-    return np.array(given.rows if given.batch else given.rows[0], float)
+# --- showing -----------------------------------------------------------------------------------
 
 
-def print_points(heads: Sequence[str], title: str, rows: np.ndarray) -> None:
-    """Print a batch, a line for each point.
+def print_joints(question: Question, quantity: str, values: np.ndarray, title: str = "") -> None:
+    """Print a vector of the joints beside those that were given, or a line for each point.
 
     Args:
-        heads: What each column is.
-        title: What the numbers are.
-        rows: The numbers, a row for each point.
+        question: What was asked.
+        quantity: One of ``UNITS``.
+        values: The numbers, shape (k, n).
+        title: What they are called, if not by their quantity.
     """
-    shown = [(str(k), *map(number, row)) for k, row in enumerate(readable(rows[:SHOWN]))]
-    show(console(), table((f"point: {title}", *heads), shown))
+    heading = f"{title or quantity} [{question.unit(quantity)}]"
+    if question.batch:
+        print_points(heading, question.names, numbers(values))
+        return
+    given = {f"{name} [{question.unit(name)}]": v for name, v in question.vectors.items()}
+    print_columns("joint", question.names, {**given, heading: values[0]})
+
+
+def print_columns(what: str, names: Sequence[str], columns: dict[str, np.ndarray]) -> None:
+    """Print a line for each name, a column for each vector."""
+    cells = zip(names, *map(readable, columns.values()), strict=True)
+    rows = [(name, *map(number, values)) for name, *values in cells]
+    show(console(), table((what, *columns), rows))
+
+
+def print_matrix(title: str, names: Sequence[str], heads: Sequence[str], values: Any) -> None:
+    """Print a matrix whose rows and columns have names."""
+    rows = zip(names, readable(values), strict=True)
+    cells = [(name, *(number(x, 5) for x in row)) for name, row in rows]
+    show(console(), table((title, *heads), cells))
+
+
+def print_points(
+    title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], what: str = "point"
+) -> None:
+    """Print a batch, a line for each of the first points, and say how many there are more."""
+    shown = [(str(k), *row) for k, row in enumerate(rows[:SHOWN])]
+    show(console(), table((f"{what}: {title}", *heads), shown))
     say_more(len(rows))
 
 
+def numbers(rows: np.ndarray) -> list[list[str]]:
+    """Rows of numbers as text."""
+    return [list(map(number, row)) for row in readable(rows)]
+
+
 def readable(values: np.ndarray) -> np.ndarray:
-    """The same without the dust that rounding leaves where zero is meant."""
-    return np.where(np.abs(values) < _DUST * np.abs(values).max(initial=0.0), 0.0, values)
+    """The same without the dust that rounding leaves in place of zero."""
+    return values * (abs(values) >= _DUST * abs(values).max(initial=0.0))
 
 
 def say_more(points: int) -> None:
@@ -122,7 +249,7 @@ def print_json(refusal: str = "", /, **fields: Any) -> None:
     """Print an answer for scripts.
 
     Args:
-        refusal: What the node would not do.
+        refusal: Why the node declined.
         **fields: What it answered.
     """
     head = {"success": False, "message": refusal} if refusal else {"success": True}

@@ -1,98 +1,83 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that order a sim node to do something."""
+"""Commands to a sim node."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from arm_sim.cli.call.options import SIM, VECTOR, joints, options
-from arm_sim.cli.output import examples
-from arm_sim.cli.vectors import HOW
+from arm_sim.cli.call.asking import SIM, VECTOR, asks, call, joints, print_json
+from arm_sim.cli.output import console, examples
+from arm_sim.cli.vectors import HOW, Vector
+
+if TYPE_CHECKING:
+    from arm_dynamics.client import ArmClient
 
 
-@click.command(
-    short_help="Put the simulation back to its start.",
-    epilog=examples(
-        "./arm call reset",
-    ),
+@call.command(
+    short_help="Put the simulation back to its start.", epilog=examples("./arm call reset")
 )
-@options(SIM)
-def reset(**given: Any) -> None:
+@asks(SIM)
+def reset(client: ArmClient, as_json: bool) -> None:
     """Put the simulation back to its initial state and time zero."""
-    from arm_sim.cli.call import simulation
+    client.reset()
+    _print_done("back at its initial state, time zero", as_json)
 
-    simulation.reset(**given)
 
-
-@click.command(
-    epilog=examples(
-        "./arm call pause",
-    )
-)
-@options(SIM)
-def pause(**given: Any) -> None:
+@call.command(epilog=examples("./arm call pause"))
+@asks(SIM)
+def pause(client: ArmClient, as_json: bool) -> None:
     """Stop the simulation's time."""
-    from arm_sim.cli.call import simulation
+    client.pause()
+    _print_done("paused", as_json)
 
-    simulation.pause(True, **given)
 
-
-@click.command(
-    epilog=examples(
-        "./arm call resume",
-    )
-)
-@options(SIM)
-def resume(**given: Any) -> None:
+@call.command(epilog=examples("./arm call resume"))
+@asks(SIM)
+def resume(client: ArmClient, as_json: bool) -> None:
     """Let the simulation's time go on."""
-    from arm_sim.cli.call import simulation
+    client.resume()
+    _print_done("running", as_json)
 
-    simulation.pause(False, **given)
 
-
-@click.command(
-    short_help="Advance a paused simulation.",
-    epilog=examples(
-        "./arm call step 100",
-    ),
-)
+@call.command(short_help="Advance a paused simulation.", epilog=examples("./arm call step 100"))
 @click.argument("steps", default=1, type=click.IntRange(1))
-@options(SIM)
-def step(steps: int, **given: Any) -> None:
-    """Advance a paused simulation by STEPS ticks (1 when not given)."""
-    from arm_sim.cli.call import simulation
+@asks(SIM)
+def step(client: ArmClient, as_json: bool, steps: int) -> None:
+    """Advance a paused simulation by STEPS ticks (1 when omitted)."""
+    time = client.step(steps)
+    ticks = f"{steps} tick{'s' if steps > 1 else ''}"
+    _print_done(f"{ticks} further, t = {time:.6g} s", as_json, time=time)
 
-    simulation.step(steps, **given)
+
+def _something(position: Vector | None, velocity: Vector | None, **_: Any) -> None:
+    if position is None and velocity is None:
+        raise click.UsageError("nothing to set: give --position, --velocity or both")
 
 
-@click.command(
+@call.command(
     "set-joint-state",
     short_help="Put joints of the simulation somewhere at once.",
-    epilog=examples(
-        './arm call set-joint-state --position "panda_joint4=-1.5"',
-    ),
+    epilog=examples('./arm call set-joint-state --position "panda_joint4=-1.5"'),
 )
 @click.option("--position", type=VECTOR, help=f"Joint positions in rad or m; {HOW}.")
-@click.option("--velocity", type=VECTOR, help="Joint velocities; zero when not given.")
+@click.option("--velocity", type=VECTOR, help="Joint velocities; zero when omitted.")
 @joints
-@options(SIM)
-def set_joint_state(**given: Any) -> None:
+@asks(SIM, check=_something)
+def set_joint_state(
+    client: ArmClient, as_json: bool, joints: list[str], **vectors: Vector | None
+) -> None:
     """Put joints of the simulation somewhere at once; those not named stay."""
-    from arm_sim.cli.call import simulation
-
-    if given["position"] is None and given["velocity"] is None:
-        raise click.UsageError("nothing to set: give --position, --velocity or both")
-    simulation.set_joint_state(**given)
+    names, rows = _named_rows(joints, vectors)
+    client.set_joint_state(rows.get("position"), rows.get("velocity"), names)
+    _print_done(f"{', '.join(names) if names else 'all joints'} set", as_json)
 
 
-@click.command(
+@call.command(
     "set-payload",
     short_help="Change a payload of the simulation.",
-    epilog=examples(
-        './arm call set-payload --mass 1.5 --com "0 0 0.05"',
-    ),
+    epilog=examples('./arm call set-payload --mass 1.5 --com "0 0 0.05"'),
 )
 @click.option("--mass", required=True, type=float, help="Mass in kg.")
 @click.option("--com", type=VECTOR, default="0 0 0", help="Centre of mass in its frame, in m.")
@@ -100,42 +85,63 @@ def set_joint_state(**given: Any) -> None:
               help="About it: xx xy xz yy yz zz, in kg m².")  # fmt: skip
 @click.option("--index", default=0, show_default=True, type=click.IntRange(0),
               help="Which of the scene's payloads.")  # fmt: skip
-@options(SIM)
-def set_payload(**given: Any) -> None:
+@asks(SIM)
+def set_payload(
+    client: ArmClient, as_json: bool, mass: float, com: Vector, inertia: Vector, index: int
+) -> None:
     """Change a payload; the scene has to declare payloads tunable."""
-    from arm_sim.cli.call import simulation
+    client.set_payload(mass, com.flat(()), inertia.flat(()), index)
+    _print_done(f"payload {index} has {mass:g} kg", as_json)
 
-    simulation.set_payload(**given)
 
-
-@click.command(
+@call.command(
     "set-friction",
     short_help="Change viscous friction of the simulation.",
-    epilog=examples(
-        './arm call set-friction --viscous "panda_joint4=0.5"',
-    ),
+    epilog=examples('./arm call set-friction --viscous "panda_joint4=0.5"'),
 )
 @click.option("--viscous", type=VECTOR, required=True,
               help=f"Coefficients in N m s/rad or N s/m; {HOW}.")  # fmt: skip
 @joints
-@options(SIM)
-def set_friction(**given: Any) -> None:
+@asks(SIM)
+def set_friction(client: ArmClient, as_json: bool, joints: list[str], viscous: Vector) -> None:
     """Change viscous friction; the scene has to declare friction tunable."""
-    from arm_sim.cli.call import simulation
+    names, rows = _named_rows(joints, {"viscous": viscous})
+    client.set_friction(rows["viscous"], names)
+    _print_done(f"friction of {', '.join(names) if names else 'all joints'} set", as_json)
 
-    simulation.set_friction(**given)
 
-
-@click.command(
+@call.command(
     "reset-counters",
-    short_help="Have the counters of the simulation begin afresh.",
-    epilog=examples(
-        "./arm call reset-counters",
-    ),
+    short_help="Restart the counters of the simulation.",
+    epilog=examples("./arm call reset-counters"),
 )
-@options(SIM)
-def reset_counters(**given: Any) -> None:
-    """Have the counters of loop, commands and answers begin afresh."""
-    from arm_sim.cli.call import simulation
+@asks(SIM)
+def reset_counters(client: ArmClient, as_json: bool) -> None:
+    """Restart the counters of loop, commands and answers at zero."""
+    client.reset_counters()
+    _print_done("counters at zero", as_json)
 
-    simulation.reset_counters(**given)
+
+def _named_rows(
+    names: list[str], vectors: dict[str, Vector | None]
+) -> tuple[list[str], dict[str, list[float]]]:
+    """Names of the joints, none for all, and one number for each in every vector given."""
+    given = {name: vector for name, vector in vectors.items() if vector is not None}
+    for vector in given.values():
+        if vector.batch:
+            raise click.ClickException("expected one state, got several points")
+        if vector.named and names and set(vector.named) != set(names):
+            raise click.ClickException(
+                f"joints {', '.join(vector.named)} and {', '.join(names)}; allowed: the same "
+                "joints in every vector and in --joints"
+            )
+        names = names or list(vector.named)
+    return names, {name: vector.flat(names) for name, vector in given.items()}
+
+
+def _print_done(done: str, as_json: bool, **answer: Any) -> None:
+    if as_json:
+        print_json(**answer)
+    else:
+        node = click.get_current_context().params["node"]
+        console().print(f"/{node.strip('/')}: {done}", markup=False)

@@ -1,77 +1,133 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands that ask a dynamics node."""
+"""Questions to a dynamics node."""
 
 from __future__ import annotations
 
-from typing import Any
+import math
+from collections import Counter
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from arm_sim.cli.call.options import DYNAMICS, VECTOR, joints, options, vector
-from arm_sim.cli.output import examples
+from arm_sim.cli.call.asking import (
+    DYNAMICS,
+    SHOWN,
+    VECTOR,
+    Question,
+    asks,
+    call,
+    joints,
+    numbers,
+    plain_rows,
+    print_columns,
+    print_joints,
+    print_json,
+    print_matrix,
+    print_points,
+    readable,
+    say_more,
+    split,
+    vector,
+)
+from arm_sim.cli.output import console, examples, limit, number, show, table
+from arm_sim.cli.vectors import Vector
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from arm_dynamics.client import ArmClient, Postures
 
 TERMS = {"inertia": 1, "coriolis": 2, "gravity": 4, "friction": 8}
 
 
-@click.command(
+def _terms(context: click.Context, option: click.Parameter, text: str) -> int:
+    chosen = set(split(context, option, text.lower()))
+    if chosen == {"all"}:
+        return sum(TERMS.values())
+    if not chosen or not chosen <= set(TERMS):
+        raise click.BadParameter(f"{text!r}; allowed: all, or some of {', '.join(TERMS)}")
+    return sum(TERMS[term] for term in chosen)
+
+
+@call.command(
     "inverse-dynamics",
     short_help="Torques that produce a motion.",
     epilog=examples(
-        './arm call inverse-dynamics --position "panda_joint2=-0.8 panda_joint4=-2.4"',
+        './arm call inverse-dynamics --position "panda_joint2=-0.8 panda_joint4=-2.4"'
     ),
 )
 @vector("position", "Joint positions in rad or m", required=True)
 @vector("velocity", "Joint velocities")
 @vector("acceleration", "Joint accelerations")
-@click.option("--terms", default="all", show_default=True,
+@click.option("--terms", default="all", show_default=True, callback=_terms,
               help="all, or some of inertia,coriolis,gravity,friction.")  # fmt: skip
 @joints
-@options(DYNAMICS)
-def inverse_dynamics(terms: str, **given: Any) -> None:
+@asks(DYNAMICS)
+def inverse_dynamics(
+    client: ArmClient, as_json: bool, terms: int, joints: list[str], **vectors: Vector | None
+) -> None:
     """Torques that produce a motion: M(q) a + C(q, v) v + G(q) + F(v)."""
-    from arm_sim.cli.call import motion
+    question = Question(client, joints, vectors)
+    q, v, a = question.given("position", "velocity", "acceleration")
+    tau = client.inverse_dynamics(q, v, a, terms, question.order)
+    _print_motion(question, "effort", tau, as_json, title="torque")
 
-    motion.inverse_dynamics(terms=_terms(terms), **given)
 
-
-@click.command(
+@call.command(
     "forward-dynamics",
     short_help="Accelerations that torques produce.",
-    epilog=examples(
-        './arm call forward-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
-    ),
+    epilog=examples('./arm call forward-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"'),
 )
 @vector("position", "Joint positions in rad or m", required=True)
 @vector("velocity", "Joint velocities")
 @vector("effort", "Joint torques in N m or N")
 @joints
-@options(DYNAMICS)
-def forward_dynamics(**given: Any) -> None:
+@asks(DYNAMICS)
+def forward_dynamics(
+    client: ArmClient, as_json: bool, joints: list[str], **vectors: Vector | None
+) -> None:
     """Accelerations that torques produce."""
-    from arm_sim.cli.call import motion
+    question = Question(client, joints, vectors)
+    q, v, tau = question.given("position", "velocity", "effort")
+    a = client.forward_dynamics(q, v, tau, question.order)
+    _print_motion(question, "acceleration", a, as_json)
 
-    motion.forward_dynamics(**given)
 
-
-@click.command(
+@call.command(
     "dynamics-terms",
     short_help="Mass matrix, Coriolis matrix, gravity, friction, energies.",
-    epilog=examples(
-        './arm call dynamics-terms --position "0 -0.8 0 -2.4 0 1.6 0.8" --json',
-    ),
+    epilog=examples('./arm call dynamics-terms --position "0 -0.8 0 -2.4 0 1.6 0.8" --json'),
 )
 @vector("position", "Joint positions in rad or m", required=True)
 @vector("velocity", "Joint velocities")
 @joints
-@options(DYNAMICS)
-def dynamics_terms(**given: Any) -> None:
+@asks(DYNAMICS)
+def dynamics_terms(
+    client: ArmClient, as_json: bool, joints: list[str], **vectors: Vector | None
+) -> None:
     """Mass matrix, Coriolis matrix, gravity, friction and energies."""
-    from arm_sim.cli.call import motion
+    question = Question(client, joints, vectors)
+    terms = client.dynamics_terms(*question.given("position", "velocity"), question.order)
+    ranks = {"mass_matrix": 2, "coriolis_matrix": 2, "gravity": 1, "friction": 1,
+             "kinetic_energy": 0, "potential_energy": 0}  # fmt: skip
+    found = {name: question.points(getattr(terms, name), rank) for name, rank in ranks.items()}
+    if as_json:
+        plain = {name: question.plain(values) for name, values in found.items()}
+        print_json(joint_names=question.names, **plain)
+        return
+    for k in _points(question, len(found["kinetic_energy"])):
+        for name, unit in (("mass_matrix", "inertia"), ("coriolis_matrix", "damping")):
+            heading = f"{name.replace('_', ' ')} [{question.unit(unit)}]"
+            print_matrix(heading, question.names, question.names, found[name][k])
+        torque = question.unit("effort")
+        columns = {f"{name} [{torque}]": found[name][k] for name in ("gravity", "friction")}
+        print_columns("joint", question.names, columns)
+        for name in ("kinetic_energy", "potential_energy"):
+            console().print(f"  {name.replace('_', ' ')}: {number(found[name][k])} J")
 
-    motion.dynamics_terms(**given)
 
-
-@click.command(
+@call.command(
     "task-space",
     short_help="Inertia, gravity, Jacobian and more at a frame.",
     epilog=examples(
@@ -83,7 +139,7 @@ def dynamics_terms(**given: Any) -> None:
 @click.option("--frame", required=True, help="A frame that moves; model-info lists them.")
 @click.option("--reference", default="local_world_aligned", show_default=True,
               help="Axes and point: local_world_aligned, local or world.")  # fmt: skip
-@click.option("--axes", default="pose", show_default=True,
+@click.option("--axes", default="pose", show_default=True, callback=split,
               help='pose, position, orientation, or some of "x y z rx ry rz".')  # fmt: skip
 @click.option(
     "--direction", type=VECTOR, help="Also tell the mass felt along it, one number an axis."
@@ -91,15 +147,37 @@ def dynamics_terms(**given: Any) -> None:
 @vector("position", "Joint positions in rad or m", required=True)
 @vector("velocity", "Joint velocities")
 @joints
-@options(DYNAMICS)
-def task_space(**given: Any) -> None:
+@asks(DYNAMICS)
+def task_space(
+    client: ArmClient,
+    as_json: bool,
+    frame: str,
+    reference: str,
+    axes: list[str],
+    direction: Vector | None,
+    joints: list[str],
+    **vectors: Vector | None,
+) -> None:
     """The equation of motion as seen at a frame: inertia, velocity terms, gravity, Jacobian."""
-    from arm_sim.cli.call import task
+    question = Question(client, joints, vectors)
+    q, v = question.given("position", "velocity")
+    if direction is not None and len(direction.rows) != 1:
+        raise click.ClickException("--direction: expected one row of numbers, one for each axis")
+    found = client.task_space(
+        frame, q, v, reference=reference, axes=axes,
+        direction=() if direction is None else direction.rows[0], joint_names=question.order,
+    )  # fmt: skip
+    names, _ = list(found.pop("axes")), found.pop("joint_names")
+    answer = {name: values if q.ndim == 2 else values[None] for name, values in found.items()}
+    if as_json:
+        plain = {name: _json(question.plain(values)) for name, values in answer.items()}
+        print_json(joint_names=question.names, axes=names, **plain)
+        return
+    for k in _points(question, len(answer["damped"])):
+        _print_task(question, names, {name: values[k] for name, values in answer.items()})
 
-    task.task_space(**given)
 
-
-@click.command(
+@call.command(
     "inverse-kinematics",
     short_help="Joint positions for a pose of a frame.",
     epilog=examples(
@@ -112,24 +190,58 @@ def task_space(**given: Any) -> None:
 @click.option("--pose", type=VECTOR, required=True,
               help="Position x y z in m and quaternion x y z w of the frame in the world; "
                    "[[…], […]] for two poses, or @FILE.")  # fmt: skip
-@click.option("--axes", default="pose", show_default=True,
+@click.option("--axes", default="pose", show_default=True, callback=split,
               help='pose, position, orientation, or some of "x y z rx ry rz".')  # fmt: skip
 @click.option("--seed", type=VECTOR,
-              help="Joint positions to begin at; the scene's when not given.")  # fmt: skip
+              help="Joint positions to begin at; the scene's when omitted.")  # fmt: skip
 @joints
-@options(DYNAMICS)
-def inverse_kinematics(**given: Any) -> None:
+@asks(DYNAMICS)
+def inverse_kinematics(
+    client: ArmClient,
+    as_json: bool,
+    frame: str,
+    pose: Vector,
+    axes: list[str],
+    seed: Vector | None,
+    joints: list[str],
+) -> None:
     """Joint positions, within limits, that bring a frame to a pose.
 
     Where a pose is not reached the nearest found is shown, and the exit status is 1. Of several
     poses each search begins where the one before ended.
     """
-    from arm_sim.cli.call import kinematics
+    from arm_dynamics.client import NotReached
 
-    kinematics.inverse_kinematics(**given)
+    poses, missed = plain_rows("--pose", pose), ""
+    question = Question(client, joints, {"seed": seed}, pose.batch)
+    try:
+        found = client.inverse_kinematics(
+            frame, poses, *question.given("seed"), axes=axes, joint_names=question.order
+        )
+    except NotReached as error:
+        found, missed = error.found, str(error)
+    if as_json:
+        fields = {"position": found.q, "reached": found.reached,
+                  "distance": found.distance, "angle": found.angle}  # fmt: skip
+        plain = {name: values.tolist() for name, values in fields.items()}
+        print_json(missed, joint_names=question.names, **plain)
+        raise SystemExit(bool(missed))
+    _print_postures(question, found)
+    if missed:
+        raise click.ClickException(missed)
 
 
-@click.command(
+def _one_way(
+    inverse: bool, effort: Vector | None, multipliers: Vector | None,
+    acceleration: Vector | None, **_: Any,
+) -> None:  # fmt: skip
+    if inverse and effort is not None:
+        raise click.UsageError("--effort is what --inverse asks for; allowed: one of the two")
+    if not inverse and (multipliers or acceleration):
+        raise click.UsageError("--acceleration and --multipliers are allowed with --inverse only")
+
+
+@call.command(
     "constrained-dynamics",
     short_help="Accelerations and forces under the scene's constraints.",
     epilog=examples(
@@ -148,48 +260,145 @@ def inverse_kinematics(**given: Any) -> None:
               help="Ask for torques, from --acceleration and --multipliers.")  # fmt: skip
 @vector("acceleration", "Joint accelerations")
 @click.option("--multipliers", type=VECTOR,
-              help="Forces against the constraints in N or N m; zero when not given.")  # fmt: skip
+              help="Forces against the constraints in N or N m; zero when omitted.")  # fmt: skip
 @joints
-@options(DYNAMICS)
-def constrained_dynamics(inverse: bool, multipliers: Any, **given: Any) -> None:
+@asks(DYNAMICS, check=_one_way)
+def constrained_dynamics(
+    client: ArmClient,
+    as_json: bool,
+    inverse: bool,
+    multipliers: Vector | None,
+    joints: list[str],
+    **vectors: Vector | None,
+) -> None:
     """Accelerations and forces that torques produce under the scene's constraints.
 
     tau = M a + C v + G + F + A^T lambda with A v = 0. lambda is what the arm exerts against the
     constraints: force and moment of a constraint's first frame upon its second.
     """
-    from arm_sim.cli.call import constrained
-
-    if inverse and given["effort"] is not None:
-        raise click.UsageError("--effort is what --inverse asks for; allowed: one of the two")
-    if not inverse and (multipliers or given["acceleration"]):
-        raise click.UsageError("--acceleration and --multipliers are allowed with --inverse only")
+    question = Question(client, joints, vectors)
+    q, v, a, tau = question.given("position", "velocity", "acceleration", "effort")
     if inverse:
-        constrained.inverse(multipliers, **given)
+        forces = None if multipliers is None else plain_rows("--multipliers", multipliers)
+        tau = client.constrained_inverse_dynamics(q, v, a, forces, question.order)
+        _print_motion(question, "effort", tau, as_json, title="torque")
+        return
+    found = client.constrained_dynamics(q, v, tau, question.order)
+    names, forces = list(found.constraint_names), question.points(found.multipliers)
+    if as_json:
+        print_json(
+            joint_names=question.names, constraint_names=names,
+            acceleration=question.plain(question.points(found.acceleration)),
+            multipliers=question.plain(forces),
+        )  # fmt: skip
+        return
+    _print_motion(question, "acceleration", found.acceleration, as_json=False)
+    if not names:
+        console().print("  the scene has no constraints")
+    elif question.batch:
+        print_points("force [N, N m]", _numbered(names), numbers(forces))
     else:
-        constrained.forward(**given)
+        print_columns("constraint", _numbered(names), {"force [N, N m]": forces[0]})
 
 
-@click.command(
+@call.command(
     "model-info",
     short_help="Joints, limits, frames and mass of the node's arm.",
-    epilog=examples(
-        "./arm call model-info",
-    ),
+    epilog=examples("./arm call model-info"),
 )
-@options(DYNAMICS)
-def model_info(**given: Any) -> None:
+@asks(DYNAMICS)
+def model_info(client: ArmClient, as_json: bool) -> None:
     """What the node knows about its arm: joints, limits, frames, mass."""
-    from arm_sim.cli.call import model
+    info = client.model_info()
+    limits = ("position_lower", "position_upper", "velocity_limits", "effort_limits")
+    if as_json:
+        print_json(
+            joint_names=list(info.joint_names), joint_types=list(info.joint_types),
+            **{name: _json(getattr(info, name).tolist()) for name in limits},
+            frame_names=list(info.frame_names), total_mass=info.total_mass,
+            gravity=info.gravity.tolist(), summary=info.summary,
+        )  # fmt: skip
+        return
+    out, gravity = console(), ", ".join(f"{g:g}" for g in info.gravity)
+    out.print(f"\n{info.summary}, gravity ({gravity}) m/s²", markup=False)
+    columns = (getattr(info, name) for name in limits)
+    rows = zip(info.joint_names, info.joint_types, *columns, strict=True)
+    heads = ("joint", "type", "lower", "upper", "speed limit", "effort limit")
+    show(out, table(heads, [(name, kind, *map(limit, x)) for name, kind, *x in rows], (0, 1)))
+    out.print(f"frames: {', '.join(info.frame_names)}", style="dim", markup=False)
 
-    model.model_info(**given)
+
+# --- showing -----------------------------------------------------------------------------------
 
 
-def _terms(text: str) -> int:
-    words = text.lower().replace(",", " ").split()
-    if words == ["all"]:
-        return sum(TERMS.values())
-    if not words or not set(words) <= set(TERMS):
-        raise click.BadParameter(
-            f"{text!r}; allowed: all, or some of {', '.join(TERMS)}", param_hint="'--terms'"
-        )
-    return sum(TERMS[word] for word in set(words))
+def _print_motion(
+    question: Question, field: str, answer: np.ndarray, as_json: bool, title: str = ""
+) -> None:
+    """Print one vector of the joints, called ``field`` in JSON."""
+    rows = question.points(answer)
+    if as_json:
+        print_json(joint_names=question.names, **{field: question.plain(rows)})
+    else:
+        print_joints(question, field, rows, title)
+
+
+def _points(question: Question, count: int) -> Iterator[int]:
+    """The points that are shown at length, each under a rule of its own."""
+    for k in range(min(count, SHOWN)):
+        if question.batch:
+            console().rule(f"point {k}")
+        yield k
+    say_more(count)
+
+
+def _print_task(question: Question, axes: list[str], answer: dict[str, Any]) -> None:
+    out, pose = console(), [number(x) for x in readable(answer["pose"])]
+    out.print(f"\n  position {', '.join(pose[:3])} m, quaternion xyzw {', '.join(pose[3:])}")
+    print_matrix("inertia [kg, kg m, kg m²]", axes, axes, answer["inertia"])
+    print_matrix("Jacobian", axes, question.names, answer["jacobian"])
+    columns = {
+        "velocity [m/s, rad/s]": answer["twist"], "bias [m/s², rad/s²]": answer["bias"],
+        "Coriolis [N, N m]": answer["coriolis"], "gravity [N, N m]": answer["gravity"],
+    }  # fmt: skip
+    print_columns("axis", axes, columns)
+    condition = number(answer["condition"])
+    out.print(f"  manipulability {number(answer['manipulability'])}, condition {condition}")
+    if "effective_mass" in answer:
+        at_least = "at least " if answer["effective_mass_bounded"] else ""
+        out.print(f"  mass along the direction: {at_least}{number(answer['effective_mass'])}")
+    if answer["damped"]:
+        out.print("  near a singularity: inertia, Coriolis and gravity are bounded, not exact")
+
+
+def _print_postures(question: Question, found: Postures) -> None:
+    if found.q.ndim == 1:
+        print_joints(question, "position", found.q[None])
+        reached, distance, angle = _ended(found.reached, found.distance, found.angle)
+        console().print(f"  reached: {reached}, off by {distance} m and {angle} rad")
+        return
+    ends = map(_ended, found.reached, found.distance, found.angle)
+    rows = [[*row, *end] for row, end in zip(numbers(found.q), ends, strict=True)]
+    heads = (*question.names, "reached", "off by [m]", "[rad]")
+    title = f"position [{question.unit('position')}]"
+    print_points(title, heads, rows, what="pose")
+
+
+def _ended(reached: bool, distance: float, angle: float) -> tuple[str, str, str]:
+    return "yes" if reached else "no", number(distance, 2), number(angle, 2)
+
+
+def _numbered(names: list[str]) -> list[str]:
+    """Tell the numbers of one constraint apart."""
+    several, met = Counter(names), Counter[str]()
+    told = []
+    for name in names:
+        met[name] += 1
+        told.append(f"{name} {met[name]}" if several[name] > 1 else name)
+    return told
+
+
+def _json(values: Any) -> Any:
+    """JSON has no infinity: null."""
+    if isinstance(values, list):
+        return [_json(value) for value in values]
+    return values if math.isfinite(values) else None

@@ -16,7 +16,7 @@ from typing import Any
 
 import click
 
-from arm_dynamics.ros.common.shared_memory import clear_dead
+from arm_dynamics.ros.common.transport import clear_dead
 
 _PATIENCE = 5.0  # [s] for an orderly end
 _TAIL = 12  # lines of a log in a message

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command ``compare-controllers``."""
+"""The command line of the comparison."""
 
 from __future__ import annotations
 
@@ -7,45 +7,37 @@ import json
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING
 
 import click
+from rich.progress import Progress
 
-from arm_sim.cli.output import examples
-
-if TYPE_CHECKING:
-    from arm_sim.cli.compare_controllers.measure import Result
+from arm_sim.cli.output import console, examples, show, table
+from benchmarks.controllers.cases import ARMS
+from benchmarks.controllers.figures import draw
+from benchmarks.controllers.measure import Result, compare, count
 
 
 @click.command(
-    "compare-controllers",
-    short_help="Regulation and a straight line, nine controllers.",
     epilog=examples(
         "./arm compare-controllers",
         "./arm compare-controllers --arm two_link --out /tmp/compared",
     ),
 )
 @click.option(
-    "--arm", "arms", multiple=True, type=click.Choice(["panda", "two_link"]),
-    help="Arm to compare on; may be repeated. All when left out.",
+    "--arm", "arms", multiple=True, type=click.Choice(list(ARMS)),
+    help="Arm to compare on; may be repeated. All when omitted.",
 )  # fmt: skip
 @click.option(
     "--out", type=click.Path(path_type=Path), default=Path("compare-controllers"),
     show_default=True, help="Folder for the figures and the numbers.",
 )  # fmt: skip
-def compare_controllers(arms: tuple[str, ...], out: Path) -> None:
-    """Compare nine controllers on an arm that is as they believe, and on three that are not.
+def main(arms: tuple[str, ...], out: Path) -> None:
+    """Compare nine controllers on an arm that matches their model, and on three that do not.
 
     Every controller has the same bandwidth. Tables show, for each case, the errors of the hand,
     overshoot, settling time, effort and energy; figures and all numbers go to a folder.
     """
-    from rich.progress import Progress
-
-    from arm_sim.cli.compare_controllers.figures import draw
-    from arm_sim.cli.compare_controllers.measure import compare, count
-    from arm_sim.cli.output import console
-
-    chosen = tuple(dict.fromkeys(arms)) or ("panda", "two_link")
+    chosen = tuple(dict.fromkeys(arms)) or tuple(ARMS)
     screen = console()
     with Progress(console=screen, transient=True) as progress:
         bar = progress.add_task("comparing", total=count(chosen))
@@ -57,9 +49,6 @@ def compare_controllers(arms: tuple[str, ...], out: Path) -> None:
 
 def print_tables(results: Sequence[Result]) -> None:
     """Print a table for each arm, task and pace."""
-    from arm_sim.cli.compare_controllers.cases import ARMS
-    from arm_sim.cli.output import console, show, table
-
     screen = console()
     for arm, task, pace in dict.fromkeys((r.arm, r.task, r.pace) for r in results):
         screen.print(f"\n{ARMS[arm].title}: {task}, {pace}", style="bold")

@@ -10,9 +10,9 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from arm_sim.cli.compare_controllers.cases import ARMS, PACES, PLANTS
-from arm_sim.cli.compare_controllers.contenders import CONTENDERS
-from arm_sim.cli.compare_controllers.measure import Result
+from benchmarks.controllers.cases import ARMS, PACES, PLANTS
+from benchmarks.controllers.contenders import CONTENDERS
+from benchmarks.controllers.measure import Result
 
 _COLOURS = ("#1b9e77", "#d95f02", "#7570b3", "#e7298a")  # colour-blind safe (ColorBrewer Dark2)
 _MARKS = ("o", "s", "^", "D")

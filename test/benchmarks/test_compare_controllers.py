@@ -10,11 +10,11 @@ import pytest
 from click.testing import CliRunner
 
 from arm_sim import Simulator
-from arm_sim.cli.compare_controllers.cases import ARMS, PACES, PLANTS, TASKS
-from arm_sim.cli.compare_controllers.command import compare_controllers, print_tables
-from arm_sim.cli.compare_controllers.contenders import CONTENDERS
-from arm_sim.cli.compare_controllers.figures import draw
-from arm_sim.cli.compare_controllers.measure import Result, run
+from benchmarks.controllers.cases import ARMS, PACES, PLANTS, TASKS
+from benchmarks.controllers.cli import main, print_tables
+from benchmarks.controllers.contenders import CONTENDERS
+from benchmarks.controllers.figures import draw
+from benchmarks.controllers.measure import Result, run
 
 
 @pytest.fixture(scope="module")
@@ -93,6 +93,6 @@ def test_figures_and_tables_are_made(tmp_path: Path, capsys: pytest.CaptureFixtu
 
 
 def test_an_unknown_arm_is_refused() -> None:
-    answer = CliRunner().invoke(compare_controllers, ["--arm", "octopus"])
+    answer = CliRunner().invoke(main, ["--arm", "octopus"])
     assert answer.exit_code == 2
     assert "octopus" in answer.output and "two_link" in answer.output

@@ -14,18 +14,17 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, Scene, Term, load_scene
 from arm_dynamics.arrays import Array
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.task_space.terms import Pose
+from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import line, timed
 from arm_dynamics.trajectory.joint_path import JointPath, joint_path
 from arm_dynamics.trajectory.reference import Reference, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 
-SCENES = Path(__file__).parents[2] / "scenes"
+SCENES = Path(__file__).parents[2] / "src/arm_sim/arm_sim/scenes"
 PLANTS = {
     "exact": "as the controller's model",
     "payload": "20 % more payload than the model has",
-    "friction": "dry friction that the model has not",
+    "friction": "dry friction missing from the model",
     "limits": "torque limits that the fast motions exceed",
 }
 TASKS = ("regulation", "line")

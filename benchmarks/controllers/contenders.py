@@ -6,7 +6,7 @@ from __future__ import annotations
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.wrappers import AnyController
-from arm_sim.cli.compare_controllers.cases import Arm
+from benchmarks.controllers.cases import Arm
 
 OMEGA = 15.0  # [rad/s], critically damped
 OBSERVER = 40.0  # [1/s]
@@ -36,6 +36,6 @@ def contender(title: str, arm: Arm, dt: float, limit: Array) -> AnyController:
     feeds = CONTENDERS[title] in ("operational_space", "cartesian_impedance")
     settings = Settings(
         dt=dt, bandwidth=OMEGA, frame=arm.frame, axes=arm.axes, friction=feeds, limit=limit,
-        observer=OBSERVER if title.endswith("observer") else None,
+        observer=OBSERVER if title.endswith("observer") else 0.0,
     )  # fmt: skip
     return make_controller(CONTENDERS[title], arm.nominal, settings)

@@ -12,11 +12,11 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.trajectory.reference import Reference
-from arm_sim.cli.compare_controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
-from arm_sim.cli.compare_controllers.contenders import CONTENDERS, contender
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator
+from benchmarks.controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
+from benchmarks.controllers.contenders import CONTENDERS, contender
 
 _SETTLED = 0.02  # of the way
 

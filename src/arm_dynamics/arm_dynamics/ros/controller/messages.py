@@ -1,0 +1,216 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Messages of the controller node: goals in, reports out.
+
+Long goals stay bytes: their heads are read at once, their points where there is time.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+from typing import NamedTuple
+
+import numpy as np
+from arm_msgs.msg import TrackingState
+from geometry_msgs.msg import PoseStamped
+
+from arm_dynamics.control.computed_torque import Moving
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.ros.common.cdr import CdrReader
+from arm_dynamics.ros.common.convert import in_world, joint_indices, spread, to_array, to_time
+from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
+from arm_dynamics.task_space.task_space import Pose
+from arm_dynamics.trajectory.reference import Reference, Waypoint
+
+
+class Point(NamedTuple):
+    """A JointTrajectoryPoint without its effort.
+
+    Attributes:
+        time: ``time_from_start`` in [ns].
+        positions: As in the message, any length.
+        velocities: Likewise.
+        accelerations: Likewise.
+    """
+
+    time: int
+    positions: Array
+    velocities: Array
+    accelerations: Array
+
+
+class Placed(NamedTuple):
+    """A PoseStamped without its stamp.
+
+    Attributes:
+        frame_id: Its frame, perhaps empty.
+        pose: Position and quaternion x y z w, shape (7,).
+    """
+
+    frame_id: str
+    pose: Array
+
+
+@dataclass(frozen=True)
+class TrajectoryBytes:
+    """A serialized JointTrajectory.
+
+    Attributes:
+        stamp: Stamp of the header in [ns].
+        joint_names: As in the message.
+        count: Number of points.
+    """
+
+    stamp: int
+    joint_names: tuple[str, ...]
+    count: int
+    _raw: bytes = field(repr=False)
+    _begin: int = field(repr=False)
+
+    @classmethod
+    def of(cls, raw: bytes, most_names: int) -> TrajectoryBytes:
+        """Read the head.
+
+        Args:
+            raw: The serialized message.
+            most_names: How many joints it may name.
+
+        Raises:
+            InvalidInput: If these bytes are no such message, or one beyond limits.
+        """
+        cdr = CdrReader(raw)
+        stamp = cdr.nanoseconds()
+        cdr.skip(cdr.count(), 1)  # frame_id, which says nothing
+        names = tuple(cdr.text() for _ in range(cdr.count_of("joint names", most_names)))
+        count = cdr.count_of("points", MAX_GOAL_POINTS)
+        return cls(stamp, names, count, raw, cdr.at)
+
+    def points(self) -> Iterator[Point]:
+        """Read one point after another.
+
+        Raises:
+            InvalidInput: If the message ends too early.
+        """
+        cdr = CdrReader(self._raw, self._begin)
+        for _ in range(self.count):
+            positions, velocities, accelerations = cdr.doubles(), cdr.doubles(), cdr.doubles()
+            cdr.doubles()  # effort
+            yield Point(cdr.nanoseconds(), positions, velocities, accelerations)
+
+
+@dataclass(frozen=True)
+class PathBytes:
+    """A serialized nav_msgs/Path.
+
+    Attributes:
+        frame_id: Frame of poses that name none, perhaps empty.
+        count: Number of poses.
+    """
+
+    frame_id: str
+    count: int
+    _raw: bytes = field(repr=False)
+    _begin: int = field(repr=False)
+
+    @classmethod
+    def of(cls, raw: bytes) -> PathBytes:
+        """Read the head.
+
+        Raises:
+            InvalidInput: If these bytes are no such message, or one beyond limits.
+        """
+        cdr = CdrReader(raw)
+        cdr.nanoseconds()
+        frame_id, count = cdr.text(), cdr.count_of("poses", MAX_GOAL_POINTS)
+        return cls(frame_id, count, raw, cdr.at)
+
+    def poses(self) -> Iterator[Placed]:
+        """Read one pose after another.
+
+        Raises:
+            InvalidInput: If the message ends too early.
+        """
+        cdr = CdrReader(self._raw, self._begin)
+        for _ in range(self.count):
+            cdr.nanoseconds()
+            yield Placed(cdr.text(), cdr.array(7))
+
+
+def waypoints(
+    message: TrajectoryBytes, model_names: Sequence[str], here: Reference
+) -> list[Waypoint]:
+    """Read a trajectory message.
+
+    Args:
+        message: Joints may be in any order; those it does not name stay where their reference is.
+        model_names: Joints of the model.
+        here: The present reference.
+
+    Returns:
+        Waypoints in model order.
+
+    Raises:
+        InvalidInput: If joints are unknown or doubled, lengths differ or positions are missing, or
+            the message is damaged.
+    """
+    if not message.joint_names:
+        raise InvalidInput(f"no joint names; allowed are some of {known_names(model_names)}")
+    joints = joint_indices(message.joint_names, model_names)
+    still = np.zeros_like(here.q)
+
+    def derivative(what: str, values: Sequence[float]) -> Array | None:
+        return spread(what, values, joints, still) if len(values) else None
+
+    return [
+        Waypoint(
+            1e-9 * point.time,
+            spread(f"positions of point {i}", point.positions, joints, here.q),
+            derivative(f"velocities of point {i}", point.velocities),
+            derivative(f"accelerations of point {i}", point.accelerations),
+        )
+        for i, point in enumerate(message.points())
+    ]
+
+
+def goal_of(message: PoseStamped, model: ArmModel) -> Pose:
+    """Read a pose that stands alone; its stamp says nothing.
+
+    Raises:
+        InvalidInput: As ``in_world``.
+    """
+    at, turn = message.pose.position, message.pose.orientation
+    numbers = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
+    return in_world(numbers, message.header.frame_id, model)
+
+
+def path_of(message: PathBytes, model: ArmModel) -> list[Pose]:
+    """Read the poses of a path; their stamps say nothing, their own frames come first.
+
+    Raises:
+        InvalidInput: As for a pose, with its number, or if the message is damaged.
+    """
+    poses: list[Pose] = []
+    for i, (frame_id, numbers) in enumerate(message.poses()):
+        try:
+            poses.append(in_world(numbers, frame_id or message.frame_id, model))
+        except InvalidInput as error:
+            raise InvalidInput(f"pose {i}: {error}") from None
+    return poses
+
+
+def tracking_state(
+    stamp: int, names: Sequence[str], reference: Reference, state: Moving, tau: Array
+) -> TrackingState:
+    """Write what a controller follows, sees and commands at ``stamp`` in [ns]."""
+    message = TrackingState(joint_names=list(names))
+    message.header.stamp = to_time(stamp)
+    message.reference_position = to_array(reference.q)
+    message.reference_velocity = to_array(reference.v)
+    message.reference_acceleration = to_array(reference.a)
+    message.feedback_position = to_array(state.q)
+    message.feedback_velocity = to_array(state.v)
+    message.position_error = to_array(reference.q - state.q)
+    message.velocity_error = to_array(reference.v - state.v)
+    message.effort = to_array(tau)
+    return message

@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the dynamics node answers: a function for each service, and the table of them.
+
+A function reads the request, asks the core and writes the response, joints in the order of the
+request. It raises ``InvalidInput`` for what is not allowed and has written nothing then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput, Unreachable
+from arm_dynamics.ros import interfaces
+from arm_dynamics.ros.common.convert import Array, pose_of, to_array
+from arm_dynamics.ros.dynamics.batch import Batch, finite_answer
+from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_POSES, MAX_TERMS_POINTS
+from arm_dynamics.task_space.inertia import quaternions
+from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution
+from arm_dynamics.task_space.task_space import TaskSpace, TaskTerms
+
+
+def _batch(dynamics: Dynamics, request: Any, most: int) -> Batch:
+    return Batch(request.joint_names, dynamics.joint_names, request.position, most)
+
+
+def inverse_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
+    """Torques of motions."""
+    batch = _batch(dynamics, request, MAX_POINTS)
+    v = batch.read("velocity", request.velocity)
+    a = batch.read("acceleration", request.acceleration)
+    response.effort = batch.vectors(dynamics.inverse(batch.q, v, a, request.terms))
+    response.joint_names = batch.joint_names
+
+
+def forward_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
+    """Accelerations of torques."""
+    batch = _batch(dynamics, request, MAX_POINTS)
+    v = batch.read("velocity", request.velocity)
+    tau = batch.read("effort", request.effort)
+    response.acceleration = batch.vectors(dynamics.forward(batch.q, v, tau))
+    response.joint_names = batch.joint_names
+
+
+def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
+    """The parts of the equation of motion, and the energies."""
+    batch = _batch(dynamics, request, MAX_TERMS_POINTS)
+    v = batch.read("velocity", request.velocity)
+    kinetic, potential = dynamics.energy(batch.q, v)
+    response.mass_matrix = batch.matrices(dynamics.mass_matrix(batch.q))
+    response.coriolis_matrix = batch.matrices(dynamics.coriolis_matrix(batch.q, v))
+    response.gravity = batch.vectors(dynamics.gravity(batch.q))
+    response.friction = batch.vectors(dynamics.friction(v, q=batch.q))
+    response.kinetic_energy = to_array(finite_answer(kinetic))
+    response.potential_energy = to_array(finite_answer(potential))
+    response.joint_names = batch.joint_names
+
+
+def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
+    """Motion and forces under the scene's constraints, either way round."""
+    batch = _batch(dynamics, request, MAX_TERMS_POINTS)
+    v = batch.read("velocity", request.velocity)
+    if request.inverse:
+        a = batch.read("acceleration", request.acceleration)
+        lam = _multipliers(request.multipliers, dynamics, len(batch.q))
+        tau = dynamics.constrained_inverse(batch.q, v, a, lam)
+    else:
+        tau = batch.read("effort", request.effort)
+        a, lam = dynamics.constrained_forward(batch.q, v, tau)
+    response.effort = batch.vectors(tau)
+    response.acceleration = batch.vectors(a)
+    response.multipliers = to_array(finite_answer(np.asarray(lam).ravel()))
+    response.joint_names = batch.joint_names
+    response.constraint_names = list(dynamics.constrained.names)
+
+
+def _multipliers(values: Any, dynamics: Dynamics, points: int) -> Array:
+    m = dynamics.constrained.m
+    if len(values) not in (0, points * m):
+        raise InvalidInput(
+            f"multipliers has {len(values)} numbers; allowed is {points * m}: {m} for each of "
+            f"{points} points, or none"
+        )
+    return np.array(values, float).reshape(points, m) if len(values) else np.zeros((points, m))
+
+
+def model_info(dynamics: Dynamics, request: Any, response: Any) -> None:
+    """What is known of the arm."""
+    del request  # empty
+    model = dynamics.model
+    response.joint_names = list(model.joint_names)
+    response.joint_types = list(model.joint_types)
+    response.position_lower = to_array(model.position_lower)
+    response.position_upper = to_array(model.position_upper)
+    response.velocity_limits = to_array(model.velocity_limit)
+    response.effort_limits = to_array(model.effort_limit)
+    response.frame_names = list(model.frame_names)
+    response.total_mass = model.total_mass
+    response.gravity = [float(g) for g in model.scene.gravity]
+    response.summary = (
+        f"{model.n} joints ({', '.join(sorted(set(model.joint_types)))}), "
+        f"{len(model.frame_names)} frames, {model.total_mass:.3f} kg moving"
+        + (f", commands in {', '.join(model.command_unit)}" if any(model.drives) else "")
+    )
+
+
+def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
+    """The equation of motion at a frame, and the mass felt along a direction if one is given."""
+    batch = _batch(dynamics, request, MAX_TERMS_POINTS)
+    v = batch.read("velocity", request.velocity)
+    axes = " ".join(request.axes) or "pose"
+    task = TaskSpace(dynamics, request.frame, request.reference, axes)
+    felt = task.effective_mass(batch.q, request.direction) if len(request.direction) else None
+    terms = task.terms(batch.q, v)
+    found = _in_order(batch, terms)
+    if felt is not None:
+        found["effective_mass"] = felt.mass
+    written = {name: to_array(finite_answer(values)) for name, values in found.items()}
+    for name, values in written.items():
+        setattr(response, name, values)
+    if felt is not None:
+        response.effective_mass_bounded = felt.damped.tolist()
+    response.condition = to_array(terms.condition)  # infinite at a singularity
+    response.damped = terms.damped.tolist()
+    response.axes = list(task.axes)
+    response.joint_names = batch.joint_names
+
+
+def _in_order(batch: Batch, terms: TaskTerms) -> dict[str, Array]:
+    return {
+        "pose": np.hstack([terms.position, quaternions(terms.rotation)]),
+        "jacobian": batch.by_joint(terms.jacobian, -1),
+        "twist": terms.velocity,
+        "bias": terms.bias,
+        "inertia": terms.inertia,
+        "coriolis": terms.coriolis,
+        "gravity": terms.gravity,
+        "inverse": batch.by_joint(terms.inverse, -2),
+        "null_space": batch.by_joint(batch.by_joint(terms.null_space, -1), -2),
+        "manipulability": terms.manipulability,
+    }
+
+
+def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
+    """Joint positions for poses of a frame.
+
+    Raises:
+        Unreachable: If a pose is not reached; what was found is written.
+    """
+    axes = " ".join(request.axes) or "pose"
+    solver = InverseKinematics(TaskSpace(dynamics, request.frame, selection=axes))
+    count, rest = divmod(len(request.pose), 7)
+    if rest or not 0 < count <= MAX_POSES:
+        raise InvalidInput(
+            f"pose has {len(request.pose)} numbers; allowed is 7 for each of up to {MAX_POSES} "
+            "poses"
+        )
+    poses = [pose_of(seven) for seven in np.array(request.pose).reshape(-1, 7)]
+    seeds, batch = _seeds(request, dynamics, count)
+    found: list[Solution] = []
+    for i, pose in enumerate(poses):
+        found.append(solver.solve(pose, seeds[i] if i < len(seeds) else found[-1].q))
+    response.position = batch.vectors(np.array([one.q for one in found]))
+    response.reached = [one.reached for one in found]
+    response.distance = to_array([one.distance for one in found])
+    response.angle = to_array([one.angle for one in found])
+    response.joint_names = batch.joint_names
+    _check_reached(request.frame, found)
+
+
+def _seeds(request: Any, dynamics: Dynamics, count: int) -> tuple[Array, Batch]:
+    """Seeds of the first poses in model order, and the batch that knows the request's order."""
+    n, size = dynamics.n, len(request.seed)
+    if size not in (0, n, count * n):
+        allowed = " or ".join(str(number) for number in dict.fromkeys((0, n, count * n)))
+        raise InvalidInput(f"seed has {size} numbers; allowed is {allowed}")
+    points = max(1, size // n)
+    batch = Batch(request.joint_names, dynamics.joint_names, np.zeros(points * n), points)
+    seeds = batch.read("seed", request.seed) if size else dynamics.model.q0[None]
+    return seeds, batch
+
+
+def _check_reached(frame: str, found: list[Solution]) -> None:
+    missed = [i for i, one in enumerate(found) if not one.reached]
+    if not missed:
+        return
+    one = found[missed[0]]
+    limits = f"; at a limit: {', '.join(one.at_limit)}" if one.at_limit else ""
+    raise Unreachable(
+        f"{len(missed)} of {len(found)} poses of frame '{frame}' cannot be reached; pose "
+        f"{missed[0]} misses {one.distance:.3g} m and {one.angle:.3g} rad{limits}",
+        one.distance,
+    )
+
+
+ANSWERS: dict[interfaces.Service, Callable[[Dynamics, Any, Any], None]] = {
+    interfaces.INVERSE_DYNAMICS: inverse_dynamics,
+    interfaces.FORWARD_DYNAMICS: forward_dynamics,
+    interfaces.DYNAMICS_TERMS: dynamics_terms,
+    interfaces.CONSTRAINED_DYNAMICS: constrained_dynamics,
+    interfaces.MODEL_INFO: model_info,
+    interfaces.TASK_SPACE: task_space,
+    interfaces.INVERSE_KINEMATICS: inverse_kinematics,
+}

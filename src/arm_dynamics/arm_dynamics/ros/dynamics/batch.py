@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The vectors of a request and its response: k points of n joints, in the order that it names."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import all_finite
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.ros.common.convert import Array, to_array
+
+_Order = NDArray[np.intp] | slice
+_ALL = slice(None)  # the order of the model, as most requests have it
+
+
+class Batch:
+    """The vectors of one request: k points of n joints in the order that it names.
+
+    Attributes:
+        joint_names: Order of vectors in request and response.
+        q: Positions, shape (k, n), in model order.
+    """
+
+    def __init__(
+        self,
+        names: Sequence[str],
+        model_names: Sequence[str],
+        position: Sequence[float],
+        most: int,
+    ) -> None:
+        """Read what every request has.
+
+        Args:
+            names: The request's joint names; none means the model's order.
+            model_names: Joints of the model.
+            position: k·n numbers, point after point.
+            most: How many points are allowed.
+
+        Raises:
+            InvalidInput: If joints are unknown, doubled or missing, or numbers do not fit.
+        """
+        self.joint_names = list(names) or list(model_names)
+        self._order: _Order = _ALL
+        self._back: _Order = _ALL
+        if self.joint_names != list(model_names):
+            self._order = _order(self.joint_names, model_names)
+            self._back = np.argsort(self._order)
+        n, size = len(model_names), len(position)
+        if size == 0 or size % n:
+            raise InvalidInput(f"position has {size} numbers; allowed is a multiple of {n}")
+        if size > most * n:
+            raise InvalidInput(
+                f"position has {size // n} points; allowed are up to {most} in one call"
+            )
+        self.q = self._rows("position", position)
+
+    def read(self, what: str, values: Sequence[float]) -> Array:
+        """Read another vector, of as many numbers as the positions or of none, which means zeros.
+
+        Returns:
+            Shape (k, n), in model order.
+
+        Raises:
+            InvalidInput: If the length does not fit or a number is not finite.
+        """
+        if len(values) == 0:
+            return np.zeros_like(self.q)
+        if len(values) != self.q.size:
+            raise InvalidInput(f"{what} has {len(values)} numbers; allowed is 0 or {self.q.size}")
+        return self._rows(what, values)
+
+    def vectors(self, rows: Array) -> array[float]:
+        """Write (k, n) in model order as the flat vector of a response."""
+        return to_array(finite_answer(rows)[:, self._order])
+
+    def by_joint(self, values: Array, axis: int) -> Array:
+        """Put an axis that counts joints in model order into the order of the request."""
+        return values if self._order is _ALL else np.take(values, self._order, axis)
+
+    def matrices(self, matrices: Array) -> array[float]:
+        """Write (k, n, n) in model order as the flat vector of a response."""
+        return to_array(finite_answer(matrices)[:, self._order][:, :, self._order])
+
+    def _rows(self, what: str, values: Sequence[float]) -> Array:
+        rows = np.array(values, float).reshape(-1, len(self.joint_names))
+        if not all_finite(rows):
+            point, joint = np.argwhere(~np.isfinite(rows))[0]
+            raise InvalidInput(
+                f"{what} of joint '{self.joint_names[joint]}' at point {point} is "
+                f"{rows[point, joint]}; allowed are finite numbers"
+            )
+        return rows[:, self._back]
+
+
+def _order(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]:
+    """Index into model order of each name, every joint once."""
+    allowed = f"allowed is each of {known_names(model_names)} once"
+    if len(names) > len(model_names):
+        raise InvalidInput(f"{len(names)} joint names; {allowed}")
+    unknown = [name for name in names if name not in model_names]
+    if unknown:
+        raise InvalidInput(f"unknown joints {known_names(unknown)}; {allowed}")
+    if len(set(names)) != len(names) or len(names) != len(model_names):
+        raise InvalidInput(f"joint names are {known_names(names)}; {allowed}")
+    return np.array([model_names.index(name) for name in names], np.intp)
+
+
+def finite_answer(answer: Array) -> Array:
+    """Return the answer, or refuse it when the numbers asked for went out of range."""
+    if not all_finite(answer):
+        raise InvalidInput("the answer is not finite: the numbers given are too large")
+    return answer
