@@ -18,6 +18,13 @@ Array = NDArray[np.float64]
 _FEW = 64  # numbers up to which a list is faster than an array
 
 
+def read_only(values: ArrayLike) -> Array:
+    """A copy of the values as an array of float that cannot be written to."""
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
 def vector(name: str, value: ArrayLike, n: int) -> Array:
     """Check an argument: finite numbers of shape (n,) or (k, n).
 

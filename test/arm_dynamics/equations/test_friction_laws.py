@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput, SceneError, load_scene
+from arm_dynamics import Dynamics, InvalidInput, SceneError
 from arm_dynamics.equations.interpolation import Curve
-from arm_dynamics.model.arm import ArmModel
 from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
@@ -164,7 +163,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("case", REFUSED.values(), ids=REFUSED)
 def test_refusals(case: tuple[dict[str, Any], str]) -> None:
     with pytest.raises(SceneError, match=case[1]):
-        ArmModel(load_scene(rotor(J, **case[0])))
+        Dynamics(rotor(J, **case[0]))
 
 
 def test_position_is_wanted_where_friction_depends_on_it() -> None:

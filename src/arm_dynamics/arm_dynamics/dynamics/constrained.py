@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.compiled_backend import Batches
 from arm_dynamics.dynamics.pinocchio_backend import Pointwise
@@ -41,7 +42,7 @@ class Constrained:
     """
 
     def __init__(self, model: ArmModel, rigid: Callable[[Array], Pointwise | Batches]) -> None:
-        self.model, self._rigid = model, rigid
+        self.model, self._rigid, self._friction = model, rigid, SteadyFriction.of(model)
         self.closure = Closure(self.model)
         self._gravity = np.array(self.model.scene.gravity)
 
@@ -78,7 +79,7 @@ class Constrained:
             a, lam = self.forward(q[None], v[None], tau[None], active)
             return a[0], lam[0]
         names = self.closure.chosen(active)
-        free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
+        free = tau - self._friction(v, np.sign(v), q, tau)
         rigid = self._rigid(q)
         parts = [
             self._solved(rigid, q[part], v[part], free[part], names)
@@ -107,7 +108,7 @@ class Constrained:
         rows = rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
         reaction = _times(_transposed(rows[..., :-1]), multipliers)
         needed = rigid.inverse(q, v, a, self._gravity) + reaction
-        tau: Array = self.model.friction.demanded(needed, v, np.sign(v), q)
+        tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
         return tau
 
     def _solved(

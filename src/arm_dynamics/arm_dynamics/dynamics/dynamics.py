@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, vectors
 from arm_dynamics.dynamics.compiled_backend import Batches
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
@@ -51,11 +52,13 @@ class Dynamics:
 
     Attributes:
         model: The arm.
+        steady_friction: Its friction F.
         command_map: From torques to commands of the drives.
     """
 
     def __init__(self, scene: Scene | ArmModel | Any) -> None:
         self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        self.steady_friction = SteadyFriction.of(self.model)
         self.command_map = CommandMap(self.model)
         self._points = Pointwise(self.model)
         self._gravity = np.array(self.model.scene.gravity)
@@ -98,9 +101,8 @@ class Dynamics:
         tau = self.rigid(q).inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
         if not friction:
             return tau
-        law = self.model.friction
-        sliding = np.sign(v) if law.directional else v
-        needed: Array = law.demanded(tau, v, sliding, q)
+        sliding = np.sign(v) if self.steady_friction.has_dry else v
+        needed: Array = self.steady_friction.demanded(tau, v, sliding, q)
         return needed
 
     def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
@@ -132,7 +134,7 @@ class Dynamics:
         q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
-        free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
+        free = tau - self.steady_friction(v, np.sign(v), q, tau)
         return self.rigid(q).forward(q, v, free)
 
     @cached_property
@@ -193,8 +195,7 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed, or positions are wanted.
         """
-        law = self.model.friction
-        if q is None and law.by_position:
+        if q is None and self.model.friction.by_position:
             raise InvalidInput("friction depends on the position in this scene: q is wanted")
         still = np.zeros(self.n)
         v, direction, q, load = vectors(
@@ -204,7 +205,7 @@ class Dynamics:
             q=still if q is None else q,
             load=still if load is None else load,
         )
-        torques: Array = law.steady(v, np.sign(direction), q, load)
+        torques: Array = self.steady_friction(v, np.sign(direction), q, load)
         return torques
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:

@@ -60,16 +60,17 @@ def _show_robot(out: Console, model: ArmModel) -> None:
 def _show_joints(out: Console, model: ArmModel) -> None:
     from arm_sim.cli.output import limit, number, show, table
 
+    friction = model.friction
     columns = {
         "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
         "speed\nlimit": model.velocity_limit, "effort\nlimit": model.effort_limit,
     }  # fmt: skip
     drives = {
-        "viscous\nfriction": model.viscous, "Coulomb\nfriction": model.coulomb,
+        "viscous\nfriction": model.viscous, "Coulomb\nfriction": friction.coulomb.mean,
         "armature": model.armature,
     }  # fmt: skip
-    if (model.static != model.coulomb).any():
-        drives["static\nfriction"] = model.static
+    if (friction.static.mean != friction.coulomb.mean).any():
+        drives["static\nfriction"] = friction.static.mean
     absent = [name.replace("\n", " ") for name, values in drives.items() if not values.any()]
     columns |= {name: values for name, values in drives.items() if values.any()}
     write = {name: limit if name.endswith(("limit", "er")) else number for name in columns}
