@@ -20,7 +20,7 @@ from arm_dynamics.trajectory.reference import Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 from arm_sim import Simulator
 from arm_sim.cli.demo.processes import DemoFailed, Processes
-from arm_sim.closed_loop import Together
+from arm_sim import ClosedLoop
 from arm_sim.plant.actuation import computed_torque
 from arm_sim.ros.sim_node import SimNode
 
@@ -127,7 +127,7 @@ def _spin(executor: Any, done: Any, timeout: float) -> None:
 
 def _alone(scene: str, ticks: int) -> dict[str, Any]:
     """The same in this process, without messages."""
-    pair, digest = Together(scene), _Digest()
+    pair, digest = ClosedLoop(scene), _Digest()
     pair.follow(_points(pair.simulator.state.q), START)
     began = time.perf_counter()
     motion = pair.run(ticks * pair.simulator.dt)

@@ -1,10 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What integrates the equations of motion of a robot arm; names are looked up at first use."""
+"""Simulates robot arms: M q̈ + C q̇ + G + F = τ, tick by tick.
+
+Names are looked up when they are first used, since CasADi and Pinocchio take half a second to
+import.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from arm_sim.closed_loop import ClosedLoop
     from arm_sim.contact_forces import contact_history
     from arm_sim.exceptions import SimulationDiverged
     from arm_sim.plan import Plan
@@ -14,6 +19,7 @@ if TYPE_CHECKING:
     from arm_sim.state import State
 
 __all__ = [
+    "ClosedLoop",
     "CompiledControl",
     "Plan",
     "Recording",
@@ -24,6 +30,7 @@ __all__ = [
     "contact_history",
 ]
 _HOMES = {
+    "ClosedLoop": "closed_loop",
     "CompiledControl": "plant.actuation",
     "Plan": "plan",
     "Recording": "recording.recording",

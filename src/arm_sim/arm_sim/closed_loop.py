@@ -18,14 +18,14 @@ from arm_sim.simulator import Simulator
 from arm_sim.state import State
 
 
-class Together:
+class ClosedLoop:
     """A simulated arm and the controller that leads it, in lockstep.
 
     The same classes do the same work in the same order as in the sim node and the controller node,
     so a run equals one of the two nodes in lockstep to the bit.
 
     Example:
-        >>> pair = Together("panda.yaml")
+        >>> pair = ClosedLoop("panda.yaml")
         >>> pair.follow([Waypoint(2.0, goal)])
         >>> recording = pair.run(3.0)
     """
@@ -36,7 +36,7 @@ class Together:
         controller: str = "computed_torque",
         settings: Settings | None = None,
         *,
-        believed: Any = None,
+        controller_scene: Any = None,
         acceleration_limit: float = float("inf"),
         **simulator: Any,
     ) -> None:
@@ -44,17 +44,17 @@ class Together:
 
         Args:
             scene: What is simulated; anything ``load_scene`` takes.
-            controller: Name of the law, see ``arm_dynamics.control.factory``.
+            controller: Name of the controller, see ``arm_dynamics.control.NAMES``.
             settings: What it is tuned to.
-            believed: The controller's scene; None for the simulated one.
+            controller_scene: The controller's scene; None for the simulated one.
             acceleration_limit: Of trajectories in [rad/s²] or [m/s²].
             **simulator: For ``Simulator``: integrator, dt, tolerance, backend.
 
         Raises:
-            ArmError: If a scene, the law or a setting cannot be used.
+            ArmError: If a scene, the controller or a setting cannot be used.
         """
         self.simulator = Simulator(scene, **simulator)
-        self._dynamics = Dynamics(scene if believed is None else believed)
+        self._dynamics = Dynamics(scene if controller_scene is None else controller_scene)
         settings = settings or Settings(dt=self.simulator.dt)
         self._control = Switch(make_controller(controller, self._dynamics, settings), settings.dt)
         self._limits = Limits.of(self._dynamics.model, acceleration_limit)

@@ -29,7 +29,7 @@ def torque(tau: Any, n: int) -> list[float]:
     """
     command = tau if type(tau) is np.ndarray and tau.dtype == float else real_array("tau", tau)
     if command.shape != (n,):
-        raise InvalidInput(f"tau has shape {command.shape}; ({n},) is wanted")
+        raise InvalidInput(f"tau has shape {command.shape}; expected ({n},)")
     numbers: list[float] = command.tolist()
     if not finite_numbers(numbers):
         vector("tau", command, n)  # which says what is wrong
@@ -57,8 +57,7 @@ def row(name: str, value: Any, n: int) -> Array:
 def whole(name: str, value: Any, least: int) -> None:
     """Refuse what is not a whole number of at least ``least``."""
     if not isinstance(value, int | np.integer) or value < least:
-        wanted = "one" if least else "zero"
-        raise InvalidInput(f"{name} = {value!r}: a whole number of at least {wanted} is wanted")
+        raise InvalidInput(f"{name} = {value!r}; expected a whole number of at least {least}")
 
 
 def tick_count(duration: Any, dt: float) -> int:
@@ -69,7 +68,7 @@ def tick_count(duration: Any, dt: float) -> int:
         seconds = np.nan
     if not 0.0 <= seconds < np.inf:
         raise InvalidInput(
-            f"duration = {duration!r}: a finite time of at least zero is wanted, in s"
+            f"duration = {duration!r}; expected a finite time of at least zero, in s"
         )
     return round(seconds / dt)
 

@@ -44,7 +44,7 @@ class LawCost:
 
     Attributes:
         title: Which law.
-        states: Its states, for people.
+        states: Its states, as text.
         operations: Arithmetic operations of one evaluation; a step takes several.
         nanoseconds: Time of one evaluation in [ns], measured.
     """
@@ -55,7 +55,7 @@ class LawCost:
     nanoseconds: float
 
     def __str__(self) -> str:
-        """A line for people."""
+        """One line of text."""
         number = len(self.states)
         count = f"{number or 'no'} state{'s' if number > 1 else ''}"
         cost = f"{self.operations} operations, {self.nanoseconds:.0f} ns an evaluation"
@@ -111,7 +111,7 @@ class Plan:
         return tuple(cost_of(law, n, backend) for law in laws.laws) if laws else ()
 
     def __str__(self) -> str:
-        """Lines for people."""
+        """Readable lines."""
         choice = self._choice
         control = "" if choice.tolerance is None else f", tolerance {choice.tolerance:g}"
         per = "sub-step" if choice.tolerance is not None else "tick"

@@ -73,9 +73,7 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
     _demand(simulator, "friction")
     values = vector("viscous", viscous, simulator.n)
     if values.ndim != 1 or values.min() < 0.0:
-        raise InvalidInput(
-            f"viscous = {values}; {simulator.n} numbers of at least zero are wanted"
-        )
+        raise InvalidInput(f"viscous = {values}; expected {simulator.n} numbers of at least zero")
     changed = simulator.dynamics.model.with_viscous(values)
     return _change(simulator, changed, friction=values)
 
@@ -83,7 +81,7 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
 def external_change(simulator: Simulator) -> Change:
     """Prepare a simulation for pushes from outside: the parameter ``external`` of shape (n,).
 
-    A simulation that nobody pushes computes nothing for it; the equations are built anew here.
+    A simulation without pushes computes nothing for it; the equations are built anew here.
 
     Returns:
         What puts it in force, quick, to be called between two ticks.

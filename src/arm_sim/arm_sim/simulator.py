@@ -247,7 +247,7 @@ class Simulator:
         """Change a tunable quantity of the scene (see ``Parameter``), or raise InvalidInput."""
         merged = self.plant.parameters.merged({name: value}, self._stepper.p)
         if merged.ndim != 1:
-            raise InvalidInput(f"{name} has shape {np.shape(value)}; one row is wanted")
+            raise InvalidInput(f"{name} has shape {np.shape(value)}; expected one row")
         self._stepper.p[:] = merged
 
     def rollout(

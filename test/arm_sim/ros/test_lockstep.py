@@ -19,7 +19,7 @@ import models
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import NEWEST, PAUSE, RESET
 from arm_dynamics.trajectory.reference import Waypoint
-from arm_sim.closed_loop import Together
+from arm_sim import ClosedLoop
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
@@ -35,7 +35,7 @@ def lockstep(ros: Ros, **parameters: Any) -> SimNode:
 
 def expected() -> np.ndarray:
     """The same motion in one process, without messages."""
-    pair = Together(models.scene("two_link"))
+    pair = ClosedLoop(models.scene("two_link"))
     pair.follow([Waypoint(0.2, pair.simulator.state.q + GOAL)], START)
     motion = pair.run(TICKS * pair.simulator.dt)
     return np.hstack([motion.q, motion.v])

@@ -36,7 +36,7 @@ class Choice:
         method: The method.
         dt: Length of a tick in [s].
         tolerance: Scaled error per sub-step, None for one step of fixed length per tick.
-        reason: Why this method, for people.
+        reason: Why this method, as text.
     """
 
     method: Method

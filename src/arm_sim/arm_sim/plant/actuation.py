@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From what is wanted to the command that acts: the controller, if any, then the limits."""
+"""From a reference or command to what acts: the compiled controller, if any, then the limits."""
 
 from __future__ import annotations
 

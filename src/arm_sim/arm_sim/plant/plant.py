@@ -48,7 +48,7 @@ class Plant:
             empty where nothing sticks or touches.
         torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
             the links, or None where the command itself acts.
-        method: Which algorithm turned out shorter, for people.
+        method: Which algorithm turned out shorter, as text.
     """
 
     def __init__(self, model: ArmModel) -> None:
@@ -68,7 +68,8 @@ class Plant:
             self._loads = self.contact.loads, self.contact.inertia
             self.method = "composite bodies and LDLᵀ, contacts closed or apart"
         elif model.has_dry_friction:
-            self.acceleration, *self._loads = _stick_slip(model, symbols)
+            self.acceleration, loads = _stick_slip(model, symbols)
+            self._loads = (loads,)
             self.method = "composite bodies and LDLᵀ, sticking joints held"
         else:
             self.method, self.acceleration = _shortest(model, symbols)

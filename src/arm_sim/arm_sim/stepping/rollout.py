@@ -92,7 +92,7 @@ class Rollouts:
         array = np.ascontiguousarray(real_array("tau", tau))
         if array.shape not in ((n,), (arms, n), (arms, steps, n)):
             allowed = f"({n},), ({arms}, {n}) or ({arms}, {steps}, {n})"
-            raise InvalidInput(f"tau has shape {array.shape}; {allowed} is wanted")
+            raise InvalidInput(f"tau has shape {array.shape}; expected {allowed}")
         if not np.isfinite(array).all():
             raise InvalidInput("tau holds numbers that are not finite")
         by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
@@ -170,7 +170,7 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
         InvalidInput: If the number of threads is not positive.
     """
     if threads is not None and threads < 1:
-        raise InvalidInput(f"threads = {threads!r}: at least one is wanted")
+        raise InvalidInput(f"threads = {threads!r}; expected at least one")
     count = threads or len(os.sched_getaffinity(0))
     groups = -(-arms // width)
     edges = [min(arms, groups * i // count * width) for i in range(count + 1)]
