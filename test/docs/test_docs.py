@@ -70,7 +70,7 @@ def test_reference_names_every_key() -> None:
 
 
 @pytest.mark.parametrize(
-    "file", re.findall(r"\b[DS]\s`([\w/]+\.py)", (ROOT / "docs/equations.md").read_text())
+    "file", re.findall(r"\b[DS]\s`([\w/]+\.(?:py|c))", (ROOT / "docs/equations.md").read_text())
 )
 def test_files_that_equations_stand_in_exist(file: str) -> None:
     packages = [ROOT / "src" / name / name for name in ("arm_dynamics", "arm_sim")]
