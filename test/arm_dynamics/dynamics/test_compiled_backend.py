@@ -17,9 +17,10 @@ from arm_dynamics.codegen import compiler
 from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_backend import check, compiled
 from arm_dynamics.dynamics.compiled_terms import BatchTerm
-from arm_dynamics.dynamics.dynamics import MANY, Term
-from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.dynamics.dynamics import Term
+from arm_dynamics.dynamics.rigid import MANY
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from models.random_tree import random_tree
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
@@ -247,8 +248,9 @@ def test_on_a_full_disk_pinocchio_answers(
 def test_code_that_differs_from_pinocchio_is_refused(
     term: BatchTerm, caplog: pytest.LogCaptureFixture
 ) -> None:
-    points = Pointwise(models.dynamics("two_link").model)
-    right = compiled(term, points)
+    model = models.dynamics("two_link").model
+    points = RigidTerms(model)
+    right = compiled(term, model, points)
     assert right is not None
     assert check(term, points, right) < ALGEBRA
     with pytest.raises(KernelError, match=rf"generated {term.title} differs from Pinocchio by "):
@@ -257,7 +259,7 @@ def test_code_that_differs_from_pinocchio_is_refused(
         check(term, points, lambda *x: np.where(np.arange(2) == 1, np.nan, right(*x)))
     wrong = replace(term, expression=lambda model: term.expression(_heavier(model)))
     with caplog.at_level(logging.WARNING):
-        assert compiled(wrong, points) is None
+        assert compiled(wrong, model, points) is None
     assert "batches are answered by Pinocchio, slower" in caplog.text
 
 

@@ -149,7 +149,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "LuGre not passive": (
         {"viscous": 0.4, "coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
          "lugre": {"sigma0": 1e5, "sigma1": 316}},
-        r"viscous >= sigma1 \(static - coulomb\) / coulomb = 158 is wanted, got 0\.4",
+        r"viscous >= sigma1 \(static - coulomb\) / coulomb = 158 is expected, got 0\.4",
     ),
     "LuGre that fades too late": (
         {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,

@@ -115,8 +115,8 @@ def test_feed_forward_of_friction_overcomes_the_gear(rng: np.random.Generator) -
     dyn = Dynamics(scene)
     q, v, a = models.random_state(rng, 2)
     rigid = dyn.inverse(q, v, a, terms=Term.ALL & ~Term.FRICTION)
-    assert_close(rigid + ahead(dyn.model, v, q, rigid), dyn.inverse(q, v, a), 1e-9)
-    assert_close(ahead(dyn.model, 0.0 * v, q, rigid), np.zeros(2), PINOCCHIO)
+    assert_close(rigid + ahead(dyn.steady_friction, v, q, rigid), dyn.inverse(q, v, a), 1e-9)
+    assert_close(ahead(dyn.steady_friction, 0.0 * v, q, rigid), np.zeros(2), PINOCCHIO)
 
 
 def test_voltage_driven_with_a_lossy_gear() -> None:
