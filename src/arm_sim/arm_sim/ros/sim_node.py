@@ -88,7 +88,7 @@ class SimNode(Node):
         self.standard = StandardServices(self, engine)
         self.diagnostics = SimDiagnostics(
             self, params, engine, self.loop, inputs, self.lockstep, self._refused_privileges
-        )  # fmt: skip
+        )
         self.diagnosis = Diagnosis(self, self.diagnostics)
         watch(self, lambda: self.params, self._apply)
         self._start()
