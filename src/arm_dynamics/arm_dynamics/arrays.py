@@ -53,7 +53,7 @@ def vector(name: str, value: ArrayLike, n: int) -> Array:
     """
     array = real_array(name, value)
     if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
-        raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is wanted")
+        raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is expected")
     if not all_finite(array):
         bad = np.argwhere(~np.isfinite(array))[0]
         raise InvalidInput(
@@ -94,7 +94,7 @@ def real_array(name: str, value: ArrayLike) -> Array:
     except ValueError:
         array = np.asarray(None)
     if array.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} = {value!r}: real numbers are wanted")
+        raise InvalidInput(f"{name} = {value!r}: real numbers are expected")
     return np.asarray(array, dtype=float)
 
 

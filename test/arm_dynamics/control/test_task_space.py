@@ -223,13 +223,13 @@ def test_a_planar_task_presses_along_its_own_axes() -> None:
 def test_bad_settings_and_states_are_refused() -> None:
     task = two_link()
     local = TaskSpace(models.dynamics("two_link"), "tip", "local", ("x", "z"))
-    with pytest.raises(InvalidInput, match="'local_world_aligned' is wanted"):
+    with pytest.raises(InvalidInput, match="'local_world_aligned' is expected"):
         OperationalSpace(local)
     with pytest.raises(InvalidInput, match=r"stiffness has shape \(3,\)"):
         CartesianImpedance(task, [1.0, 1.0, 1.0])
     with pytest.raises(InvalidInput, match=r"is not among the axes of the task, \('x', 'z'\)"):
         MotionForce(task, [0, 1, 1])
-    with pytest.raises(InvalidInput, match="but zero is wanted"):
+    with pytest.raises(InvalidInput, match="but zero is expected"):
         MotionForce(panda(), [0, 0, 0])
     with pytest.raises(InvalidInput, match=r"posture has shape \(3,\)"):
         OperationalSpace(task, posture=[0.0, 0.0, 0.0])

@@ -196,7 +196,7 @@ def test_bad_multipliers_and_names_are_refused() -> None:
         dyn.constrained_inverse(q, v, v, [1.0, 2.0])
     with pytest.raises(InvalidInput, match="no constraint 'lop'; allowed: loop"):
         dyn.constrained_forward(q, v, v, active=["lop"])
-    with pytest.raises(InvalidInput, match="frame is wanted"):
+    with pytest.raises(InvalidInput, match="frame is expected"):
         dyn.contact_torque(q, [0, 0, 1])
 
 

@@ -78,9 +78,9 @@ def test_bad_poses_and_seeds_are_refused() -> None:
         solver.solve(Pose(np.full(3, np.nan), np.eye(3)))
     with pytest.raises(InvalidInput, match=r"seed has shape \(3,\)"):
         solver.solve(Pose(np.zeros(3), np.eye(3)), np.zeros(3))
-    with pytest.raises(InvalidInput, match="positive numbers are wanted"):
+    with pytest.raises(InvalidInput, match="positive numbers are expected"):
         InverseKinematics(task_of("panda"), distance=0.0)
-    with pytest.raises(InvalidInput, match="'local_world_aligned' is wanted"):
+    with pytest.raises(InvalidInput, match="'local_world_aligned' is expected"):
         InverseKinematics(TaskSpace(models.dynamics("panda"), "panda_hand", "local"))
 
 

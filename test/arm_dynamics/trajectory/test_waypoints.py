@@ -288,7 +288,7 @@ def test_chosen_durations_use_limits_up(rng: np.random.Generator) -> None:
         ([Waypoint(0.0, [0.0], [np.inf]), Waypoint(1.0, [0.0])], "velocity of waypoint 0 is"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], [1.0])], "last waypoint"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], None, [1.0])], "last waypoint"),
-        ([Waypoint(0.0, [0.0]), Waypoint(1.0, ["fast"])], "numbers are wanted"),
+        ([Waypoint(0.0, [0.0]), Waypoint(1.0, ["fast"])], "numbers are expected"),
     ],
 )
 def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: str) -> None:

@@ -241,5 +241,5 @@ def cut(tau: Array, limit: Array) -> Array:
 def positive(name: str, value: float) -> float:
     """Check a positive finite number."""
     if not 0.0 < value < np.inf:
-        raise InvalidInput(f"{name} is {value}; a positive number is wanted")
+        raise InvalidInput(f"{name} is {value}; a positive number is expected")
     return float(value)

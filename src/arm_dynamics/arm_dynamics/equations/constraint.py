@@ -227,10 +227,10 @@ def _turned(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
 
     It grows with the angle up to half a turn, so Newton's method goes the short way.
     """
-    wanted = sparse(pin.rpy.rpyToMatrix(*rpy))
-    E = wanted.T @ R
+    target = sparse(pin.rpy.rpyToMatrix(*rpy))
+    E = target.T @ R
     axis = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1])
-    return ca.sparsify(wanted @ axis / ca.sqrt(ca.fmax(1 + ca.trace(E), HALF_TURN)))
+    return ca.sparsify(target @ axis / ca.sqrt(ca.fmax(1 + ca.trace(E), HALF_TURN)))
 
 
 def _slip(constraint: RollingConstraint, kinematics: Kinematics) -> ca.SX:

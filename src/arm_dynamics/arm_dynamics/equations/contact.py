@@ -161,10 +161,10 @@ def forces(W: ca.SX, free: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
     unused = ca.diag(1 - rows)
     damping = DAMPING * ca.trace(W) + 1e-30
     factors = lu(K + damping * R + unused)
-    wanted = -rows * free
-    y = lu_solve(factors, wanted)
+    required = -rows * free
+    y = lu_solve(factors, required)
     for _ in range(REFINEMENTS):
-        y = y + lu_solve(factors, wanted - (K + unused) @ y)
+        y = y + lu_solve(factors, required - (K + unused) @ y)
     return D @ y
 
 

@@ -193,7 +193,7 @@ def _want(where: str, key: str, value: float | None, reason: str) -> None:
 def _check_coupling(where: str, coupling: Transmission, motor: Actuator) -> None:
     if coupling.stiffness is None:
         raise SceneError(
-            f"{where}.transmission.stiffness' is missing: a positive number is wanted; "
+            f"{where}.transmission.stiffness' is missing: a positive number is expected; "
             "a rigid drive has no 'transmission'"
         )
     if coupling.backlash and coupling.hysteresis:

@@ -59,7 +59,7 @@ class _BetweenFrames(_Constraint):
     @classmethod
     def _two(cls, value: Frames) -> Frames:
         if value[0] == value[1]:
-            raise ValueError("two different frames are wanted")
+            raise ValueError("two different frames are expected")
         return value
 
     @property
@@ -168,7 +168,7 @@ class CouplingConstraint(_Constraint):
     @classmethod
     def _two(cls, value: tuple[str, str]) -> tuple[str, str]:
         if value[0] == value[1]:
-            raise ValueError("two different joints are wanted")
+            raise ValueError("two different joints are expected")
         return value
 
     at_world: ClassVar[None] = None

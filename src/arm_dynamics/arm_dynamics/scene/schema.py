@@ -29,7 +29,7 @@ from arm_dynamics.scene.types import (
 )
 
 
-class Robot(Part):
+class RobotChoice(Part):
     """Which robot, and which of its joints are held fast.
 
     Attributes:
@@ -148,7 +148,7 @@ class Scene(Part):
             costs a little. ``external`` are joint torques from outside, zero at first.
     """
 
-    robot: Robot
+    robot: RobotChoice
     gravity: Vector3 = (0.0, 0.0, -9.81)
     joints: dict[str, Joint] = {}
     payloads: tuple[Payload, ...] = ()
@@ -224,7 +224,7 @@ def _complaint(error: ErrorDetails) -> str:
 def _fields_at(path: tuple[int | str, ...]) -> list[str]:
     """Names of the keys that the schema allows at ``path``."""
     places: dict[str, type[Part]] = {
-        "robot": Robot,
+        "robot": RobotChoice,
         "joints": Joint,
         "friction": Friction,
         "viscous": Sides,

@@ -70,12 +70,12 @@ class InverseKinematics:
     ) -> None:
         if task.reference != "local_world_aligned":
             raise InvalidInput(
-                f"reference = '{task.reference}' of the task; 'local_world_aligned' is wanted"
+                f"reference = '{task.reference}' of the task; 'local_world_aligned' is expected"
             )
         if not (distance > 0.0 and angle > 0.0 and iterations > 0 and seeds > 0):
             given = f"{distance}, {angle}, {iterations}, {seeds}"
             raise InvalidInput(
-                f"distance, angle, iterations, seeds = {given}; positive numbers are wanted"
+                f"distance, angle, iterations, seeds = {given}; positive numbers are expected"
             )
         self.task = task
         self._distance, self._angle = distance, angle
@@ -146,7 +146,7 @@ class InverseKinematics:
         model = self.task.model
         first = model.q0 if seed is None else vector("seed", seed, model.n)
         if first.ndim != 1:
-            raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is wanted")
+            raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is expected")
         starts = [first] if seed is None else [first, model.q0]
         both = [*starts, *postures(model, self._seeds)][: self._seeds]
         return [np.clip(q, self._lower, self._upper) for q in both]
@@ -224,7 +224,7 @@ def checked_pose(pose: Pose) -> Pose:
     rotation = vector("pose.rotation", pose.rotation, 3)
     if position.ndim != 1 or rotation.shape != (3, 3):
         shapes = f"{position.shape} and {rotation.shape}"
-        raise InvalidInput(f"pose has shapes {shapes}; (3,) and (3, 3) are wanted")
+        raise InvalidInput(f"pose has shapes {shapes}; (3,) and (3, 3) are expected")
     off = abs(rotation @ rotation.T - np.eye(3)).max()
     if off > 1e-6 or np.linalg.det(rotation) < 0.0:
         raise InvalidInput(

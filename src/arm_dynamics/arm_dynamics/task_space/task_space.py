@@ -125,7 +125,7 @@ class TaskSpace:
             world's origin).
         selection: ``pose``, ``position``, ``orientation``, or some of x, y, z, rx, ry, rz.
         threshold: Scaled mobility, dimensionless, under which answers are damped; see
-            ``task_algebra.task_inertia``.
+            ``inertia.task_inertia``.
 
     Raises:
         InvalidInput: If a name is unknown or the threshold is not in (0, 1).
@@ -189,15 +189,15 @@ class TaskSpace:
 
     def jacobian_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ of shape (m, n) or (k, m, n)."""
-        law = self.motion.moving
-        (J_dot,) = _each(lambda *s: (law(*s)[3][self.rows],), *vectors(self.n, q=q, v=v))
+        state = vectors(self.n, q=q, v=v)
+        (J_dot,) = _each(lambda *s: (self.motion.moving(*s)[3][self.rows],), *state)
         return J_dot
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ v in [m/s²] and [rad/s²], shape (m,) or (k, m)."""
-        law = self.motion.moving
+        moving = self.motion.moving
         state = vectors(self.n, q=q, v=v)
-        (bias,) = _each(lambda qi, vi: (law(qi, vi)[3][self.rows] @ vi,), *state)
+        (bias,) = _each(lambda qi, vi: (moving(qi, vi)[3][self.rows] @ vi,), *state)
         return bias
 
     def terms(self, q: ArrayLike, v: ArrayLike | None = None) -> TaskTerms:
@@ -299,15 +299,15 @@ class TaskSpace:
         length = float(np.linalg.norm(u))
         if u.ndim != 1 or length < 1e-12:
             raise InvalidInput(
-                f"direction = {u}; a vector of shape ({self.m},) but zero is wanted"
+                f"direction = {u}; a vector of shape ({self.m},) but zero is expected"
             )
         return u / length
 
 
-def _each(law: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
+def _each(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
     if vectors[0].ndim == 1:
-        return tuple(np.array(part) for part in law(*vectors))
-    rows = [law(*row) for row in zip(*vectors, strict=True)]
+        return tuple(np.array(part) for part in answer(*vectors))
+    rows = [answer(*row) for row in zip(*vectors, strict=True)]
     return tuple(np.array(part) for part in zip(*rows, strict=True))
 
 

@@ -91,7 +91,7 @@ def joint_path(
         InvalidInput: If an argument is not allowed.
     """
     if knots < 1:
-        raise InvalidInput(f"knots = {knots}; at least one is wanted")
+        raise InvalidInput(f"knots = {knots}; at least one is expected")
     path, solver = trajectory.path, InverseKinematics(task)
     start = path.at(0.0)
     q = solver.reach(Pose(start.position, start.rotation), seed)

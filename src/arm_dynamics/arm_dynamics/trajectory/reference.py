@@ -222,7 +222,7 @@ def numbers(what: str, values: ArrayLike) -> Array:
     try:
         array = np.array(values, float)
     except (TypeError, ValueError):
-        raise InvalidInput(f"{what} is {values!r}; numbers are wanted") from None
+        raise InvalidInput(f"{what} is {values!r}; numbers are expected") from None
     if not np.isfinite(array).all():
         raise InvalidInput(f"{what} is {array}; allowed are finite numbers")
     return array

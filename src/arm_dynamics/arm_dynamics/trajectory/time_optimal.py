@@ -89,7 +89,7 @@ def retimed(
         ArmError: If the library is not installed.
     """
     if points < 10:
-        raise InvalidInput(f"points = {points}; at least 10 are wanted")
+        raise InvalidInput(f"points = {points}; at least 10 are expected")
     torque = (
         dynamics.model.effort_limit
         if limit is None

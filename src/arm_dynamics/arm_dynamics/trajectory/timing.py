@@ -121,4 +121,4 @@ def _check(length: float, speed: float, acceleration: float) -> None:
     given = {"length": length, "speed": speed, "acceleration": acceleration}
     for name, value in given.items():
         if not 0.0 < value < np.inf:
-            raise InvalidInput(f"{name} is {value}; a positive number is wanted")
+            raise InvalidInput(f"{name} is {value}; a positive number is expected")
