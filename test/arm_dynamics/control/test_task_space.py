@@ -9,19 +9,18 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control.computed_torque import ComputedTorque, Measured
-from arm_dynamics.control.task_space import (
+from arm_dynamics.control import (
     AlongJoints,
     CartesianImpedance,
+    ComputedTorque,
+    Measured,
     MotionForce,
     OperationalSpace,
     at_rest,
     task_reference,
 )
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import line, timed
-from arm_dynamics.trajectory.joint_path import joint_path
-from arm_dynamics.trajectory.reference import Reference, TaskReference
+from arm_dynamics.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import Reference, TaskReference, joint_path, line, timed
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 

@@ -8,11 +8,10 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, KernelError, ModelError, load_scene
+from arm_dynamics.task_space import AXES, TaskSpace
 from arm_dynamics.task_space import compiled as task_kernel
-from arm_dynamics.task_space.axes import AXES
 from arm_dynamics.task_space.compiled import TaskKernel
 from arm_dynamics.task_space.inertia import THRESHOLD
-from arm_dynamics.task_space.task_space import TaskSpace
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 SOME = [AXES, ("x", "z", "ry")]

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.trajectory.quintic import extremes
-from arm_dynamics.trajectory.waypoints import (
+from arm_dynamics.trajectory import (
     Limits,
     Reference,
     Trajectory,
@@ -18,6 +17,7 @@ from arm_dynamics.trajectory.waypoints import (
     quintic_through,
     stop,
 )
+from arm_dynamics.trajectory.quintic import extremes
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 N = 3
