@@ -51,7 +51,7 @@ def test_a_reference_in_joints_means_a_motion_of_the_frame(
     model = models.dynamics(robot).model
     task = TaskSpace(model, last_frame(model))
     q, v, a = models.random_state(rng, model.n)
-    made = TaskKernel(model, task.frame, AXES, THRESHOLD).meant(q, v, a)
+    made = TaskKernel(model, task.frame, AXES, THRESHOLD).frame_motion(q, v, a)
     for one, other in zip(made, task.motion.accelerated(q, v, a), strict=True):
         assert_close(one, other, ALGEBRA)
 
