@@ -111,7 +111,7 @@ class Settings:
 def make_controller(
     name: str, dynamics: Dynamics, settings: Settings | None = None
 ) -> AnyController:
-    """Make a controller that follows joint references (``motion.Reference``).
+    """Make a controller that follows joint references (``trajectory.Reference``).
 
     Args:
         name: One of ``NAMES``.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers in joint space; see ``control`` for computed torque and the common interface."""
+"""Controllers in joint space; see ``computed_torque`` for the common interface."""
 
 from __future__ import annotations
 

@@ -115,7 +115,7 @@ class CartesianImpedance:
     The arm keeps its own effective inertia, so no force need be measured (Hogan, "Impedance
     control", ASME J. Dyn. Sys. Meas. Control 107, 1985; Ott, Cartesian Impedance Control of
     Redundant and Flexible-Joint Robots, 2008, section 3.2). D = 2 ζ √(K m) with m the mass
-    of each axis, see ``task_algebra.axis_masses``.
+    of each axis, see ``inertia.axis_masses``.
     """
 
     def __init__(

@@ -36,7 +36,7 @@ class BatchTerm:
 
     Attributes:
         name: Name of its function.
-        title: The same for people.
+        title: The same for display.
         point: From Pinocchio's terms to the function that answers for one point.
         shape: Of its answer.
         expression: From an arm to the function of one point's vectors, a matrix transposed.

@@ -91,8 +91,8 @@ class Mode:
 
     def rows(self) -> ca.SX:
         """1 for each of the 3 nc equations that holds, else 0."""
-        held = self.closed * self.sticks
-        return ca.vec(ca.vertcat(self.closed.T, held.T, held.T))
+        sticking = self.closed * self.sticks
+        return ca.vec(ca.vertcat(self.closed.T, sticking.T, sticking.T))
 
 
 def geometry(tree: Tree, points: list[ContactPoint], q: ca.SX) -> Geometry:

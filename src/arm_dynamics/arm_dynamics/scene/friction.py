@@ -2,7 +2,7 @@
 """What a scene says of the friction of a joint.
 
 What keys mean together is checked when the joint's own entry has been laid over that of ``"*"``
-and over the URDF's: see ``joint_friction``.
+and over the URDF's: see ``model.friction``.
 """
 
 from __future__ import annotations

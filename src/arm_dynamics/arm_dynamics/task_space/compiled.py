@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What task controllers ask of the model at every tick, compiled: one call instead of a dozen.
 
-The expressions are those of ``equations``; each kernel is held against Pinocchio when it is built.
+The expressions are those of ``equations``; each kernel is checked against Pinocchio when built.
 """
 
 from __future__ import annotations

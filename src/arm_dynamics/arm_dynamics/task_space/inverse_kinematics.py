@@ -209,9 +209,9 @@ class InverseKinematics:
         return distance <= self._distance and angle <= self._angle
 
     def _at_limit(self, q: Array) -> tuple[str, ...]:
-        held = (q <= self._lower) | (q >= self._upper)
+        stopped = (q <= self._lower) | (q >= self._upper)
         names = self.task.model.joint_names
-        return tuple(name for name, yes in zip(names, held, strict=True) if yes)
+        return tuple(name for name, yes in zip(names, stopped, strict=True) if yes)
 
 
 def checked_pose(pose: Pose) -> Pose:
