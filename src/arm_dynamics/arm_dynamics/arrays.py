@@ -98,6 +98,19 @@ def real_array(name: str, value: ArrayLike) -> Array:
     return np.asarray(array, dtype=float)
 
 
+def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
+    """A direction of any length but zero, made of length one, shape (n,).
+
+    Raises:
+        InvalidInput: If it is anything else.
+    """
+    u = vector(name, value, n)
+    length = float(np.linalg.norm(u))
+    if u.ndim != 1 or length < 1e-12:
+        raise InvalidInput(f"{name} = {u}; a vector of shape ({n},) but zero is expected")
+    return u / length
+
+
 def vectors(n: int, **given: ArrayLike) -> list[Array]:
     """Check arguments that belong together: each of shape (n,), or all batches of one length.
 

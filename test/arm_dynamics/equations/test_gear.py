@@ -35,7 +35,7 @@ def pendulum(**drive: Any) -> dict[str, Any]:
 @pytest.mark.parametrize("torque", [0.8, -0.8])
 def test_four_quadrants(speed: float, torque: float) -> None:
     """Driving, η of the torque arrives; braking, the link feels 1/η of it."""
-    sim = Simulator(wheel(LINK, **GEAR), backend="vm")
+    sim = Simulator(wheel(LINK, **GEAR))
     sim.reset([0.0], [speed])
     sim.run(0.1, [torque])
     arrives = torque * (ETA if torque * speed > 0.0 else 1.0 / ETA)
@@ -70,7 +70,7 @@ def test_and_breaks_away_at_the_right_torque(share: float, way: float) -> None:
 
 
 def test_a_gear_without_load_turns_freely() -> None:
-    sim = Simulator(wheel(LINK, **GEAR), backend="vm")
+    sim = Simulator(wheel(LINK, **GEAR))
     sim.reset([0.0], [2.0])
     sim.run(1.0)
     assert_close(sim.state.v, [2.0], 1e-12)

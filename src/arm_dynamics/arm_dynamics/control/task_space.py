@@ -14,7 +14,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array, unit_vector, vector
 from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.exceptions import InvalidInput
@@ -200,10 +200,7 @@ class _Arm:
     def __init__(
         self, task: TaskSpace, posture: ArrayLike | None, bandwidth: ArrayLike, friction: bool
     ) -> None:
-        if task.reference != "local_world_aligned":
-            raise InvalidInput(
-                f"reference = '{task.reference}' of the task; 'local_world_aligned' is expected"
-            )
+        task.require_world_axes()
         self._task = task
         self._posture = None if posture is None else vector("posture", posture, task.n)
         self._kp, self._kd = gains(bandwidth, 1.0, task.n)
@@ -235,13 +232,8 @@ class _Arm:
 
 def _direction(task: TaskSpace, direction: ArrayLike) -> Array:
     """The direction as a unit vector of the task's axes, shape (m,)."""
-    u = vector("direction", direction, 3)
-    length = float(np.linalg.norm(u))
-    if u.ndim != 1 or length < 1e-12:
-        raise InvalidInput(f"direction = {u}; a vector of shape (3,) but zero is expected")
-    along = np.zeros(6)
-    along[:3] = u / length
-    chosen = along[task.rows]
-    if np.linalg.norm(chosen) < 1.0 - 1e-9:
+    u = unit_vector("direction", direction, 3)
+    along = np.concatenate([u, np.zeros(3)])[task.rows]
+    if np.linalg.norm(along) < 1.0 - 1e-9:
         raise InvalidInput(f"direction = {u} is not among the axes of the task, {task.axes}")
-    return np.array(chosen)
+    return along

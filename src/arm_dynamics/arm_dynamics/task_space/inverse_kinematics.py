@@ -68,10 +68,7 @@ class InverseKinematics:
         iterations: int = 100,
         seeds: int = 20,
     ) -> None:
-        if task.reference != "local_world_aligned":
-            raise InvalidInput(
-                f"reference = '{task.reference}' of the task; 'local_world_aligned' is expected"
-            )
+        task.require_world_axes()
         if not (distance > 0.0 and angle > 0.0 and iterations > 0 and seeds > 0):
             given = f"{distance}, {angle}, {iterations}, {seeds}"
             raise InvalidInput(

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, vector, vectors
+from arm_dynamics.arrays import Array, unit_vector, vectors
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
@@ -177,6 +177,17 @@ class TaskSpace:
         """
         return TaskKernel(self.model, self.frame, self.axes, self.threshold)
 
+    def require_world_axes(self) -> None:
+        """Refuse a task in other axes than ``local_world_aligned``.
+
+        Raises:
+            InvalidInput: Saying so.
+        """
+        if self.reference != "local_world_aligned":
+            raise InvalidInput(
+                f"reference = '{self.reference}' of the task; 'local_world_aligned' is expected"
+            )
+
     def pose(self, q: ArrayLike) -> Pose:
         """Where the frame is, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""
         position, rotation = _each(self.motion.placement, *vectors(self.n, q=q))
@@ -248,7 +259,7 @@ class TaskSpace:
         Raises:
             InvalidInput: If a shape or value is not allowed.
         """
-        (q,), u = vectors(self.n, q=q), self._unit(direction)
+        (q,), u = vectors(self.n, q=q), unit_vector("direction", direction, self.m)
         A = self._mobility(*_each(self._frozen, q))
         reference = np.trace(A, axis1=-2, axis2=-1) / self.m
         mobility, floor = (A @ u) @ u, self.threshold * np.maximum(reference, 1e-12)
@@ -293,15 +304,6 @@ class TaskSpace:
                 "inertia, the joint an armature, or lock it"
             )
         return 0.5 * (A + np.swapaxes(A, -1, -2))
-
-    def _unit(self, direction: ArrayLike) -> Array:
-        u = vector("direction", direction, self.m)
-        length = float(np.linalg.norm(u))
-        if u.ndim != 1 or length < 1e-12:
-            raise InvalidInput(
-                f"direction = {u}; a vector of shape ({self.m},) but zero is expected"
-            )
-        return u / length
 
 
 def _each(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
