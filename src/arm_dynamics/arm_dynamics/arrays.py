@@ -111,6 +111,37 @@ def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
     return u / length
 
 
+def numbers(name: str, value: ArrayLike) -> Array:
+    """The value as an array of finite numbers of any shape.
+
+    Raises:
+        InvalidInput: If it is anything else.
+    """
+    array = real_array(name, value)
+    if not np.isfinite(array).all():
+        raise InvalidInput(f"{name} is {array}; allowed are finite numbers")
+    return array
+
+
+def positive(name: str, value: float) -> float:
+    """Check a positive finite number."""
+    if not 0.0 < value < np.inf:
+        raise InvalidInput(f"{name} is {value}; a positive number is expected")
+    return float(value)
+
+
+def positive_limits(name: str, limit: ArrayLike, n: int) -> Array:
+    """Limits of n joints, positive, inf for none, from one number or shape (n,).
+
+    Raises:
+        InvalidInput: If they are anything else.
+    """
+    array = real_array(name, limit)
+    if array.shape not in ((), (n,)) or not np.all(array > 0.0):
+        raise InvalidInput(f"{name} is {limit!r}; allowed are positive numbers, one or ({n},)")
+    return np.array(np.broadcast_to(array, (n,)))
+
+
 def vectors(n: int, **given: ArrayLike) -> list[Array]:
     """Check arguments that belong together: each of shape (n,), or all batches of one length.
 

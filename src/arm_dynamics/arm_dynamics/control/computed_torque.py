@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array, all_finite, vector
+from arm_dynamics.arrays import Array, all_finite, numbers, vector
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -25,7 +25,7 @@ from arm_dynamics.exceptions import InvalidInput, KernelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
-from arm_dynamics.trajectory.reference import Reference, numbers
+from arm_dynamics.trajectory.reference import Reference
 
 _FLOAT = np.dtype(float)
 

@@ -8,13 +8,12 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, positive, positive_limits
 from arm_dynamics.control.computed_torque import Measured, Moving, checked, gain
-from arm_dynamics.control.joint_space import cut, positive
+from arm_dynamics.control.joint_space import cut
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.trajectory.reference import positive_limits
 
 
 class AnyController(Protocol):
