@@ -5,11 +5,9 @@ from importlib.resources import files
 
 import numpy as np
 
-from arm_dynamics.control.computed_torque import ComputedTorque
-from arm_dynamics.control.joint_space import PD, PID, PDGravity, tuned
-from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.control import PD, PID, ComputedTorque, PDGravity, tuned
+from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace
+from arm_dynamics.trajectory import Reference
 from arm_sim import Simulator
 
 sim = Simulator(files("arm_sim") / "scenes/two_link.yaml", dt=1e-3)

@@ -5,11 +5,9 @@ from importlib.resources import files
 
 import numpy as np
 
-from arm_dynamics.control.computed_torque import ComputedTorque
-from arm_dynamics.control.task_space import OperationalSpace
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import circle, line, timed
-from arm_dynamics.trajectory.joint_path import joint_path, paced
+from arm_dynamics.control import ComputedTorque, OperationalSpace
+from arm_dynamics.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import circle, joint_path, line, paced, timed
 from arm_sim import Simulator
 
 sim = Simulator(files("arm_sim") / "scenes/panda.yaml", dt=1e-3)

@@ -5,10 +5,8 @@ from importlib.resources import files
 
 import numpy as np
 
-from arm_dynamics.control.factory import Settings, make_controller
-from arm_dynamics.control.wrappers import Switch
-from arm_dynamics.trajectory.reference import Waypoint
-from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.control import Settings, Switch, make_controller
+from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import Simulator
 
 sim = Simulator(files("arm_sim") / "scenes/panda.yaml", dt=1e-3)

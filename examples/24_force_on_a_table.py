@@ -11,9 +11,9 @@ from importlib.resources import files
 import numpy as np
 
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.control.task_space import MotionForce
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import line, timed
+from arm_dynamics.control import MotionForce
+from arm_dynamics.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import line, timed
 from arm_sim import Simulator
 
 PRESS = 20.0  # [N]

@@ -13,8 +13,7 @@ from functools import cache
 
 import numpy as np
 
-from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen import Kernel, compiler
 from arm_sim import Simulator
 from arm_sim.integrators.methods import build_step
 from arm_sim.plant.actuation import actuation
