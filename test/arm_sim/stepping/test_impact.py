@@ -21,9 +21,7 @@ FEET = {"rod": [(-0.5, 0.0), (0.5, 0.0)], "block": [(-0.3, -0.4), (0.3, -0.4)]}
 
 def body(name: str, mu: float, e: float) -> dict[str, Any]:
     """A slender rod, or a block on two feet, of 1 kg in the x-z plane."""
-    feet = [
-        contact("body", point=[x, 0, z], friction=mu, restitution=e) for x, z in FEET[name]
-    ]
+    feet = [contact("body", point=[x, 0, z], friction=mu, restitution=e) for x, z in FEET[name]]
     scene = rails("xz", 1.0, turns=True, iyy=INERTIA[name])
     start = {"initial": {"position": {"z": 1.0}}}
     return {**scene, **start, "constraints": feet}
