@@ -30,7 +30,8 @@ _CALLBACK = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_double)
 _CONES = """
 __attribute__((visibility("default")))
 int solve_cones(const double* W, const double* c, const double* mu, const double* given,
-                const int* slides, const int* allowed, int* state, double* force, double* direction) {
+                const int* slides, const int* allowed, int* state, double* force,
+                double* direction) {
   cones_t cones = {.W = W, .c = c, .friction = mu};
   answer_t answers[NC];
   for (int k = 0; k < NC; ++k) {

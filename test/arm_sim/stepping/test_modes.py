@@ -156,7 +156,7 @@ def test_what_is_found_obeys(
 
 
 def test_at_the_very_edge_of_the_cone() -> None:
-    """A pull of µ N give or take some roundings: an answer every time, and no speed to speak of."""
+    """A pull of µ N give or take some roundings: always an answer, no speed to speak of."""
     sim = Simulator({**rails("xyz", 2.0), "constraints": [contact("body", friction=0.4)]})
     edge = 0.4 * 2.0 * G
     for angle in (0.0, 0.3, np.pi / 2, 2.1):
