@@ -15,7 +15,7 @@ from benchmarks.accuracy import friction, motors
 from benchmarks.accuracy.figure import draw
 from benchmarks.accuracy.problems import TICKS
 from benchmarks.accuracy.sweep import CONTROLLED, TOLERANCES
-from benchmarks.reporting.markdown import number, table
+from benchmarks.reporting.markdown import number, table, wrapped
 
 TEMPLATE = Path(__file__).with_name("page.md")
 ROUNDING = 0.99e-10  # below this tolerance rounding has a say in the error
@@ -54,8 +54,10 @@ def page(results: Results) -> str:
         "lugre": friction.page(results["friction"], "LuGre"),
     }.items():
         text = text.replace("{{" + name + "}}", part)
-    return re.sub(
-        r"{{(.+?)\|(.+?)\|(.+?)(?:\|(.+?))?}}", lambda m: _single(results, *m.groups()), text
+    return wrapped(
+        re.sub(
+            r"{{(.+?)\|(.+?)\|(.+?)(?:\|(.+?))?}}", lambda m: _single(results, *m.groups()), text
+        )
     )
 
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.table import Table
 
 from benchmarks.comparison import figures, sections
-from benchmarks.reporting.markdown import quantity
+from benchmarks.reporting.markdown import quantity, wrapped
 from benchmarks.studies.bench import Record
 
 TEMPLATE = Path(__file__).with_name("page.md")
@@ -91,4 +91,4 @@ def page(results: Record, pictures: dict[str, str]) -> str:
     for study, (_, section) in sections.SECTIONS.items():
         parts[study] = section(results)
         parts[f"{study}_figures"] = sections.figures(pictures, study, FIGURES)
-    return re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], TEMPLATE.read_text())
+    return wrapped(re.sub(r"\{\{(\w+)\}\}", lambda place: parts[place[1]], TEMPLATE.read_text()))

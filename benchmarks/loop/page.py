@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from benchmarks.loop.figure import draw
-from benchmarks.reporting.markdown import table
+from benchmarks.reporting.markdown import table, wrapped
 
 BEGIN, END = "<!-- loop: begin -->", "<!-- loop: end -->"
 KINDS = ("inverse", "forward", "terms")
@@ -85,7 +85,7 @@ def page(r: Record, figure: str) -> str:
         )
         for run in runs
     ]
-    return "\n\n".join([
+    return wrapped("\n\n".join([
         f"Panda, {loop['seconds']:.0f} s of closed loop, two shared cores, load of the machine "
         f"{r['load'][0]:.1f} at the start and {r['load'][1]:.1f} at the end. "
         f"Made by `./arm bench loop`{_priority(loop['priority'])}.",
@@ -104,7 +104,7 @@ def page(r: Record, figure: str) -> str:
         table(("", "inverse dynamics", "forward dynamics", "terms"), _batches(r)),
         "**Lockstep.** The digest is of all states and torques.",
         table(("", "ticks/s", "digest"), steps),
-    ]) + "\n"  # fmt: skip
+    ]) + "\n")  # fmt: skip
 
 
 def _batches(r: Record) -> list[tuple[str, ...]]:

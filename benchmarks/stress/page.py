@@ -9,6 +9,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from benchmarks.reporting.markdown import wrapped
 from benchmarks.stress import tables
 from benchmarks.stress.figure import draw
 from benchmarks.stress.survey import Found, Plan
@@ -54,7 +55,7 @@ def page(found: Sequence[Found], seed: int) -> str:
     words = tables.counts(found) | {"seed": str(seed), "last": str(found[-1].seed)}
     for name, part in ({name: make(found) for name, make in PARTS.items()} | words).items():
         text = text.replace("{{" + name + "}}", part)
-    return text
+    return wrapped(text)
 
 
 def plain(found: Sequence[Found], plan: Plan, seed: int) -> dict[str, Any]:

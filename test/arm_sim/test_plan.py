@@ -146,7 +146,7 @@ def test_says_what_is_skipped(whole: Simulator, changes: dict[str, Any], part: s
 
 @pytest.mark.parametrize("name", ["z1", "planar_3r", "puma560"])
 def test_dry_friction_is_not_passed_over_in_silence(name: str) -> None:
-    assert models.dynamics(name).model.coulomb.any()
+    assert models.dynamics(name).model.has_dry_friction
     assert any(
         word in str(models.simulator(name).plan).lower() for word in ("dry friction", "coulomb")
     )

@@ -31,7 +31,7 @@ def test_plants_differ_as_they_say() -> None:
     exact, heavy = arm.plant("exact"), arm.plant("payload")
     np.testing.assert_allclose(exact.total_mass, arm.nominal.model.total_mass)
     np.testing.assert_allclose(heavy.total_mass - exact.total_mass, 0.2 * arm.payload)
-    assert arm.plant("friction").coulomb.tolist() == list(arm.coulomb)
+    assert arm.plant("friction").friction.coulomb.mean.tolist() == list(arm.coulomb)
     _, q, v, a = arm.lines["fast"].table(200)
     share = abs(arm.nominal.inverse(q, v, a)) / arm.plant("limits").effort_limit
     assert share.max() > 1.0

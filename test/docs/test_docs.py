@@ -18,7 +18,9 @@ from arm_dynamics.scene import schema
 from arm_sim import Simulator
 
 ROOT = Path(__file__).parents[2]
-PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
+TEMPLATES = sorted((ROOT / "benchmarks").glob("*/*.md"))
+WIDTH = 100
 REFERENCE = (ROOT / "docs/scene-reference.md").read_text()
 
 
@@ -27,6 +29,13 @@ def test_links_lead_somewhere(page: Path) -> None:
     links = re.findall(r"\]\(([^)#\s]*)[^)]*\)", page.read_text())
     inside = [link for link in links if link and "://" not in link]
     assert [link for link in inside if not (page.parent / link).exists()] == []
+
+
+@pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda p: f"{p.parent.name}/{p.name}")
+def test_text_is_broken_into_lines(page: Path) -> None:
+    text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
+    lines = [line for line in text.splitlines() if not line.startswith(("|", "    ", "{{"))]
+    assert [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()] == []
 
 
 def test_python_of_the_readme_runs() -> None:
@@ -61,7 +70,7 @@ def test_reference_names_every_key() -> None:
 
 
 @pytest.mark.parametrize(
-    "file", re.findall(r"\b[DS] `([\w/]+\.py)", (ROOT / "docs/equations.md").read_text())
+    "file", re.findall(r"\b[DS]\s`([\w/]+\.(?:py|c))", (ROOT / "docs/equations.md").read_text())
 )
 def test_files_that_equations_stand_in_exist(file: str) -> None:
     packages = [ROOT / "src" / name / name for name in ("arm_dynamics", "arm_sim")]

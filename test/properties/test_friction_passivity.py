@@ -107,7 +107,7 @@ def test_an_arm_that_holds_does_not_move_by_a_bit() -> None:
 def test_breaks_away_at_the_right_torque() -> None:
     """One joint of the holding arm at a time, pushed with 0.1 % less and 0.1 % more."""
     sim = holding(1e-3)
-    static, weight = sim.model.static, sim.dynamics.gravity(sim.state.q)
+    static, weight = sim.model.friction.static.mean, sim.dynamics.gravity(sim.state.q)
     for joint in range(sim.n):
         for sign in (1.0, -1.0):
             # Held: tau - G in [-Fs, Fs]; the others stay within their own level all the while.

@@ -12,7 +12,7 @@ from tolerances import TRAJECTORY, assert_close
 
 SECONDS = 0.2
 # Robots without dry friction, whose equation of motion is smooth.
-SMOOTH = [name for name in models.ROBOTS if not models.dynamics(name).model.coulomb.any()]
+SMOOTH = [name for name in models.ROBOTS if not models.dynamics(name).model.has_dry_friction]
 
 
 def by_scipy(name: str, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.ndarray:

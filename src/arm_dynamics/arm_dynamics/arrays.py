@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable
+from collections.abc import Callable, Collection, Iterable
+from itertools import repeat
 from operator import gt
 
 import numpy as np
@@ -16,6 +17,24 @@ Array = NDArray[np.float64]
 """Numbers of any shape."""
 
 _FEW = 64  # numbers up to which a list is faster than an array
+
+
+def read_only(values: ArrayLike) -> Array:
+    """A copy of the values as an array of float that cannot be written to."""
+    array = np.array(values, dtype=float)
+    array.setflags(write=False)
+    return array
+
+
+def each(answer: Callable[..., Array], *given: Array) -> Array:
+    """The answer for vectors (n,), or those for each row of batches (k, n), by ``given[0]``.
+
+    A single vector beside batches serves every row.
+    """
+    if given[0].ndim == 1:
+        return answer(*given)
+    columns = [x if x.ndim == 2 else repeat(x) for x in given]
+    return np.array([answer(*row) for row in zip(*columns, strict=False)])
 
 
 def vector(name: str, value: ArrayLike, n: int) -> Array:

@@ -11,7 +11,8 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel
-from arm_dynamics.actuation.internal_state import StatefulLaw
+from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
+from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_sim.integrators.selection import Choice
@@ -130,14 +131,17 @@ class Plan:
 
 def _parts(plant: Plant) -> tuple[Part, ...]:
     model, scene, p = plant.model, plant.model.scene, plant.parameters.names
-    gravity, viscous, dry, armature = scene.gravity, model.viscous, model.static, model.armature
+    gravity, viscous, armature = scene.gravity, model.viscous, model.armature
+    dry = model.friction.static.mean
     locked, loads = len(scene.robot.lock), len(scene.payloads)
     contacts = len(scene.contacts)
     folded = f"{loads} bodies, folded into their links"
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
     rows = sum(len(kept) for kept in model.constraint_rows.values())
-    bristles = model.friction.bristles.joints if model.friction.bristles else ()
+    laws = plant.laws.laws if plant.laws else ()
+    states = sum(len(law.names) for law in laws if law.replaces_command.any())
+    driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states of their own"
     by = zip(model.friction.position, model.friction.load, strict=True)
     tables = sum(bool(place or load) for place, load in by)
     return (
@@ -148,12 +152,10 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part(
             "contact", contacts, f"{contacts} points, solved by events", "no point touches a plane"
         ),
-        _part(
-            "LuGre friction", bristles, f"{len(bristles)} joints, as many states", "no bristles"
-        ),
+        *(_law_part(kind, laws) for kind in FRICTION),
         _part("friction by place or load", tables, f"{tables} joints", "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
-        _part("motors and transmissions", any(model.drives), _drives(plant), "no actuator"),
+        _part("motors and transmissions", any(model.drives), driven, "no actuator"),
         _part("gear losses", model.friction.gears, _gears(model), "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
         _part("constraints", rows, f"{rows} rows, {model.n - rows} freedoms left", "none"),
@@ -170,11 +172,9 @@ def _part(name: str, on: object, why: str, why_not: str, tunable: bool = False) 
     return Part(name, bool(on), why if on else why_not)
 
 
-def _drives(plant: Plant) -> str:
-    joints = sum(drive is not None for drive in plant.model.drives)
-    laws = plant.laws.laws if plant.laws else ()
-    states = sum(len(law.names) for law in laws if law.replaces_command.any())
-    return f"{joints} joints, {states or 'no'} states of their own"
+def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:
+    found = [law.summary for law in laws if isinstance(law, kind)]
+    return _part(kind.title, found, "".join(found), kind.absent)
 
 
 def _gears(model: ArmModel) -> str:

@@ -69,7 +69,7 @@ def test_it_is_the_plain_law_for_arms_with_motors(name: str, rng: np.random.Gene
 
 def test_joints_at_rest_are_helped_to_where_they_are_to_slide(rng: np.random.Generator) -> None:
     dynamics = rubbing()
-    assert dynamics.model.friction.directional
+    assert dynamics.steady_friction.has_dry
     agree(dynamics, rng)
     assert computed_torque.build(dynamics.model) is not None
 

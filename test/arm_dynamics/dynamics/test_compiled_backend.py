@@ -6,6 +6,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cache
 
 import numpy as np
 import pinocchio as pin
@@ -17,9 +18,10 @@ from arm_dynamics.codegen import compiler
 from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_backend import check, compiled
 from arm_dynamics.dynamics.compiled_terms import BatchTerm
-from arm_dynamics.dynamics.dynamics import MANY, Term
-from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.dynamics.dynamics import Term
+from arm_dynamics.dynamics.rigid import MANY
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from models.random_tree import random_tree
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
@@ -118,12 +120,18 @@ def test_forward_equals_pinocchio_called_directly(name: str, rng: np.random.Gene
         assert abs(needed - tau[k]).max() < ALGEBRA * size
 
 
-@pytest.mark.parametrize("law", LAWS.values(), ids=LAWS)
-@pytest.mark.parametrize("name", models.ROBOTS)
-def test_laws(name: str, law: dict[str, object], rng: np.random.Generator) -> None:
+@cache
+def with_law(name: str, law: str) -> Dynamics:
+    """A robot with a law at its last joint and none elsewhere."""
     given = models.scene(name).model_dump(exclude_unset=True)
     joint = models.dynamics(name).joint_names[-1]
-    dyn, lawless = (Dynamics(load_scene(given | {"joints": {joint: more}})) for more in (law, {}))
+    return Dynamics(load_scene(given | {"joints": {joint: LAWS.get(law, {})}}))
+
+
+@pytest.mark.parametrize("law", LAWS)
+@pytest.mark.parametrize("name", ["panda", "gantry", "gripper", "skew_axes", "two_arms"])
+def test_laws(name: str, law: str, rng: np.random.Generator) -> None:
+    dyn, lawless = with_law(name, law), with_law(name, "none")
     batch = states(dyn, MANY, rng)
     batch[1][: MANY // 4] = 0.0
     a = dyn.forward(*batch)
@@ -134,7 +142,7 @@ def test_laws(name: str, law: dict[str, object], rng: np.random.Generator) -> No
     size = abs(dyn.mass_matrix(q)) @ abs(a[moving])[..., None]
     error = abs(dyn.inverse(q, v, a[moving]) - tau) / (abs(tau).max() + size.max())
     assert error.max() < INVERSE_PAIR
-    if "transmission" not in law:  # a flexible gear's rotor is not rigidly on the links
+    if law != "flexible gear":  # a flexible gear's rotor is not rigidly on the links
         assert abs(lawless.forward(*batch) - a)[moving].max() > 1e-3
 
 
@@ -247,8 +255,9 @@ def test_on_a_full_disk_pinocchio_answers(
 def test_code_that_differs_from_pinocchio_is_refused(
     term: BatchTerm, caplog: pytest.LogCaptureFixture
 ) -> None:
-    points = Pointwise(models.dynamics("two_link").model)
-    right = compiled(term, points)
+    model = models.dynamics("two_link").model
+    points = RigidTerms(model)
+    right = compiled(term, model, points)
     assert right is not None
     assert check(term, points, right) < ALGEBRA
     with pytest.raises(KernelError, match=rf"generated {term.title} differs from Pinocchio by "):
@@ -257,7 +266,7 @@ def test_code_that_differs_from_pinocchio_is_refused(
         check(term, points, lambda *x: np.where(np.arange(2) == 1, np.nan, right(*x)))
     wrong = replace(term, expression=lambda model: term.expression(_heavier(model)))
     with caplog.at_level(logging.WARNING):
-        assert compiled(wrong, points) is None
+        assert compiled(wrong, model, points) is None
     assert "batches are answered by Pinocchio, slower" in caplog.text
 
 

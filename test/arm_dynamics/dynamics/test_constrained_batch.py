@@ -12,8 +12,8 @@ import models
 from arm_dynamics import Dynamics, KernelError
 from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_backend import check, compiled
-from arm_dynamics.dynamics.dynamics import MANY
-from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.dynamics.rigid import MANY
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 from models.linkages import body, inline, scene
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
@@ -123,8 +123,8 @@ def test_friction_by_position_and_load(
 
 def test_rows_that_differ_from_pinocchio_are_refused() -> None:
     dyn = models.dynamics("four_bar")
-    points, term = Pointwise(dyn.model), batch_terms.constraint_rows(("loop",))
-    right = compiled(term, points)
+    points, term = RigidTerms(dyn.model), batch_terms.constraint_rows(("loop",))
+    right = compiled(term, dyn.model, points)
     assert right is not None
     assert check(term, points, right) < ALGEBRA
     for wrong in (1.0 + 1e-6, np.r_[np.ones(dyn.n), 1.0 + 1e-6]):

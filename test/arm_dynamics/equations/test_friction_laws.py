@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 import models
-from arm_dynamics import InvalidInput, SceneError, load_scene
+from arm_dynamics import Dynamics, InvalidInput, SceneError
 from arm_dynamics.equations.interpolation import Curve
-from arm_dynamics.model.arm import ArmModel
 from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
@@ -123,6 +123,27 @@ def test_curve_is_smooth_and_stays_between_its_points(rng: np.random.Generator) 
             assert_close(curve(x + period), y, 1e-9)
 
 
+def test_slopes_of_uneven_points_are_those_of_fritsch_and_butland() -> None:
+    """The library SciPy has the same curve between inner points; at the ends it differs."""
+    at, values = np.array([0.0, 1.0, 1.2, 4.0, 4.5, 6.0]), np.array([1.0, 1.1, 2.0, 2.2, 3.0, 3.5])
+    x = np.linspace(1.0, 4.5, 200)
+    wanted = PchipInterpolator(at, values)(x)
+    assert_close(Curve.through(at, values)(x), wanted, ALGEBRA)
+
+
+def test_the_direction_decides_where_a_joint_stands_still() -> None:
+    """At rest the level that is about to act; in motion its sign is that of the direction."""
+    dyn = wheel(coulomb=SIDES, static=HOLDS, stribeck_velocity=0.1, viscous=0.5).dynamics
+    for way, level in ((0.3, HOLDS["positive"]), (-5.0, -HOLDS["negative"]), (0.0, 0.0)):
+        assert_close(dyn.friction([0.0], direction=[way]), [level], ALGEBRA)
+    assert_close(dyn.friction([0.0]), [0.0], ALGEBRA)
+    slow = np.array([[0.01], [0.01]])
+    both = dyn.friction(slow, direction=[[1.0], [-1.0]])
+    fall = np.exp(-0.01)
+    wanted = [0.6 + 0.3 * fall + 0.005, -(0.4 + 0.1 * fall) + 0.005]
+    assert_close(both.ravel(), wanted, ALGEBRA)
+
+
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "negative": ({"viscous": -0.1}, r"friction\.viscous' = -0\.1: .*greater than or equal to 0"),
     "one side negative": ({"coulomb": {"positive": 1.0, "negative": -1.0}}, "coulomb.negative"),
@@ -150,7 +171,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "LuGre not passive": (
         {"viscous": 0.4, "coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
          "lugre": {"sigma0": 1e5, "sigma1": 316}},
-        r"viscous >= sigma1 \(static - coulomb\) / coulomb = 158 is wanted, got 0\.4",
+        r"viscous >= sigma1 \(static - coulomb\) / coulomb = 158 is expected, got 0\.4",
     ),
     "LuGre that fades too late": (
         {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
@@ -164,7 +185,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
 @pytest.mark.parametrize("case", REFUSED.values(), ids=REFUSED)
 def test_refusals(case: tuple[dict[str, Any], str]) -> None:
     with pytest.raises(SceneError, match=case[1]):
-        ArmModel(load_scene(rotor(J, **case[0])))
+        Dynamics(rotor(J, **case[0]))
 
 
 def test_position_is_wanted_where_friction_depends_on_it() -> None:

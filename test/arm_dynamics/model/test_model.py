@@ -14,7 +14,7 @@ SCARA = str(models.FOLDER / "scara.urdf")
 
 
 def vectors(model: ArmModel) -> list[np.ndarray]:
-    friction = [model.viscous, model.coulomb, model.armature]
+    friction = [model.viscous, model.friction.coulomb.mean, model.armature]
     limits = [model.effort_limit, model.velocity_limit]
     return [model.q0, model.v0, *friction, *limits, model.position_lower, model.position_upper]
 

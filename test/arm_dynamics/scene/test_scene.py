@@ -91,7 +91,7 @@ def test_star_speaks_for_all_joints_and_gives_way_to_a_name() -> None:
     })  # fmt: skip
     model = Dynamics(scene).model
     np.testing.assert_array_equal(model.viscous, [0.5, 9.0, 0.5])
-    np.testing.assert_array_equal(model.coulomb, [0.1, 0.1, 0.1])
+    np.testing.assert_array_equal(model.friction.coulomb.mean, [0.1, 0.1, 0.1])
     np.testing.assert_array_equal(model.armature, [0.2, 0.2, 0.2])
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
 import models
 from arm_dynamics import Dynamics
@@ -14,7 +15,7 @@ from arm_sim import Simulator
 from arm_sim.recording.energy_account import dissipated_work
 from arm_sim.ros.energy_meter import EnergyMeter
 from models.rotor import rotor
-from tolerances import CLOSED_FORM, assert_close
+from tolerances import PINOCCHIO, assert_close
 
 LUGRE = {
     "viscous": 0.5,
@@ -132,21 +133,22 @@ def test_the_meter_of_a_running_simulation_says_the_same(sim: Simulator) -> None
     assert_close(account.balance, recorded.balance[-1], 1e-7)
 
 
-def test_heat_of_friction_by_place_and_load_under_constant_acceleration() -> None:
-    """Heat = c g(τ) times the integral of f(q) dq, b times that of v² dt; Simpson's rule is exact.
+def test_heat_of_friction_that_differs_by_position_and_load() -> None:
+    """Simpson's rule needs the middle of a tick: known exactly of a cubic motion."""
+    friction = {"viscous": 0.3, "coulomb": 0.5}
+    friction |= {"position": {"at": [0.0, 1.0, 2.0], "factor": [1.0, 3.0, 1.5]},
+                 "load": {"at": [0.0, 10.0], "factor": [1.0, 3.0]}}  # fmt: skip
+    dyn, dt = Dynamics(rotor(**friction)), 0.5
+    motion = Polynomial([0.2, 1.0, 0.8, -0.3])
+    times = np.array([0.0, 0.5, 1.0])
+    q, v, tau = motion(times)[:, None], motion.deriv()(times)[:, None], np.array([[3.0], [-7.0]])
 
-    Both rise straight where the wheel is: f = 1 + q/8, g = 1 + |τ|/4.
-    """
-    law = {
-        "coulomb": 0.4, "viscous": 0.3,
-        "position": {"at": [-6, -2, 2, 6], "factor": [0.25, 0.75, 1.25, 1.75]},
-        "load": {"at": [0, 1, 5, 9], "factor": [1, 1.25, 2.25, 3.25]},
-    }  # fmt: skip
-    dynamics, dt = Dynamics(rotor(0.1, **law)), 0.1  # type: ignore[arg-type]
-    t = dt * np.arange(6)
-    q, v = -0.7 + 1.2 * t + 0.9 * t**2, 1.2 + 1.8 * t
-    load = np.array([1.0, 4.0, 2.0, 3.0, -2.0])
-    heat = dissipated_work(dynamics, dt, q[:, None], v[:, None], load[:, None])
-    place = np.diff(q + q**2 / 16)
-    wanted = 0.4 * (1 + abs(load) / 4) * place + 0.3 * np.diff(v**3) / (3 * 1.8)
-    assert_close(heat, wanted, CLOSED_FORM)
+    def power(t: float, load: float) -> float:
+        speed = motion.deriv()(t)
+        return float(dyn.friction([speed], q=[motion(t)], load=[load])[0] * speed)
+
+    wanted = [
+        dt / 6 * (power(t, load) + 4 * power(t + dt / 2, load) + power(t + dt, load))
+        for t, load in zip(times, tau[:, 0], strict=False)
+    ]
+    assert_close(dissipated_work(dyn, dt, q, v, tau), wanted, PINOCCHIO)

@@ -21,7 +21,7 @@ TICKS = 20
 
 
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
-@pytest.mark.parametrize("name", ["panda", "gripper", "scara", "planar_3r"])
+@pytest.mark.parametrize("name", ["panda", "gripper", "scara", "two_arms"])
 def test_the_same_motion(name: str, options: dict[str, Any], rng: np.random.Generator) -> None:
     native = models.simulator(name, backend="native", **options)
     virtual = models.simulator(name, backend="vm", **options)

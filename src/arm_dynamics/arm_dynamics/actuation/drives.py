@@ -20,7 +20,7 @@ from arm_dynamics.scene.drive import Wave
 
 
 @dataclass(frozen=True)
-class Instant:
+class DriveInstant:
     """What a drive does at an instant; numbers or CasADi expressions.
 
     Attributes:
@@ -70,7 +70,7 @@ def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
 
 def instant(
     drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity], u: Quantity
-) -> Instant:
+) -> DriveInstant:
     """What a drive does.
 
     Args:
@@ -90,7 +90,7 @@ def instant(
     damping = drive.rotor_damping * velocity
     push = source.torque - damping - link.torque * (1.0 + error_slope)
     rotor = (velocity, push / drive.rotor_inertia)
-    return Instant(
+    return DriveInstant(
         link.torque,
         (*source.slopes, *rotor, *link.slopes),
         source.stored + 0.5 * drive.rotor_inertia * velocity**2 + link.stored,
@@ -101,13 +101,13 @@ def instant(
 
 def _electric(
     drive: JointDrive, position: Quantity, velocity: Quantity, z: list[Quantity], u: Quantity
-) -> Instant:
+) -> DriveInstant:
     """The motor: torque of current and poles on the rotor, as seen at the joint."""
     m = drive.motor
     if m.command == "voltage":
         made = _under_voltage(drive, velocity, z, u)
     elif m.torque_constant is None:
-        made = Instant(u, supplied=u * velocity)
+        made = DriveInstant(u, supplied=u * velocity)
     else:
         made = _under_current(drive, velocity, u)
     if m.cogging is None:
@@ -120,7 +120,7 @@ def _electric(
 
 def _under_voltage(
     drive: JointDrive, velocity: Quantity, z: list[Quantity], voltage: Quantity
-) -> Instant:
+) -> DriveInstant:
     m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
     R = m.resistance or 0.0
     if not drive.has_current:
@@ -136,7 +136,7 @@ def _under_voltage(
     return replace(carrying, slopes=(slope,), stored=0.5 * L * i**2)
 
 
-def _under_current(drive: JointDrive, velocity: Quantity, u: Quantity) -> Instant:
+def _under_current(drive: JointDrive, velocity: Quantity, u: Quantity) -> DriveInstant:
     """An ideal current controller; its command is a current, or a torque divided by N K_t."""
     m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
     R, direct = m.resistance or 0.0, m.command == "torque"
@@ -152,15 +152,15 @@ def _under_current(drive: JointDrive, velocity: Quantity, u: Quantity) -> Instan
 
 def _carrying(
     drive: JointDrive, current: Quantity, voltage: Quantity, velocity: Quantity
-) -> Instant:
+) -> DriveInstant:
     torque = motor.torque(current, drive.torque_constant)
     lost = (drive.motor.resistance or 0.0) * current**2
     if drive.back_emf_constant != drive.torque_constant:
         lost = lost + (drive.back_emf_constant - drive.torque_constant) * velocity * current
-    return Instant(torque, supplied=voltage * current, lost=lost)
+    return DriveInstant(torque, supplied=voltage * current, lost=lost)
 
 
-def _coupling(drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity]) -> Instant:
+def _coupling(drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity]) -> DriveInstant:
     """The transmission: its torque on the link and its loss, and w' if it has a hysteresis."""
     c = drive.coupling
     assert c is not None
@@ -179,10 +179,10 @@ def _coupling(drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity]) ->
     lost = (torque - elastic) * rate
     energy = transmission.elastic_energy(bent, c.stiffness, c.stiffening)
     if c.hysteresis is None:
-        return Instant(torque, (), energy, lost=lost)
+        return DriveInstant(torque, (), energy, lost=lost)
     h, w = c.hysteresis, z[2]
     slope = transmission.hysteresis_slope(w, rate, h.deflection, h.sharpness)
-    return Instant(
+    return DriveInstant(
         torque + h.torque * w,
         (slope,),
         energy + transmission.hysteresis_energy(w, h.torque, h.deflection),
@@ -270,7 +270,7 @@ class Drives:
         """Heat of windings, of transmissions, and of rotors on flexible drives, in [W]."""
         return _sum(now.lost for now in self._instants(q, v, z, u))
 
-    def _instants(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> list[Instant]:
+    def _instants(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> list[DriveInstant]:
         parts = zip(self._joints, self._ends, self._ends[1:], strict=False)
         return [
             instant(drive, q[i], v[i], [z[k] for k in range(a, b)], u[i])

@@ -10,13 +10,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Protocol
+from typing import Protocol, Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.elementary import Quantity
+from arm_dynamics.model.arm import ArmModel
 
 
 @dataclass(frozen=True)
@@ -70,6 +72,45 @@ class StatefulLaw(Protocol):
 
     def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
         """Power that it turns into heat in [W]."""
+
+
+class FrictionLaw(StatefulLaw, Protocol):
+    """A law of friction with states.
+
+    Attributes:
+        absent: Why a scene has none, for people: "no bristles".
+        summary: What of it a scene has, for people: "2 joints, as many states".
+    """
+
+    title: str
+    absent: str
+
+    @property
+    def summary(self) -> str: ...  # noqa: D102
+
+    @classmethod
+    def of(cls, model: ArmModel) -> Self | None:
+        """The law of the joints that ask for it; None if none does.
+
+        Raises:
+            SceneError: If the coefficients of a joint do not go together.
+        """
+
+    def fastest_rate(self, M: Array, v: Array) -> float:
+        """How fast it may answer in [1/s], whatever the initial state.
+
+        Args:
+            M: Mass matrix at the initial position, shape (n, n).
+            v: Initial velocities in [rad/s] or [m/s], shape (n,).
+        """
+
+    def steady(self, v: Quantity, direction: Quantity) -> Quantity:
+        """Its part of F when the states have settled; numbers (…, n) or expressions.
+
+        Args:
+            v: Joint velocities in [rad/s] or [m/s].
+            direction: Which way joints slide, or are about to, -1 to 1.
+        """
 
 
 @dataclass(frozen=True)

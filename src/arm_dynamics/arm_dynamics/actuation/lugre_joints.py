@@ -3,91 +3,150 @@
 
 from __future__ import annotations
 
+import math
+from collections.abc import Mapping
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.actuation.internal_state import Flow
 from arm_dynamics.arrays import Array
-from arm_dynamics.equations import lugre
+from arm_dynamics.equations import friction, lugre
+from arm_dynamics.equations.elementary import Quantity
+from arm_dynamics.equations.tree import constant
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.friction import Bristles
+from arm_dynamics.scene.friction import Lugre, refusal
 
 
 class LugreFriction:
-    """All joints with bristles as one law; see ``stateful.StatefulLaw``.
+    """All joints with bristles as one law; see ``internal_state.FrictionLaw``.
 
     Viscous friction, σ2 v, is not part of it: it acts on every joint alike.
     """
 
     title = "LuGre friction"
+    absent = "no bristles"
 
-    def __init__(self, model: ArmModel, bristles: Bristles) -> None:
-        """Take the joints and their coefficients."""
-        self._n, self._b = model.n, bristles
-        self._names = [model.joint_names[i] for i in bristles.joints]
-        self._units = [
-            "m" if model.joint_types[i] == "prismatic" else "rad" for i in bristles.joints
-        ]
-        fading = np.isfinite(bristles.fading)
-        self._fading = np.where(fading, bristles.fading, 1.0) if fading.any() else None
-        self._fades = fading
+    @classmethod
+    def of(cls, model: ArmModel) -> LugreFriction | None:
+        """The law of the joints that have ``friction.lugre``; None if there are none."""
+        said = ((i, model.scene.joint(name)) for i, name in enumerate(model.joint_names))
+        asked = {i: joint.friction.lugre for i, joint in said if joint.friction.lugre}
+        return cls(model, asked) if asked else None
 
-    @property
-    def names(self) -> tuple[str, ...]:
-        """A deflection for each joint."""
-        named = zip(self._names, self._units, strict=True)
-        return tuple(f"{name} bristle deflection [{unit}]" for name, unit in named)
+    def __init__(self, model: ArmModel, asked: Mapping[int, Lugre]) -> None:
+        """Take joints and their coefficients.
+
+        Raises:
+            SceneError: If the coefficients of a joint do not go together.
+        """
+        self._n, self._joints, self._levels = model.n, list(asked), model.friction.by_law
+        self.names = tuple(
+            f"{model.joint_names[i]} bristle deflection "
+            f"[{'m' if model.joint_types[i] == 'prismatic' else 'rad'}]"
+            for i in asked
+        )
+        self._coulomb, self._static, self._fall = (x[self._joints] for x in self._levels)
+        laws = asked.values()
+        self._sigma0 = np.array([law.sigma0 for law in laws])
+        self._sigma1 = np.array([law.sigma1 for law in laws])
+        self._fades = np.array([law.sigma1_velocity is not None for law in laws])
+        self._fading = np.array([law.sigma1_velocity or 1.0 for law in laws])
+        for i, law in asked.items():
+            _check(model, i, law)
 
     @property
     def scale(self) -> Array:
         """Deflection at which bristles give way, Fs/σ0."""
-        return self._b.static / self._b.sigma0
+        return np.asarray(self._static / self._sigma0)
 
     @property
     def replaces_command(self) -> NDArray[np.bool_]:
         """No joint's command."""
         return np.zeros(self._n, dtype=bool)
 
+    @property
+    def summary(self) -> str:
+        """How many joints have bristles."""
+        return f"{len(self.names)} joints, as many states"
+
     def initial(self, q: Array, v: Array) -> Array:
         """Straight bristles."""
-        return np.zeros(len(self._names))
+        return np.zeros(len(self.names))
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """See ``laws.lugre``."""
+        """See ``equations.lugre``."""
         w = self._speeds(v)
-        rate = lugre.bending(w, z, self._b.sigma0, self._level(w))
-        held = lugre.torque(z, rate, self._b.sigma0, self._damping(w))
+        rate = lugre.bending(w, z, self._sigma0, self._level(w))
+        held = lugre.torque(z, rate, self._sigma0, self._damping(w))
         torque = ca.SX(self._n, 1)
-        for k, i in enumerate(self._b.joints):
+        for k, i in enumerate(self._joints):
             torque[i] = -held[k]
         return Flow(torque, rate)
 
+    def steady(self, v: Quantity, direction: Quantity) -> Quantity:
+        """Friction of bristles that have bent, of the sign of ``direction``."""
+        coulomb, static, fall = self._levels
+        like = constant if isinstance(v, ca.SX) else np.asarray
+        return friction.dry(v, direction, like(coulomb), like(static - coulomb), like(fall))
+
+    def fastest_rate(self, M: Array, v: Array) -> float:
+        """The frequency of the arm on its bristles, or the rate at which they bend over.
+
+        That is σ0 |v| / Fc for a joint that slides at 1 rad/s or 1 m/s, or as fast as it starts.
+        """
+        stiffness = np.zeros(self._n)
+        stiffness[self._joints] = self._sigma0
+        speed = np.maximum(1.0, abs(v[self._joints]))
+        bending = float(np.max(self._sigma0 * speed / self._coulomb))
+        swinging = np.linalg.eigvals(np.linalg.solve(M, np.diag(stiffness))).real.max()
+        return max(math.sqrt(max(0.0, float(swinging))), bending)
+
     def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
         """In bent bristles."""
-        return 0.5 * ca.dot(ca.DM(self._b.sigma0), z**2)
+        return 0.5 * ca.dot(ca.DM(self._sigma0), z**2)
 
     def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
         """Nothing."""
         return ca.SX(0.0)
 
     def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """See ``laws.lugre``."""
+        """See ``equations.lugre``."""
         w = self._speeds(v)
         level = self._level(w)
-        rate = lugre.bending(w, z, self._b.sigma0, level)
-        return ca.sum1(lugre.heat(w, z, rate, self._b.sigma0, self._damping(w), level))
+        rate = lugre.bending(w, z, self._sigma0, level)
+        return ca.sum1(lugre.heat(w, z, rate, self._sigma0, self._damping(w), level))
 
     def _speeds(self, v: ca.SX) -> ca.SX:
-        return ca.vertcat(*[v[i] for i in self._b.joints])
+        return ca.vertcat(*[v[i] for i in self._joints])
 
     def _level(self, w: ca.SX) -> ca.SX:
-        b = self._b
-        return lugre.level(w, b.coulomb, b.static - b.coulomb, b.stribeck_velocity)
+        return lugre.level(w, self._coulomb, self._static - self._coulomb, self._fall)
 
     def _damping(self, w: ca.SX) -> ca.SX:
-        if self._fading is None:
-            return ca.SX(ca.DM(self._b.sigma1))
-        faded = lugre.faded(w, self._b.sigma1, self._fading)
-        kept = [faded[k] if fades else self._b.sigma1[k] for k, fades in enumerate(self._fades)]
+        if not self._fades.any():
+            return ca.SX(ca.DM(self._sigma1))
+        faded = lugre.faded(w, self._sigma1, self._fading)
+        kept = [faded[k] if fades else self._sigma1[k] for k, fades in enumerate(self._fades)]
         return ca.vertcat(*kept)
+
+
+def _check(model: ArmModel, i: int, law: Lugre) -> None:
+    joint, (mean, skew) = model.joint_names[i], model.friction.viscous
+    viscous = float(mean[i] - abs(skew[i]))
+    coulomb, static = (float(level[i]) for level in model.friction.by_law[:2])
+    if not coulomb > 0.0:
+        raise refusal(joint, f"lugre' needs coulomb above zero, got {coulomb}")
+    if static > coulomb and model.scene.joint(joint).friction.stribeck_velocity is None:
+        raise refusal(joint, "lugre' with static above coulomb needs a 'stribeck_velocity'")
+    if not lugre.is_passive(law.sigma1, viscous, coulomb, static, law.sigma1_velocity):
+        needed = law.sigma1 * (static - coulomb) / coulomb
+        slow = lugre.FADING * coulomb / law.sigma1
+        raise refusal(
+            joint,
+            f"lugre' is not passive, it could give out energy: viscous >= sigma1 (static - "
+            f"coulomb) / coulomb = {needed:.4g} is expected, got {viscous:.4g}; or let the "
+            f"damping fade: sigma1_velocity <= 4 sqrt(2 e) coulomb / sigma1 = {slow:.4g}, "
+            f"got {law.sigma1_velocity}",
+        )

@@ -1,2 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-""" """
+"""Controllers: objects with one method, ``torque(state, reference)``, and what wraps them.
+
+They know the model of the arm and references, and nothing of what carries out their torques.
+"""
+
+from arm_dynamics.control.computed_torque import (
+    CompiledComputedTorque,
+    ComputedTorque,
+    Controller,
+    Measured,
+    gains,
+    held_gains,
+)
+from arm_dynamics.control.factory import NAMES, Settings, make_controller, preparation
+from arm_dynamics.control.friction_compensation import FrictionFeedForward
+from arm_dynamics.control.joint_space import (
+    PD,
+    PID,
+    FeedForwardPD,
+    GravityCompensation,
+    JointImpedance,
+    PDGravity,
+    tuned,
+)
+from arm_dynamics.control.task_space import (
+    AlongJoints,
+    CartesianImpedance,
+    MotionForce,
+    OperationalSpace,
+    TaskController,
+    at_rest,
+    task_reference,
+)
+from arm_dynamics.control.wrappers import (
+    AnyController,
+    DisturbanceObserver,
+    HalfTickAhead,
+    Saturated,
+    Switch,
+)
+
+__all__ = [
+    "AlongJoints", "AnyController", "CartesianImpedance", "CompiledComputedTorque",
+    "ComputedTorque", "Controller", "DisturbanceObserver", "FeedForwardPD",
+    "FrictionFeedForward", "GravityCompensation", "HalfTickAhead", "JointImpedance",
+    "Measured", "MotionForce", "NAMES", "OperationalSpace", "PD", "PDGravity", "PID",
+    "Saturated", "Settings", "Switch", "TaskController", "at_rest", "gains", "held_gains",
+    "make_controller", "preparation", "task_reference", "tuned",
+]  # fmt: skip

@@ -14,6 +14,7 @@ import casadi as ca
 import numpy as np
 from numpy.typing import ArrayLike
 
+from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, all_finite, vector
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
@@ -99,7 +100,7 @@ class ComputedTorque:
         Raises:
             InvalidInput: If a gain or dt has a wrong shape or value.
         """
-        self._model, self._n = dynamics.model, dynamics.n
+        self._model, self._n, self._friction = dynamics.model, dynamics.n, dynamics.steady_friction
         self._rigid = RigidTerms(dynamics.model)
         self._kp, self._kd = held_gains(bandwidth, damping_ratio, dynamics.n, dt)
         self._dt = float(dt)
@@ -115,8 +116,8 @@ class ComputedTorque:
         desired = (reference.q, reference.v, reference.a)
         a = demanded_acceleration(q, v, desired, self._kp, self._kd)
         middle, speed = halfway(q, v, a, self._dt)
-        tau, friction = self._rigid.inverse(middle, speed, a), self._model.friction
-        sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.directional else v
+        tau, friction = self._rigid.inverse(middle, speed, a), self._friction
+        sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.has_dry else v
         return np.asarray(friction.demanded(tau, speed, sliding, middle))
 
 
@@ -299,7 +300,7 @@ def expression(
     gravity = gravity_of(model)
     tau = rigid_body.inverse(tree_of(model), middle, speed, a, gravity)
     sliding = ca.if_else(v == 0, desired[1], v)  # as in ComputedTorque
-    needed: ca.SX = model.friction.demanded(tau, speed, ca.sign(sliding), middle)
+    needed: ca.SX = SteadyFriction.of(model).demanded(tau, speed, ca.sign(sliding), middle)
     return needed
 
 
@@ -313,7 +314,7 @@ def is_built(model: ArmModel) -> bool:
 
 
 def build(model: ArmModel) -> Kernel | None:
-    """The law, built once for a model; None where there is no C compiler, or it is wrong."""
+    """The kernel, built once for a model; None where it cannot be had, or is wrong."""
     if model not in _built:
         _built[model] = _compiled(model) if compiler.may_build() else None
     return _built[model]

@@ -7,6 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
+from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.exceptions import InvalidInput
@@ -17,24 +18,26 @@ BAND = 0.01
 """Speed in [rad/s] or [m/s] over which the feed-forward of dry friction changes sign."""
 
 
-def ahead(model: ArmModel, v: Array, q: Array, load: Array, viscous: bool = True) -> Array:
-    """Friction torques of the model at a velocity that is wanted, shape (n,).
+def ahead(
+    friction: SteadyFriction, v: Array, q: Array, load: Array, viscous: bool = True
+) -> Array:
+    """Friction torques of the model at a desired velocity, shape (n,).
 
     Dry friction changes sign over ``BAND`` and is zero for a reference at rest.
 
     Args:
-        model: The model.
+        friction: The model's.
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
         q: Joint positions in [rad] or [m], for friction that depends on them, shape (n,).
         load: Torques of the drives in [N m] or [N], likewise.
         viscous: Whether viscous friction is part of it.
     """
-    law = model.friction
-    tau = law.smooth(v) if viscous else np.zeros_like(v)
-    if law.has_dry or law.bristles:
+    joints = friction.joints
+    tau = joints.smooth(v) if viscous else np.zeros_like(v)
+    if friction.has_dry:
         way = np.tanh(v / BAND)
-        tau = tau + law.gearless.steady_dry(v, way, q, load)
-        tau = law.gear_input(load + tau, way) - load if law.gears else tau
+        tau = tau + friction.gearless.dry(v, way, q, load)
+        tau = joints.gear_input(load + tau, way) - load if joints.gears else tau
     return np.asarray(tau)
 
 
@@ -60,9 +63,10 @@ class FrictionFeedForward:
         """
         if terms not in ("all", "dry"):
             raise InvalidInput(f"terms = {terms!r}; allowed: all, dry")
-        self._control, self._model, self._viscous = control, model, terms == "all"
+        self._control, self._viscous = control, terms == "all"
+        self._friction = SteadyFriction.of(model)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         tau = self._control.torque(state, reference)
-        return tau + ahead(self._model, reference.v, reference.q, tau, self._viscous)
+        return tau + ahead(self._friction, reference.v, reference.q, tau, self._viscous)

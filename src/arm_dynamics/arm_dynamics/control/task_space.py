@@ -13,6 +13,7 @@ import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
+from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
@@ -206,7 +207,7 @@ class _Arm:
         self._task = task
         self._posture = None if posture is None else vector("posture", posture, task.n)
         self._kp, self._kd = gains(bandwidth, 1.0, task.n)
-        self._friction = friction
+        self._friction = SteadyFriction.of(task.model) if friction else None
 
     def look(self, state: Moving, reference: TaskReference) -> _Now:
         q, v = checked(state, self._task.n)
@@ -226,9 +227,9 @@ class _Arm:
             a += self._kp * (goal - now.q)
         force = arm.inertia @ (wanted - arm.drift - arm.J @ a)
         tau = arm.M @ a + arm.bias + force @ arm.J
-        if self._friction:
+        if self._friction is not None:
             way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
-            tau += ahead(self._task.model, way, now.q, tau)
+            tau += ahead(self._friction, way, now.q, tau)
         return np.asarray(tau)
 
 

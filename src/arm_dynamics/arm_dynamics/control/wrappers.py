@@ -93,7 +93,7 @@ class DisturbanceObserver:
             InvalidInput: If a number has a wrong shape or value.
         """
         self._control, self._n = control, dynamics.n
-        self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.model.friction
+        self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.steady_friction
         self._dt, self._gain = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
         if np.any(self._gain * self._dt >= 1.0):
             raise InvalidInput(
@@ -126,7 +126,7 @@ class DisturbanceObserver:
         if self._integral is None:
             self._integral = momentum
         else:
-            lost = self._friction.steady(v, np.sign(v), q, self._last)
+            lost = self._friction(v, np.sign(v), q, self._last)
             known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - lost
             self._integral = self._integral + self._dt * (self._last + known + self._r)
         self._r = self._gain * (momentum - self._integral)
@@ -149,7 +149,7 @@ class HalfTickAhead:
             InvalidInput: If dt is not positive.
         """
         self._control, self._n = control, dynamics.n
-        self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.model.friction
+        self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.steady_friction
         self._half = 0.5 * positive("dt", dt)
         self._last: Array | None = None
 
@@ -163,7 +163,7 @@ class HalfTickAhead:
         q, v = checked(state, self._n)
         h, a = self._half, np.zeros_like(v)
         if self._last is not None:
-            lost = self._friction.steady(v, np.sign(v), q, self._last)
+            lost = self._friction(v, np.sign(v), q, self._last)
             known = self._rigid.bias(q, v) + lost
             a = self._rigid.mobility(q) @ (self._last - known)
         ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)

@@ -1,2 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-""" """
+"""Inverse and forward dynamics of an arm as numbers, free or under constraints.
+
+Pinocchio answers single points; large batches run as generated code that was checked against it.
+"""
+
+from arm_dynamics.dynamics.constrained import Constrained
+from arm_dynamics.dynamics.dynamics import Dynamics, Term
+from arm_dynamics.dynamics.rigid import MANY
+from arm_dynamics.dynamics.verify import check_constrained, check_forward
+
+__all__ = ["Constrained", "Dynamics", "MANY", "Term", "check_constrained", "check_forward"]

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from functools import partial
 
 import casadi as ca
 import numpy as np
@@ -16,76 +15,23 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Kernel, pointers
-from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_terms import Answer, BatchTerm
-from arm_dynamics.dynamics.pinocchio_backend import Pointwise
 from arm_dynamics.dynamics.verify import compare
-from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.exceptions import KernelError
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.pinocchio_terms import RigidTerms
 
 _DRIVER = compiler.NATIVE / "rows.c"
 _log = logging.getLogger(__name__)
 
 
-class Batches:
-    """Answers as those of ``Pointwise``, for batches (k, n); each compiled when first asked for.
-
-    Args:
-        points: Answers point by point.
-    """
-
-    def __init__(self, points: Pointwise) -> None:
-        self._points = points
-        self._built: dict[str, Answer] = {}
-
-    def inverse(self, q: Array, v: Array, a: Array, gravity: Array) -> Array:
-        """M a + C v + G in [N m] or [N], shape (k, n); ``gravity`` in [m/s²], shape (3,)."""
-        return self._of(batch_terms.INVERSE, self._points.inverse)(q, v, a, gravity)
-
-    def forward(self, q: Array, v: Array, tau: Array) -> Array:
-        """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], shape (k, n); errors of ``Pointwise``."""
-        a = self._of(batch_terms.FORWARD, self._points.forward)(q, v, tau)
-        lost = ~np.isfinite(a).all(axis=1)
-        if lost.any():
-            a[lost] = self._points.forward(q[lost], v[lost], tau[lost])  # which says why
-        return a
-
-    def mass_matrix(self, q: Array) -> Array:
-        """M in [kg m²] or [kg], shape (k, n, n)."""
-        return self._of(batch_terms.MASS_MATRIX, self._points.mass_matrix)(q)
-
-    def coriolis_matrix(self, q: Array, v: Array) -> Array:
-        """C, with dM/dt - 2 C skew-symmetric, shape (k, n, n)."""
-        one_by_one = self._points.coriolis_matrix
-        if q.shape[1] > DENSE_AT_MOST:  # an expression of the size of n³
-            return one_by_one(q, v)
-        return self._of(batch_terms.CORIOLIS_MATRIX, one_by_one)(q, v)
-
-    def gravity(self, q: Array) -> Array:
-        """G in [N m] or [N], shape (k, n)."""
-        return self._of(batch_terms.GRAVITY, self._points.gravity)(q)
-
-    def energies(self, q: Array, v: Array) -> Array:
-        """Kinetic and potential energy in [J], shape (k, 2)."""
-        return self._of(batch_terms.ENERGIES, self._points.energies)(q, v)
-
-    def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
-        """A and γ = Ȧ v of bilateral constraints side by side, shape (k, m, n + 1)."""
-        term = batch_terms.constraint_rows(names)
-        return self._of(term, partial(self._points.constraint_rows, names=names))(q, v)
-
-    def _of(self, term: BatchTerm, one_by_one: Answer) -> Answer:
-        if term.name not in self._built:
-            self._built[term.name] = compiled(term, self._points) or one_by_one
-        return self._built[term.name]
-
-
-def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
+def compiled(term: BatchTerm, model: ArmModel, points: RigidTerms) -> Answer | None:
     """Compile a term of an arm for batches.
 
     Args:
         term: Which term.
-        points: Answers point by point, to hold the code against.
+        model: The arm.
+        points: Pinocchio's terms of it, to hold the code against.
 
     Returns:
         A function of batches (k, n), and of vectors that serve every point, which agrees with
@@ -94,9 +40,9 @@ def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
     """
     if not compiler.may_build():
         return None
-    _log.info("building code for batches: %s of %d joints", term.title, points.model.n)
+    _log.info("building code for batches: %s of %d joints", term.title, model.n)
     try:
-        answer = rows(term.expression(points.model), term.shape(points.model))
+        answer = rows(term.expression(model), term.shape(model))
         check(term, points, answer)
     except (KernelError, OSError) as error:
         _log.warning("%s; batches are answered by Pinocchio, slower", error)
@@ -104,7 +50,7 @@ def compiled(term: BatchTerm, points: Pointwise) -> Answer | None:
     return answer
 
 
-def check(term: BatchTerm, points: Pointwise, answer: Answer) -> float:
+def check(term: BatchTerm, points: RigidTerms, answer: Answer) -> float:
     """Check an answer at random states; returns and errors as those of ``compare``."""
     with np.errstate(all="ignore"):  # numbers that are not finite are refused
         return compare(term.title, *term.compared(points, answer))

@@ -9,15 +9,15 @@ the first frame upon the second, in axes of the second.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection
+from collections.abc import Collection
 
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
-from arm_dynamics.dynamics.compiled_backend import Batches
-from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.arrays import Array, each
+from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import RANK, Closure, cholesky
@@ -31,7 +31,7 @@ class Constrained:
 
     Args:
         model: The arm; used from one thread only.
-        rigid: What answers, without friction, for positions of a shape; see ``Dynamics.rigid``.
+        rigid: Its dynamics without friction and constraints.
 
     Attributes:
         closure: States that obey the constraints.
@@ -40,8 +40,8 @@ class Constrained:
         SceneError: If the scene has no bilateral constraint, or one that leaves nothing to move.
     """
 
-    def __init__(self, model: ArmModel, rigid: Callable[[Array], Pointwise | Batches]) -> None:
-        self.model, self._rigid = model, rigid
+    def __init__(self, model: ArmModel, rigid: RigidDynamics) -> None:
+        self.model, self._rigid, self._friction = model, rigid, SteadyFriction.of(model)
         self.closure = Closure(self.model)
         self._gravity = np.array(self.model.scene.gravity)
 
@@ -78,10 +78,9 @@ class Constrained:
             a, lam = self.forward(q[None], v[None], tau[None], active)
             return a[0], lam[0]
         names = self.closure.chosen(active)
-        free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
-        rigid = self._rigid(q)
+        free = tau - self._friction(v, np.sign(v), q, tau)
         parts = [
-            self._solved(rigid, q[part], v[part], free[part], names)
+            self._solved(q[part], v[part], free[part], names)
             for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE))
         ]
         accelerations, multipliers = zip(*parts, strict=True)
@@ -103,18 +102,17 @@ class Constrained:
             InvalidInput: If a shape or value is not allowed.
         """
         multipliers = self._checked("lam", lam, self.m, q)
-        rigid = self._rigid(q)
-        rows = rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
+        rows = self._rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
         reaction = _times(_transposed(rows[..., :-1]), multipliers)
-        needed = rigid.inverse(q, v, a, self._gravity) + reaction
-        tau: Array = self.model.friction.demanded(needed, v, np.sign(v), q)
+        needed = self._rigid.inverse(q, v, a, self._gravity) + reaction
+        tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
         return tau
 
     def _solved(
-        self, rigid: Pointwise | Batches, q: Array, v: Array, free: Array, active: tuple[str, ...]
+        self, q: Array, v: Array, free: Array, active: tuple[str, ...]
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of a batch; see the singular values of ``Factors``."""
-        still = np.zeros_like(q)
+        still, rigid = np.zeros_like(q), self._rigid
         rows, C = rigid.constraint_rows(q, v, active), cholesky(rigid.mass_matrix(q))
         forces = free - rigid.inverse(q, v, still, self._gravity)
         U, s, Vt = np.linalg.svd(_transposed(np.linalg.solve(C, _transposed(rows[..., :-1]))),
@@ -178,7 +176,7 @@ def contact_torque(
         torque: Array = J[: len(fi)].T @ fi
         return torque
 
-    return _each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))
+    return each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))
 
 
 def _contact_place(model: ArmModel, frame: str | None) -> tuple[str, Array]:
@@ -193,12 +191,6 @@ def _contact_place(model: ArmModel, frame: str | None) -> tuple[str, Array]:
             f" allowed: {known_names(model.frame_names)}"
         )
     return touching[0][0], np.array(touching[0][1])
-
-
-def _each(law: Callable[[Array, Array], Array], q: Array, x: Array) -> Array:
-    if q.ndim == 1:
-        return law(q, x)
-    return np.array([law(*row) for row in zip(q, x, strict=True)])
 
 
 def _transposed(matrices: Array) -> Array:

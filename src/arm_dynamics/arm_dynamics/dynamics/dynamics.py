@@ -12,17 +12,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, vectors
-from arm_dynamics.dynamics.compiled_backend import Batches
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
-from arm_dynamics.dynamics.pinocchio_backend import Pointwise
+from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Scene
-
-# Rows from which on a batch is worth compiled code.
-MANY = 256
 
 
 class Term(IntFlag):
@@ -51,13 +48,15 @@ class Dynamics:
 
     Attributes:
         model: The arm.
+        steady_friction: Its friction F.
         command_map: From torques to commands of the drives.
     """
 
     def __init__(self, scene: Scene | ArmModel | Any) -> None:
         self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        self.steady_friction = SteadyFriction.of(self.model)
         self.command_map = CommandMap(self.model)
-        self._points = Pointwise(self.model)
+        self._rigid = RigidDynamics(self.model)
         self._gravity = np.array(self.model.scene.gravity)
 
     @property
@@ -69,10 +68,6 @@ class Dynamics:
     def joint_names(self) -> tuple[str, ...]:
         """Order of every vector."""
         return self.model.joint_names
-
-    def rigid(self, q: Array) -> Pointwise | Batches:
-        """What answers, without friction and checks, for positions of the shape of ``q``."""
-        return self._batches if q.ndim == 2 and len(q) >= MANY else self._points
 
     def inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
@@ -95,12 +90,11 @@ class Dynamics:
         q, v, a = vectors(self.n, q=q, v=v, a=a)
         moving = v if coriolis else np.zeros_like(v)
         pushed = a if inertia else np.zeros_like(a)
-        tau = self.rigid(q).inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
+        tau = self._rigid.inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
         if not friction:
             return tau
-        law = self.model.friction
-        sliding = np.sign(v) if law.directional else v
-        needed: Array = law.demanded(tau, v, sliding, q)
+        sliding = np.sign(v) if self.steady_friction.has_dry else v
+        needed: Array = self.steady_friction.demanded(tau, v, sliding, q)
         return needed
 
     def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
@@ -132,13 +126,13 @@ class Dynamics:
         q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
-        free = tau - self.model.friction.steady(v, np.sign(v), q, tau)
-        return self.rigid(q).forward(q, v, free)
+        free = tau - self.steady_friction(v, np.sign(v), q, tau)
+        return self._rigid.forward(q, v, free)
 
     @cached_property
     def constrained(self) -> Constrained:
         """The bilateral constraints as numbers: names, multipliers, closed states."""
-        return Constrained(self.model, self.rigid)
+        return Constrained(self.model, self._rigid)
 
     def constrained_forward(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, active: Collection[str] | None = None
@@ -161,17 +155,17 @@ class Dynamics:
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
         (q,) = vectors(self.n, q=q)
-        return self.rigid(q).mass_matrix(q)
+        return self._rigid.mass_matrix(q)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
         q, v = vectors(self.n, q=q, v=v)
-        return self.rigid(q).coriolis_matrix(q, v)
+        return self._rigid.coriolis_matrix(q, v)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
         (q,) = vectors(self.n, q=q)
-        return self.rigid(q).gravity(q)
+        return self._rigid.gravity(q)
 
     def friction(
         self,
@@ -193,8 +187,7 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed, or positions are wanted.
         """
-        law = self.model.friction
-        if q is None and law.by_position:
+        if q is None and self.model.friction.by_position:
             raise InvalidInput("friction depends on the position in this scene: q is wanted")
         still = np.zeros(self.n)
         v, direction, q, load = vectors(
@@ -204,7 +197,7 @@ class Dynamics:
             q=still if q is None else q,
             load=still if load is None else load,
         )
-        torques: Array = law.steady(v, np.sign(direction), q, load)
+        torques: Array = self.steady_friction(v, np.sign(direction), q, load)
         return torques
 
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
@@ -213,13 +206,9 @@ class Dynamics:
         The kinetic energy includes that of the armature.
         """
         q, v = vectors(self.n, q=q, v=v)
-        both = self.rigid(q).energies(q, v)
+        both = self._rigid.energies(q, v)
         kinetic, potential = both[..., 0], both[..., 1]
         return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))
-
-    @cached_property
-    def _batches(self) -> Batches:
-        return Batches(self._points)
 
 
 def _chosen(terms: Term | int) -> list[bool]:

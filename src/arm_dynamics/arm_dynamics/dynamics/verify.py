@@ -63,7 +63,7 @@ def torque_size(M: Array, a: Array, *torques: Array) -> Array:
     return heavy + sum(map(abs, torques))
 
 
-class Reference(Protocol):
+class Expected(Protocol):
     """What accelerations are held against: ``Dynamics``."""
 
     @property
@@ -79,7 +79,7 @@ class Reference(Protocol):
 Acceleration = Callable[[Array, Array, Array], Array]
 
 
-def check_forward(dynamics: Reference, acceleration: Acceleration) -> float:
+def check_forward(dynamics: Expected, acceleration: Acceleration) -> float:
     """Check forward dynamics: the torque of the accelerations must be the one that was put in.
 
     Args:
@@ -100,7 +100,7 @@ def check_forward(dynamics: Reference, acceleration: Acceleration) -> float:
     return compare("forward dynamics", (dynamics.inverse(q, v, a) - tau, size))
 
 
-def check_constrained(dynamics: Reference, acceleration: Acceleration) -> float:
+def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     """Check constrained forward dynamics: A a + γ = 0, and the torque that a lacks is Aᵀλ.
 
     Args, returns and errors as those of ``check_forward``.
@@ -126,7 +126,7 @@ def check_constrained(dynamics: Reference, acceleration: Acceleration) -> float:
 
 
 def _accelerations(
-    dynamics: Reference, acceleration: Acceleration, q: Array, v: Array, tau: Array
+    dynamics: Expected, acceleration: Acceleration, q: Array, v: Array, tau: Array
 ) -> Array:
     a = np.array([np.array(acceleration(*state)) for state in zip(q, v, tau, strict=True)])
     if not np.isfinite(a).all():

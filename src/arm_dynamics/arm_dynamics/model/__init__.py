@@ -1,2 +1,24 @@
 # SPDX-License-Identifier: Apache-2.0
-""" """
+"""An arm as numbers: what scene and URDF say, checked together, in the order of its joints.
+
+Knows the scene and Pinocchio, and describes an arm to the equations.
+"""
+
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.constraint_rows import ConstraintRows
+from arm_dynamics.model.friction import JointFriction
+from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
+from arm_dynamics.model.robot import Robot
+from arm_dynamics.model.tree_builder import (
+    contact_points,
+    frame_of,
+    gravity_of,
+    linkage_of,
+    tree_of,
+)
+
+__all__ = [
+    "ArmModel", "Closure", "ConstraintRows", "FrameMotion", "JointFriction", "RigidTerms",
+    "Robot", "contact_points", "frame_of", "gravity_of", "linkage_of", "tree_of",
+]  # fmt: skip

@@ -3,18 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
 from copy import copy
-from dataclasses import replace
 
 import numpy as np
-import pinocchio as pin
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.model.drive import command_limits, command_units, drives_of, torque_limits
-from arm_dynamics.model.friction import Settings, resolve
+from arm_dynamics.model.friction import Given, friction_of
 from arm_dynamics.model.loop_closure import Closure
-from arm_dynamics.model.robot import Robot, frozen, velocity_index
-from arm_dynamics.scene.schema import Joint, Scene
+from arm_dynamics.model.robot import Robot, velocity_index
+from arm_dynamics.scene.schema import Joint, Limits, Scene
 
 
 class ArmModel(Robot):
@@ -22,9 +21,6 @@ class ArmModel(Robot):
 
     Attributes:
         friction: Friction of the joints.
-        viscous: Its viscous part in [N m s/rad] or [N s/m], shape (n,).
-        coulomb: Dry friction in sliding, of joints without bristles, in [N m] or [N], shape (n,).
-        static: Dry friction at rest, likewise, at least ``coulomb``.
         armature: Drive inertia in [kg m²] or [kg], that of rotors on rigid gears included, (n,).
         drives: Drive of each joint, None where the command acts on the link at once.
         effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).
@@ -45,11 +41,11 @@ class ArmModel(Robot):
 
     def __init__(self, scene: Scene) -> None:
         super().__init__(scene)
-        settings = [scene.joint(name) for name in self._index]
+        joints = {name: scene.joint(name) for name in self._index}
         self.drives = tuple(drives_of(scene, self.joint_names, self._rules))
         index = velocity_index(self._whole)
-        self._set_drives(settings, index, self._whole)
-        self._set_limits(settings, index, self._whole)
+        self._set_drives(joints, index)
+        self._set_limits([joints[name].limits for name in self.joint_names], index)
         q0 = np.array([scene.initial.position.get(name, 0.0) for name in self.joint_names])
         v0 = np.array([scene.initial.velocity.get(name, 0.0) for name in self.joint_names])
         self.constraint_rows: dict[int, tuple[int, ...]] = {}
@@ -57,7 +53,12 @@ class ArmModel(Robot):
             closure = Closure(self)
             q0, v0 = closure.closed(q0, v0)
             self.constraint_rows = closure.independent_rows(q0)
-        self.q0, self.v0 = frozen(q0), frozen(v0)
+        self.q0, self.v0 = read_only(q0), read_only(v0)
+
+    @property
+    def viscous(self) -> Array:
+        """Viscous friction in [N m s/rad] or [N s/m], the mean of both directions, shape (n,)."""
+        return self.friction.viscous.mean
 
     @property
     def has_dry_friction(self) -> bool:
@@ -67,67 +68,55 @@ class ArmModel(Robot):
     def with_viscous(self, viscous: Array) -> ArmModel:
         """The same arm with other viscous friction in [N m s/rad] or [N s/m], shape (n,)."""
         other = copy(self)
-        other.viscous = frozen(viscous)
-        other.friction = replace(self.friction, viscous=other.viscous)
+        other.friction = self.friction.with_viscous(viscous)
         return other
 
-    def _set_drives(self, settings: list[Joint], index: dict[str, int], whole: pin.Model) -> None:
+    def _set_drives(self, joints: Mapping[str, Joint], index: Mapping[str, int]) -> None:
         """Friction and armature from the scene, else from the URDF.
 
         Those of a follower act through its leader.
         """
-        E = self.followers
-        urdf = [index[name] for name in self._index]
-        armature = np.array([s.armature or 0.0 for s in settings])
-        more, efficiency = np.zeros(len(settings)), np.ones(len(settings))
-        for name, drive in zip(self.joint_names, self.drives, strict=True):
-            if drive is not None:
-                more[list(self._index).index(name)] += drive.viscous
-                efficiency[list(self._index).index(name)] = drive.motor.efficiency
-                armature[list(self._index).index(name)] += drive.armature
-        self.pin.armature = armature
-        self.armature = frozen(armature @ E**2)
-        said = [
-            Settings(name, s.friction, whole.damping[i], whole.upperDryFrictionLimit[i], *drive)
-            for name, s, i, *drive in zip(
-                self._index, settings, urdf, more, efficiency, strict=True
+        drives, whole = dict(zip(self.joint_names, self.drives, strict=True)), self._whole
+        armature, given = [], []
+        for name, joint in joints.items():
+            drive, i = drives.get(name), index[name]
+            armature.append((joint.armature or 0.0) + (drive.armature if drive else 0.0))
+            given.append(
+                Given(
+                    name,
+                    joint.friction,
+                    damping=float(whole.damping[i]),
+                    dry=float(whole.upperDryFrictionLimit[i]),
+                    more=drive.viscous if drive else 0.0,
+                    efficiency=drive.motor.efficiency if drive else 1.0,
+                )
             )
-        ]
-        self.friction = resolve(said, self.joint_names, E)
-        self.viscous = frozen(self.friction.viscous)
-        self.coulomb = frozen(self.friction.coulomb)
-        self.static = frozen(self.friction.static)
+        self.pin.armature = np.array(armature)
+        self.armature = read_only(self.pin.armature @ self.followers**2)
+        self.friction = friction_of(given, self.joint_names, self.followers)
 
-    def _set_limits(self, settings: list[Joint], index: dict[str, int], whole: pin.Model) -> None:
-        lower, upper = _position_limits(whole)
-        chosen = dict(zip(self._index, settings, strict=True))
-        mine = [(chosen[name].limits, index[name], name) for name in self.joint_names]
-        efforts = [_or(x.effort, _bound(whole.upperEffortLimit[i])) for x, i, _ in mine]
-        self.effort_limit = frozen(torque_limits(self.drives, efforts))
+    def _set_limits(self, limits: Sequence[Limits], index: Mapping[str, int]) -> None:
+        """Limits from the scene, else from the URDF, where zero or an absurd number is none."""
+        whole = self._whole
+        rows = [index[name] for name in self.joint_names]
+        joints = [whole.joints[whole.getJointId(name)] for name in self.joint_names]
+        lower = [-np.inf if x.nq == 2 else whole.lowerPositionLimit[x.idx_q] for x in joints]
+        upper = [np.inf if x.nq == 2 else whole.upperPositionLimit[x.idx_q] for x in joints]
+        self.position_lower = _chosen([x.lower for x in limits], lower)
+        self.position_upper = _chosen([x.upper for x in limits], upper)
+        speeds = [_bound(whole.upperVelocityLimit[i]) for i in rows]
+        self.velocity_limit = _chosen([x.velocity for x in limits], speeds)
+        efforts = [_bound(whole.upperEffortLimit[i]) for i in rows]
+        efforts = _chosen([x.effort for x in limits], efforts).tolist()
+        self.effort_limit = read_only(torque_limits(self.drives, efforts))
         self.command_unit = command_units(self.drives, self.joint_types)
-        self.command_limit = frozen(command_limits(self.drives, self.effort_limit))
-        self.velocity_limit = frozen(
-            [_or(x.velocity, _bound(whole.upperVelocityLimit[i])) for x, i, _ in mine]
-        )
-        self.position_lower = frozen([_or(x.lower, lower[name]) for x, _, name in mine])
-        self.position_upper = frozen([_or(x.upper, upper[name]) for x, _, name in mine])
-
-
-def _position_limits(model: pin.Model) -> tuple[dict[str, float], dict[str, float]]:
-    lower, upper = {}, {}
-    for i, name in enumerate(model.names):
-        if i > 0:
-            joint = model.joints[i]
-            free = joint.nq == 2
-            lower[name] = -np.inf if free else float(model.lowerPositionLimit[joint.idx_q])
-            upper[name] = np.inf if free else float(model.upperPositionLimit[joint.idx_q])
-    return lower, upper
+        self.command_limit = read_only(command_limits(self.drives, self.effort_limit))
 
 
 def _bound(value: float) -> float:
-    """A limit as the URDF means it: zero or an absurdly large number is 'none'."""
     return float(value) if 0.0 < value < 1e300 else np.inf
 
 
-def _or(value: float | None, otherwise: float) -> float:
-    return float(otherwise) if value is None else float(value)
+def _chosen(said: Sequence[float | None], otherwise: Sequence[float]) -> Array:
+    pairs = zip(said, otherwise, strict=True)
+    return read_only([other if own is None else own for own, other in pairs])

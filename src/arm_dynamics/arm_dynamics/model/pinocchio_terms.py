@@ -1,78 +1,138 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terms of one state without checks: what controllers call at every tick.
+"""Terms of the equation of motion at one state, and the motion of one frame, from Pinocchio.
 
-The same numbers as ``Dynamics`` gives, for callers that have checked their vectors already.
+Vectors are those of a caller that has checked them: controllers ask at every tick.
 """
 
 from __future__ import annotations
+
+from functools import cached_property
 
 import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError, known_names
+from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.robot import Robot
 
 
 class RigidTerms:
-    """Mass, bias and torques of a model for single states of shape (n,), friction left out.
+    """Terms of M a + C v + G for single states of shape (n,), friction left out.
+
+    Source of the algorithms: Featherstone, Rigid Body Dynamics Algorithms, 2008, as implemented by
+    Pinocchio.
 
     Args:
-        model: The model; used from one thread only.
-        weightless: Whether gravity is left out.
+        robot: The robot; used from one thread only.
     """
 
-    def __init__(self, model: Robot, weightless: bool = False) -> None:
-        self.model = model
-        self._pin = model.pin.copy() if weightless else model.pin
-        if weightless:
-            self._pin.gravity.linear = np.zeros(3)
-        self._data = self._pin.createData()
-        self._plain = not model.has_followers
+    def __init__(self, robot: Robot) -> None:
+        self.robot, self._pin = robot, robot.pin
+        self._data = robot.pin.createData()
 
-    def inverse(self, q: Array, v: Array, a: Array) -> Array:
-        """M a + C v + G in [N m] or [N], shape (n,)."""
-        model = self.model
-        full = model.configuration(q), model.spread(v), model.spread(a)
-        return np.array(model.gather(pin.rnea(self._pin, self._data, *full)))
+    def inverse(self, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
+        """M a + C v + G in [N m] or [N], shape (n,); ``gravity``: zeros for none."""
+        robot = self.robot
+        model = self._pin if gravity is None or gravity.any() else self._weightless
+        full = robot.configuration(q), robot.spread(v), robot.spread(a)
+        return np.array(robot.gather(pin.rnea(model, self._data, *full)))
+
+    def forward(self, q: Array, v: Array, tau: Array) -> Array:
+        """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], shape (n,).
+
+        Raises:
+            ModelError: If a joint moves no mass.
+            InvalidInput: If the answer overflows.
+        """
+        robot = self.robot
+        if robot.has_followers:
+            try:
+                return np.linalg.solve(self.mass(q), tau - self.bias(q, v))
+            except np.linalg.LinAlgError:
+                raise self._unsolvable(q) from None
+        full = robot.configuration(q), robot.spread(v)
+        a: Array = pin.aba(self._pin, self._data, *full, tau, pin.Convention.WORLD)
+        if not np.isfinite(a).all():
+            raise self._unsolvable(q)
+        return a.copy()
 
     def bias(self, q: Array, v: Array) -> Array:
         """C v + G in [N m] or [N], shape (n,)."""
-        model = self.model
-        full = model.configuration(q), model.spread(v)
-        return np.array(model.gather(pin.nonLinearEffects(self._pin, self._data, *full)))
+        robot = self.robot
+        full = robot.configuration(q), robot.spread(v)
+        return np.array(robot.gather(pin.nonLinearEffects(self._pin, self._data, *full)))
 
     def gravity(self, q: Array) -> Array:
         """G in [N m] or [N], shape (n,)."""
-        full = self.model.configuration(q)
+        full = self.robot.configuration(q)
         tau = pin.computeGeneralizedGravity(self._pin, self._data, full)
-        return np.array(self.model.gather(tau))
+        return np.array(self.robot.gather(tau))
 
     def mass(self, q: Array) -> Array:
         """M in [kg m²] or [kg], shape (n, n)."""
-        full = self.model.configuration(q)
+        full = self.robot.configuration(q)
         return self._square(pin.crba(self._pin, self._data, full))
 
     def mobility(self, q: Array) -> Array:
         """M⁻¹ in [1/(kg m²)] or [1/kg], shape (n, n); not finite where a joint moves no mass."""
-        if self._plain:
-            full = self.model.configuration(q)
+        if not self.robot.has_followers:
+            full = self.robot.configuration(q)
             W = pin.computeMinverse(self._pin, self._data, full)
-            return np.array(W).reshape(self.model.n, -1)
+            return np.array(W).reshape(self.robot.n, -1)
         try:
             return np.linalg.inv(self.mass(q))
         except np.linalg.LinAlgError:
-            return np.full((self.model.n, self.model.n), np.nan)
+            return np.full((self.robot.n, self.robot.n), np.nan)
 
     def coriolis(self, q: Array, v: Array) -> Array:
         """C with dM/dt - 2 C skew-symmetric, shape (n, n)."""
-        full = self.model.configuration(q), self.model.spread(v)
+        full = self.robot.configuration(q), self.robot.spread(v)
         return self._square(pin.computeCoriolisMatrix(self._pin, self._data, *full))
+
+    def energies(self, q: Array, v: Array) -> Array:
+        """Kinetic energy, with that of the armature, and potential energy in [J], shape (2,)."""
+        q, v = self.robot.configuration(q), self.robot.spread(v)
+        # Pinocchio 4.1 forgets the armature of joints whose axis is not a coordinate axis.
+        drives = 0.5 * np.sum(self._pin.armature * v**2)
+        kinetic = pin.computeKineticEnergy(self._driveless, self._data, q, v) + drives
+        return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q)])
+
+    def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
+        """A and γ = Ȧ v of the named bilateral constraints side by side, shape (m, n + 1)."""
+        row = self._rows.stacked(q, v, names)
+        return np.column_stack([row.jacobian, row.drift])
+
+    @cached_property
+    def _weightless(self) -> pin.Model:
+        model = self._pin.copy()
+        model.gravity.linear = np.zeros(3)
+        return model
+
+    @cached_property
+    def _driveless(self) -> pin.Model:
+        model = self._pin.copy()
+        model.armature = np.zeros(model.nv)
+        return model
+
+    @cached_property
+    def _rows(self) -> ConstraintRows:
+        return ConstraintRows(self.robot)
 
     def _square(self, matrix: Array) -> Array:
         # Pinocchio hands a single number out as a vector.
         whole = np.array(matrix).reshape(self._pin.nv, -1)
-        return self.model.gather_matrix(whole)
+        return self.robot.gather_matrix(whole)
+
+    def _unsolvable(self, q: Array) -> ArmError:
+        inertia = np.diag(self.mass(q))
+        if inertia.min() > 0.0:
+            return InvalidInput("the acceleration overflows: velocities or torques are too large")
+        return ModelError(
+            f"joint '{self.robot.joint_names[int(np.argmin(inertia))]}' moves no mass, so no "
+            "torque determines its acceleration; give a link inertia, the joint an armature, or "
+            "lock it"
+        )
 
 
 class FrameMotion:

@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 import pinocchio as pin
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import ModelError
 from arm_dynamics.scene.schema import Scene, inertia_matrix
 from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
@@ -170,7 +170,7 @@ def _follower_map(
         rule = rules.get(name, Mimic(name, 1.0, 0.0))
         E[row, free.index(rule.leader)] = rule.multiplier
         e[row] = rule.offset
-    return frozen(E), frozen(e)
+    return read_only(E), read_only(e)
 
 
 def _continuous(model: pin.Model) -> list[tuple[int, int, bool]]:
@@ -180,10 +180,3 @@ def _continuous(model: pin.Model) -> list[tuple[int, int, bool]]:
     """
     joints = [(joint.idx_v, joint.idx_q, joint.nq == 2) for joint in list(model.joints)[1:]]
     return joints if any(wraps for *_, wraps in joints) else []
-
-
-def frozen(values: object) -> Array:
-    """The values as a read-only array of float."""
-    array = np.array(values, dtype=float)
-    array.setflags(write=False)
-    return array

@@ -1,2 +1,31 @@
 # SPDX-License-Identifier: Apache-2.0
-""" """
+"""The scene: one description of the physics, read from YAML or URDF and checked.
+
+Knows names, numbers and files, and neither Pinocchio nor CasADi: a command that only reads a scene
+starts at once.
+"""
+
+from arm_dynamics.scene.constraint import (
+    Bilateral,
+    Constraint,
+    Contact,
+    CouplingConstraint,
+    DistanceConstraint,
+    FrameConstraint,
+    LineConstraint,
+    PlaneConstraint,
+    PointConstraint,
+    RollingConstraint,
+)
+from arm_dynamics.scene.drive import Actuator, Transmission
+from arm_dynamics.scene.friction import Friction, Lugre
+from arm_dynamics.scene.load import load_scene, scene_from_urdf
+from arm_dynamics.scene.schema import Initial, Joint, Limits, Payload, Scene, Sim, validated
+
+__all__ = [
+    "Actuator", "Bilateral", "Constraint", "Contact", "CouplingConstraint",
+    "DistanceConstraint", "FrameConstraint", "Friction", "Initial", "Joint", "Limits",
+    "LineConstraint", "Lugre", "Payload", "PlaneConstraint", "PointConstraint",
+    "RollingConstraint", "Scene", "Sim", "Transmission", "load_scene", "scene_from_urdf",
+    "validated",
+]  # fmt: skip

@@ -12,6 +12,7 @@ from typing import Annotated
 import numpy as np
 from pydantic import Discriminator, Field, Tag, model_validator
 
+from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
 
 
@@ -104,3 +105,17 @@ class Friction(Part):
     position: Table | None = None
     load: Table | None = None
     lugre: Lugre | None = None
+
+    @property
+    def stateful(self) -> str | None:
+        """Key of the law with states that carries the dry friction; None if none does."""
+        return next((key for key in STATEFUL if getattr(self, key) is not None), None)
+
+
+STATEFUL = ("lugre",)
+"""Keys of a joint's friction that name a law with states of its own."""
+
+
+def refusal(joint: str, text: str) -> SceneError:
+    """The error for what is said of a joint's friction; ``text`` begins with the key and a '."""
+    return SceneError(f"scene: 'joints.{joint}.friction.{text}")

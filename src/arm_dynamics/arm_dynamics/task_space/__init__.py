@@ -1,2 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-""" """
+"""An arm as seen at one of its frames: kinematics, inertia and forces in the task's axes.
+
+Knows the dynamics of the joints, and no controller.
+"""
+
+from arm_dynamics.task_space.axes import AXES, chosen_axes
+from arm_dynamics.task_space.inertia import quaternions
+from arm_dynamics.task_space.inverse_kinematics import InverseKinematics, Solution
+from arm_dynamics.task_space.task_space import (
+    EffectiveMass,
+    MassEllipsoid,
+    Pose,
+    TaskSpace,
+    TaskTerms,
+)
+
+__all__ = [
+    "AXES", "EffectiveMass", "InverseKinematics", "MassEllipsoid", "Pose", "Solution",
+    "TaskSpace", "TaskTerms", "chosen_axes", "quaternions",
+]  # fmt: skip

@@ -1,2 +1,29 @@
 # SPDX-License-Identifier: Apache-2.0
-""" """
+"""Motions over time, of joints and of frames, within the limits of an arm.
+
+Knows the dynamics, for torque limits, and inverse kinematics; no controller.
+"""
+
+from arm_dynamics.trajectory.cartesian import CartesianTrajectory, circle, line, timed
+from arm_dynamics.trajectory.follower import Follower
+from arm_dynamics.trajectory.joint_path import JointPath, joint_path, paced
+from arm_dynamics.trajectory.planner import CartesianGoals, Pace
+from arm_dynamics.trajectory.reference import (
+    Limits,
+    Motion,
+    Reference,
+    TaskReference,
+    Trajectory,
+    Waypoint,
+    hold,
+)
+from arm_dynamics.trajectory.time_optimal import retimed
+from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
+from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
+
+__all__ = [
+    "CartesianGoals", "CartesianTrajectory", "Follower", "JointPath", "Limits", "Motion",
+    "Pace", "Quintic", "Reference", "TaskReference", "Timing", "Trajectory", "Trapezoid",
+    "Waypoint", "circle", "hold", "joint_path", "line", "paced", "quintic", "quintic_through",
+    "retimed", "stop", "timed",
+]  # fmt: skip

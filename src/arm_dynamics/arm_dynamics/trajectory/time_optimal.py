@@ -142,7 +142,9 @@ def _rates(
     kept = [
         constraint.JointVelocityConstraint(_both(model.velocity_limit)),
         constraint.JointAccelerationConstraint(_both(rise), between),
-        constraint.JointTorqueConstraint(rigid.inverse, _both(torque), model.coulomb, between),
+        constraint.JointTorqueConstraint(
+            rigid.inverse, _both(torque), model.friction.coulomb.mean, between
+        ),
     ]
     found = toppra.algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")
     rates = found.compute_parameterization(0.0, 0.0)[1]

@@ -38,11 +38,11 @@ def torque_stretch(dynamics: Dynamics, q: Array, v: Array, a: Array, limit: Arra
     k, rigid = len(q), Term.INERTIA | Term.CORIOLIS | Term.GRAVITY
     still = np.zeros_like(q)
     tau = dynamics.inverse(np.vstack([q, q]), np.vstack([v, still]), np.vstack([a, still]), rigid)
-    weight, model = tau[k:], dynamics.model
+    weight, friction = tau[k:], dynamics.steady_friction
     standing = weight
-    if model.has_dry_friction or model.friction.bristles:
-        standing = weight + model.friction.steady_dry(v, np.sign(v), q, tau[:k])
-    moving = model.friction.smooth(v)
+    if friction.has_dry:
+        standing = weight + friction.dry(v, np.sign(v), q, tau[:k])
+    moving = friction.joints.smooth(v)
     _check_standing(dynamics, standing, limit)
     x = np.ones_like(q)
     for sign in (1.0, -1.0):

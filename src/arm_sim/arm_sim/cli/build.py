@@ -87,7 +87,7 @@ def _other_parts(
     import numpy as np
 
     from arm_dynamics.control import computed_torque
-    from arm_dynamics.dynamics.dynamics import MANY
+    from arm_dynamics.dynamics.rigid import MANY
 
     if simulator.energy_account.makes_ticks_again:
         yield "energy account", simulator.energy_account.prepare

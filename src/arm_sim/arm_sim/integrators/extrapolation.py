@@ -5,7 +5,8 @@ Deuflhard, "Recent progress in extrapolation methods for ordinary differential e
 Review 27(4), 1985; Hairer, Wanner, Solving Ordinary Differential Equations II, 1996, section IV.9.
 The step is divided into 1, 2, 3 and 4 parts, each advanced by (I - h J) Δ = h f with the exact
 Jacobian at its beginning, and the four results are extrapolated to h = 0. The last two columns of
-the table estimate the error; with states z also a slope at the end that the others did not lead to expect.
+the table estimate the error; with states z so does how far the slope at the end is from what the
+others lead to.
 
 With x = (q, w), w = (v, z) and f = (v, g) the system reduces to the order of w:
 (I - h ∂g/∂w - h² [∂g/∂q, 0]) Δw = h (g + h ∂g/∂q v), Δq = h (v + Δv).

@@ -3,14 +3,13 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
-from arm_dynamics.arrays import Array
+from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.plant.plant import Plant
 
@@ -21,7 +20,7 @@ TOLERANCE_RANGE = (1e-14, 1e-1)
 STIFF = 1.4
 # Error of a sub-step through stiff bristles unless the caller says: a tick is 1.1 to 2.7 sub-steps
 # on the average, 150 where a joint reverses, and half a second ends within 1e-7 rad of the truth.
-BRISTLES = 1e-6
+STIFF_LAW = 1e-6
 # Drives answer within a tick, so a step of fixed length is never sure of them: see
 # docs/friction-and-actuation.md for what these tolerances cost. From about this rate on the
 # extrapolated implicit method takes less time than DOP853.
@@ -78,10 +77,10 @@ def choose(
     tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
     if name not in ("auto", *METHODS):
         raise InvalidInput(f"integrator = {name!r}; allowed: auto, {', '.join(METHODS)}")
-    bristles = bristle_rate(plant.model)
-    if bristles * dt > STIFF and (name == "auto" or tolerance is None):
-        reason = f"LuGre friction answers in {1 / bristles:.2g} s: implicit, with error control"
-        return Choice(METHODS["implicit"], dt, tolerance or BRISTLES, reason)
+    rate, law = law_rate(plant.model)
+    if rate * dt > STIFF and (name == "auto" or tolerance is None):
+        reason = f"{law} answers in {1 / rate:.2g} s: implicit, with error control"
+        return Choice(METHODS["implicit"], dt, tolerance or STIFF_LAW, reason)
     if name == "auto":
         if plant.nz:
             return _driven(plant, dt, tolerance)
@@ -138,25 +137,15 @@ def fastest_rate(plant: Plant) -> float:
     return float(np.abs(np.linalg.eigvals(values)).max())
 
 
-def bristle_rate(model: ArmModel) -> float:
-    """How fast LuGre friction answers, in [1/s], whatever the initial state.
-
-    Args:
-        model: The robot.
-
-    Returns:
-        The larger of the frequency of the arm on its bristles, the root of the largest eigenvalue
-        of M⁻¹ diag(σ0), and of σ0 |v| / Fc, at which they bend over when a joint slides at 1 rad/s
-        or 1 m/s, or as fast as it starts; 0 without bristles.
-    """
-    b = model.friction.bristles
-    if b is None:
-        return 0.0
-    joints, stiffness = list(b.joints), np.zeros(model.n)
-    stiffness[joints] = b.sigma0
-    speed = np.maximum(1.0, abs(model.v0[joints]))
-    bending = float(np.max(b.sigma0 * speed / b.coulomb))
-    return max(math.sqrt(max(0.0, _rate(model, stiffness))), bending)
+def law_rate(model: ArmModel) -> tuple[float, str]:
+    """How fast friction with states answers in [1/s], and the title of its law; 0 without any."""
+    if not (laws := friction_laws(model)):
+        return 0.0, ""
+    M = Dynamics(model).mass_matrix(model.q0)
+    try:
+        return max((law.fastest_rate(M, model.v0), law.title) for law in laws)
+    except np.linalg.LinAlgError:
+        return 0.0, ""  # a joint without mass is refused with its name when the plant is built
 
 
 def damping_rate(model: ArmModel) -> float:
@@ -168,19 +157,14 @@ def damping_rate(model: ArmModel) -> float:
     Returns:
         Largest eigenvalue of M⁻¹ diag(viscous); 0 without viscous friction.
     """
-    viscous = model.viscous + abs(model.friction.viscous_skew)
+    viscous = model.viscous + abs(model.friction.viscous.skew)
     if not viscous.any():
         return 0.0
-    return _rate(model, viscous)
-
-
-def _rate(model: ArmModel, diagonal: Array) -> float:
-    """Largest eigenvalue of M⁻¹ diag(…) at the initial position."""
     M = Dynamics(model).mass_matrix(model.q0)
     try:
-        return float(np.max(np.linalg.eigvals(np.linalg.solve(M, np.diag(diagonal))).real))
+        return float(np.max(np.linalg.eigvals(np.linalg.solve(M, np.diag(viscous))).real))
     except np.linalg.LinAlgError:
-        return 0.0  # a joint without mass is refused with its name when the plant is built
+        return 0.0  # as in ``law_rate``
 
 
 def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:

@@ -243,9 +243,9 @@ def _check(plant: Plant, kernel: Kernel) -> None:
         if plant.torques is None:
             return a
         # What acts is not tau, but what the laws make of it, and bristles are not yet bent.
-        acted, law = np.array(plant.torques(x, tau)[1]).ravel(), plant.model.friction
-        steady = [law.steady(v, np.sign(v), q, load) for load in (acted, tau)]
-        missing = tau - steady[1] - (acted - steady[0] + law.bent(v, np.sign(v)))
+        acted, law = np.array(plant.torques(x, tau)[1]).ravel(), dynamics.steady_friction
+        steady = [law(v, np.sign(v), q, load) for load in (acted, tau)]
+        missing = tau - steady[1] - (acted - steady[0] + law.of_laws(v, np.sign(v)))
         if plant.project is None:
             return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
         still = np.zeros(n)

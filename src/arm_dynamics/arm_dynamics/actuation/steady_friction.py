@@ -1,0 +1,84 @@
+# SPDX-License-Identifier: Apache-2.0
+"""All the friction of an arm in steady motion, for inverse dynamics and controllers."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from arm_dynamics.actuation.internal_state import FrictionLaw
+from arm_dynamics.actuation.joint_laws import friction_laws
+from arm_dynamics.equations.elementary import Quantity
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.friction import JointFriction
+
+REPETITIONS = 40
+
+
+@dataclass(frozen=True)
+class SteadyFriction:
+    """F of the equation of motion, its laws with states settled.
+
+    Arguments are joint velocities v in [rad/s] or [m/s], the direction in which joints slide or
+    are about to, -1 to 1, positions q in [rad] or [m], used only if ``joints.by_position``, and
+    the drives' torques in [N m] or [N], used only if ``joints.by_load``; each of shape (…, n), or
+    an expression.
+
+    Attributes:
+        joints: Friction without states.
+        laws: Friction with states.
+    """
+
+    joints: JointFriction
+    laws: tuple[FrictionLaw, ...]
+
+    @classmethod
+    def of(cls, model: ArmModel) -> SteadyFriction:
+        """The friction of an arm."""
+        return cls(model.friction, friction_laws(model))
+
+    @property
+    def has_dry(self) -> bool:
+        """Whether a part of it changes sign with the direction."""
+        return self.joints.has_dry or bool(self.laws)
+
+    @property
+    def gearless(self) -> SteadyFriction:
+        """The same without the gears' losses."""
+        return replace(self, joints=self.joints.gearless)
+
+    def __call__(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        """All of it, shape (…, n)."""
+        smooth = self.joints.smooth(v)
+        return smooth + self.dry(v, direction, q, load) if self.has_dry else smooth
+
+    def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        """The part that changes sign with the direction."""
+        if not self.laws:
+            return self.joints.dry(v, direction, q, load)
+        rest = self.joints.dry(v, direction, q, load) if self.joints.has_dry else 0.0
+        return self.of_laws(v, direction) + rest
+
+    def of_laws(self, v: Quantity, direction: Quantity) -> Quantity:
+        """The part of the laws with states."""
+        return sum((law.steady(v, direction) for law in self.laws), 0.0 * v)
+
+    def demanded(self, rigid: Quantity, v: Quantity, direction: Quantity, q: Quantity) -> Quantity:
+        """Torque that moves the rigid arm and overcomes its own load's friction.
+
+        Solves tau = rigid + F(v, q, tau). A factor by load makes F grow with tau, by less than tau
+        does (see ``model.friction``), so that the repetition converges.
+
+        Args:
+            rigid: M a + C v + G in [N m] or [N], shape (…, n).
+            v: Joint velocities.
+            direction: Which way joints slide; used only if ``has_dry``.
+            q: Joint positions.
+
+        Returns:
+            Torques of the shape of ``rigid``.
+        """
+        friction = self.gearless
+        tau = rigid + friction(v, direction, q, rigid)
+        for _ in range(REPETITIONS if self.joints.by_load else 0):
+            tau = rigid + friction(v, direction, q, tau)
+        return self.joints.gear_input(tau, direction)

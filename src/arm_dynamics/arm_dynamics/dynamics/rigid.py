@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Terms of the equation of motion without friction, of single points and of batches."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_dynamics.arrays import Array, each
+from arm_dynamics.dynamics import compiled_terms as terms
+from arm_dynamics.dynamics.compiled_backend import compiled
+from arm_dynamics.dynamics.compiled_terms import Answer, BatchTerm
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+
+# Rows from which on a batch is worth compiled code.
+MANY = 256
+
+
+class RigidDynamics:
+    """Answers for vectors of shape (n,) or batches (k, n) that were checked already.
+
+    Pinocchio answers point by point; from ``MANY`` points on, code that is compiled when it is
+    first asked for, where it can be had.
+
+    Args:
+        model: The arm; used from one thread only.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        self._model, self._points = model, RigidTerms(model)
+        self._built: dict[str, Answer | None] = {}
+
+    def inverse(self, q: Array, v: Array, a: Array, gravity: Array) -> Array:
+        """M a + C v + G in [N m] or [N], shape (…, n); ``gravity``: the scene's, or zeros."""
+        return self._answer(terms.INVERSE, q, v, a, gravity)
+
+    def forward(self, q: Array, v: Array, tau: Array) -> Array:
+        """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], shape (…, n).
+
+        Raises:
+            ModelError: If a joint moves no mass.
+            InvalidInput: If the answer overflows.
+        """
+        a = self._answer(terms.FORWARD, q, v, tau)
+        lost = ~np.isfinite(a).all(axis=-1)
+        if lost.any():
+            a[lost] = each(self._points.forward, q[lost], v[lost], tau[lost])  # which says why
+        return a
+
+    def mass_matrix(self, q: Array) -> Array:
+        """M in [kg m²] or [kg], armature included, shape (…, n, n)."""
+        return self._answer(terms.MASS_MATRIX, q)
+
+    def coriolis_matrix(self, q: Array, v: Array) -> Array:
+        """C, with dM/dt - 2 C skew-symmetric, shape (…, n, n)."""
+        if self._model.n > DENSE_AT_MOST:  # an expression of the size of n³
+            return each(self._points.coriolis, q, v)
+        return self._answer(terms.CORIOLIS_MATRIX, q, v)
+
+    def gravity(self, q: Array) -> Array:
+        """G in [N m] or [N], shape (…, n)."""
+        return self._answer(terms.GRAVITY, q)
+
+    def energies(self, q: Array, v: Array) -> Array:
+        """Kinetic energy, with that of the armature, and potential energy in [J], shape (…, 2)."""
+        return self._answer(terms.ENERGIES, q, v)
+
+    def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
+        """A and γ = Ȧ v of bilateral constraints side by side, shape (…, m, n + 1)."""
+        return self._answer(terms.constraint_rows(names), q, v)
+
+    def _answer(self, term: BatchTerm, *given: Array) -> Array:
+        answer = None
+        if given[0].ndim == 2 and len(given[0]) >= MANY:
+            if term.name not in self._built:
+                self._built[term.name] = compiled(term, self._model, self._points)
+            answer = self._built[term.name]
+        return each(term.point(self._points), *given) if answer is None else answer(*given)
