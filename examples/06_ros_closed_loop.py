@@ -15,8 +15,7 @@ from rclpy.context import Context
 from rclpy.parameter import Parameter
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-from arm_dynamics.ros.common.executor import make_executor
-from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros import ControllerNode, make_executor
 from arm_sim.ros.sim_node import SimNode
 
 scene = str(files("arm_sim") / "scenes/panda.yaml")

@@ -17,6 +17,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
     parser.addoption("--seed", type=int, default=None, help="seed of the random generators")
 
 
+@pytest.hookimpl(optionalhook=True)
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """A process for each core to run folders of tests; a few files are quicker in this one."""
     return len(os.sched_getaffinity(0)) if any(map(os.path.isdir, config.args)) else 0

@@ -55,11 +55,9 @@ SUFFIXES = (".py", ".c", ".h", ".hpp")
 # --- what brakes, limits, refuses or arbitrates ------------------------------------------------
 
 SAFETY_PATHS = (
-    "*/arbiter*",
     "*/arguments.py",
     "*/arrays.py",
-    "*/command_input.py",
-    "*/commands.py",
+    "*/commands/*",
     "*/inputs.py",
     "*/schema*",
 )

@@ -5,14 +5,16 @@ from __future__ import annotations
 
 import threading
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from typing import Any
 
 import numpy as np
 import pytest
-from arm_msgs.srv import ModelInfo
+from arm_msgs.srv import InverseKinematics, ModelInfo, SetPayload, Step
 from harness import Ros, running
 from rclpy.service import Service
+from std_srvs.srv import SetBool, Trigger
 
 import models
 from arm_dynamics import InvalidInput, Term
@@ -217,9 +219,11 @@ def test_who_comes_in_place_of_a_killed_node_is_asked_at_once(ros: Ros) -> None:
         first.send_response = lambda *reply: None
         heir.reset()
 
-    def follow() -> None:
+    def follow() -> None:  # and loses its first reply
         heir.cancel()
-        offer()
+        service, lost = offer(), [True]
+        send = service.send_response
+        service.send_response = lambda *reply: lost.pop() if lost else send(*reply)
 
     first = offer()
     heir = ros.peer.create_timer(0.5, follow, autostart=False)
@@ -258,3 +262,82 @@ def test_a_lost_reply_is_asked_for_again(ros: Ros) -> None:
     with served(ros), ArmClient(timeout=10.0, domain=ros.domain) as arm:
         assert arm.model_info().joint_names == ()
     assert len(asked) >= 2
+
+
+class Lossy:
+    """A service of the peer that loses its first replies.
+
+    Attributes:
+        asked: When each request came, in [s].
+    """
+
+    def __init__(self, ros: Ros, kind: Any, name: str, lost: int, answer: Any = None) -> None:
+        """Offer it; ``answer`` writes into a response, success alone if there is none."""
+        self.asked: list[float] = []
+        self._answer = answer or (lambda response: None)
+        service = ros.peer.create_service(kind, name, self._reply)
+        send = service.send_response
+        service.send_response = lambda *reply: send(*reply) if len(self.asked) > lost else None
+
+    def _reply(self, _: object, response: Any) -> Any:
+        self.asked.append(time.monotonic())
+        response.success = True
+        self._answer(response)
+        return response
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "order"),
+    [
+        (Step, "sim/step", lambda arm: arm.step(3)),
+        (
+            InverseKinematics, "dynamics/inverse_kinematics",
+            lambda arm: arm.inverse_kinematics("tip", [0.0] * 7),
+        ),
+    ],
+)  # fmt: skip
+def test_what_must_not_happen_twice_is_asked_once(
+    ros: Ros, kind: Any, name: str, order: Callable[[ArmClient], object]
+) -> None:
+    service = Lossy(ros, kind, name, lost=1)
+    with served(ros), ArmClient(timeout=2.0, domain=ros.domain) as arm:
+        with pytest.raises(NoAnswer, match="may have been carried out all the same"):
+            order(arm)
+    assert len(service.asked) == 1
+
+
+@pytest.mark.parametrize(
+    ("kind", "name", "order"),
+    [
+        (Trigger, "sim/reset", lambda arm: arm.reset()),
+        (SetBool, "sim/pause", lambda arm: arm.pause()),
+        (SetPayload, "sim/set_payload", lambda arm: arm.set_payload(1.0)),
+    ],
+)
+def test_orders_that_do_no_harm_twice_are_repeated(
+    ros: Ros, kind: Any, name: str, order: Callable[[ArmClient], object]
+) -> None:
+    service = Lossy(ros, kind, name, lost=1)
+    with served(ros), ArmClient(timeout=10.0, domain=ros.domain) as arm:
+        order(arm)
+    assert len(service.asked) == 2
+
+
+def test_what_is_asked_once_waits_until_the_node_can_see_who_asks(ros: Ros) -> None:
+    service = Lossy(ros, Step, "sim/step", lost=0)
+    with served(ros), ArmClient(timeout=10.0, domain=ros.domain) as arm:
+        began = time.monotonic()
+        arm.step()
+        assert service.asked[0] - began >= 0.3
+
+
+def test_the_answer_to_a_request_that_was_repeated_meanwhile_counts(ros: Ros) -> None:
+    """A node that takes longer than the client's first patience answers all the same."""
+
+    def late(response: ModelInfo.Response) -> None:
+        response.total_mass = float(len(service.asked))
+        time.sleep(0.7)
+
+    service = Lossy(ros, ModelInfo, "dynamics/model_info", lost=0, answer=late)
+    with served(ros), ArmClient(timeout=10.0, domain=ros.domain) as arm:
+        assert arm.model_info().total_mass == 1.0

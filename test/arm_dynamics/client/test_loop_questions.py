@@ -120,7 +120,7 @@ def test_without_constraints_the_tree_moves(domain: int) -> None:
         ({"q": np.zeros((MAX_TERMS_POINTS + 1, 3))}, Refused, f"up to {MAX_TERMS_POINTS}"),
         ({"joint_names": ["knee"]}, Refused, "allowed is each of crank_pivot, knee"),
         ({"q": np.zeros(6)}, InvalidInput, r"position has shape \(6,\)"),
-        ({"multipliers": "much"}, InvalidInput, "multipliers = 'much': real numbers"),
+        ({"multipliers": "much"}, InvalidInput, "multipliers = 'much'; expected real numbers"),
     ],
 )
 def test_bad_questions_about_the_loop(
@@ -176,7 +176,7 @@ def test_the_command_says_when_there_are_no_constraints(arm: Typist) -> None:
         ),
         (
             ("constrained-dynamics", "--position", "elbow=1", "--inverse", "--multipliers", "a=1"),
-            "--multipliers: numbers alone are wanted",
+            "--multipliers: expected numbers without names",
         ),
     ],
 )

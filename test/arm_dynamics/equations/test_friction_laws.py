@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.interpolate import PchipInterpolator
 
 import models
 from arm_dynamics import Dynamics, InvalidInput, SceneError
@@ -120,6 +121,27 @@ def test_curve_is_smooth_and_stays_between_its_points(rng: np.random.Generator) 
             assert (np.diff(between) * (high - low) >= -1e-12).all()
         if period:
             assert_close(curve(x + period), y, 1e-9)
+
+
+def test_slopes_of_uneven_points_are_those_of_fritsch_and_butland() -> None:
+    """The library SciPy has the same curve between inner points; at the ends it differs."""
+    at, values = np.array([0.0, 1.0, 1.2, 4.0, 4.5, 6.0]), np.array([1.0, 1.1, 2.0, 2.2, 3.0, 3.5])
+    x = np.linspace(1.0, 4.5, 200)
+    wanted = PchipInterpolator(at, values)(x)
+    assert_close(Curve.through(at, values)(x), wanted, ALGEBRA)
+
+
+def test_the_direction_decides_where_a_joint_stands_still() -> None:
+    """At rest the level that is about to act; in motion its sign is that of the direction."""
+    dyn = wheel(coulomb=SIDES, static=HOLDS, stribeck_velocity=0.1, viscous=0.5).dynamics
+    for way, level in ((0.3, HOLDS["positive"]), (-5.0, -HOLDS["negative"]), (0.0, 0.0)):
+        assert_close(dyn.friction([0.0], direction=[way]), [level], ALGEBRA)
+    assert_close(dyn.friction([0.0]), [0.0], ALGEBRA)
+    slow = np.array([[0.01], [0.01]])
+    both = dyn.friction(slow, direction=[[1.0], [-1.0]])
+    fall = np.exp(-0.01)
+    wanted = [0.6 + 0.3 * fall + 0.005, -(0.4 + 0.1 * fall) + 0.005]
+    assert_close(both.ravel(), wanted, ALGEBRA)
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {

@@ -96,6 +96,32 @@ def test_with_friction_of_the_joint_both_must_be_overcome() -> None:
     assert moving.state.v[0] > 0.5
 
 
+@pytest.mark.parametrize(("share", "way"), [(0.999, -1.0), (1.001, 0.0)])
+def test_going_down_the_friction_of_that_direction_holds_too(share: float, way: float) -> None:
+    """The arm falls where η of the load less its friction downwards exceeds the motor's torque."""
+    scene = pendulum()
+    sides = {"coulomb": {"positive": 3.0, "negative": 0.5}}
+    scene["joints"]["swing"]["friction"] = {**sides, "static": {"positive": 4.0, "negative": 1.0}}
+    sim = Simulator(scene)
+    sim.run(1.0, [(9.81 - 1.0) * ETA * share])
+    assert (sim.state.q[0] == np.pi / 2) == (way == 0.0)
+    assert way * sim.state.v[0] >= 0.0
+    up = Simulator(scene)
+    up.run(1.0, [(9.81 + 4.0) / ETA * 0.999])
+    assert up.state.q[0] == np.pi / 2
+    up.run(1.0, [(9.81 + 4.0) / ETA * 1.001])
+    assert up.state.v[0] > 0.5
+
+
+def test_a_part_of_a_direction_takes_that_part_of_the_loss() -> None:
+    friction = Dynamics(pendulum()).model.friction
+    torque = np.array([[2.0], [2.0], [2.0], [2.0], [2.0]])
+    way = np.array([[1.0], [0.5], [0.0], [-0.5], [-1.0]])
+    more, less = 2.0 / ETA, 2.0 * ETA
+    wanted = [more, 1.0 + more / 2, 2.0, 1.0 + less / 2, less]
+    assert_close(friction.gear_input(torque, way).ravel(), wanted, PINOCCHIO)
+
+
 def test_inverse_dynamics_overcomes_the_gear(rng: np.random.Generator) -> None:
     """Forward dynamics of it gives the acceleration back, driving and braking."""
     scene = models.scene("two_link").model_dump(exclude_unset=True)

@@ -13,12 +13,13 @@ import pinocchio as pin
 import pytest
 
 import models
-from arm_dynamics import Dynamics, InvalidInput, load_scene
+from arm_dynamics import ConstraintError, Dynamics, InvalidInput, load_scene
 from arm_dynamics.equations import constraint
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.tree_builder import linkage_of, tree_of
 from arm_dynamics.task_space.task_space import TaskSpace
+from models.linkages import scene
 from tolerances import ALGEBRA, FINITE_DIFF, INVERSE_PAIR, assert_close
 
 TYPES: dict[str, dict[str, Any]] = {
@@ -153,6 +154,37 @@ def test_inverse_of_forward(name: str, rng: np.random.Generator) -> None:
     assert lam.shape == (4, dyn.constrained.m)
     assert_close(dyn.constrained_inverse([q] * 4, [v] * 4, a, lam), tau, INVERSE_PAIR)
     np.testing.assert_array_equal(dyn.forward(q, v, tau[0]), a[0])
+
+
+@pytest.mark.parametrize("angle", [0.0, np.pi])
+def test_laid_flat_a_parallelogram_still_has_accelerations(angle: float) -> None:
+    """There its rows hold no more than across the rods, to rounding: the rest is left out."""
+    dyn = Dynamics(models.FOLDER.parent / "reference/parallelograms_1.yaml")
+    q, rest, tau = np.array([angle, -angle, angle]), np.zeros(3), np.array([1.0, 2.0, -3.0])
+    a, lam = dyn.constrained_forward(q, rest, tau)
+    across = dyn.constrained.closure.rows.stacked(q, rest, ("point_0",)).jacobian[2]
+    whole = np.block([[dyn.mass_matrix(q), across[:, None]], [across, np.zeros(1)]])
+    wanted = np.linalg.solve(whole, np.append(tau - dyn.gravity(q), 0.0))
+    assert_close(a, wanted[:3], 1e-9)
+    assert_close(lam, [0.0, 0.0, wanted[3]], 1e-9)
+
+
+def test_what_is_open_at_the_start_holds_where_it_is_closed() -> None:
+    """Bricard's linkage, switched off at a start from which it cannot be closed."""
+    closed = Dynamics(scene("bricard"))
+    q, v = closed.constrained.closure.closed(closed.model.q0 + 0.1, np.ones(closed.n))
+    rows = [
+        {**row.model_dump(exclude_unset=True), "switchable": True, "active": False}
+        for row in closed.model.scene.constraints
+    ]
+    apart = dict.fromkeys(closed.joint_names, 2.0)
+    free = Dynamics(scene("bricard", constraints=rows, initial={"position": apart}))
+    with pytest.raises(ConstraintError):
+        free.constrained.closure.closed(free.model.q0, v, ("hinge", "axis"))
+    tau = np.linspace(-1.0, 1.0, closed.n)
+    found = free.constrained_forward(q, v, tau, ("hinge", "axis"))
+    for ours, wanted in zip(found, closed.constrained_forward(q, v, tau), strict=True):
+        assert_close(ours, wanted, ALGEBRA)
 
 
 def test_gauss_principle(rng: np.random.Generator) -> None:

@@ -19,7 +19,9 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.control.joint_space import tuned
 from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference
 from arm_sim.ros.sim_node import SimNode
 from tolerances import ALGEBRA, assert_close
@@ -90,21 +92,30 @@ def test_every_law_closes_the_loop(ros: Ros, name: str) -> None:
     go(node, 0.1, 1)
     torques = np.array([tick(sim, node) for _ in range(1200)])
     assert np.isfinite(torques).all()
-    error = abs(sim.simulator.state.q - (HOME + 0.1)).max()
+    q, dynamics = sim.simulator.state.q, models.dynamics("panda")
+    error = HOME + 0.1 - q
     if name == "float":  # it leads nowhere, and does not fall either
-        assert_close(sim.simulator.state.q, HOME, 1e-4)
-    elif name in ("pd", "pid"):
-        assert 1e-3 < error < 1.0
-    elif name == "motion_force":  # along its direction it only brakes
-        assert error < 0.1
+        assert_close(q, HOME, 1e-4)
+    elif name == "pd":  # its springs carry the weight
+        weight = dynamics.gravity(q)
+        kp, _ = tuned(dynamics, 15.0)
+        np.testing.assert_allclose(kp * error, weight, atol=0.02 * abs(weight).max())
+    elif name == "pid":  # it is taking that away
+        assert 1e-3 < abs(error).max() < 0.05
+    elif name == "motion_force":  # along its direction, downwards, it only brakes
+        task = TaskSpace(dynamics, FRAME)
+        here, start, goal = (task.pose(x).position for x in (q, HOME, HOME + 0.1))
+        np.testing.assert_allclose(here[:2], goal[:2], atol=1e-5)
+        np.testing.assert_allclose(here[2], start[2], atol=1e-4)
     else:  # what pushes nothing ahead is still on its way
-        assert error < (5e-3 if name == "pd_gravity" else 1e-3)
+        assert abs(error).max() < (5e-3 if name == "pd_gravity" else 1e-4)
 
 
 def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
-    """With every setting, at start and after a change."""
+    """With every setting, at start and after a change; at rest it presses as the node was told."""
     dynamics = models.dynamics("panda")
     q, v = HOME + 0.02, np.full(7, 0.1)
+    sideways = TaskSpace(dynamics, FRAME, selection="position").jacobian(HOME)[1]
     still = Reference(HOME, np.zeros(7), np.zeros(7))
     given = {"task_frame": FRAME, "task_axes": "position", "force": 5.0}
     more = {"force_direction": [0.0, 1.0, 0.0], "friction": True, "damping_ratio": [0.8]}
@@ -113,7 +124,7 @@ def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
         damping_ratio=0.8, frame=FRAME, axes="position", direction=(0.0, 1.0, 0.0), force=5.0,
         friction=True,
     )  # fmt: skip
-    effort(node, 0)
+    assert_close(effort(node, 0), dynamics.gravity(HOME) + 5.0 * sideways, 1e-8)
     law = make_controller("motion_force", dynamics, settings)
     assert_close(effort(node, MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
     assert change(node, controller="joint_impedance", force=0.0).successful
@@ -215,13 +226,26 @@ def test_an_absurd_state_does_not_spoil_the_memory(ros: Ros) -> None:
 
 
 def test_after_floating_the_arm_is_held_where_it_was_led_to(ros: Ros) -> None:
+    """And not pulled back to where it was when floating began."""
     node = controller_node(ros, controller="float", switch_time=0.0)
     effort(node, 0)
     led = HOME + 0.4
     assert_close(effort(node, MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
     assert change(node, controller="computed_torque").successful
-    effort(node, 2 * MS, led)
+    settle(node)
+    effort(node, 2 * MS, led)  # the hand-over begins with the torque of before
+    assert node.params.controller == "computed_torque" and not node.busy
+    assert_close(node.follower.reference(3 * MS).q, led, ALGEBRA)
     assert_close(effort(node, 3 * MS, led), models.dynamics("panda").gravity(led), ALGEBRA)
+    assert abs(effort(node, 4 * MS, led + 0.1) - effort(node, 4 * MS, led)).max() > 1.0
+
+
+def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
+    node = controller_node(ros, controller="pd_gravity", switch_time=0.0)
+    effort(node, 0)
+    assert change(node, controller="pd").successful
+    effort(node, MS, HOME + 0.4)
+    assert_close(node.follower.reference(2 * MS).q, HOME, ALGEBRA)
 
 
 def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:

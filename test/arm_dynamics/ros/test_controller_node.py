@@ -136,6 +136,26 @@ def test_reports_to_whoever_listens(ros: Ros) -> None:
         np.testing.assert_array_equal(getattr(last, field), exact)
 
 
+def test_the_first_state_after_time_went_backwards_is_reported_at_once(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"), state_period=10.0)
+    heard = ros.listen(TrackingState, "/controller/state", 50)
+    for stamp in (5_000, 5_001, 5_500, 100, 101):
+        effort(node, stamp * MS, (0.0, 0.0))
+    ros.spin_until(lambda: len(heard) >= 2)
+    stamps = [10**9 * m.header.stamp.sec + m.header.stamp.nanosec for m in heard]
+    assert stamps == [5_000 * MS, 100 * MS]
+
+
+def test_a_gap_between_states_means_hold_again_unless_any_gap_is_allowed(ros: Ros) -> None:
+    for limit, held in ((0.5, True), (2.0, False), (0.0, False)):
+        node = ros.add(ControllerNode, models.scene("two_link"), gap_limit=limit)
+        effort(node, 0, (0.0, 0.0))
+        node.on_joint_trajectory(trajectory(point(4.0, 1.0, -1.0)))
+        effort(node, 1000 * MS, (0.1, 0.2))
+        assert (node.follower.remaining(1000 * MS) == 0.0) == held
+        assert_close(reference_of(node, 1000 * MS)[0], (0.1, 0.2), ALGEBRA) if held else None
+
+
 @pytest.mark.parametrize(
     ("parameters", "complaint"),
     [

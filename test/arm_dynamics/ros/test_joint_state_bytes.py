@@ -230,6 +230,27 @@ def test_useless_messages_are_refused(
         reader().read(serialize_message(message))
 
 
+@pytest.mark.parametrize(
+    "bits",
+    [
+        0x7FF0000000000000, 0xFFF0000000000000,  # infinities
+        0x7FF8000000000000, 0xFFF8000000000000, 0x7FF0000000000001, 0x7FFFFFFFFFFFFFFF,  # NaNs
+    ],
+    ids=hex,
+)  # fmt: skip
+@pytest.mark.parametrize("place", range(6))
+def test_no_number_that_is_not_finite_gets_past_a_layout_that_is_known(
+    bits: int, place: int, reader: Readers
+) -> None:
+    read, good = reader(), np.arange(6.0)
+    for _ in range(3):  # C knows what came twice
+        read.read(serialize_message(state(position=good[:3].tolist(), velocity=good[3:].tolist())))
+    bad = good.copy()
+    bad.view(np.uint64)[place] = bits
+    with pytest.raises(InvalidInput, match="allowed are finite numbers"):
+        read.read(serialize_message(state(position=bad[:3].tolist(), velocity=bad[3:].tolist())))
+
+
 def test_refused_numbers_are_not_kept(reader: Readers) -> None:
     read = reader(partial=True)
     with pytest.raises(InvalidInput):

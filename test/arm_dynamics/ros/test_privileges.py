@@ -15,8 +15,8 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common import privileges
 from arm_dynamics.ros.common.privileges import (
     Privileges,
+    demote_timers,
     freeze_garbage,
-    put_timers_aside,
     read_cpus,
 )
 
@@ -60,7 +60,7 @@ def test_timers_of_dds_interrupt_nobody(ros: Ros) -> None:
         return {os.sched_getscheduler(int(task.name)) for task in found}
 
     assert os.SCHED_OTHER in policies()
-    put_timers_aside()
+    demote_timers()
     assert policies() == {os.SCHED_BATCH}
     assert os.sched_getscheduler(0) == os.SCHED_OTHER
 

@@ -14,6 +14,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 import models
+from arm_dynamics import InvalidInput, load_scene
+from arm_dynamics.scene.schema import Initial
+from arm_sim.cli.demo.motion import choose_motion
 from arm_sim.cli.main import main
 from arm_sim.cli.nodes import _split
 from arm_sim.cli.vectors import Vector, parse
@@ -209,8 +212,6 @@ def test_describe_warns_of_a_start_outside_the_limits() -> None:
 
 @pytest.mark.parametrize("duration", [2.0, 10.0])
 def test_demo_motion_suits_every_robot(robot: str, duration: float) -> None:
-    from arm_sim.cli.demo.motion import choose_motion
-
     motion = choose_motion(models.scene(robot), duration)
     dynamics = models.dynamics(robot)
     model, path = dynamics.model, motion.trajectory
@@ -224,10 +225,27 @@ def test_demo_motion_suits_every_robot(robot: str, duration: float) -> None:
     np.testing.assert_allclose(q[-1], q[0], atol=1e-9)
 
 
-def test_demo_motion_refuses_an_arm_that_cannot_carry_itself() -> None:
-    from arm_dynamics import InvalidInput, load_scene
-    from arm_sim.cli.demo.motion import choose_motion
+@pytest.mark.parametrize("robot_name", ["panda", "ur10", "gantry", "scara"])
+def test_demo_motion_keeps_away_from_joint_limits(robot_name: str) -> None:
+    """By a twentieth of each joint's range, even from a start beside a limit."""
+    scene = models.scene(robot_name)
+    model = models.dynamics(robot_name).model
+    span = model.position_upper - model.position_lower
+    bounded = np.isfinite(span)
+    start = np.where(bounded, model.position_lower + 0.1 * np.where(bounded, span, 0), model.q0)
+    moved = scene.model_copy(
+        update={"initial": Initial(position=dict(zip(model.joint_names, start, strict=True)))}
+    )
+    motion = choose_motion(moved, 10.0)
+    points = np.array([waypoint.q for waypoint in motion.waypoints])[:, bounded]
+    begin = np.asarray(motion.model.q0)[bounded]
+    margin = 0.05 * span[bounded]
+    low = np.minimum(model.position_lower[bounded] + margin, begin)
+    high = np.maximum(model.position_upper[bounded] - margin, begin)
+    assert ((points >= low - 1e-12) & (points <= high + 1e-12)).all()
 
+
+def test_demo_motion_refuses_an_arm_that_cannot_carry_itself() -> None:
     weak = {"robot": {"urdf": str(models.FOLDER / "gantry.urdf")},
             "joints": {"*": {"limits": {"effort": 1.0}}}}  # fmt: skip
     with pytest.raises(InvalidInput, match="cannot carry its own weight: joint '"):

@@ -182,7 +182,7 @@ def test_a_loop_that_does_not_close_is_said() -> None:
     )  # fmt: skip
     assert complaints(good) == remarks(good) == []
     for change, words in (
-        ({"rate": 500.0}, "500.0 ticks a second, 1000 are wanted"),
+        ({"rate": 500.0}, "500.0 ticks a second instead of 1000"),
         ({"commands": 10}, "only 10 of 10000 states"),
         ({"questions": 0}, "answered no torque query"),
         ({"error_rms": float("nan")}, "tracking error nan rad RMS"),

@@ -8,13 +8,14 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 
 import models
 from arm_sim import Simulator
-from arm_sim.integrators.methods import METHODS
-from tolerances import ORDER
+from arm_sim.integrators.methods import METHODS, build_attempt
+from tolerances import ALGEBRA, ORDER, assert_close
 
 DATA = Path(__file__).parents[2] / "reference/double_pendulum.json"
 STATED = {
@@ -108,3 +109,26 @@ def test_one_step_of_rk4_by_hand() -> None:
     np.testing.assert_allclose(
         np.r_[state.q, state.v], x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4), rtol=1e-13
     )
+
+
+@pytest.mark.parametrize("rate", [0.5, -0.5])
+@pytest.mark.parametrize("name", ["dopri5", "dop853"])
+def test_an_error_counts_relative_to_the_larger_end_of_a_step(name: str, rate: float) -> None:
+    """|error| / (scale + max(|before|, |after|)) of the worst number; here each error is a share
+    of the number itself.
+    """
+    x, u, p = (ca.MX.sym(symbol, size) for symbol, size in (("x", 2), ("u", 1), ("p", 1)))
+    grow = ca.Function("grow", [x, u, p], [rate * x])
+    attempt = build_attempt(METHODS[name], grow, 1, np.array([1.0, 10.0]))
+
+    def tried(*start: float) -> tuple[np.ndarray, float]:
+        after, error, _ = attempt(list(start), 0.0, 0.0, 1.0)
+        return after.full().ravel(), float(error)
+
+    tiny, large = 1e-9, 1e9
+    after, error = tried(tiny, 0.0)
+    share, larger = error / tiny, max(1.0, after[0] / tiny)
+    assert_close(tried(0.0, tiny)[1] / (share * tiny), 0.1, 1e-6)
+    assert_close(tried(large, 0.0)[1] / share, 1.0 / larger, 1e-6)
+    assert_close(tried(1.0, 0.0)[1] / share, 1.0 / (1.0 + larger), 1e-6)
+    assert_close(tried(large, 1.0)[1], tried(large, 0.0)[1], ALGEBRA)

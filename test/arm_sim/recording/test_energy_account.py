@@ -7,11 +7,15 @@ from typing import Any
 
 import numpy as np
 import pytest
+from numpy.polynomial import Polynomial
 
 import models
+from arm_dynamics import Dynamics
 from arm_sim import Simulator
+from arm_sim.recording.energy_account import dissipated_work
 from arm_sim.ros.energy_meter import EnergyMeter
-from tolerances import assert_close
+from models.rotor import rotor
+from tolerances import PINOCCHIO, assert_close
 
 LUGRE = {
     "viscous": 0.5,
@@ -127,3 +131,24 @@ def test_the_meter_of_a_running_simulation_says_the_same(sim: Simulator) -> None
     assert_close(account.input, recorded.supplied[-1], 1e-7)
     assert_close(account.dissipated, recorded.lost[-1], 1e-7)
     assert_close(account.balance, recorded.balance[-1], 1e-7)
+
+
+def test_heat_of_friction_that_differs_by_position_and_load() -> None:
+    """Simpson's rule needs the middle of a tick: known exactly of a cubic motion."""
+    friction = {"viscous": 0.3, "coulomb": 0.5}
+    friction |= {"position": {"at": [0.0, 1.0, 2.0], "factor": [1.0, 3.0, 1.5]},
+                 "load": {"at": [0.0, 10.0], "factor": [1.0, 3.0]}}  # fmt: skip
+    dyn, dt = Dynamics(rotor(**friction)), 0.5
+    motion = Polynomial([0.2, 1.0, 0.8, -0.3])
+    times = np.array([0.0, 0.5, 1.0])
+    q, v, tau = motion(times)[:, None], motion.deriv()(times)[:, None], np.array([[3.0], [-7.0]])
+
+    def power(t: float, load: float) -> float:
+        speed = motion.deriv()(t)
+        return float(dyn.friction([speed], q=[motion(t)], load=[load])[0] * speed)
+
+    wanted = [
+        dt / 6 * (power(t, load) + 4 * power(t + dt / 2, load) + power(t + dt, load))
+        for t, load in zip(times, tau[:, 0], strict=False)
+    ]
+    assert_close(dissipated_work(dyn, dt, q, v, tau), wanted, PINOCCHIO)

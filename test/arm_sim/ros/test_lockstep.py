@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from diagnostic_msgs.msg import DiagnosticStatus
 from harness import Ros
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
@@ -17,7 +18,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.ros.interfaces import NEWEST, PAUSE, RESET
+from arm_dynamics.ros.interfaces import NEWEST, PAUSE, RESET, RESET_COUNTERS
 from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim import ClosedLoop
 from arm_sim.ros.sim_node import SimNode
@@ -85,13 +86,12 @@ def test_lost_messages_are_asked_for_again_and_change_nothing(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     sim, controller = pair(ros, lockstep_retry=0.005)
-    send, count = controller.send, iter(range(10**9))
+    take, count = sim.inputs.on_joint_commands, iter(range(10**9))
 
-    def lose_every_seventh(command: bytes) -> None:
-        if next(count) % 7:
-            send(command)
+    def lose_every_seventh(command: bytes, arrival: int) -> int | None:
+        return take(command, arrival) if next(count) % 7 else None
 
-    monkeypatch.setattr(controller, "send", lose_every_seventh)
+    monkeypatch.setattr(sim.inputs, "on_joint_commands", lose_every_seventh)
     np.testing.assert_array_equal(motion(ros, sim, controller), expected())
     assert sim.lockstep.asked_again >= TICKS // 7 - 2
 
@@ -108,6 +108,15 @@ def test_only_the_answer_to_the_present_state_makes_a_tick(ros: Ros) -> None:
         answer(sim, stamp)
     assert sim.simulator.step_count == 2
     assert sim.lockstep.ignored == 4
+
+
+def test_counters_begin_anew(ros: Ros) -> None:
+    sim = lockstep(ros, lockstep_retry=0.005)
+    answer(sim, 5_000_000)
+    ros.spin_until(lambda: sim.lockstep.asked_again)
+    assert sim.lockstep.ignored == 1
+    assert sim.requests.answer(RESET_COUNTERS).success
+    assert (sim.lockstep.asked_again, sim.lockstep.ignored) == (0, 0)
 
 
 def test_answers_are_to_states_that_are_published(ros: Ros) -> None:
@@ -159,6 +168,16 @@ def test_after_a_reset_the_first_state_is_answered_anew(ros: Ros) -> None:
     assert sim.simulator.step_count == 0
     answer(sim, 0)
     assert sim.simulator.step_count == 1
+
+
+def test_privileges_that_are_not_granted_are_told(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    sim = lockstep(ros, cpus="9999")
+    found = {f.part: f for f in sim.diagnostics()}["loop"].message(sim)
+    assert found.level == DiagnosticStatus.WARN
+    assert "no processors of its own" in found.message
+    assert capfd.readouterr().err.count("not granted: no processors of its own") == 1
 
 
 def test_a_failure_stops_time_and_is_said(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:

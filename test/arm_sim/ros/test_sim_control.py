@@ -248,6 +248,16 @@ def test_two_controllers_show_and_the_first_one_stays(
     assert found.level == DiagnosticStatus.ERROR
     assert "two controllers: '/controller:2' is refused" in found.message
     assert "two controllers" in capfd.readouterr().err
+    ticks(node, 999)
+    assert finding(node, "commands").level == DiagnosticStatus.ERROR  # for a second
+    ticks(node, 1)
+    assert finding(node, "commands").level != DiagnosticStatus.ERROR
+    for _ in range(STREAM):
+        node.inputs.on_joint_commands(command("/controller:1"))
+    node.inputs.on_joint_commands(command("/controller:2"))
+    ticks(node, 2000)
+    assert finding(node, "commands").level == DiagnosticStatus.ERROR  # since the last look
+    assert finding(node, "commands").level != DiagnosticStatus.ERROR
 
 
 def test_a_flood_within_a_tick_does_not_displace_the_one_who_leads(ros: Ros) -> None:

@@ -12,9 +12,12 @@ from harness import Ros
 
 import models
 from arm_sim.ros.sim_node import SimNode
-from arm_sim.ros.standard_services import FAILED, OK, PAUSED, PLAYING, STOPPED, UNSUPPORTED
 
 pytestmark = pytest.mark.ros
+
+# As in SimulationState.msg and Result.msg of simulation_interfaces.
+STOPPED, PLAYING, PAUSED = 0, 1, 2
+UNSUPPORTED, OK, FAILED = 0, 1, 4
 
 
 @pytest.fixture

@@ -21,9 +21,12 @@ TAU = (1.5, -0.5)
 BOTH = frozenset({0, 1})
 
 
-def engine(**options: Any) -> TickEngine:
+def engine(
+    wrench_timeout: float = 0.1, reference: str = "local", method: str | None = None, **more: Any
+) -> TickEngine:
     """A two-link arm; its simulator is its own, for what changes the model."""
-    return TickEngine(Simulator(models.scene("two_link")), **options)
+    simulator = Simulator(models.scene("two_link"), method)
+    return TickEngine(simulator, wrench_timeout=wrench_timeout, wrench_reference=reference, **more)
 
 
 def ticks(made: TickEngine, count: int) -> None:
@@ -179,6 +182,8 @@ def test_listeners_hear_of_jumps_pauses_and_staleness() -> None:
     made.configure(0.002, "zero")
     for name in ("on_jump", "on_pause", "on_staleness"):
         getattr(made, name).append(lambda name=name: heard.append(name))
+    made.tick()
+    assert not heard
     made.reset()
     made.pause(True)
     made.pause(False)
@@ -229,6 +234,20 @@ def test_wrenches_of_different_frames_add_up_and_the_newest_on_a_frame_counts() 
     assert not made.simulator.effort.any()  # none of it is a motor's
 
 
+def test_a_force_along_an_axis_of_the_world_does_work_along_it() -> None:
+    made = engine(reference="local_world_aligned", wrench_timeout=1.0)
+    made.simulator.set_state([0.7, -0.4], [0.0, 0.0])
+    made.keep_account(True)
+    start = made.account()
+    made.push("tip", [0.0, 0.0, -4.0, 0.0, 0.0, 0.0])
+    task = TaskSpace(models.dynamics("two_link"), "tip", "local_world_aligned")
+    before = task.pose(made.simulator.state.q).position[2]
+    ticks(made, 100)
+    fallen = before - task.pose(made.simulator.state.q).position[2]
+    assert abs(fallen) > 1e-3
+    assert made.account().input - start.input == pytest.approx(4.0 * fallen, rel=1e-2)
+
+
 def test_a_wrench_that_makes_no_sense_is_refused_and_builds_nothing() -> None:
     made = engine()
     plant = made.simulator.plant
@@ -243,7 +262,7 @@ def test_a_wrench_that_makes_no_sense_is_refused_and_builds_nothing() -> None:
 
 
 def test_the_energy_account_knows_of_wrenches() -> None:
-    made = TickEngine(Simulator(models.scene("two_link"), "rk4"), wrench_timeout=10.0)
+    made = engine(wrench_timeout=10.0, method="rk4")
     made.keep_account(True)
     ticks(made, 20)
     made.push("tip", [5.0, 0.0, 3.0, 0.0, 0.0, 0.0])

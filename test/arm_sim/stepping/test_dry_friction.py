@@ -113,9 +113,10 @@ def test_static_level_above_the_sliding_one(options: dict[str, Any]) -> None:
 def test_stribeck_falls_from_static_to_coulomb() -> None:
     """F(v) = Fc + (Fs - Fc) exp(-(v/vs)²), seen in the numeric answer."""
     dyn = wheel({}, coulomb=FC, static=0.8, stribeck_velocity=0.1, viscous=0.0).dynamics
-    v = np.array([[1e-9], [0.1], [-0.1], [10.0]])
-    wanted = [[0.8], [FC + 0.3 / np.e], [-FC - 0.3 / np.e], [FC]]
-    assert_close(dyn.friction(v), wanted, CLOSED_FORM)
+    v = np.array([1e-9, 0.02, 0.05, 0.1, 0.17, 0.25, 10.0])
+    wanted = FC + 0.3 * np.exp(-((v / 0.1) ** 2))
+    assert_close(dyn.friction(v[:, None]), wanted[:, None], CLOSED_FORM)
+    assert_close(dyn.friction(-v[:, None]), -wanted[:, None], CLOSED_FORM)
 
 
 @pytest.mark.parametrize(

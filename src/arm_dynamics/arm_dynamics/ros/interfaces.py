@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names, types and qualities of service of everything the nodes say and hear, in one place.
+"""Names, types and quality of service of all topics and services, in one place.
 
 All names are relative, so namespaces and remapping work. Publishers are reliable and subscribers
-of control topics take the newest message by best effort, which goes with every partner.
+of control topics take the newest message by best effort, which matches every partner.
 """
 
 from __future__ import annotations

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from arm_sim.cli.output import examples
+from arm_sim.cli.output import console, examples, facts, limit, number, show, table
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -36,7 +36,6 @@ def describe(
     on this machine.
     """
     from arm_sim import Simulator
-    from arm_sim.cli.output import console
 
     simulator = Simulator(scene, integrator=integrator, dt=dt, tolerance=tolerance)
     out = console()
@@ -58,8 +57,6 @@ def _show_robot(out: Console, model: ArmModel) -> None:
 
 
 def _show_joints(out: Console, model: ArmModel) -> None:
-    from arm_sim.cli.output import limit, number, show, table
-
     friction = model.friction
     columns = {
         "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
@@ -87,8 +84,6 @@ def _show_joints(out: Console, model: ArmModel) -> None:
 
 
 def _show_drives(out: Console, model: ArmModel) -> None:
-    from arm_sim.cli.output import limit, number, show, table
-
     if not any(model.drives):
         return
     columns = ("joint", "command", "at most", "gear\nratio", "rotor inertia\nat the joint",
@@ -124,16 +119,12 @@ def _units(types: set[str]) -> str:
 
 
 def _show_physics(out: Console, simulator: Simulator) -> None:
-    from arm_sim.cli.output import show, table
-
     parts = sorted(simulator.plan.parts, key=lambda part: not part.on)
     rows = [("computed" if p.on else "skipped", p.name, p.why) for p in parts]
     show(out, table(("in a tick", "", ""), rows, text=(0, 1, 2)))
 
 
 def _show_cost(out: Console, simulator: Simulator) -> None:
-    from arm_sim.cli.output import facts
-
     plan, choice = simulator.plan, simulator.choice
     method, microseconds = choice.method, plan.nanoseconds / 1e3
     control = "" if choice.tolerance is None else f", error controlled to {choice.tolerance:g}"

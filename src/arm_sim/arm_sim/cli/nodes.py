@@ -80,11 +80,11 @@ def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Non
     "./arm controller my_scene.yaml --ros-args -p controller:=pd_gravity",
 )
 def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
-    """Lead the arm of SCENE along joint trajectories until Ctrl-C.
+    """Move the arm of SCENE along trajectories until Ctrl-C.
 
-    The parameter controller chooses the law, computed torque when it is not given.
-    It listens to joint_states and controller/joint_trajectory and publishes joint_commands. It
-    may be given another scene than the simulator: that is a model error.
+    The parameter controller chooses how, computed torque by default. The node listens to
+    joint_states and controller/joint_trajectory and publishes joint_commands. It may be given
+    another scene than the simulator: that is a model error.
     """
     from arm_dynamics.ros.common.background import take_short_turns
     from arm_dynamics.ros.controller_node import ControllerNode
@@ -94,7 +94,7 @@ def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> N
 
 
 def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Any:
-    """Be the process of one node; return it after an orderly end, else exit with its status."""
+    """Run one node in this process; return it after a clean end, else exit with its status."""
     from rclpy.parameter import Parameter
 
     from arm_dynamics.ros.common.executor import run

@@ -11,7 +11,7 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-_WIDE = 200  # columns where nobody's window sets them, so that a pipe gets whole lines
+_WIDE = 200  # columns where no window sets them, so that a pipe gets whole lines
 
 
 def examples(*lines: str) -> str:
@@ -76,7 +76,7 @@ def show(out: Console, made: Table) -> None:
 
 
 def number(value: Any, digits: int = 6) -> str:
-    """A number as people write it: no noise digits, a minus sign for minus zero is dropped.
+    """A number without noise digits, and without the minus sign of a minus zero.
 
     Args:
         value: The number.
@@ -91,6 +91,7 @@ def limit(value: float, digits: int = 6) -> str:
     return "-" if abs(value) == float("inf") else number(value, digits)
 
 
-def unit(joint_type: str, turning: str, sliding: str) -> str:
-    """The unit that belongs to a joint's type."""
-    return sliding if joint_type == "prismatic" else turning
+def units(joint_types: Iterable[str], turning: str, sliding: str, between: str = ", ") -> str:
+    """The unit of joints of these types, both where both kinds are."""
+    kinds = {kind == "prismatic" for kind in joint_types}
+    return between.join([turning] * (False in kinds) + [sliding] * (True in kinds))

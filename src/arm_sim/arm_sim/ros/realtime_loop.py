@@ -8,6 +8,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 from arm_sim.ros.latency import Histogram, Percentiles
 
@@ -24,7 +25,7 @@ class LoopReport:
         ticks: Calls made.
         elapsed: Time they took in [s].
         missed: Ticks that began after the next one was due.
-        dropped: Deadlines that were given up, left out or put off.
+        dropped: Deadlines that were given up, left out or shifted.
         lateness: How long after their deadline ticks began.
     """
 
@@ -49,7 +50,7 @@ class RealtimeLoop:
       ``closest`` of a period, so that partners still get to answer each of them. The loop is never
       more than ``give_up`` behind: older deadlines are dropped, and counted.
     * ``skip``: deadlines that have passed are left out; ticks stay on the grid of the clock.
-    * ``slow_down``: the grid itself is put off; the next tick comes a period after the late one.
+    * ``slow_down``: the grid itself is shifted; the next tick comes a period after the late one.
 
     With a period of zero, ticks follow one another as fast as they can, and nothing is late.
 
@@ -60,6 +61,7 @@ class RealtimeLoop:
         closest: Least distance of ticks while catching up, as a part of the period.
         give_up: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
+        clock: What tells the time and sleeps; the module ``time`` or the like.
     """
 
     _until: int | None
@@ -73,8 +75,9 @@ class RealtimeLoop:
         closest: float = 0.35,
         give_up: float = 1.0,
         prepare: Callable[[], None] = lambda: None,
+        clock: Any = time,
     ) -> None:
-        self._tick, self._prepare = tick, prepare
+        self._tick, self._prepare, self._clock = tick, prepare, clock
         self._period = round(1e9 * period)
         self._closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
         self._give_up = round(1e9 * give_up) if overrun == CATCH_UP else self._period
@@ -96,18 +99,18 @@ class RealtimeLoop:
             self._thread.join()
             self._thread = None
         if self._until is None:
-            self._until = time.monotonic_ns()
+            self._until = self._clock.monotonic_ns()
 
     def reset(self) -> None:
         """Begin counting anew."""
         self._lateness = Histogram()
         self._missed = self._dropped = 0
-        self._since, self._until = time.monotonic_ns(), None
+        self._since, self._until = self._clock.monotonic_ns(), None
 
     def report(self) -> LoopReport:
         """How well deadlines were kept."""
         lateness = self._lateness.percentiles()
-        elapsed = 1e-9 * ((self._until or time.monotonic_ns()) - self._since)
+        elapsed = 1e-9 * ((self._until or self._clock.monotonic_ns()) - self._since)
         return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness)
 
     def bars(self) -> tuple[tuple[float, int], ...]:
@@ -125,13 +128,13 @@ class RealtimeLoop:
             self._tick()
 
     def _by_the_clock(self) -> None:
-        deadline = earliest = time.monotonic_ns()
+        deadline = earliest = self._clock.monotonic_ns()
         while self._running:
             wake = max(deadline, earliest)
-            now = time.monotonic_ns()
+            now = self._clock.monotonic_ns()
             if now < wake:
-                time.sleep(1e-9 * (wake - now))
-                now = time.monotonic_ns()
+                self._clock.sleep(1e-9 * (wake - now))
+                now = self._clock.monotonic_ns()
             late = now - deadline
             self._lateness.add(late)
             self._missed += late > self._period
@@ -139,9 +142,9 @@ class RealtimeLoop:
             self._tick()
             deadline += self._period
             if late > self._give_up:
-                deadline += self._put_off(late)
+                deadline += self._shift(late)
 
-    def _put_off(self, late: int) -> int:
+    def _shift(self, late: int) -> int:
         """How much later the next deadline is than it would have been."""
         if self._slow_down:
             self._dropped += late // self._period

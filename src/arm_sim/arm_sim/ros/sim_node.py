@@ -58,11 +58,11 @@ class SimNode(Node):
         self.simulator = simulator_of(scene, params)
         self.engine = engine = TickEngine(
             self.simulator,
+            wrench_timeout=params.wrench_timeout,
+            wrench_reference=params.wrench_reference,
             paused=params.paused,
             self_running=params.tick_source != HAND,
             wait_for_command=params.wait_for_command,
-            wrench_timeout=params.wrench_timeout,
-            wrench_reference=params.wrench_reference,
         )
         engine.on_failure.append(self._report_failure)
         engine.on_staleness.append(self._report_staleness)

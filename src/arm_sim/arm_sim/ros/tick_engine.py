@@ -52,21 +52,21 @@ class TickEngine:
         self,
         simulator: Simulator,
         *,
+        wrench_timeout: float,
+        wrench_reference: str,
         paused: bool = False,
         self_running: bool = False,
         wait_for_command: bool = False,
-        wrench_timeout: float = 0.1,
-        wrench_reference: str = "local",
     ) -> None:
         """Prepare; the policy ``zero`` acts until ``configure`` says otherwise.
 
         Args:
             simulator: The simulation.
+            wrench_timeout: Simulated time that a wrench acts in [s].
+            wrench_reference: Axes of wrenches, see ``ExternalWrenches``.
             paused: Whether to start paused.
             self_running: Whether a clock or a partner makes it tick, rather than a caller.
             wait_for_command: Whether time stands still until the first command.
-            wrench_timeout: Simulated time that a wrench acts in [s].
-            wrench_reference: Axes of wrenches, see ``ExternalWrenches``.
         """
         self.simulator, self._q = simulator, simulator.x[: simulator.n]
         self.commands = LatestCommand(simulator.dynamics)

@@ -16,31 +16,31 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import NoAnswer
-from arm_dynamics.ros.common.privileges import put_timers_aside
+from arm_dynamics.ros.common.privileges import demote_timers
 from arm_dynamics.ros.interfaces import Service
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
 _SETTLE = 0.3  # [s] for the server to see the client, where a request must not be repeated
-_GLANCE = 0.05  # [s] between looks at who offers a service, while its answer is awaited
-_LOOK = 0.01  # [s] between looks whether anybody offers it
+_GLANCE = 0.05  # [s] between looks at how many servers a service has, while waiting for one
+_LOOK = 0.01  # [s] between looks whether there is a server
 
 
 class Asker:
-    """Asks a service; no executor is needed.
+    """A client of a service that needs no executor.
 
     Attributes:
-        name: Of the service, as everybody sees it.
+        name: Full name of the service.
     """
 
     def __init__(self, node: Node, service: Service, name: str) -> None:
-        """Get ready to ask; nobody else may spin ``node``."""
+        """Get ready to ask; ``node`` must not be spun elsewhere."""
         client = node.create_client(service.type, name)
         self.name: str = client.service_name
         self._response, self._handle = service.type.Response, client.handle
         self._waiting: Any = rclpy_implementation.WaitSet(0, 0, 0, 1, 0, 0, node.context.handle)
 
     def ready(self) -> bool:
-        """Whether anybody offers the service."""
+        """Whether the service has a server."""
         return bool(self._handle.service_server_is_available())
 
     def ask(self, request: Any) -> int:
@@ -65,7 +65,7 @@ class Asker:
 
 
 class Caller:
-    """A node that asks other ones. It has a context of its own."""
+    """A node that calls services of other nodes; it has a context of its own."""
 
     def __init__(self, timeout: float, domain: int | None = None) -> None:
         """Join the ROS graph; ``close`` leaves it.
@@ -84,7 +84,7 @@ class Caller:
             f"arm_call_{os.getpid()}_{id(self) & 0xFFFFFF:x}", context=self._context,
             enable_rosout=False, start_parameter_services=False,
         )  # fmt: skip
-        put_timers_aside()
+        demote_timers()
         self._askers: dict[tuple[str, str], Asker] = {}
         self._answered: set[Asker] = set()
         self._offering: dict[Asker, int] = {}
@@ -109,12 +109,12 @@ class Caller:
             The response.
 
         Raises:
-            NoAnswer: If nobody offers the service, or nobody answers.
+            NoAnswer: If no node offers the service, or none answers.
         """
         asker = self._asker(node, service)
         if not _until(asker.ready, self._timeout):
             self._answered.discard(asker)
-            raise NoAnswer(self._nobody(asker.name))
+            raise NoAnswer(self._not_offered(asker.name))
         met = asker in self._answered
         if not (met or repeatable):
             time.sleep(_SETTLE)
@@ -148,9 +148,9 @@ class Caller:
         return response
 
     def _watched(self, asker: Asker, asked: set[int], patience: float) -> tuple[Any | None, bool]:
-        """Wait for an answer; say whether who offers the service has changed before it came.
+        """Wait for an answer; say whether the number of servers changed before it came.
 
-        One that was killed still counts as there for up to 20 s: what was asked of it is lost.
+        A server that was killed still counts for up to 20 s: what was asked of it is lost.
         """
         count = partial(self._node.count_services, asker.name)
         if asker not in self._offering:
@@ -164,7 +164,7 @@ class Caller:
                 return None, True
         return None, False
 
-    def _nobody(self, name: str) -> str:
+    def _not_offered(self, name: str) -> str:
         lines = [f"no node offers {name} (waited {self._timeout:g} s)"]
         wanted, offered = name.rsplit("/", 1)[1], self._node.get_service_names_and_types()
         others = [o for o, _ in offered if o.rsplit("/", 1)[1] == wanted and o != name]

@@ -98,7 +98,7 @@ def pose_of(numbers: Sequence[float]) -> Pose:
     length = float(np.linalg.norm(seven[3:]))
     if abs(length - 1.0) > _UNIT:
         raise InvalidInput(
-            f"the quaternion x y z w {seven[3:]} has length {length:.4g}; 1 is wanted"
+            f"the quaternion x y z w {seven[3:]} has length {length:.4g}; expected 1"
         )
     return Pose(seven[:3], pin.Quaternion(seven[3:] / length).toRotationMatrix())
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes how a node is doing on ``/diagnostics``, while somebody listens."""
+"""Publishes how a node is doing on ``/diagnostics``, while it has subscribers."""
 
 from __future__ import annotations
 
@@ -52,8 +52,8 @@ class Diagnosis:
         """Begin.
 
         Args:
-            node: The node that is looked at.
-            find: Gives the findings; called once a second while somebody listens.
+            node: The node that is reported on.
+            find: Gives the findings; called once a second while there are subscribers.
         """
         self._node, self._find = node, find
         self._publisher = node.create_publisher(
@@ -63,11 +63,11 @@ class Diagnosis:
 
     @property
     def heard(self) -> bool:
-        """Whether anybody listens."""
+        """Whether there are subscribers."""
         return self._publisher.get_subscription_count() > 0
 
     def publish(self) -> None:
-        """Publish what is found now, if anybody listens."""
+        """Publish what is found now, if there are subscribers."""
         if not self.heard:
             return
         message = DiagnosticArray(status=[f.message(self._node) for f in self._find()])

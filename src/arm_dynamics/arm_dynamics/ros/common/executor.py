@@ -18,7 +18,7 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.ros.common.privileges import freeze_garbage, put_timers_aside
+from arm_dynamics.ros.common.privileges import demote_timers, freeze_garbage
 
 CORES = ("arm_dynamics", "arm_sim")
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
@@ -106,7 +106,7 @@ class NodeHandler(logging.Handler):
         self._log = node.get_logger()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Say one record; ROS wants a line of code of its own for each severity."""
+        """Say one record; ROS needs a line of code of its own for each severity."""
         if record.levelno >= logging.WARNING:
             self._log.warning(record.getMessage())
         else:
@@ -131,7 +131,7 @@ def core_log_of(node: Node) -> Iterator[None]:
 
 
 def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
-    """Be the process of one node: start, spin until SIGINT or SIGTERM, leave nothing behind.
+    """Run one node in this process: start, spin until SIGINT or SIGTERM, leave nothing behind.
 
     The signals only ask for the end, so that the node is taken down while ROS still works.
 
@@ -140,7 +140,7 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
         args: ROS command line, that of the process when None.
 
     Returns:
-        0 after an orderly end, 2 when the node could not start, with the reason on stderr.
+        0 after a clean end, 2 when the node could not start, with the reason on stderr.
     """
     asked: list[int] = []
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -150,7 +150,7 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
     try:
         _initialize(context, args)
         node = make_node(context=context)
-        put_timers_aside()
+        demote_timers()
         if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
             freeze_garbage()
         with core_log_of(node):

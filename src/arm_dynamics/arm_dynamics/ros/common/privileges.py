@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a thread that keeps deadlines may ask of the system, and a clear word when it may not."""
+"""What a thread with deadlines may ask of the system, with a clear message when it is denied."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _TIMERS = "dds.ev"  # what Fast DDS calls these threads
 
 @dataclass(frozen=True)
 class Privileges:
-    """What is wanted.
+    """What to ask for.
 
     Attributes:
         priority: Real-time priority of the thread (SCHED_FIFO), 1 to 99, the process's other
@@ -89,11 +89,11 @@ def _lock() -> None:
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 
 
-def put_timers_aside() -> None:
-    """Have Fast DDS's threads for timers not interrupt who sends; they run once that one waits.
+def demote_timers() -> None:
+    """Keep Fast DDS's timer threads from interrupting senders; they run once the sender waits.
 
-    A reliable message wakes its thread four times, each time on the processor of the sender, who
-    had to wait: 7 % of a service call. Threads of real-time priority keep it.
+    A reliable message wakes its thread four times, each time on the processor of the sender,
+    which had to wait: 7 % of a service call. Threads of real-time priority keep it.
     """
     for task in Path("/proc/self/task").glob("*"):
         with suppress(OSError):  # the thread has ended
@@ -103,6 +103,6 @@ def put_timers_aside() -> None:
 
 
 def freeze_garbage() -> None:
-    """Take what exists now out of the garbage collector's rounds; for a process of one's own."""
+    """Take what exists now out of the garbage collector's rounds; for a process of one node."""
     gc.collect()
     gc.freeze()

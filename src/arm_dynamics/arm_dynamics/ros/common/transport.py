@@ -77,7 +77,7 @@ def _removed(folder: Path, name: str) -> bool:
 
 
 def _is_held(lock: Path) -> bool:
-    """Whether somebody alive holds a lock; one that may not be looked at counts as held."""
+    """Whether a living process holds a lock; one that cannot be opened counts as held."""
     try:
         with lock.open("rb") as file:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)

@@ -9,14 +9,14 @@ from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
 
-SILENCE = 1.0  # [s] without a joint state that are worth a word
+SILENCE = 1.0  # [s] without a joint state after which it is reported
 
 
 class AnswerLog:
     """Remembers the last state and its answer, and counts.
 
     A state that comes again, byte for byte, gets the same answer: a partner in lockstep asks again
-    when a message was lost, and a law that remembers must not take that for another tick.
+    when a message was lost, and a controller with memory must not take that for another tick.
 
     Attributes:
         passed_over: States that could not be used.
@@ -45,20 +45,20 @@ class AnswerLog:
         self._raw = b""
 
     def finding(
-        self, node: Node, law: str, cut: list[str], goals: dict[str, str | int]
+        self, node: Node, controller: str, cut: list[str], goals: dict[str, str | int]
     ) -> Finding:
         """How it is doing, for ``/diagnostics``.
 
         Args:
             node: The controller.
-            law: The law in force.
+            controller: Name of the active one.
             cut: Joints whose torque was cut at its limit.
             goals: What became of the newest goal, and how many ``goals refused``.
         """
         now, found = time.monotonic(), Finding("controller")
         executor = type(node.executor).__name__ if node.executor is not None else "none"
         found.values = {
-            "law": law, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
+            "law": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
             "last state [s]": now - self._seen, "states passed over": self.passed_over,
             "jumps of time": self.jumps, **goals, "executor": executor,
         }  # fmt: skip

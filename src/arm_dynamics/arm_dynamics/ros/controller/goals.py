@@ -61,7 +61,7 @@ class Goals:
     """
 
     def __init__(self, model: ArmModel, limits: Limits, log: RcutilsLogger) -> None:
-        """Take the model, which is only read, the limits of all motions and a place to say it."""
+        """Take the model, which is only read, the limits of all motions and a logger."""
         self.follower: Follower | None = None
         self.stamp = -1
         self.outcome = ""

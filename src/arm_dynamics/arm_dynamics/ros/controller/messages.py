@@ -14,9 +14,10 @@ import numpy as np
 from arm_msgs.msg import TrackingState
 from geometry_msgs.msg import PoseStamped
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Moving
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.model.arm import ArmModel, Array
+from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import CdrReader
 from arm_dynamics.ros.common.convert import in_world, joint_indices, spread, to_array, to_time
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS

@@ -9,9 +9,9 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.arrays import all_finite
+from arm_dynamics.arrays import Array, all_finite
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.ros.common.convert import Array, to_array
+from arm_dynamics.ros.common.convert import to_array
 
 _Order = NDArray[np.intp] | slice
 _ALL = slice(None)  # the order of the model, as most requests have it

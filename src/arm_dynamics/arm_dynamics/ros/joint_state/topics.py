@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointStates of a topic, in and out as bytes, for who ticks a thousand times a second."""
+"""JointStates of a topic, in and out as bytes, for loops at 1 kHz."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointSt
 
 
 class JointStateSource:
-    """JointStates of a topic for a loop that looks for them by itself; no executor is needed."""
+    """JointStates of a topic for a loop that polls; no executor is needed."""
 
     def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
         """Subscribe; ``close`` before the node is destroyed."""
@@ -48,7 +48,7 @@ class JointStateSink:
         No other thread may be using it when the node is destroyed.
 
         Args:
-            node: Who publishes.
+            node: The publishing node.
             topic: Where.
             writer: Of the messages.
             arrays: One for each of the writer's fields, contiguous, shape (n,).

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
-from arm_sim.cli.output import console, examples, number, show, table
+from arm_sim.cli.output import console, examples, number, show, table, units
 from arm_sim.cli.vectors import HOW, Vector, VectorType
 
 if TYPE_CHECKING:
@@ -181,9 +181,7 @@ class Question:
 
     def unit(self, quantity: str) -> str:
         """The unit of a quantity for the joints at hand, both where both kinds are."""
-        turning, sliding = UNITS[quantity]
-        kinds = {self.types.get(name) == "prismatic" for name in self.names}
-        return ", ".join([turning] * (False in kinds) + [sliding] * (True in kinds))
+        return units((self.types.get(name, "") for name in self.names), *UNITS[quantity])
 
 
 # --- showing -----------------------------------------------------------------------------------

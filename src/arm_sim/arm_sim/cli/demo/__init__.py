@@ -1,6 +1,50 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm demo``: the whole loop on a real arm, in three processes."""
+"""``./arm demo``: the whole loop on a real arm, in three processes.
 
-from arm_sim.cli.demo.command import demo
+``course`` plans, starts, watches, stops and reports; ROS and plotting are imported when it runs.
+"""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import click
+
+from arm_sim.cli.output import examples
 
 __all__ = ["demo"]
+
+PANDA = Path(__file__).parents[2] / "scenes/panda.yaml"
+
+
+@click.command(
+    epilog=examples(
+        "./arm demo",
+        "./arm demo --robot my_arm.urdf --duration 5 --output /tmp/my_arm",
+    )
+)
+@click.option("--robot", default=None, metavar="URDF|SCENE",
+              help="Arm to move: a URDF or scene file; the Panda when omitted.")  # fmt: skip
+@click.option("--duration", default=10.0, show_default=True, type=click.FloatRange(1.0, 3600.0),
+              help="How long the motion takes, in s.")  # fmt: skip
+@click.option("--output", default="reports/demo", show_default=True,
+              type=click.Path(file_okay=False, path_type=Path),
+              help="Folder for the figure, the numbers and the logs.")  # fmt: skip
+def demo(robot: str | None, duration: float, output: Path) -> None:
+    """Close the loop on an arm at 1 kHz in real time, and show how well it went.
+
+    Three processes talk over ROS 2: the simulated arm, a computed-torque controller that moves it
+    along a joint trajectory, and the dynamics node, which is asked for torques meanwhile. They
+    have a ROS domain of their own on this machine and are ended whatever happens. The exit status
+    is 1 when the loop did not close, with the reason.
+    """
+    from arm_sim.cli.demo.course import run
+    from arm_sim.cli.demo.processes import interruptible
+
+    with interruptible():
+        try:
+            run(robot or str(PANDA), duration, output)
+        except KeyboardInterrupt:
+            click.echo("interrupted; all processes of the demo have been ended", err=True)
+            sys.exit(130)

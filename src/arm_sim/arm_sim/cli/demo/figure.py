@@ -9,12 +9,10 @@ from typing import Any
 
 import matplotlib
 import numpy as np
+from matplotlib.figure import Figure
 
 from arm_sim.cli.demo.observer import Seen
-
-matplotlib.use("Agg")
-
-from matplotlib import pyplot as plt  # noqa: E402 - the backend is chosen first
+from arm_sim.cli.output import units
 
 _STYLE = {
     "font.size": 9.5, "axes.titlesize": 10, "axes.titlelocation": "left",
@@ -39,12 +37,12 @@ def draw(
         duration: Of the motion in [s].
         title: Headline.
     """
-    with plt.rc_context(_STYLE):
-        figure, axes = plt.subplots(
-            3, 1, figsize=(9.6, 8.0), sharex=True, layout="constrained",
-            gridspec_kw={"height_ratios": (1.15, 0.85, 1.15)},
-        )  # fmt: skip
-        colors = plt.get_cmap("tab10" if len(names) <= 10 else "tab20").colors
+    with matplotlib.rc_context(_STYLE):
+        figure = Figure(figsize=(9.6, 8.0), layout="constrained")
+        axes = figure.subplots(
+            3, 1, sharex=True, gridspec_kw={"height_ratios": (1.15, 0.85, 1.15)}
+        )
+        colors = matplotlib.colormaps["tab10" if len(names) <= 10 else "tab20"].colors
         for axis in axes:
             axis.set_prop_cycle(color=colors)
         _positions(axes[0], seen, types)
@@ -58,21 +56,20 @@ def draw(
         figure.align_ylabels(axes)
         figure.suptitle(title, x=0.01, ha="left", fontsize=12, fontweight="bold")
         figure.savefig(file, dpi=130)
-        plt.close(figure)
 
 
 def _positions(axis: Any, seen: Seen, types: Sequence[str]) -> None:
     axis.plot(seen.time, seen.position, linewidth=1.8)
     axis.plot(seen.time, seen.reference, color="#1c1f24", linewidth=0.7, dashes=(4, 3))
     axis.set_title("Position; dashed: reference")
-    axis.set_ylabel(f"position [{_unit(types, 'rad', 'm')}]")
+    axis.set_ylabel(f"position [{units(types, 'rad', 'm')}]")
 
 
 def _errors(axis: Any, seen: Seen, types: Sequence[str]) -> None:
     scale, prefix = _prefix(float(np.abs(seen.error).max()))
     axis.plot(seen.time, scale * seen.error, linewidth=1.1)
     axis.set_title("Tracking error: reference minus position")
-    axis.set_ylabel(f"error [{_unit(types, prefix + 'rad', prefix + 'm')}]")
+    axis.set_ylabel(f"error [{units(types, prefix + 'rad', prefix + 'm')}]")
 
 
 def _torques(axis: Any, seen: Seen, types: Sequence[str], colors: Any) -> None:
@@ -87,7 +84,7 @@ def _torques(axis: Any, seen: Seen, types: Sequence[str], colors: Any) -> None:
     axis.set_title(
         "Torque commanded; circles: what the dynamics service answered for the reference"
     )
-    axis.set_ylabel(f"torque [{_unit(types, 'N m', 'N')}]")
+    axis.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")
 
 
 def _prefix(largest: float) -> tuple[float, str]:
@@ -96,11 +93,6 @@ def _prefix(largest: float) -> tuple[float, str]:
         if scale * largest >= 1.0:
             return scale, prefix
     return 1e12, "p"
-
-
-def _unit(types: Sequence[str], turning: str, sliding: str) -> str:
-    kinds = {kind == "prismatic" for kind in types}
-    return ", ".join([turning] * (False in kinds) + [sliding] * (True in kinds))
 
 
 def _short(name: str, names: Sequence[str]) -> str:

@@ -111,7 +111,7 @@ def _excursion(model: ArmModel) -> Array:
 def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
     """Least and greatest positions to go to: away from the limits, unless the start is there."""
     span = model.position_upper - model.position_lower
-    free = np.where(np.isfinite(span), MARGIN * np.where(np.isfinite(span), span, 0.0), 0.0)
+    free = MARGIN * np.where(np.isfinite(span), span, 0.0)
     lower, upper = model.position_lower + free, model.position_upper - free
     return np.minimum(lower, start), np.maximum(upper, start)
 

@@ -117,7 +117,7 @@ def _ending(status: int) -> str:
 
 
 def free_domain() -> int:
-    """A ROS domain that nobody on this machine uses: its first discovery port is free.
+    """A ROS domain that is not in use on this machine: its first discovery port is free.
 
     Port numbers: OMG RTPS 2.5, section 9.6.1.1.
 

@@ -3,19 +3,18 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.cli.demo.observer import Seen
-from arm_sim.cli.output import table
+from arm_sim.cli.output import table, units
 
 if TYPE_CHECKING:
     from rich.table import Table
 
-    from arm_dynamics import ArmModel
     from arm_sim.cli.demo.motion import Motion
 
 
@@ -60,10 +59,6 @@ class Numbers:
     energy_dissipated: float
     energy_balance: float
 
-    def dict(self) -> dict[str, Any]:
-        """For JSON."""
-        return asdict(self)
-
 
 def numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
     """Put together what was measured.
@@ -77,10 +72,11 @@ def numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
     goal = np.asarray(motion.waypoints[-1].q)
     loop, trip = clock["loop"], clock["round_trip"]
     asked = len(seen.latencies)
-    p50, p99, longest = _percentiles(seen.latencies)
+    p50, p99, longest = np.percentile(seen.latencies if asked else np.nan, (50, 99, 100)).tolist()
     during = seen.time <= duration
     return Numbers(
-        robot=model.pin.name, joints=model.n, unit=_unit(model), duration=duration,
+        robot=model.pin.name, joints=model.n, duration=duration,
+        unit=units(model.joint_types, "rad", "m", " or "),
         ticks=loop["ticks"], rate=loop["ticks"] / loop["elapsed"],
         wanted_rate=1.0 / model.scene.sim.dt,
         missed=loop["missed"], dropped=loop["dropped"],
@@ -100,19 +96,8 @@ def numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
     )  # fmt: skip
 
 
-def _unit(model: ArmModel) -> str:
-    kinds = {kind == "prismatic" for kind in model.joint_types}
-    return " or ".join(["rad"] * (False in kinds) + ["m"] * (True in kinds))
-
-
 def _largest(values: Array) -> float:
     return float(np.abs(values).max()) if values.size else float("nan")
-
-
-def _percentiles(values: Array) -> tuple[float, float, float]:
-    if not len(values):
-        return (float("nan"),) * 3
-    return tuple(float(x) for x in np.percentile(values, (50, 99, 100)))  # type: ignore[return-value]
 
 
 def complaints(n: Numbers) -> list[str]:
@@ -140,18 +125,18 @@ def remarks(n: Numbers) -> list[str]:
 
 def _slow(n: Numbers) -> str:
     return (
-        f"the simulator made {n.rate:.1f} ticks a second, {n.wanted_rate:g} are wanted: "
+        f"the simulator made {n.rate:.1f} ticks a second instead of {n.wanted_rate:g}: "
         "this machine is too slow or too busy"
     )
 
 
 def result_table(n: Numbers) -> Table:
-    """The numbers for people."""
+    """The numbers as a table."""
     asked = f"within {n.torque_difference:.2g} N m of the command"
     balance = f"off at most; the drives moved {n.energy_moved:.3g} J"
     return table(("", f"{n.robot}, {n.joints} joints", ""), [
         ("ticks", f"{n.ticks}", f"{n.missed} late by more than a tick, {n.dropped} dropped"),
-        ("rate", f"{n.rate:.2f} Hz", f"{n.wanted_rate:g} Hz wanted"),
+        ("rate", f"{n.rate:.2f} Hz", f"{n.wanted_rate:g} Hz expected"),
         ("lateness", *_times(n.lateness_p50, n.lateness_p99, n.lateness_max)),
         ("command round trip", *_times(n.round_trip_p50, n.round_trip_p99, n.round_trip_max)),
         ("commands", f"{n.commands}", f"of {n.ticks} states answered"),

@@ -5,27 +5,26 @@ from __future__ import annotations
 
 import json
 import os
-import sys
 import tempfile
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-import click
+import yaml
+from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
 
-from arm_sim.cli.output import examples
+from arm_dynamics import load_scene
+from arm_dynamics.ros.common.transport import as_usual
+from arm_sim.cli.demo.figure import draw
+from arm_sim.cli.demo.motion import Motion, choose_motion
+from arm_sim.cli.demo.observer import Observer, Seen
+from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
+from arm_sim.cli.demo.report import Numbers, complaints, numbers, remarks, result_table
+from arm_sim.cli.output import console, show
 
-if TYPE_CHECKING:
-    from collections.abc import Iterator
-
-    from arm_sim.cli.demo.motion import Motion
-    from arm_sim.cli.demo.observer import Observer, Seen
-    from arm_sim.cli.demo.processes import Processes
-    from arm_sim.cli.demo.report import Numbers
-
-PANDA = Path(__file__).parents[2] / "scenes/panda.yaml"
 _START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]
 _SETTLED = 0.3  # [s] that are watched after the motion
 _ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity")
@@ -34,42 +33,19 @@ _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 Say = Callable[[str], None]
 
 
-@click.command(
-    epilog=examples(
-        "./arm demo",
-        "./arm demo --robot my_arm.urdf --duration 5 --output /tmp/my_arm",
-    )
-)
-@click.option("--robot", default=None, metavar="URDF|SCENE",
-              help="Arm to move: a URDF or scene file; the Panda when not given.")  # fmt: skip
-@click.option("--duration", default=10.0, show_default=True, type=click.FloatRange(1.0, 3600.0),
-              help="How long the motion takes, in s.")  # fmt: skip
-@click.option("--output", default="reports/demo", show_default=True,
-              type=click.Path(file_okay=False, path_type=Path),
-              help="Folder for the figure, the numbers and the logs.")  # fmt: skip
-def demo(robot: str | None, duration: float, output: Path) -> None:
-    """Close the loop on an arm at 1 kHz in real time, and show how well it went.
+def run(robot: str, duration: float, output: Path) -> None:
+    """Run the demo.
 
-    Three processes talk over ROS 2: the simulated arm, a computed-torque controller that leads it
-    along a joint trajectory, and the dynamics node, which is asked for torques meanwhile. They
-    have a ROS domain of their own on this machine and are ended whatever happens. The exit status
-    is 1 when the loop did not close, with the reason.
+    Args:
+        robot: A scene file or URDF.
+        duration: How long the motion takes in [s].
+        output: Folder for the figure, the numbers and the logs.
+
+    Raises:
+        DemoFailed: If the loop did not close.
+        ArmError: If there is no motion for the arm.
     """
-    from arm_sim.cli.demo.processes import interruptible
-
-    with interruptible():
-        try:
-            _demo(robot or str(PANDA), duration, output)
-        except KeyboardInterrupt:
-            click.echo("interrupted; all processes of the demo have been ended", err=True)
-            sys.exit(130)
-
-
-def _demo(robot: str, duration: float, output: Path) -> None:
-    from arm_sim.cli.demo.report import numbers
-    from arm_sim.cli.output import console
-
-    motion = _planned(robot, duration)
+    motion = choose_motion(load_scene(robot), duration)
     output.mkdir(parents=True, exist_ok=True)
     out = console()
     with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
@@ -79,21 +55,10 @@ def _demo(robot: str, duration: float, output: Path) -> None:
     _tell(out, output, result)
 
 
-def _planned(robot: str, duration: float) -> Motion:
-    from arm_dynamics import load_scene
-    from arm_sim.cli.demo.motion import choose_motion
-
-    return choose_motion(load_scene(robot), duration)
-
-
 def _run(
     motion: Motion, output: Path, scratch: Path, say: Say, bar: Callable[[float], None]
 ) -> tuple[Seen, dict[str, Any]]:
     """Have the processes follow the motion; return what was seen and the sim node's report."""
-    from arm_dynamics.ros.common.transport import as_usual
-    from arm_sim.cli.demo.observer import Observer
-    from arm_sim.cli.demo.processes import Processes, free_domain
-
     scene, report = scratch / "scene.yaml", scratch / "clock.json"
     _write_scene(scene, motion)
     domain = free_domain()
@@ -107,7 +72,7 @@ def _run(
         processes.start("dynamics", "dynamics", str(scene), "--with-parent")
         processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
         observer.wait_for_partners(_START_TIMEOUT, processes.check)
-        # Last and alone, so that nobody's start-up disturbs its clock.
+        # Last and alone, so that no other start-up disturbs its clock.
         processes.start(
             "sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM
         )
@@ -121,10 +86,8 @@ def _run(
 
 
 def _report(file: Path, processes: Processes) -> dict[str, Any]:
-    from arm_sim.cli.demo.processes import DemoFailed
-
     if not file.exists():
-        raise DemoFailed("the sim node did not end in order; it said:\n" + processes.tail("sim"))
+        raise DemoFailed("the sim node did not end cleanly; it said:\n" + processes.tail("sim"))
     clock: dict[str, Any] = json.loads(file.read_text())
     return clock
 
@@ -136,8 +99,6 @@ def _follow(
     say: Say,
     bar: Callable[[float], None],
 ) -> None:
-    from arm_sim.cli.demo.processes import DemoFailed
-
     say("following the trajectory")
     duration = motion.trajectory.duration
     if not observer.send(motion.waypoints, _MOTION_TIMEOUT, processes.check):
@@ -160,8 +121,6 @@ def _follow(
 
 def _write_scene(file: Path, motion: Motion) -> None:
     """The scene as one file that needs no other, for all three nodes."""
-    import yaml
-
     data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     file.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
 
@@ -169,8 +128,6 @@ def _write_scene(file: Path, motion: Motion) -> None:
 @contextmanager
 def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
     """Progress on a terminal; lines of text where there is none."""
-    from rich.progress import BarColumn, Progress, TextColumn, TimeElapsedColumn
-
     if not out.is_terminal:
         yield (lambda text: out.print(f"{text} …")), (lambda share: None)
         return
@@ -186,23 +143,17 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
 
 
 def _write(output: Path, motion: Motion, seen: Seen, n: Numbers) -> None:
-    from arm_sim.cli.demo.figure import draw
-
     model = motion.model
     title = (
         f"{n.robot}: computed torque at {n.wanted_rate:g} Hz, tracking error {n.error_rms:.1e} "
         f"{n.unit} RMS"
     )
     draw(output / "demo.png", seen, model.joint_names, model.joint_types, n.duration, title)
-    values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **n.dict()}
+    values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **asdict(n)}
     (output / "demo.json").write_text(json.dumps(values, indent=2) + "\n")
 
 
 def _tell(out: Any, output: Path, n: Numbers) -> None:
-    from arm_sim.cli.demo.processes import DemoFailed
-    from arm_sim.cli.demo.report import complaints, remarks, result_table
-    from arm_sim.cli.output import show
-
     show(out, result_table(n))
     out.print(f"figure:  {output / 'demo.png'}\nnumbers: {output / 'demo.json'}", soft_wrap=True)
     if reasons := complaints(n):
