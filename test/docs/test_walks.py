@@ -99,7 +99,8 @@ scene = {
 sim = Simulator(scene, backend="vm")
 assert "Dahl friction" in str(sim.plan) and len(sim.z_names) == 2
 motion = sim.run(0.1, lambda state: np.array([6.0, 0.0]))
-q, z = motion.q[:, 0] - motion.q[0, 0], motion.z[:, list(sim.z_names).index("shoulder Dahl deflection")]
+q = motion.q[:, 0] - motion.q[0, 0]
+z = motion.z[:, sim.z_names.index("shoulder Dahl deflection")]
 assert q[-1] > 0.02 and np.all(np.diff(q) >= 0.0)
 np.testing.assert_allclose(z, 2.0 / 400.0 * (1.0 - np.exp(-400.0 / 2.0 * q)), atol=1e-7)
 np.testing.assert_allclose(motion.balance, 0.0, atol=1e-6)
