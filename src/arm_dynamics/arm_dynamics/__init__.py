@@ -5,8 +5,9 @@ Names are looked up when they are first used: Pinocchio and CasADi take half a s
 and a command that only reads a scene, or only asks a running node, needs neither.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
     from arm_dynamics.dynamics.dynamics import Dynamics, Term
@@ -37,22 +38,15 @@ __all__ = [
     "Unreachable",
     "load_scene",
 ]
-_HOMES = {
-    "Dynamics": "dynamics.dynamics",
-    "Term": "dynamics.dynamics",
-    "ArmModel": "model.arm",
-    "Scene": "scene.schema",
-    "load_scene": "scene.load",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    home = import_module(f"{__name__}.{_HOMES.get(name, 'exceptions')}")
-    globals()[name] = getattr(home, name)
-    return globals()[name]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+_ERRORS = (name for name in __all__ if name.endswith(("Error", "Input", "Unreachable")))
+__getattr__, __dir__ = on_demand(
+    __name__,
+    {
+        **dict.fromkeys(_ERRORS, "exceptions"),
+        "Dynamics": "dynamics.dynamics",
+        "Term": "dynamics.dynamics",
+        "ArmModel": "model.arm",
+        "Scene": "scene.schema",
+        "load_scene": "scene.load",
+    },
+)

@@ -5,8 +5,9 @@ Names are looked up when they are first used, since CasADi and Pinocchio take ha
 import.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
     from arm_sim.closed_loop import ClosedLoop
@@ -29,25 +30,17 @@ __all__ = [
     "computed_torque",
     "contact_history",
 ]
-_HOMES = {
-    "ClosedLoop": "closed_loop",
-    "CompiledControl": "plant.actuation",
-    "Plan": "plan",
-    "Recording": "recording.recording",
-    "SimulationDiverged": "exceptions",
-    "Simulator": "simulator",
-    "State": "state",
-    "computed_torque": "plant.actuation",
-    "contact_history": "contact_forces",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-    return globals()[name]
-
-
-def __dir__() -> list[str]:
-    return sorted(__all__)
+__getattr__, __dir__ = on_demand(
+    __name__,
+    {
+        "ClosedLoop": "closed_loop",
+        "CompiledControl": "plant.actuation",
+        "Plan": "plan",
+        "Recording": "recording.recording",
+        "SimulationDiverged": "exceptions",
+        "Simulator": "simulator",
+        "State": "state",
+        "computed_torque": "plant.actuation",
+        "contact_history": "contact_forces",
+    },
+)

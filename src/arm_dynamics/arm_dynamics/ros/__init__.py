@@ -6,8 +6,9 @@ mathematics here. ``interfaces`` names everything the nodes say and hear. Names 
 first use, since a client needs none of the nodes.
 """
 
-from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
+
+from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
     from arm_dynamics.ros.common.executor import make_executor
@@ -16,16 +17,12 @@ if TYPE_CHECKING:
     from arm_dynamics.ros.dynamics_node import DynamicsNode
 
 __all__ = ["ControllerNode", "DynamicsNode", "clear_dead", "make_executor"]
-_HOMES = {
-    "ControllerNode": "controller_node",
-    "DynamicsNode": "dynamics_node",
-    "clear_dead": "common.transport",
-    "make_executor": "common.executor",
-}
-
-
-def __getattr__(name: str) -> Any:
-    if name not in __all__:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    globals()[name] = getattr(import_module(f"{__name__}.{_HOMES[name]}"), name)
-    return globals()[name]
+__getattr__, __dir__ = on_demand(
+    __name__,
+    {
+        "ControllerNode": "controller_node",
+        "DynamicsNode": "dynamics_node",
+        "clear_dead": "common.transport",
+        "make_executor": "common.executor",
+    },
+)
