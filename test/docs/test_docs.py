@@ -35,7 +35,7 @@ def test_links_lead_somewhere(page: Path) -> None:
 @pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda p: f"{p.parent.name}/{p.name}")
 def test_text_is_broken_into_lines(page: Path) -> None:
     text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
-    lines = [line for line in text.splitlines() if not line.startswith(("|", "    ", "{{"))]
+    lines = [line for line in text.splitlines() if not line.startswith(("|", "  |", "    ", "{{"))]
     assert [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()] == []
 
 
