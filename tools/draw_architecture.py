@@ -49,6 +49,7 @@ SAYS = {
         "codegen": "C, compiler, cache",
         "arrays": "vectors and their checks",
         "exceptions": "ArmError and its kinds",
+        "lazy": "imports at first use",
     },
 }
 KNOWS_ROS = {"cli", "ros", "client"}
