@@ -15,7 +15,7 @@ from click.testing import CliRunner, Result
 
 import models
 from arm_dynamics import InvalidInput, load_scene
-from arm_dynamics.scene.schema import Initial
+from arm_dynamics.scene import Initial
 from arm_sim.cli.demo.motion import choose_motion
 from arm_sim.cli.main import main
 from arm_sim.cli.nodes import split_words

@@ -32,7 +32,7 @@ from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.direct import sender
-from arm_dynamics.ros.common.executor import run, surviving
+from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import declare, privileges, watch
 from arm_dynamics.ros.controller import AnswerLog, ControllerParams, Goals, tracking_state
 from arm_dynamics.ros.interfaces import (
@@ -115,9 +115,7 @@ class ControllerNode(Node):
             (CARTESIAN_PATH, self.on_cartesian_path, True),
             (JOINT_STATES, self.on_joint_states, True),
         ):
-            self.create_subscription(
-                topic.type, topic.name, surviving(self, callback), topic.subscribe, raw=raw
-            )
+            subscribe(self, topic, callback, raw)
 
     @property
     def follower(self) -> Follower | None:

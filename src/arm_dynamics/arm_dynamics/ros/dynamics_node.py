@@ -15,7 +15,7 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
-from arm_dynamics.ros.common.executor import run, surviving
+from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.dynamics import ANSWERS, RequestCounts
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
@@ -59,8 +59,7 @@ class DynamicsNode(Node):
         else:
             if self._params.robot_description:
                 self.load_description(self._params.robot_description)
-            topic, heard = ROBOT_DESCRIPTION, surviving(self, self.on_robot_description)
-            self.create_subscription(topic.type, topic.name, heard, topic.subscribe)
+            subscribe(self, ROBOT_DESCRIPTION, self.on_robot_description)
             watch(self, lambda: self._params, self._apply)
         for service in ANSWERS:
             callback = self._counts.counted(partial(self.answer, service))
