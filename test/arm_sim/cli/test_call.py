@@ -111,6 +111,10 @@ def test_task_space(arm: Any) -> None:
         (("step",), "refused: the simulation is running"),
         (("set-joint-state", "--position", "elbow=nan"), "refused: "),
         (("set-joint-state", "--position", "[[1, 2], [3, 4]]"), "expected one state"),
+        (
+            ("set-joint-state", "--position", "elbow=1", "--velocity", "shoulder=1"),
+            "joints shoulder and elbow; allowed: the same joints in every vector",
+        ),
     ],
 )
 def test_refusals(arm: Any, words: tuple[str, ...], said: str) -> None:

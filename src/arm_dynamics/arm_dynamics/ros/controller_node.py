@@ -261,17 +261,14 @@ class ControllerNode(Node):
 
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:
         """Follow a trajectory from the present reference on, or say why not."""
-        self._log.forget()
         self.goals.trajectory(as_bytes(message))
 
     def on_cartesian_goal(self, message: PoseStamped) -> None:
         """Move the frame of the task straight to a pose, or say why not."""
-        self._log.forget()
         self.goals.pose(message, self.params)
 
     def on_cartesian_path(self, message: bytes | Path) -> None:
         """Move the frame of the task through poses, or say why not."""
-        self._log.forget()
         self.goals.path(as_bytes(message), self.params)
 
     def _publish_report(
