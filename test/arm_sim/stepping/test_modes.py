@@ -133,7 +133,7 @@ def test_what_is_found_obeys(
     sim = Simulator(scene)
     sim.reset(v=v)
     friction = [point.friction for point in sim.plant.points]
-    x, level, seen, unanswered = sim.x.copy(), sim.model.static, set(), 0
+    x, level, seen, unanswered = sim.x.copy(), sim.model.friction.level, set(), 0
     for _ in range(300):
         u = rng.normal(0.0, push)
         sim.set_state(x[: sim.n], x[sim.n :])
