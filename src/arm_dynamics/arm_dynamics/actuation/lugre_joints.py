@@ -41,7 +41,8 @@ class LugreFriction:
         Raises:
             SceneError: If the coefficients of a joint do not go together.
         """
-        self._n, self._joints, self._levels = model.n, list(asked), model.friction.by_law
+        self._n, self._joints = model.n, list(asked)
+        self._levels = model.friction.by_law.of(self._joints)
         self.names = tuple(
             f"{model.joint_names[i]} bristle deflection "
             f"[{'m' if model.joint_types[i] == 'prismatic' else 'rad'}]"

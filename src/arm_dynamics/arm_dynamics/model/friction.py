@@ -57,6 +57,11 @@ class Levels(NamedTuple):
     static: Array
     stribeck_velocity: Array
 
+    def of(self, joints: Sequence[int]) -> Levels:
+        """Those of some joints; zero levels for the others."""
+        theirs = np.isin(np.arange(len(self.coulomb)), joints)
+        return self._replace(coulomb=self.coulomb * theirs, static=self.static * theirs)
+
 
 @dataclass(frozen=True)
 class JointFriction:

@@ -100,7 +100,7 @@ class ControllerNode(Node):
         self._log = AnswerLog()
         self._connect()
         watch(self, lambda: self.params, self._apply)
-        self._diagnosis = Diagnosis(self, self._findings)
+        self._diagnosis = Diagnosis(self, self.diagnostics)
         for refusal in privileges(self.params).claim():
             self.get_logger().warning(f"not granted: {refusal}")
 
@@ -251,7 +251,8 @@ class ControllerNode(Node):
         joints = zip(self.dynamics.joint_names, active.saturated, strict=True)
         return [name for name, is_cut in joints if is_cut]
 
-    def _findings(self) -> list[Finding]:
+    def diagnostics(self) -> list[Finding]:
+        """How the node has been doing since this was last asked."""
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         return [self._log.finding(self, self.params.controller, self._cut(), about)]
 

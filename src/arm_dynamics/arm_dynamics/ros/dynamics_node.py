@@ -14,7 +14,7 @@ from std_msgs.msg import String
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros.common.convert import answering
-from arm_dynamics.ros.common.diagnostics import Diagnosis
+from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.dynamics import ANSWERS, RequestCounts
@@ -64,7 +64,7 @@ class DynamicsNode(Node):
         for service in ANSWERS:
             callback = self._counts.counted(partial(self.answer, service))
             self.create_service(service.type, service.name, callback)
-        self._diagnosis = Diagnosis(self, lambda: [self._counts.finding(self)])
+        self._diagnosis = Diagnosis(self, self.diagnostics)
 
     @property
     def dynamics(self) -> Dynamics:
@@ -98,6 +98,10 @@ class DynamicsNode(Node):
             self._counts.descriptions_refused += 1
             kept = "the one before stays" if self._dynamics else "there is still no robot"
             self.get_logger().error(f"robot_description refused, {kept}: {error}")
+
+    def diagnostics(self) -> list[Finding]:
+        """How the node has been doing since this was last asked."""
+        return [self._counts.finding(self)]
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
         """Answer one of ``ANSWERS``; whatever is wrong with the request is in the response."""
