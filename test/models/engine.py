@@ -86,9 +86,7 @@ class Answer:
 
 @cache
 def _library(text: str) -> ctypes.CDLL:
-    command = compiler.find_compiler()
-    assert command is not None
-    return compiler.build('#include "scalar.h"\n' + text, command)
+    return compiler.build('#include "scalar.h"\n' + text).library
 
 
 def solve_cones(

@@ -36,9 +36,7 @@ def test_viscous_friction_by_direction() -> None:
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
-@pytest.mark.parametrize(
-    "options", [{}, {"integrator": "dop853", "tolerance": 1e-9}, {"backend": "vm"}], ids=str
-)
+@pytest.mark.parametrize("options", [{}, {"integrator": "dop853", "tolerance": 1e-9}], ids=str)
 def test_dry_friction_by_direction(options: dict[str, Any], sign: float) -> None:
     """It holds up to the level of that direction, and coasts to rest under the other one's."""
     sim = wheel(options, coulomb=SIDES, static=HOLDS)
