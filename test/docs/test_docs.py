@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+import runpy
 import subprocess
 import sys
 from pathlib import Path
@@ -34,8 +35,13 @@ def test_links_lead_somewhere(page: Path) -> None:
 @pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda p: f"{p.parent.name}/{p.name}")
 def test_text_is_broken_into_lines(page: Path) -> None:
     text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
-    lines = [line for line in text.splitlines() if not line.startswith(("|", "    ", "{{"))]
+    lines = [line for line in text.splitlines() if not line.startswith(("|", "  |", "    ", "{{"))]
     assert [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()] == []
+
+
+def test_figure_of_the_architecture_shows_the_layers_in_force() -> None:
+    drawn = runpy.run_path(str(ROOT / "tools/draw_architecture.py"))
+    assert drawn["FIGURE"].read_text() == drawn["drawing"]()
 
 
 def test_python_of_the_readme_runs() -> None:

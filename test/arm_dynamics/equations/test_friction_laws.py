@@ -188,6 +188,6 @@ def test_refusals(case: tuple[dict[str, Any], str]) -> None:
 
 def test_position_is_wanted_where_friction_depends_on_it() -> None:
     dyn = wheel(coulomb=0.5, position=BY_PLACE).dynamics
-    with pytest.raises(InvalidInput, match="q is wanted"):
+    with pytest.raises(InvalidInput, match="q is expected"):
         dyn.friction([1.0])
     assert_close(dyn.friction([1.0], q=[0.0]), [1.0], ALGEBRA)
