@@ -27,9 +27,20 @@ REFERENCE = (ROOT / "docs/scene-reference.md").read_text()
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
-    links = re.findall(r"\]\(([^)#\s]*)[^)]*\)", page.read_text())
-    inside = [link for link in links if link and "://" not in link]
-    assert [link for link in inside if not (page.parent / link).exists()] == []
+    links = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", page.read_text())
+    inside = [
+        (page.parent / link if link else page, part) for link, part in links if "://" not in link
+    ]
+    assert [str(target) for target, _ in inside if not target.exists()] == []
+    assert [
+        (str(target), part) for target, part in inside if part and part not in anchors(target)
+    ] == []
+
+
+def anchors(page: Path) -> set[str]:
+    """Names that links may have for the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda p: f"{p.parent.name}/{p.name}")
