@@ -25,11 +25,10 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.control.computed_torque import Measured
-from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.control import NAMES, Measured, Settings, make_controller
 from arm_dynamics.ros.common.transport import as_usual
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.trajectory import Reference
 
 FRAME = "panda_hand_tcp"
 CALLS = 3000

@@ -98,6 +98,17 @@ def test_rollouts_close_what_they_are_given() -> None:
     assert max(residuals) < CLOSURE
 
 
+def test_rollouts_close_velocities_too() -> None:
+    """Positions that obey already stay as they are; speeds across the loop are lost."""
+    sim = interpreted(scene("four_bar"))
+    q, v = np.tile(sim.state.q, (2, 1)), np.array([[1.0, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    motion = sim.rollout(q, v, np.zeros(3), 1)
+    A = sim.dynamics.constrained.closure.rows.stacked(q[0], v[0], ("loop",)).jacobian
+    assert np.abs(A @ v[0]).max() > 0.01
+    assert np.abs(A @ motion[0, 0, 3:]).max() < CLOSURE_SPEED < np.abs(motion[0, 0, 3:]).max()
+    np.testing.assert_array_equal(motion[1, 0], np.r_[q[1], v[1]])
+
+
 @pytest.mark.parametrize("name", ["four_bar", "panda_pen"])
 def test_derivatives_along_the_constraints(name: str, rng: np.random.Generator) -> None:
     """A of a tick, against differences of motions that obey."""

@@ -10,14 +10,18 @@ import ctypes
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cache
+from typing import Any
 
 import numpy as np
 
+from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Kernel
-from arm_sim import Simulator
 from arm_sim.integrators.methods import build_step
+from arm_sim.integrators.selection import choose
 from arm_sim.plant.actuation import actuation
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.stepper import engine_source, source
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
@@ -26,7 +30,8 @@ _CALLBACK = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_double)
 _CONES = """
 __attribute__((visibility("default")))
 int solve_cones(const double* W, const double* c, const double* mu, const double* given,
-                const int* slides, const int* allowed, int* state, double* force) {
+                const int* slides, const int* allowed, int* state, double* force,
+                double* direction) {
   cones_t cones = {.W = W, .c = c, .friction = mu};
   answer_t answers[NC];
   for (int k = 0; k < NC; ++k) {
@@ -38,6 +43,7 @@ int solve_cones(const double* W, const double* c, const double* mu, const double
   for (int k = 0; k < NC; ++k) {
     state[k] = answers[k].state;
     for (int i = 0; i < 3; ++i) force[3 * k + i] = answers[k].force[i];
+    for (int i = 0; i < 2; ++i) direction[2 * k + i] = answers[k].direction[i];
   }
   return found;
 }
@@ -52,15 +58,42 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
 """
 _SEARCH = """
 __attribute__((visibility("default")))
-double locate(double (*value_at)(const void*, double), double h) {
-  return first_positive(value_at, 0, h, value_at(0, h));
+double locate(double (*value_at)(const void*, double), double h, double f_h) {
+  return first_positive(value_at, 0, h, f_h);
 }
 """
-_IMPACT = """
-__attribute__((visibility("default")))
-double impulse_at(const double* x, const double* rebound, double* W, double* B, double* before,
-                  double* impulse) {
-  static const real still[NU];
+_DECAY = """
+#define NX 2
+#define NU 1
+#define SZ_W 1
+#define SZ_IW 1
+#define SZ_ARG 4
+#define SZ_RES 3
+typedef long long casadi_int;
+/* x' = -u x by Heun's method, its error that of Euler's; only the first number is a position. */
+static int attempt(const real** arg, real** res, casadi_int* iw, real* w, int mem) {
+  const real *x = arg[0], u = arg[1][0], h = arg[3][0];
+  double worst = 0.0;
+  (void)iw; (void)w; (void)mem;
+  for (int i = 0; i < 2; ++i) {
+    res[0][i] = x[i] * (1.0 - u * h + 0.5 * u * u * h * h);
+    worst = fmax(worst, fabs(0.5 * u * u * h * h * x[i]));
+  }
+  *res[1] = worst;
+  *res[2] = fabs(0.5 * u * u * h * h * x[0]);
+  return 0;
+}
+"""
+_FLOW = """
+EXPORTED int decay(const real* x, const real* u, double h, control_t* control, real* after) {
+  return flow(x, u, 0, h, control, after);
+}
+"""
+_SCENE = """
+static const real still[NU];
+
+EXPORTED double impulse_at(const real* x, const double* rebound, double* W, double* B,
+                           double* before, double* impulse) {
   geometry_t geometry;
   inertia_t inertia;
   segment_t segment = {.u = still};
@@ -72,23 +105,32 @@ double impulse_at(const double* x, const double* rebound, double* W, double* B, 
   for (int i = 0; i < NU * MC; ++i) B[i] = inertia.B[i];
   return find_impulse(&inertia, before, rebound, 1.0, segment.contact, impulse);
 }
+EXPORTED double hit(real* x, int rebounds) {
+  segment_t segment = {.u = still};
+  return impact(x, &segment, rebounds);
+}
+EXPORTED int rank_found(double* W) { return rank_of(W); }
+EXPORTED int held_at(const real* x, const real* u) {
+  segment_t segment = {.u = u};
+  for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
+  return settle(x, &segment) && is_held(x, &segment);
+}
 """
 
 
 @dataclass
 class Answer:
-    """Whether an answer was found, states of shape (nc,) and forces of shape (nc, 3)."""
+    """Whether there is one, states (nc,), forces (nc, 3), directions of sliding (nc, 2)."""
 
     found: bool
     state: np.ndarray
     force: np.ndarray
+    direction: np.ndarray
 
 
 @cache
 def _library(text: str) -> ctypes.CDLL:
-    command = compiler.find_compiler()
-    assert command is not None
-    return compiler.build('#include "scalar.h"\n' + text, command)
+    return compiler.build('#include "scalar.h"\n' + text).library
 
 
 def solve_cones(
@@ -105,9 +147,9 @@ def solve_cones(
     slides = np.array([d is not None for d in given], np.int32)
     directions = np.array([np.zeros(2) if d is None else d for d in given], float)
     may = np.ones(nc, np.int32) if allowed is None else np.array(allowed, np.int32)
-    answer = Answer(False, np.zeros(nc, np.int32), np.zeros((nc, 3)))
+    answer = Answer(False, np.zeros(nc, np.int32), np.zeros((nc, 3)), np.zeros((nc, 2)))
     arrays = (np.asfortranarray(W), c, np.array(mu, float), directions, slides, may)
-    pointers = [_address(a) for a in (*arrays, answer.state, answer.force)]
+    pointers = [_address(a) for a in (*arrays, answer.state, answer.force, answer.direction)]
     answer.found = bool(library.solve_cones(*pointers))
     return answer
 
@@ -125,11 +167,40 @@ def solve_cone(
     return state, force
 
 
-def locate(f: Callable[[float], float], h: float) -> float:
+@dataclass
+class Located:
+    """Where a value becomes positive, and how often it was computed for that."""
+
+    at: float
+    evaluations: int
+
+
+def locate(f: Callable[[float], float], h: float) -> Located:
     """Where ``f`` becomes positive on (0, h], by the engine's search."""
-    library = _library(source({}, "search.c") + _SEARCH)
+    library, asked = _library(source({}, "search.c") + _SEARCH), list[float]()
+
+    def value_at(_: object, t: float) -> float:
+        asked.append(t)
+        return f(t)
+
     library.locate.restype = ctypes.c_double
-    return float(library.locate(_CALLBACK(lambda _, t: f(t)), ctypes.c_double(h)))
+    end = ctypes.c_double(f(h))
+    at = library.locate(_CALLBACK(value_at), ctypes.c_double(h), end)
+    return Located(float(at), len(asked))
+
+
+def decay(x: np.ndarray, rate: float, h: float, control: SubstepControl) -> np.ndarray | None:
+    """x' = -rate x over ``h`` by Heun's method under the engine's error control.
+
+    The error of a sub-step is that of Euler's method. None if it gives up.
+    """
+    sizes = {"ADAPTIVE": "1", "ORDER": "2", "MOST_SUBSTEPS": "2000"}
+    library = _library(_DECAY + source(sizes, "flow.c") + _FLOW)
+    u, after = np.array([rate]), np.zeros(2)
+    done = library.decay(
+        _address(x), _address(u), ctypes.c_double(h), ctypes.byref(control), _address(after)
+    )
+    return after if done else None
 
 
 @dataclass
@@ -143,26 +214,42 @@ class Impulse:
     gain: float
 
 
-class Impacts:
-    """Impulses of a scene with contacts at any state, all of whose points touch."""
+class Engine:
+    """The whole engine of a scene with contacts; nothing acts on its joints."""
 
-    def __init__(self, sim: Simulator) -> None:
-        plant, choice = sim.plant, sim.choice
+    def __init__(self, scene: Any) -> None:
+        plant = Plant(ArmModel(load_scene(scene)))
+        choice = choose(plant, "rk4", None, None)
         step = build_step(choice.method, plant.rhs, plant.model.n)
         functions = [plant.rhs, step, actuation(plant), *plant.events]
-        driver = engine_source(plant, choice, functions) + _IMPACT
+        driver = engine_source(plant, choice, functions) + _SCENE
         self._library = Kernel(functions, "native", driver).library
-        self._library.impulse_at.restype = ctypes.c_double
+        for name in ("impulse_at", "hit"):
+            getattr(self._library, name).restype = ctypes.c_double
         self._sizes = plant.model.n, 3 * len(plant.points)
 
-    def __call__(self, x: np.ndarray, rebound: np.ndarray) -> Impulse:
-        """Impulses that give the points speeds of rebound of shape (nc,)."""
+    def impulse(self, x: np.ndarray, rebound: np.ndarray) -> Impulse:
+        """Impulses that give all points speeds of rebound of shape (nc,), as if all touched."""
         n, m = self._sizes
         W, B = np.zeros((m, m), order="F"), np.zeros((n, m), order="F")
         before, impulse = np.zeros(m), np.zeros(m)
         arrays = x, rebound, W, B, before, impulse
         gain = self._library.impulse_at(*map(_address, arrays))
         return Impulse(before, W, B, impulse, gain)
+
+    def impact(self, x: np.ndarray, rebounds: bool = True) -> tuple[np.ndarray, float]:
+        """State after the impacts of the points that touch and approach, and the energy lost."""
+        after = x.copy()
+        lost = self._library.hit(_address(after), int(rebounds))
+        return after, lost
+
+    def rank(self, W: np.ndarray) -> int:
+        """Rank of a symmetric matrix of the size of the scene's contacts, shape (3 nc, 3 nc)."""
+        return int(self._library.rank_found(_address(np.array(W, order="F"))))
+
+    def is_held(self, x: np.ndarray, u: np.ndarray) -> bool:
+        """Whether friction and contacts leave no joint any motion under the torque ``u``."""
+        return bool(self._library.held_at(_address(x), _address(np.asarray(u, float))))
 
 
 def _address(array: np.ndarray) -> ctypes.c_void_p:

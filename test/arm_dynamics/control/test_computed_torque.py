@@ -8,8 +8,8 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput, Term
-from arm_dynamics.control.computed_torque import ComputedTorque, Measured, gains, held_gains
-from arm_dynamics.trajectory.waypoints import Reference, hold
+from arm_dynamics.control import ComputedTorque, Measured, gains, held_gains
+from arm_dynamics.trajectory import Reference, hold
 from tolerances import ALGEBRA, INVERSE_PAIR, LINEAR_ERROR, PINOCCHIO, assert_close
 
 

@@ -17,12 +17,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control.computed_torque import Measured
-from arm_dynamics.control.factory import NAMES, Settings, make_controller
-from arm_dynamics.control.joint_space import tuned
+from arm_dynamics.control import NAMES, Measured, Settings, make_controller, tuned
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.trajectory import Reference
 from arm_sim.ros.sim_node import SimNode
 from tolerances import ALGEBRA, assert_close
 

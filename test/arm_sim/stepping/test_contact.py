@@ -126,6 +126,32 @@ def test_arm_presses_on_a_table(options: dict[str, Any]) -> None:
     assert_close(run.q[-1], q, 1e-15)
 
 
+@pytest.mark.parametrize("normal", [(-1, 0, 0), (0.36, -0.48, -0.8)])
+def test_forces_are_in_the_worlds_axes(normal: tuple[float, ...]) -> None:
+    """A body pressed on walls, ceilings and slopes: what holds it is what presses it."""
+    sim = touching(rails("xyz", 2.0), contact("body", friction=0.5, plane={"normal": normal}))
+    across = np.array(normal, float)
+    aside = np.cross(across, [0.3, -0.5, 0.81])
+    aside /= np.linalg.norm(aside)
+    weight = np.array([0.0, 0.0, -2.0 * G])
+    for pull, state in ((9.0, "sticks"), (11.0, "slides")):
+        sim.reset()
+        sim.step(-20.0 * across + pull * aside - weight)
+        (force,) = sim.contact_forces()
+        held = min(pull, 10.0)
+        assert force.state == state
+        assert_close(force.normal, 20.0, 1e-10)
+        assert_close(force.tangential, -held * aside, 1e-10)
+        assert_close(force.force, 20.0 * across - held * aside, 1e-10)
+        assert_close(force.gap, 0.0, 1e-14)
+        move = sim.state.v / max(1e-300, np.abs(sim.state.v).max())
+        assert state == "sticks" or np.abs(np.cross(move, aside)).max() < 1e-9
+    sim.reset(q=across * 0.25)
+    (force,) = sim.contact_forces()
+    assert (force.state, force.normal, force.gap) == ("apart", 0.0, pytest.approx(0.25))
+    assert not force.force.any()
+
+
 @ALL
 def test_arm_slides_where_it_is_pushed_beyond_the_cone(options: dict[str, Any]) -> None:
     """The tip starts at once, stays on the table, and bears µ times the normal force."""

@@ -9,18 +9,8 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput, SceneError, load_scene
+from arm_dynamics import InvalidInput, SceneError
 from arm_sim import SimulationDiverged, Simulator, contact_history
-from models.engine import (
-    APART,
-    SLIDES,
-    STICKS,
-    UNSOLVABLE,
-    Impacts,
-    locate,
-    solve_cone,
-    solve_cones,
-)
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
@@ -34,55 +24,6 @@ def block(mu: float, half: float = 0.3, height: float = 0.4, **options: Any) -> 
     start = {"initial": {"position": {"z": height}}}
     scene = {**rails("xz", 2.0, turns=True, iyy=0.1), **start, "constraints": feet}
     return Simulator(scene, **options)
-
-
-def random_problem(rng: np.random.Generator, nc: int) -> tuple[np.ndarray, np.ndarray]:
-    A = rng.normal(size=(3 * nc, 3 * nc + 1))
-    return A @ A.T / 3, rng.normal(size=3 * nc)
-
-
-@pytest.mark.parametrize("nc", [1, 2, 3])
-def test_forces_obey_the_law_of_coulomb(nc: int, rng: np.random.Generator) -> None:
-    """Either open, or at rest inside the cone, or on its edge against the motion, in space."""
-    seen, answered = set(), 0
-    for _ in range(200):
-        W, c = random_problem(rng, nc)
-        mu = rng.uniform(0.0, 0.5, nc)
-        answer = solve_cones(W, c, mu)
-        if not answer.found or UNSOLVABLE in answer.state:
-            continue
-        answered += 1
-        motion = (W @ answer.force.ravel() + c).reshape(nc, 3)
-        rows = zip(answer.state, answer.force, motion, mu, strict=True)
-        for state, (r_n, *r_t), (w_n, *w_t), m in rows:
-            seen.add(int(state))
-            assert r_n >= 0.0 and w_n >= -1e-9 and abs(r_n * w_n) < 1e-9
-            assert np.linalg.norm(r_t) <= m * r_n * (1 + 1e-12) + 1e-12
-            if state == SLIDES:
-                friction = np.array(r_t) * np.linalg.norm(w_t)
-                assert_close(friction, -m * r_n * np.array(w_t), 1e-8)
-            elif state == STICKS:
-                assert np.abs(w_t).max() < 1e-8
-    assert seen == {APART, SLIDES, STICKS} and answered > 150
-
-
-def test_contacts_that_may_not_carry_do_not(rng: np.random.Generator) -> None:
-    W, _ = random_problem(rng, 2)
-    c = np.array([-1.0, 0.2, 0.0, -1.0, 0.0, 0.2])
-    answer = solve_cones(W, c, np.array([0.3, 0.3]), allowed=np.array([1, 0]))
-    alone, force = solve_cone(W[:3, :3], c[:3], 0.3)
-    assert answer.found and answer.state.tolist() == [alone, APART]
-    assert_close(answer.force[0], force, 1e-12)
-    assert not answer.force[1].any()
-
-
-def test_a_sliding_contact_that_jams_has_no_answer() -> None:
-    """Friction that presses together faster than the normal force opens (Painlevé)."""
-    W = np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
-    c, ahead = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0])
-    assert solve_cone(W, c, 0.5, ahead)[0] == SLIDES
-    assert solve_cone(W, c, 0.5, -ahead)[0] == SLIDES
-    assert solve_cone(W, c, 1.5, -ahead)[0] == UNSOLVABLE
 
 
 def test_block_on_two_feet_shares_its_weight() -> None:
@@ -121,43 +62,6 @@ def test_equal_contacts_carry_equally() -> None:
     assert_close(first.force, second.force, 1e-7)
     assert_close(first.normal + second.normal, 2.0 * G, 1e-12)
     assert_close(run.q[-1, 0], 0.5 * (4.0 - 0.3 * G) * 0.04, CLOSED_FORM)
-
-
-@pytest.mark.parametrize("e", [0.0, 0.5])
-def test_impacts_of_an_arm_lose_energy_and_obey_their_law(
-    e: float, rng: np.random.Generator
-) -> None:
-    """Two points of a Panda's hand at random: no gain, no pull, Newton's rebound where it hits."""
-    hand = [contact("panda_hand", point=[0, y, 0.1], friction=0.6, restitution=e) for y in (-1, 1)]
-    scene = models.scene("panda").model_copy(
-        update={"constraints": load_scene({"robot": {"urdf": PENDULUM}}).constraints}
-    )
-    data = scene.model_dump(exclude_unset=True, exclude_none=True)
-    data["constraints"] = [{**c, "plane": {"point": [0, 0, -5]}} for c in hand]
-    sim = Simulator(data)
-    impacts, n, answered = Impacts(sim), sim.n, 0
-    for _ in range(15):
-        x = np.concatenate([rng.uniform(-2, 2, n), rng.normal(0, 1, n)])
-        rebound = np.maximum(-e * impacts(x, np.zeros(2)).before[::3], 0.0)
-        hit = impacts(x, rebound)
-        if not np.isfinite(hit.gain):
-            continue
-        answered += 1
-        after = hit.before + hit.W @ hit.impulse
-        kinetic = [sim.dynamics.energy(x[:n], v)[0] for v in (x[n:], x[n:] + hit.B @ hit.impulse)]
-        assert_close(kinetic[1] - kinetic[0], hit.gain, 1e-10)
-        assert (hit.impulse[::3] >= 0.0).all() and (after[::3] >= rebound - 1e-10).all()
-        assert e > 0.0 or hit.gain <= 1e-12
-    assert answered > 10
-
-
-@pytest.mark.parametrize("root", [0.3, 1e-9, 0.999999999])
-def test_the_instant_of_an_event_is_found_to_rounding(root: float) -> None:
-    """Positive at the answer, not just before it; a steep wall beyond it does not mislead."""
-    for f in (lambda t: t - root, lambda t: (t - root) ** 3, lambda t: np.expm1(40 * (t - root))):
-        found = locate(f, 1.0)
-        assert f(found) > 0.0 and f(found - 1e-15) <= 0.0
-    assert_close(locate(lambda t: np.inf if t > 0.5 else -1.0, 1.0), 0.5, 1e-14)
 
 
 def test_painleve_is_said() -> None:

@@ -36,7 +36,7 @@ OPTIONS: list[dict[str, Any]] = [
     {"integrator": "euler"},
     {"integrator": "semi_implicit_euler"},
     {"integrator": "rk4"},
-    {"tolerance": 1e-10},
+    {"tolerance": 1e-12, "dt": 0.05},
 ]
 
 

@@ -10,7 +10,9 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_sim import Simulator
+from arm_sim import SimulationDiverged, Simulator
+from arm_sim.stepping.rollout import share
+from models.driven import WINDING, wheel
 from tolerances import BACKENDS, assert_close
 
 STEPS = 20
@@ -87,11 +89,60 @@ def test_an_arm_that_diverges_does_not_spoil_the_others(rng: np.random.Generator
     sim = models.simulator("double_pendulum", integrator="euler", dt=1e-2)
     q, v, _ = batch(sim, rng, 9)
     calm = sim.rollout(q, v, [0.0, 0.0], 200)
-    v[4] = 1e140
+    v[4] = 1e4
     wild = sim.rollout(q, v, [0.0, 0.0], 200)
     others = np.arange(9) != 4
     np.testing.assert_array_equal(wild[others], calm[others])
-    assert np.isnan(wild[4, -1]).all() and np.isfinite(wild[4, 0]).all()
+    sim.reset(q[4], v[4])
+    with pytest.raises(SimulationDiverged) as caught:
+        sim.run(2.0)
+    motion = caught.value.recording
+    assert motion is not None and 1 < len(motion) < 200
+    assert np.isfinite(wild[4, : len(motion)]).all()
+    assert np.isnan(wild[4, len(motion) :]).all()
+    last = sim.rollout(q, v, [0.0, 0.0], 200, last_only=True)
+    np.testing.assert_array_equal(last, wild[:, -1])
+
+
+@pytest.mark.parametrize("options", [
+    {}, {"tolerance": 1e-9}, {"integrator": "rk4"}, {"integrator": "rk4", "backend": "vm"},
+], ids=str)  # fmt: skip
+def test_arms_with_states_of_their_own(options: dict[str, Any], rng: np.random.Generator) -> None:
+    """Currents start as after a reset; what comes back are positions and velocities."""
+    sim = Simulator(wheel(command="voltage", **WINDING), dt=1e-4, **options)
+    q, v = rng.normal(size=(2, 5, 1))
+    volts = rng.normal(0.0, 5.0, size=(5, STEPS, 1))
+    together = sim.rollout(q, v, volts, STEPS)
+    assert together.shape == (5, STEPS + 1, 2) and sim.plant.nz > 0
+    for i in range(5):
+        assert_close(together[i], alone(sim, q[i], v[i], volts[i]), BACKENDS)
+    last = sim.rollout(q, v, volts, STEPS, last_only=True)
+    np.testing.assert_array_equal(last, together[:, -1])
+
+
+def test_one_by_one_an_arm_that_diverges_is_nan_from_there_on() -> None:
+    """Error control gives up at another tick than its neighbours."""
+    sim = models.simulator("double_pendulum", tolerance=1e-8)
+    tau = np.zeros((3, 10, 2))
+    tau[1, 4:] = 1e300
+    motion = sim.rollout(np.zeros((3, 2)), np.ones((3, 2)), tau, 10)
+    assert np.isfinite(motion[[0, 2]]).all() and np.isfinite(motion[1, :5]).all()
+    assert np.isnan(motion[1, 5:]).all()
+    np.testing.assert_array_equal(motion[0], motion[2])
+
+
+def test_threads_share_all_arms_in_whole_groups() -> None:
+    for arms in (1, 2, 7, 8, 9, 33):
+        for width in (1, 4, 8):
+            for threads in (1, 2, 3, 16):
+                parts: list[tuple[int, int]] = []
+                share(arms, width, threads, lambda a, b, parts=parts: parts.append((a, b)))
+                parts.sort()
+                assert parts[0][0] == 0 and parts[-1][1] == arms
+                assert all(a[1] == b[0] and a[1] % width == 0 for a, b in zip(parts, parts[1:]))  # noqa: B905
+                assert 1 <= len(parts) <= threads and all(b > a for a, b in parts)
+                sizes = [b - a for a, b in parts]
+                assert max(sizes) - min(sizes) < 2 * width
 
 
 def test_virtual_machine(rng: np.random.Generator) -> None:

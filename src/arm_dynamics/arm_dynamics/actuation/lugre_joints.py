@@ -80,10 +80,10 @@ class LugreFriction:
         """See ``equations.lugre``."""
         w = self._speeds(v)
         rate = lugre.bending(w, z, self._sigma0, self._level(w))
-        held = lugre.torque(z, rate, self._sigma0, self._damping(w))
+        friction_torque = lugre.torque(z, rate, self._sigma0, self._damping(w))
         torque = ca.SX(self._n, 1)
         for k, i in enumerate(self._joints):
-            torque[i] = -held[k]
+            torque[i] = -friction_torque[k]
         return Flow(torque, rate)
 
     def steady(self, v: Quantity, direction: Quantity) -> Quantity:

@@ -213,7 +213,7 @@ def inverse_kinematics(
     from arm_dynamics.client import NotReached
 
     poses, missed = plain_rows("--pose", pose), ""
-    question = Question(client, joints, {"seed": seed}, pose.batch)
+    question = Question(client, joints, {"seed": seed})
     try:
         found = client.inverse_kinematics(
             frame, poses, *question.given("seed"), axes=axes, joint_names=question.order

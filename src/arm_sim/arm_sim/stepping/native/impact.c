@@ -38,6 +38,7 @@ static double find_impulse(const inertia_t* inertia, const real* before, const d
 
 /* Change the velocities where a touching contact approaches: energy lost, or -1 if no impulse is found.
  *
+ * A contact that opens just then takes part too, for the blow may push it back.
  * A rebound that would not rise above the rounding of the gap is none, and without `rebounds` there are none at all: the
  * contact closes.
  */
@@ -49,7 +50,7 @@ static double impact(real* x, segment_t* segment, int rebounds) {
   for (int k = 0; k < NC; ++k) segment->p.contact[k].closed = segment->p.contact[k].sticks = 0.0;
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
   find_geometry(x, &geometry);
-  find_touching(x, segment, &geometry);
+  find_closed_gaps(segment, &geometry);
   const double calm = speed_rounding(x);
   for (int k = 0; k < NC; ++k) any |= segment->contact[k].touching && geometry.speed[3 * k] < -calm;
   if (!any) return 0.0;

@@ -137,15 +137,19 @@ static void find_hops(const real* x, const segment_t* segment, const geometry_t*
   for (int k = 0; k < NC; ++k) hop[k] = LEAST_REBOUND + sqrt(2.0 * fall * HOP * geometry->size[k]);
 }
 
+/* Contacts whose gap is closed to rounding. */
+static void find_closed_gaps(segment_t* segment, const geometry_t* geometry) {
+  for (int k = 0; k < NC; ++k)
+    segment->contact[k].touching = geometry->place[3 * k] <= 4 * GAP_ROUNDING * geometry->size[k];
+}
+
 /* Contacts whose gap is closed to rounding and does not open. */
 static void find_touching(const real* x, segment_t* segment, const geometry_t* geometry) {
   contact_t* contact = segment->contact;
   double hop[NC];
   int opens = 0;
-  for (int k = 0; k < NC; ++k) {
-    contact[k].touching = geometry->place[3 * k] <= 4 * GAP_ROUNDING * geometry->size[k];
-    opens |= contact[k].touching && geometry->speed[3 * k] > speed_rounding(x);
-  }
+  find_closed_gaps(segment, geometry);
+  for (int k = 0; k < NC; ++k) opens |= contact[k].touching && geometry->speed[3 * k] > speed_rounding(x);
   if (!opens) return;
   find_hops(x, segment, geometry, hop);
   for (int k = 0; k < NC; ++k) contact[k].touching &= geometry->speed[3 * k] <= hop[k];

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The scaled error of a step, computed once more from its stages."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from arm_sim.integrators.methods import METHODS, build_attempt
+from tolerances import assert_close
+
+A = np.array([[0.0, 1.0, 0.0], [-30.0, -2.0, 5.0], [1.0, -40.0, -60.0]])
+"""Of a system x' = A x + u with one position, one speed and one state of a law."""
+SCALE = np.array([1.0, 1.0, 7.0])
+
+
+def rhs() -> ca.Function:
+    x, u, p = (ca.SX.sym(name, size) for name, size in (("x", 3), ("u", 1), ("p", 0)))
+    return ca.Function("rhs", [x, u, p], [ca.DM(A) @ x + ca.vertcat(0, u, 0)])
+
+
+def by_hand(name: str, x: np.ndarray, u: float, h: float) -> tuple[np.ndarray, list[np.ndarray]]:
+    """State after a step, and the method's estimates of its error."""
+    tableau = METHODS[name].tableau
+    assert tableau is not None
+    slopes: list[np.ndarray] = []
+    for row in tableau.a:
+        moved = sum((a * k for a, k in zip(row, slopes, strict=True)), np.zeros(3))
+        slopes.append(A @ (x + h * moved) + [0, u, 0])
+    k = np.array(slopes)
+    return x + h * np.array(tableau.b) @ k, [h * np.array(e) @ k for e in tableau.errors]
+
+
+@pytest.mark.parametrize("name", ["dopri5", "dop853"])
+@pytest.mark.parametrize("size", [1e-3, 1.0, 100.0])
+@pytest.mark.parametrize("h", [1e-3, 0.05])
+def test_relative_to_the_larger_end_and_what_matters(
+    name: str, size: float, h: float, rng: np.random.Generator
+) -> None:
+    """max |e| / (scale + max(|x|, |y|)); DOP853 mixes two, as Hairer does in his DOP853."""
+    attempt = build_attempt(METHODS[name], rhs(), 1, SCALE)
+    for _ in range(10):
+        x, u = size * rng.normal(size=3), float(rng.normal())
+        after, error, error_q = (np.array(value).ravel() for value in attempt(x, u, [], h))
+        wanted, estimates = by_hand(name, x, u, h)
+        assert_close(after, wanted, 1e-12)
+        reach = SCALE + np.maximum(abs(x), abs(wanted))
+        norms = [float(np.max(abs(e) / reach)) for e in estimates]
+        mixed = norms[0]
+        if len(norms) == 2:
+            mixed = norms[0] ** 2 / np.sqrt(norms[0] ** 2 + 0.01 * norms[1] ** 2)
+        np.testing.assert_allclose(error[0], mixed, rtol=1e-6, atol=1e-17)
+        np.testing.assert_allclose(error_q[0], abs(estimates[0][0]), rtol=1e-6, atol=1e-16)
+
+
+def test_the_estimate_shrinks_with_its_order() -> None:
+    """Errors of order 5 for the pair of order 5; the mixed one of DOP853 of order 8."""
+    x = np.array([1.0, -0.5, 2.0])
+    for name, order in (("dopri5", 5), ("dop853", 8), ("implicit", 4)):
+        attempt = build_attempt(METHODS[name], rhs(), 1, SCALE)
+        errors = [float(attempt(x, 1.0, [], h)[1]) for h in (2e-3, 1e-3)]
+        assert abs(np.log2(errors[0] / errors[1]) - order) < 0.5
+
+
+def test_a_step_that_is_no_number_is_no_good_step() -> None:
+    """NaN anywhere must show, or a diverged step would look perfect."""
+    attempt = build_attempt(METHODS["dopri5"], rhs(), 1, SCALE)
+    for i in range(3):
+        x = np.ones(3)
+        x[i] = np.nan
+        assert np.isnan(float(attempt(x, 1.0, [], 1e-3)[1]))
+
+
+def test_a_method_without_estimate_is_refused() -> None:
+    with pytest.raises(ValueError, match="rk4 has no error estimate"):
+        build_attempt(METHODS["rk4"], rhs(), 1, SCALE)

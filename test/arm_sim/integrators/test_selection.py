@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which method a scene gets: how fast it answers, in closed form, and on which side of a limit."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, InvalidInput, load_scene
+from arm_sim.integrators.selection import (
+    DRIVEN_STIFF,
+    DRIVEN_STIFF_TOLERANCE,
+    DRIVEN_TOLERANCE,
+    STIFF,
+    Choice,
+    bristle_rate,
+    choose,
+    damping_rate,
+    fastest_rate,
+)
+from arm_sim.plant.plant import Plant
+from models.driven import wheel
+from models.rotor import rotor
+from tolerances import assert_close
+
+
+def model(scene: Any) -> ArmModel:
+    return ArmModel(load_scene(scene))
+
+
+def chosen(
+    scene: Any, name: str | None = None, dt: float | None = None, tolerance: float | None = None
+) -> Choice:
+    return choose(Plant(model(scene)), name, dt, tolerance)
+
+
+def bristles(J: float, v0: float = 0.0, **more: float) -> dict[str, Any]:
+    law = {"viscous": 20.0, "coulomb": 0.5, "lugre": {"sigma0": 1e4, "sigma1": 1.0} | more}
+    return {**rotor(J, **law), "initial": {"velocity": {"axle": v0}}}  # type: ignore[arg-type]
+
+
+@pytest.mark.parametrize(("J", "v0", "rate"), [
+    (0.1, 0.0, 1e4 / 0.5), (0.1, -3.0, 3e4 / 0.5), (1e-6, 0.0, np.sqrt(1e10)),
+])  # fmt: skip
+def test_bristles_answer_as_a_spring_or_as_they_bend(J: float, v0: float, rate: float) -> None:
+    """The larger of sqrt(σ0/J) and σ0 max(1, |v0|)/Fc."""
+    assert_close(bristle_rate(model(bristles(J, v0))) / rate, 1.0, 1e-9)
+
+
+def test_without_bristles_none_answers() -> None:
+    assert bristle_rate(model(rotor(0.1, coulomb=1.0))) == 0.0
+
+
+def test_the_stronger_direction_of_friction_decides() -> None:
+    """b = 0.4 forwards and 0.1 backwards: the rate is 0.4/J."""
+    for law in ({"positive": 0.4, "negative": 0.1}, {"positive": 0.1, "negative": 0.4}):
+        scene = rotor(0.1, viscous=law)  # type: ignore[arg-type]
+        assert_close(damping_rate(model(scene)), 4.0, 1e-9)
+    assert damping_rate(model(rotor(0.1))) == 0.0
+
+
+@pytest.mark.parametrize("dt", [1e-3, 1e-2])
+def test_viscous_friction_is_stiff_beyond_its_limit(dt: float) -> None:
+    """b/J dt = 1.4: RK4 is stable up to 2.8."""
+    for factor, name, accurate in ((0.99, "rk4", "dop853"), (1.01, "implicit", "implicit")):
+        scene = rotor(0.1, viscous=0.1 * factor * STIFF / dt)
+        choice = chosen(scene, dt=dt)
+        assert (choice.method.name, choice.tolerance, choice.dt) == (name, None, dt)
+        choice = chosen(scene, dt=dt, tolerance=1e-6)
+        assert (choice.method.name, choice.tolerance) == (accurate, 1e-6)
+        assert ("friction stops a joint" in choice.reason) == (factor > 1)
+        assert chosen(scene, "rk4", dt).method.name == "rk4"
+
+
+def test_bristles_are_not_left_to_a_fixed_step() -> None:
+    """σ0/Fc dt = 20: implicit with error control, unless error control is asked for by name."""
+    scene = bristles(0.1)
+    for name in (None, "rk4"):
+        choice = chosen(scene, name)
+        assert (choice.method.name, choice.tolerance) == ("implicit", 1e-6)
+    assert chosen(scene, tolerance=1e-9).tolerance == 1e-9
+    assert chosen(scene, "dop853", tolerance=1e-9).method.name == "dop853"
+    assert chosen(scene, "rk4", dt=5e-5).method.name == "rk4"  # 1e-3 of a tick's limit of 1.4
+
+
+@pytest.mark.parametrize(("L", "name", "tolerance"), [
+    (1e-4, "implicit", DRIVEN_STIFF_TOLERANCE), (1e-1, "dop853", DRIVEN_TOLERANCE),
+])  # fmt: skip
+def test_drives_get_error_control(L: float, name: str, tolerance: float) -> None:
+    """The current of a winding decays at R/L; from 50 a tick on the implicit method pays."""
+    scene = wheel(command="voltage", resistance=20.0, inductance=L, torque_constant=0.05)
+    rate = fastest_rate(Plant(model(scene)))
+    b, J = 0.05**2 / (L * 0.1), 20.0 / L
+    assert_close(rate / (J / 2 + np.sqrt(J * J / 4 - b)), 1.0, 1e-9)
+    assert (rate * 1e-3 > DRIVEN_STIFF) == (name == "implicit")
+    choice = chosen(scene)
+    assert (choice.method.name, choice.tolerance) == (name, tolerance)
+    assert chosen(scene, tolerance=1e-5).tolerance == 1e-5
+
+
+def test_the_callers_word_comes_before_the_scenes() -> None:
+    scene = {"robot": {"urdf": str(models.FOLDER / "gantry.urdf")},
+             "sim": {"integrator": "dopri5", "dt": 2e-3, "tolerance": 1e-5}}  # fmt: skip
+    own = chosen(scene)
+    assert (own.method.name, own.dt, own.tolerance) == ("dopri5", 2e-3, 1e-5)
+    other = chosen(scene, "rk4", 1e-2)
+    assert (other.method.name, other.dt, other.tolerance) == ("rk4", 1e-2, None)
+    assert chosen(scene, tolerance=1e-7).tolerance == 1e-7
+    assert chosen(scene, "auto").tolerance is None
+    for dt in (1e-9, 10.0):
+        assert chosen(scene, dt=dt).dt == dt
+    for bad in ({"dt": 0.9e-9}, {"dt": 10.1}, {"tolerance": 0.9e-14}, {"tolerance": 0.11}):
+        with pytest.raises(InvalidInput, match="allowed"):
+            chosen(scene, **bad)
+    for tolerance in (1e-14, 1e-1):
+        assert chosen(scene, tolerance=tolerance).tolerance == tolerance
+
+
+def test_what_is_said_when_a_tick_cannot_be_computed() -> None:
+    scene = models.scene("gantry")
+    assert "smaller dt" in chosen(scene, "rk4").remark
+    assert "1e-05 (a larger one" in chosen(scene, tolerance=1e-5).remark

@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Forces of contacts with Coulomb friction: the compiled solver against the law itself."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from models.engine import APART, SLIDES, STICKS, UNSOLVABLE, Answer, solve_cone, solve_cones
+from tolerances import assert_close
+
+LAW = 1e-9
+"""What a force may lack of the law, relative to the largest."""
+
+
+def problem(rng: np.random.Generator, nc: int, rank: int) -> tuple[np.ndarray, np.ndarray]:
+    """W and c of ``nc`` points of an arm with ``rank`` joints."""
+    A = rng.normal(size=(3 * nc, rank))
+    return A @ A.T / 3, A @ rng.normal(size=rank)
+
+
+def assert_obeys(W: np.ndarray, c: np.ndarray, mu: np.ndarray, answer: Answer) -> None:
+    """Either open, or at rest inside the cone, or on its edge against the motion."""
+    scale = max(1.0, float(np.abs(answer.force).max()))
+    motion = (W @ answer.force.ravel() + c).reshape(-1, 3)
+    rows = zip(answer.state, answer.force, motion, mu, answer.direction, strict=True)
+    for state, (r_n, *r_t), (w_n, *w_t), m, d in rows:
+        speed = np.hypot(*w_t)
+        assert r_n >= -1e-15 * scale and w_n >= -LAW * scale
+        assert abs(r_n * w_n) < LAW * scale
+        assert np.hypot(*r_t) <= m * r_n + LAW * scale
+        if state == APART:
+            assert r_n == 0.0 and not np.any(r_t)
+        elif state == STICKS:
+            assert speed < LAW * scale
+        else:
+            assert_close(np.array(r_t) / scale, -m * r_n * np.array(d) / scale, LAW)
+            assert_close(np.array(w_t) / scale, speed * np.array(d) / scale, LAW)
+
+
+@pytest.mark.parametrize(("nc", "rank"), [
+    (1, 3), (1, 4), (2, 3), (2, 6), (2, 7), (3, 4), (3, 10), (4, 3), (4, 6), (4, 13),
+])  # fmt: skip
+def test_forces_obey_the_law_of_coulomb(nc: int, rank: int, rng: np.random.Generator) -> None:
+    """In space, redundant or not; where W is regular there always is an answer."""
+    seen, missing = set(), 0
+    for _ in range(150):
+        W, c = problem(rng, nc, rank)
+        mu = rng.uniform(0.0, 1.5, nc) * (rng.random(nc) > 0.1)
+        answer = solve_cones(W, c, mu)
+        if not answer.found or UNSOLVABLE in answer.state:
+            missing += 1
+            continue
+        seen |= set(answer.state.tolist())
+        assert_obeys(W, c, mu, answer)
+    assert seen == {APART, SLIDES, STICKS}
+    assert missing == 0 if rank >= 3 * nc else missing <= 2
+
+
+def test_scale_does_not_matter(rng: np.random.Generator) -> None:
+    """Grams or tonnes, and microns a second: the answer scales with the problem."""
+    for _ in range(20):
+        W, c = problem(rng, 2, 7)
+        mu = rng.uniform(0.0, 1.0, 2)
+        plain = solve_cones(W, c, mu)
+        for heavy, fast in ((1e-6, 1.0), (1e6, 1.0), (1.0, 1e-9), (1e4, 1e9)):
+            scaled = solve_cones(W * heavy, c * fast, mu)
+            assert scaled.state.tolist() == plain.state.tolist()
+            assert_close(scaled.force * heavy / fast, plain.force, 1e-8)
+
+
+def test_contacts_that_slide_already_keep_their_direction(rng: np.random.Generator) -> None:
+    """Friction lies against the given direction, whatever the acceleration."""
+    answered, carried = 0, 0
+    for _ in range(200):
+        W, c = problem(rng, 3, 10)
+        mu = rng.uniform(0.0, 0.5, 3)
+        angle = rng.uniform(0, 2 * np.pi)
+        d = np.array([np.cos(angle), np.sin(angle)])
+        answer = solve_cones(W, c, mu, given=[None, d, None])
+        if not answer.found or UNSOLVABLE in answer.state:
+            continue
+        answered += 1
+        w = (W @ answer.force.ravel() + c).reshape(3, 3)
+        assert answer.state[1] in (APART, SLIDES)
+        r = answer.force[1]
+        assert_close(r[1:], -mu[1] * r[0] * d, 1e-9)
+        assert r[0] >= 0.0 and w[1, 0] >= -1e-8 and abs(r[0] * w[1, 0]) < 1e-8
+        carried += r[0] > 0.0
+        if answer.state[1] == SLIDES:
+            assert_close(answer.direction[1], d, 1e-12)
+        others = [0, 2]
+        rest = Answer(True, *(x[others] for x in (answer.state, answer.force, answer.direction)))
+        rows = np.r_[0:3, 6:9]
+        moved = c[rows] + W[np.ix_(rows, [3, 4, 5])] @ r
+        assert_obeys(W[np.ix_(rows, rows)], moved, mu[others], rest)
+    assert answered > 190 and carried > 50
+
+
+def test_contacts_that_may_not_carry_do_not(rng: np.random.Generator) -> None:
+    W, _ = problem(rng, 2, 7)
+    c = np.array([-1.0, 0.2, 0.0, -1.0, 0.0, 0.2])
+    answer = solve_cones(W, c, np.array([0.3, 0.3]), allowed=np.array([1, 0]))
+    alone, force = solve_cone(W[:3, :3], c[:3], 0.3)
+    assert answer.found and answer.state.tolist() == [alone, APART]
+    assert_close(answer.force[0], force, 1e-12)
+    assert not answer.force[1].any()
+
+
+def test_a_contact_that_closes_without_force_is_apart() -> None:
+    """On the verge: no acceleration across, nothing to carry."""
+    state, force = solve_cone(np.eye(3), np.array([0.0, -3.0, 0.0]), 0.5)
+    assert state == APART and not force.any()
+    state, _ = solve_cone(np.eye(3), np.array([0.0, -3.0, 0.0]), 0.5, np.array([1.0, 0.0]))
+    assert state == APART
+
+
+def test_a_point_mass_by_hand() -> None:
+    """m = 2: it carries its weight, and sticks until the pull exceeds µ times that."""
+    W = np.eye(3) / 2.0
+    for pull, expected in ((3.99, STICKS), (4.01, SLIDES)):
+        state, force = solve_cone(W, np.array([-5.0, 0.6, -0.8]) * [1, pull / 2, pull / 2], 0.4)
+        assert state == expected
+        assert_close(force, [10.0, -0.6 * min(pull, 4.0), 0.8 * min(pull, 4.0)], 1e-9)
+
+
+def test_a_sliding_contact_that_jams_has_no_answer() -> None:
+    """Friction that presses together faster than the normal force opens (Painlevé)."""
+    W = np.array([[1.0, -1.0, 0.0], [-1.0, 2.0, 0.0], [0.0, 0.0, 1.0]])
+    c, ahead = np.array([-1.0, 0.0, 0.0]), np.array([1.0, 0.0])
+    assert solve_cone(W, c, 0.5, ahead)[0] == SLIDES
+    assert solve_cone(W, c, 0.5, -ahead)[0] == SLIDES
+    assert solve_cone(W, c, 1.5, -ahead)[0] == UNSOLVABLE
+
+
+def test_the_direction_of_starting_is_found_to_rounding(rng: np.random.Generator) -> None:
+    """Slender bodies whose friction nearly jams: two directions may lie close together."""
+    slid = 0
+    for _ in range(400):
+        A = rng.normal(size=(3, 3)) * [[1.0], [3.0], [0.3]]
+        W, c = A @ A.T, rng.normal(size=3) - [1.0, 0.0, 0.0]
+        mu = float(rng.uniform(0.3, 2.0))
+        state, force = solve_cone(W, c, mu)
+        assert state != UNSOLVABLE
+        if state != SLIDES:
+            continue
+        slid += 1
+        w, scale = W @ force + c, max(1.0, float(np.abs(force).max()))
+        cross = w[1] * force[2] - w[2] * force[1]
+        assert abs(cross) < 1e-11 * scale**2 and w[1:] @ force[1:] <= 0.0
+        assert abs(w[0]) < 1e-12 * scale
+        assert_close(np.hypot(*force[1:]) / scale, mu * force[0] / scale, 1e-12)
+    assert slid > 100

@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The search for the instant of an event, compiled: exact to rounding, and in few trials."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+
+from models.engine import locate
+from tolerances import assert_close
+
+SHAPES: dict[str, Callable[[float, float], float]] = {
+    "straight": lambda t, root: t - root,
+    "flat": lambda t, root: (t - root) ** 3,
+    "steep": lambda t, root: float(np.expm1(40 * (t - root))),
+    "level, then steep": lambda t, root: float(np.expm1(-3 * (root - t))) * (1 + 100 * t**4),
+    "bent the other way": lambda t, root: float(np.log1p(20 * (t - root) / (1 + 20 * root))),
+}
+
+
+@pytest.mark.parametrize("root", [0.3, 1e-9, 0.999999999, 0.71234])
+@pytest.mark.parametrize("f", SHAPES.values(), ids=SHAPES)
+def test_the_instant_is_found_to_rounding(f: Callable[[float, float], float], root: float) -> None:
+    """Positive at the answer, not just before it."""
+    found = locate(lambda t: f(t, root), 1.0).at
+    assert f(found, root) > 0.0 and f(found - 1e-15, root) <= 0.0
+
+
+@pytest.mark.parametrize(("name", "most"), [("steep", 40), ("bent the other way", 30)])
+def test_in_few_trials(name: str, most: int) -> None:
+    """Every trial is a motion computed: a bisection alone would take 52 of them."""
+    assert locate(lambda t: SHAPES[name](t, 0.3123456), 1.0).evaluations <= most
+
+
+def test_a_wall_is_found_by_bisection() -> None:
+    """Where the value cannot be computed beyond it, it counts as infinite."""
+    found = locate(lambda t: np.inf if t > 0.5 else -1.0, 1.0)
+    assert_close(found.at, 0.5, 1e-15)
+    assert found.evaluations <= 60
+    assert locate(lambda t: np.inf if t > 0.5 else -1.0, 1.0).at > 0.5
+
+
+def test_scale_of_time_and_of_the_value_do_not_matter() -> None:
+    for h in (1e-9, 1.0, 1e6):
+        for size in (1e-12, 1.0, 1e12):
+            found = locate(lambda t, h=h, size=size: size * np.sin(3 * (t / h - 0.41234)), h)
+            assert_close(found.at / h, 0.41234, 1e-15)
+            assert found.evaluations <= 40
+
+
+def test_what_is_positive_at_once_is_found_at_once() -> None:
+    """The first instant of a mode that is wrong from the start."""
+    assert locate(lambda t: t + 1e-12, 1.0).at < 1e-15
+
+
+def test_the_first_of_a_touch_and_a_wall() -> None:
+    """Past the event the motion cannot be computed at all."""
+    found = locate(lambda t: np.sin(t - 0.3) if t < 0.6 else np.inf, 1.0)
+    assert_close(found.at, 0.3, 1e-15)
+    assert found.evaluations <= 30

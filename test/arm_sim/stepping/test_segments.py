@@ -1,0 +1,260 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Events in the middle of long ticks, against the same motion computed piece by piece by SciPy."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import models
+from arm_sim import SimulationDiverged, Simulator
+from models.rotor import rotor
+from models.touching import contact, rails
+from tolerances import CLOSED_FORM, assert_close
+
+G = 9.81
+PENDULUM = {"robot": {"urdf": str(models.SCENES / "pendulum.urdf")}}
+Slope = Callable[[float, np.ndarray], Any]
+
+
+def integral(slope: Slope, x: Any, start: float, end: float) -> np.ndarray:
+    solved = solve_ivp(slope, (start, end), x, "DOP853", rtol=1e-12, atol=1e-14)
+    return np.asarray(solved.y[:, -1])
+
+
+def crossing(slope: Slope, x: Any, end: float, event: Callable[..., float]) -> tuple[float, Any]:
+    """Instant at which ``event`` crosses zero, and the state there."""
+    event.terminal = True  # type: ignore[attr-defined]
+    found = solve_ivp(slope, (0, end), x, "DOP853", rtol=1e-12, atol=1e-14, events=event)
+    return float(found.t_events[0][0]), found.y_events[0][0]
+
+
+def unbalanced(mu: float) -> tuple[dict[str, Any], dict[str, float]]:
+    """A base on a table along x that carries a wheel about z with an unbalance."""
+    n = {"base": 2.0, "m": 0.5, "r": 0.3, "mu": mu}
+    urdf = f"""<robot name="shaker"><link name="floor"/><link name="rail"/><link name="base">
+      <inertial><mass value="{n["base"]}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0"
+      iyz="0"/></inertial></link><link name="wheel"><inertial><origin xyz="{n["r"]} 0 0"/>
+      <mass value="{n["m"]}"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0" iyz="0"/></inertial>
+      </link><joint name="z" type="prismatic"><parent link="floor"/><child link="rail"/>
+      <axis xyz="0 0 1"/><limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint>
+      <joint name="x" type="prismatic"><parent link="rail"/><child link="base"/>
+      <axis xyz="1 0 0"/><limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint>
+      <joint name="spin" type="continuous"><parent link="base"/><child link="wheel"/>
+      <axis xyz="0 0 1"/></joint></robot>"""
+    scene = {"robot": {"urdf": urdf}, "constraints": [contact("base", friction=mu)]}
+    return scene, n
+
+
+def test_an_unbalance_tears_its_base_loose_and_stops_it_again() -> None:
+    """Sticks until m r w² sin reaches µ N in the middle of a tick, slides, and sticks again."""
+    scene, n = unbalanced(0.5)
+    weight, w = (n["base"] + n["m"]) * G, 10.0
+    m, r, whole = n["m"], n["r"], n["base"] + n["m"]
+    sim = Simulator(scene, integrator="rk4", dt=2e-3)
+    start = -np.pi / 2  # the unbalance is beside the rail and swings round to its end
+    sim.reset(q=[0, 0, start], v=[0, 0, w])
+    slips = (np.pi / 2 - np.arccos(0.5 * weight / (m * r * w**2))) / w
+
+    def slope(_: float, x: np.ndarray) -> list[float]:
+        _, angle, v, spin = x
+        coupling = -m * r * np.sin(angle)
+        force = m * r * spin**2 * np.cos(angle) - 0.5 * weight
+        a = np.linalg.solve([[whole, coupling], [coupling, m * r**2]], [force, 0.0])
+        return [v, spin, *a]
+
+    stops, at = crossing(slope, [0.0, start + w * slips, 0.0, w], 0.3, lambda t, x: x[2] + 1e-12
+                         if t > 1e-3 else 1.0)  # fmt: skip
+    run = sim.run(0.4)
+    held = run.time < slips
+    assert 10 < held.sum() < 150
+    assert np.abs(run.q[held, 1]).max() < 1e-20
+    middle = slips + 0.6 * stops
+    tick = int(middle / sim.dt)
+    wanted = integral(slope, [0.0, start + w * slips, 0.0, w], 0.0, run.time[tick] - slips)
+    assert_close(np.r_[run.q[tick, 1:], run.v[tick, 1:]], wanted, 1e-7)
+    rests = int((slips + stops) / sim.dt) + 1
+    assert_close(run.q[rests, 1], at[0], 1e-7)
+    assert run.v[rests, 1] == 0.0
+
+
+def test_a_spinning_arm_flings_its_elbow_loose() -> None:
+    """A dry elbow holds until the centrifugal load exceeds its level, in the middle of a tick."""
+    level, push = 0.6, 2.0
+    scene = {
+        "robot": {"urdf": str(models.SCENES / "two_link.urdf")},
+        "gravity": [0, 0, 0],
+        "joints": {"elbow": {"friction": {"coulomb": level}}},
+    }
+    sim = Simulator(scene, integrator="rk4", dt=5e-3)
+    dyn, q0 = sim.dynamics, np.array([0.0, 0.7])
+    sim.reset(q=q0, v=[0, 0])
+
+    def locked(_: float, x: np.ndarray) -> list[float]:
+        q, v = np.array([x[0], 0.7]), np.array([x[1], 0.0])
+        return [x[1], (push - dyn.inverse(q, v, [0, 0])[0]) / dyn.mass_matrix(q)[0, 0]]
+
+    def overload(t: float, x: np.ndarray) -> float:
+        a = [locked(t, x)[1], 0.0]
+        return abs(float(dyn.inverse([x[0], 0.7], [x[1], 0.0], a, terms=7)[1])) - level
+
+    loose, at = crossing(locked, [0.0, 0.0], 3.0, overload)
+    run = sim.run(loose + 0.1, [push, 0.0])
+    held = run.time < loose
+    assert held.sum() > 20
+    assert (run.q[held, 1] == 0.7).all() and (run.v[held, 1] == 0.0).all()
+    way = -np.sign(float(dyn.inverse([at[0], 0.7], [at[1], 0.0], [0.0, 0.0], terms=7)[1]))
+
+    def free(_: float, x: np.ndarray) -> np.ndarray:
+        tau = np.array([push, 0.0])
+        bias = dyn.inverse(x[:2], x[2:], [0, 0], terms=7)
+        return np.r_[x[2:], np.linalg.solve(dyn.mass_matrix(x[:2]), tau - bias - [0, way * level])]
+
+    wanted = integral(free, [at[0], 0.7, at[1], 0.0], loose, run.time[-1])
+    assert abs(wanted[1] - 0.7) > 1e-4
+    assert_close(np.r_[run.q[-1], run.v[-1]], wanted, 1e-8)
+
+
+@pytest.mark.parametrize("options", [
+    {"integrator": "rk4", "dt": 0.02}, {"tolerance": 1e-10, "dt": 0.05},
+], ids=str)  # fmt: skip
+def test_a_bob_that_dips_within_a_tick_bounces_where_it_touches(options: dict[str, Any]) -> None:
+    """Elastic, so that it swings back as it came: q(t) = free(2 t1 - t)."""
+    for depth in (1e-6, 1e-9):
+        floor = contact("bob", point=[0, 0, -1], restitution=1.0,
+                        plane={"point": [0, 0, -1 + depth]})  # fmt: skip
+        scene = {**PENDULUM, "initial": {"position": {"swing": -0.0101}}, "constraints": [floor]}
+        sim = Simulator(scene, **options)
+        sim.reset(q=[-0.0101], v=[1.0])
+        state = sim.step([0.0])
+
+        def slope(_: float, x: np.ndarray) -> list[float]:
+            return [x[1], -G * np.sin(x[0])]
+
+        def touch(_: float, x: np.ndarray, depth: float = depth) -> float:
+            return float(x[0] + np.arccos(1 - depth))
+
+        hits, _ = crossing(slope, [-0.0101, 1.0], 0.02, touch)
+        wanted = integral(slope, [-0.0101, 1.0], 0.0, 2 * hits - sim.dt)
+        assert_close([state.q[0], -state.v[0]], wanted, 1e-6)
+
+
+def test_a_gap_that_only_nearly_closes_is_no_contact() -> None:
+    """The lowest point of the swing is above the floor by less than a tick's step would miss."""
+    free = Simulator(PENDULUM, integrator="rk4", dt=0.02)
+    floor = contact("bob", point=[0, 0, -1], plane={"point": [0, 0, -1 - 1e-9]})
+    sim = Simulator({**PENDULUM, "constraints": [floor]}, integrator="rk4", dt=0.02)
+    for s in (free, sim):
+        s.reset(q=[-0.0101], v=[1.0])
+        s.run(0.1)
+    assert_close(sim.state.q, free.state.q, CLOSED_FORM)
+
+
+SLIDES = {
+    # Speed at the start [m/s], push [N], and what the place may be off by after 0.1 s [m] at 1 ms
+    # and at 10 ms: slow sliding that turns is taken for rest.
+    "from a creep": ([1e-6, 0.0], [0.0, 9.0], (1e-7, 1e-7)),
+    "from a millimetre a second": ([1e-3, 0.0], [0.0, 9.0], (8e-6, 4e-5)),
+    "turned, and stopped": ([0.02, 0.0], [-1.0, 4.0], (1e-7, 5e-5)),
+    "turned near the cone, and stopped": ([0.05, 0.0], [0.0, 7.0], (6e-9, 7e-5)),
+    "fast": ([0.5, 0.2], [3.0, 9.0], (2e-12, 2e-8)),
+    "fast and far round": ([0.3, 0.0], [0.0, 7.0], (4e-11, 4e-7)),
+    "reversed": ([-0.01, 1e-5], [9.0, 3.0], (5e-5, 1.5e-4)),
+}
+
+
+@pytest.fixture(scope="module", params=[0, 1], ids=["1 ms", "10 ms"])
+def slider(request: pytest.FixtureRequest) -> tuple[int, Simulator]:
+    """A body of 2 kg that slides on a floor."""
+    floor = {"constraints": [contact("body", friction=0.4)]}
+    dt = (1e-3, 1e-2)[request.param]
+    return request.param, Simulator({**rails("xyz", 2.0), **floor}, integrator="rk4", dt=dt)
+
+
+@pytest.mark.parametrize(("v", "push", "allowed"), SLIDES.values(), ids=SLIDES)
+def test_sliding_that_turns(
+    slider: tuple[int, Simulator], v: list[float], push: list[float], allowed: tuple[float, ...]
+) -> None:
+    """Friction µ g against the velocity while a push turns it: m v' = F - µ m g v/|v|."""
+    (fine, sim), mu, m = slider, 0.4, 2.0
+    sim.reset(v=[*v, 0.0])
+
+    def slope(_: float, x: np.ndarray) -> np.ndarray:
+        return np.r_[x[2:], np.array(push) / m - mu * G * x[2:] / max(np.hypot(*x[2:]), 1e-12)]
+
+    run = sim.run(0.1, [*push, 0.0])
+    assert np.abs(run.q[:, 2]).max() < 1e-15
+    solved = solve_ivp(slope, (0, 0.1), [0, 0, *v], "Radau", rtol=1e-11, atol=1e-13).y[:, -1]
+    assert np.abs(run.q[-1, :2] - solved[:2]).max() < allowed[fine]
+    if np.hypot(*solved[2:]) > 1e-3:
+        assert np.abs(run.v[-1, :2] - solved[2:]).max() < 50 * allowed[fine]
+    else:
+        rests = (run.v == 0.0).all(axis=1)
+        assert rests[-1] and (run.q[rests] == run.q[-1]).all()
+
+
+def test_friction_of_a_turning_slide_takes_what_it_should() -> None:
+    """The account over a tick: heat is µ N times the way, in whatever direction."""
+    mu, m = 0.4, 2.0
+    sim = Simulator({**rails("xyz", m), "constraints": [contact("body", friction=mu)]}, dt=1e-2)
+    sim.reset(v=[1.0, 0.5, 0.0])
+    run = sim.run(0.1, [-2.0, 6.0, 0.0])
+    way = np.hypot(*np.diff(run.q[:, :2], axis=0).T).sum()
+    assert_close(run.lost[-1], mu * m * G * way, 1e-4)
+    assert_close(run.balance, np.zeros(len(run)), 1e-8)
+
+
+def test_many_bounces_within_one_tick_come_to_rest() -> None:
+    """All of them in a tick of two seconds: rest, on the floor, with the energy accounted for."""
+    sim = Simulator({**rails("z", 1.5), "constraints": [contact("body", restitution=0.7)]}, dt=2.0)
+    sim.reset(q=[0.2])
+    run = sim.run(2.0)
+    assert (run.q[-1], run.v[-1]) == (0.0, 0.0)
+    assert sim.impacts > 30
+    assert_close(run.lost[-1], 1.5 * G * 0.2, 1e-9)
+
+
+def test_bounces_without_loss_go_on() -> None:
+    """Elastic: a hundred bounces in a tick, each at its time."""
+    sim = Simulator({**rails("z", 1.5), "constraints": [contact("body", restitution=1.0)]}, dt=5.0)
+    height = 0.01
+    sim.reset(q=[height])
+    fall = np.sqrt(2 * height / G)
+    run = sim.run(5.0)
+    t = np.array(run.time[-1])
+    phase = (t + fall) % (2 * fall) - fall
+    assert_close(run.q[-1, 0], height - 0.5 * G * phase**2, 1e-9)
+
+
+def test_contacts_without_end_are_refused() -> None:
+    """Fifty thousand elastic bounces in one tick are no motion any more."""
+    sim = Simulator({**rails("z"), "constraints": [contact("body", restitution=1.0)]}, dt=10.0)
+    sim.reset(q=[1e-8])
+    with pytest.raises(SimulationDiverged, match="without end"):
+        sim.step([0.0])
+
+
+def test_rollouts_from_inside_a_plane_have_no_motion() -> None:
+    """A nanometre is rounding; more has no answer, and the other arms do not notice."""
+    sim = Simulator({**rails("z"), "constraints": [contact("body")]})
+    motion = sim.rollout([[0.0], [-5e-10], [-1e-6], [0.1]], np.zeros((4, 1)), [0.0], 10)
+    assert np.isfinite(motion[[0, 1, 3]]).all()
+    assert np.isnan(motion[2, 1:]).all() and motion[2, 0, 0] == -1e-6
+    assert_close(motion[3, -1], [0.1 - 0.5 * G * 1e-4, -G * 1e-2], CLOSED_FORM)
+    np.testing.assert_array_equal(motion[0], np.zeros((11, 2)))
+
+
+def test_a_stop_between_ticks_is_where_it_should_be_for_every_joint() -> None:
+    """A wheel under a torque that brakes and then drives it back: both instants in one tick."""
+    J, level = 0.1, 0.5
+    sim = Simulator(rotor(J, coulomb=level, viscous=0.0), integrator="rk4", dt=0.5)
+    sim.reset(v=[1.0])
+    state = sim.step([-1.0])  # brakes with 1.5 N m, comes back with 0.5 N m
+    stop = J * 1.0 / 1.5
+    back = 0.5 - stop
+    assert_close(state.v[0], -5.0 * back, CLOSED_FORM)
+    assert_close(state.q[0], 0.5 * stop - 0.5 * 5.0 * back**2, CLOSED_FORM)
