@@ -50,6 +50,16 @@ def test_text_is_broken_into_lines(page: Path) -> None:
     assert [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()] == []
 
 
+SHOWN = [*PAGES, *sorted((ROOT / "examples").glob("*.py"))]
+
+
+@pytest.mark.parametrize("page", SHOWN, ids=lambda page: page.name)
+def test_imports_are_from_packages(page: Path) -> None:
+    text = page.read_text().split("## Walks")[0]  # which show the insides
+    deeper = r"\b(?:from|import) (?:arm_dynamics|arm_sim)\.\w+\.\S+"
+    assert re.findall(deeper, text) == []
+
+
 def test_figure_of_the_architecture_shows_the_layers_in_force() -> None:
     drawn = runpy.run_path(str(ROOT / "tools/draw_architecture.py"))
     assert drawn["FIGURE"].read_text() == drawn["drawing"]()
