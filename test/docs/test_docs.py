@@ -13,6 +13,7 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
+from arm_dynamics import ArmError
 from arm_dynamics.scene import drive as scene_drive
 from arm_dynamics.scene import friction as scene_friction
 from arm_dynamics.scene import schema
@@ -80,6 +81,25 @@ def test_scene_of_the_reference_loads() -> None:
     text = re.search(r"```yaml\n(.*?)```", REFERENCE, re.DOTALL)
     assert text
     assert Simulator(yaml.safe_load(text[1])).n == 7
+
+
+MISTAKES = re.findall(r"^\| `(.+?)` \| `(.+?)` \|$", REFERENCE.split("## Errors")[1], re.MULTILINE)
+
+
+@pytest.mark.parametrize(("written", "answer"), MISTAKES)
+def test_mistakes_get_the_answers_that_the_reference_shows(written: str, answer: str) -> None:
+    part = yaml.safe_load(written)
+    robot = yaml.safe_load((ROOT / "src/arm_sim/arm_sim/scenes/panda.yaml").read_text())["robot"]
+    key = next(iter(part))
+    if key == "lock":
+        part = {"robot": robot | part}
+    elif key == "inertia":
+        part = {"payloads": [{"frame": "panda_hand", "mass": 1, **part}]}
+    elif key in {"friction", "armature", "actuator", "transmission"}:
+        part = {"joints": {"*" if key == "armature" else "panda_joint1": part}}
+    with pytest.raises(ArmError) as error:
+        Simulator({"robot": robot} | part, backend="vm")
+    assert re.fullmatch(".*".join(map(re.escape, answer.split("…"))), str(error.value))
 
 
 def test_reference_names_every_key() -> None:
