@@ -5,7 +5,7 @@ import os
 import time
 from importlib.resources import files
 
-# Set before ROS starts: a graph of our own that nobody else on the network sees.
+# Set before ROS starts: a graph that the rest of the network does not see.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 import numpy as np
@@ -16,7 +16,7 @@ from rclpy.parameter import Parameter
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.ros import ControllerNode, make_executor
-from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros import SimNode
 
 scene = str(files("arm_sim") / "scenes/panda.yaml")
 context = Context()

@@ -10,7 +10,7 @@ from pathlib import Path
 import matplotlib
 import numpy as np
 
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator, State
 
 matplotlib.use("Agg")

@@ -2,7 +2,7 @@
 """An arm goes down to a table, pushes on it, slides along it and lifts off.
 
 Its torques are those that carry its weight, some damping, and Jᵀf for the force with which it is
-to push. The table's answer follows from the laws of contact: nothing is sprung, nothing sinks in.
+to push. The table's answer follows from contact mechanics: no springs, no penetration.
 Writes reports/examples/table.png.
 """
 
@@ -21,7 +21,7 @@ from matplotlib import pyplot as plt  # noqa: E402
 PHASES = (  # until when [s], and the force of the hand upon the world [N]
     (0.7, (0.0, 0.0, -5.0)),  # down
     (1.4, (0.0, 0.0, -20.0)),  # push
-    (2.1, (12.0, 0.0, -20.0)),  # push aside, by more than friction holds
+    (2.1, (12.0, 0.0, -20.0)),  # push sideways, by more than friction holds
     (2.5, (0.0, 0.0, 10.0)),  # up
 )
 sim = Simulator(files("arm_sim") / "scenes/panda_table.yaml", dt=1e-3)
@@ -49,8 +49,10 @@ def at(time: float) -> int:
 touch = motion.time[np.argmax(normal > 0.0)]
 leave = motion.time[np.flatnonzero(normal > 0.0)[-1]]
 print(f"touches at {touch:.3f} s, {gap.min():+.1e} m at the lowest")
-print(f"pushes   {normal[at(1.399)]:8.3f} N down, {sideways[at(1.399)]:7.3f} N aside: sticks")
-print(f"slides   {normal[at(2.099)]:8.3f} N down, {sideways[at(2.099)]:7.3f} N aside: 0.4 of it")
+print(f"pushes   {normal[at(1.399)]:8.3f} N down, {sideways[at(1.399)]:7.3f} N sideways: sticks")
+print(
+    f"slides   {normal[at(2.099)]:8.3f} N down, {sideways[at(2.099)]:7.3f} N sideways: 0.4 of it"
+)
 print(f"leaves after {leave:.3f} s; impacts took {1e3 * history.impact_loss[-1]:.3f} mJ,")
 print(f"friction {1e3 * history.friction_loss[-1]:.3f} mJ")
 

@@ -5,11 +5,9 @@ from importlib.resources import files
 
 import numpy as np
 
-from arm_dynamics.control.computed_torque import ComputedTorque
-from arm_dynamics.control.joint_space import PD, PID, PDGravity, tuned
-from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.control import PD, PID, ComputedTorque, PDGravity, tuned
+from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace
+from arm_dynamics.trajectory import Reference
 from arm_sim import Simulator
 
 sim = Simulator(files("arm_sim") / "scenes/two_link.yaml", dt=1e-3)
@@ -30,7 +28,7 @@ left = {}
 print("distance of the hand from the point in mm after 0.25, 0.5, 1, 2 and 4 s:")
 for name, control in controllers.items():
     sim.reset()
-    done = sim.run(4.0, lambda state, law=control: law.torque(state, reference))
+    done = sim.run(4.0, lambda state, chosen=control: chosen.torque(state, reference))
     off = 1e3 * np.linalg.norm(hand.pose(done.q).position - point.position, axis=1)
     left[name] = off[-1]
     print(f"  {name:16s}", " ".join(f"{off[k]:10.4f}" for k in (250, 500, 1000, 2000, 4000)))

@@ -5,11 +5,9 @@ from importlib.resources import files
 
 import numpy as np
 
-from arm_dynamics.control.computed_torque import ComputedTorque
-from arm_dynamics.control.task_space import OperationalSpace
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import circle, line, timed
-from arm_dynamics.trajectory.joint_path import joint_path, paced
+from arm_dynamics.control import ComputedTorque, OperationalSpace
+from arm_dynamics.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import circle, joint_path, line, paced, timed
 from arm_sim import Simulator
 
 sim = Simulator(files("arm_sim") / "scenes/panda.yaml", dt=1e-3)
@@ -19,23 +17,23 @@ start = hand.pose(sim.state.q)
 straight = line(start, Pose(start.position + [0.1, 0.35, -0.15], start.rotation))
 whole = circle(start, start.position + [0.0, 0.08, 0.0], [1, 0, 0], 2 * np.pi)
 worst = 0.0
-for name, way in (("line", straight), ("circle", whole)):
+for shape, way in (("line", straight), ("circle", whole)):
     asked = timed(way, speed=0.5, acceleration=2.0)
     joints = joint_path(hand, asked)
     kept = paced(joints, sim.dynamics)
     stretch = kept.duration / joints.duration
-    print(f"{name}: {way.length:.3f} m in {kept.duration:.3f} s, stretched by {stretch:.2f}")
+    print(f"{shape}: {way.length:.3f} m in {kept.duration:.3f} s, stretched by {stretch:.2f}")
     motion = type(asked)(way, kept.timing)
-    laws = {
+    controllers = {
         "computed torque": (ComputedTorque(sim.dynamics, 20.0), kept.sample),
         "operational space": (OperationalSpace(hand, 20.0, friction=True), motion.sample),
     }
-    for law, (control, sample) in laws.items():
+    for name, (control, sample) in controllers.items():
         sim.reset()
         done = sim.run(kept.duration, lambda s, c=control, r=sample: c.torque(s, r(s.time)))
-        wanted = np.array([motion.sample(float(t)).position for t in done.time])
-        off = 1e3 * np.linalg.norm(hand.pose(done.q).position - wanted, axis=1).max()
+        reference = np.array([motion.sample(float(t)).position for t in done.time])
+        off = 1e3 * np.linalg.norm(hand.pose(done.q).position - reference, axis=1).max()
         worst = max(worst, off)
-        print(f"  {law:18s} largest distance from the reference {off:.4f} mm")
+        print(f"  {name:18s} largest distance from the reference {off:.4f} mm")
 
 assert worst < 0.1

@@ -5,7 +5,7 @@ from importlib.resources import files
 
 import numpy as np
 
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 
 sim = Simulator(files("arm_sim") / "scenes/two_link.yaml", dt=1e-3)

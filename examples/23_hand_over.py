@@ -5,10 +5,8 @@ from importlib.resources import files
 
 import numpy as np
 
-from arm_dynamics.control.factory import Settings, make_controller
-from arm_dynamics.control.wrappers import Switch
-from arm_dynamics.trajectory.reference import Waypoint
-from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.control import Settings, Switch, make_controller
+from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import Simulator
 
 sim = Simulator(files("arm_sim") / "scenes/panda.yaml", dt=1e-3)
@@ -16,15 +14,15 @@ goal = sim.state.q + [0.4, 0.3, -0.2, 0.3, 0.2, 0.3, -0.4]
 motion = quintic([Waypoint(0.0, sim.state.q), Waypoint(1.6, goal)])
 settings = Settings(dt=sim.dt, bandwidth=10.0, frame="panda_hand_tcp")
 order = ("pd_gravity", "cartesian_impedance", "computed_torque", "operational_space")
-laws = [make_controller(name, sim.dynamics, settings) for name in order]
+controllers = [make_controller(name, sim.dynamics, settings) for name in order]
 
 jumps = {}
 for fade in (0.0, 0.2):
     sim.reset()
-    control, torques = Switch(laws[0], sim.dt, fade), []
+    control, torques = Switch(controllers[0], sim.dt, fade), []
     for tick in range(2400):
-        if tick and tick % 500 == 0 and tick // 500 < len(laws):
-            control.to(laws[tick // 500])
+        if tick and tick % 500 == 0 and tick // 500 < len(controllers):
+            control.to(controllers[tick // 500])
         torques.append(control.torque(sim.state, motion.sample(sim.state.time)))
         sim.step(torques[-1])
     steps = abs(np.diff(torques, axis=0)).max(axis=1)

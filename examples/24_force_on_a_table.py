@@ -11,9 +11,9 @@ from importlib.resources import files
 import numpy as np
 
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.control.task_space import MotionForce
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import line, timed
+from arm_dynamics.control import MotionForce
+from arm_dynamics.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import line, timed
 from arm_sim import Simulator
 
 PRESS = 20.0  # [N]
@@ -35,13 +35,13 @@ def pressed(friction: float, known: float) -> tuple[np.ndarray, np.ndarray]:
     sim, forces, offs = Simulator(scene, dt=1e-3), [], []
     control = MotionForce(hand, [0.0, 0.0, -1.0], bandwidth=20.0, posture=sim.state.q)
     while sim.state.time < LANDED + draw.duration:
-        wanted = replace(draw.sample(sim.state.time - LANDED), force=PRESS)
-        drag = known * PRESS * np.sign(wanted.velocity[:3])
-        tau = control.torque(sim.state, wanted)
+        reference = replace(draw.sample(sim.state.time - LANDED), force=PRESS)
+        drag = known * PRESS * np.sign(reference.velocity[:3])
+        tau = control.torque(sim.state, reference)
         sim.step(tau + sim.dynamics.contact_torque(sim.state.q, drag))
         if sim.state.time > LANDED:
             forces.append(sim.contact_forces()[0].normal)
-            offs.append(hand.pose(sim.state.q).position - wanted.position)
+            offs.append(hand.pose(sim.state.q).position - reference.position)
     return np.array(forces), np.linalg.norm(np.array(offs)[:, :2], axis=1)
 
 

@@ -13,12 +13,16 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, Scene, Term, load_scene
 from arm_dynamics.arrays import Array
-from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import line, timed
-from arm_dynamics.trajectory.joint_path import JointPath, joint_path
-from arm_dynamics.trajectory.reference import Reference, Waypoint
-from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace
+from arm_dynamics.trajectory import (
+    JointPath,
+    Reference,
+    Waypoint,
+    joint_path,
+    line,
+    quintic,
+    timed,
+)
 
 SCENES = Path(__file__).parents[2] / "src/arm_sim/arm_sim/scenes"
 PLANTS = {

@@ -4,8 +4,7 @@
 from __future__ import annotations
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control.factory import Settings, make_controller
-from arm_dynamics.control.wrappers import AnyController
+from arm_dynamics.control import AnyController, Settings, make_controller
 from benchmarks.controllers.cases import Arm
 
 OMEGA = 15.0  # [rad/s], critically damped

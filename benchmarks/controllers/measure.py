@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.trajectory import Reference
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator

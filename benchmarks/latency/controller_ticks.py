@@ -25,11 +25,10 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.control.computed_torque import Measured
-from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.control import NAMES, Measured, Settings, make_controller
 from arm_dynamics.ros.common.transport import as_usual
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.trajectory import Reference
 
 FRAME = "panda_hand_tcp"
 CALLS = 3000
@@ -80,7 +79,7 @@ def _answers(scene: Any, name: str, observer: float | None) -> Iterator[Callable
 
 
 def _state(node: ControllerNode, off: float) -> bytes:
-    dynamics = node._dynamics
+    dynamics = node.dynamics
     message = JointState(name=list(dynamics.joint_names))
     message.position = (dynamics.model.q0 + off).tolist()
     message.velocity = [0.1] * dynamics.n
@@ -90,7 +89,7 @@ def _state(node: ControllerNode, off: float) -> bytes:
 def _long_way(node: ControllerNode) -> JointTrajectory:
     """A motion that outlasts the measurement, so that the reference is one that moves."""
     names = list(node.dynamics.joint_names)
-    point = JointTrajectoryPoint(positions=(node._dynamics.model.q0 + 0.1).tolist())
+    point = JointTrajectoryPoint(positions=(node.dynamics.model.q0 + 0.1).tolist())
     point.time_from_start.sec = 1000
     return JointTrajectory(joint_names=names, points=[point])
 

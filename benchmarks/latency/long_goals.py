@@ -40,8 +40,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
 )
 from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter
-from arm_dynamics.task_space.inertia import quaternions
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace, quaternions
 from arm_sim.cli.demo.processes import Processes, free_domain
 
 FRAME = "panda_hand_tcp"

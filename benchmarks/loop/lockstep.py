@@ -16,8 +16,7 @@ from rclpy.signals import SignalHandlerOptions
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.ros.common.executor import make_executor
-from arm_dynamics.trajectory.reference import Waypoint
-from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.trajectory import Waypoint, quintic
 from arm_sim import ClosedLoop, Simulator
 from arm_sim.cli.demo.processes import DemoFailed, Processes
 from arm_sim.plant.actuation import computed_torque

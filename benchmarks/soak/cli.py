@@ -9,7 +9,7 @@ from pathlib import Path
 
 import click
 
-from arm_dynamics.exceptions import ArmError
+from arm_dynamics import ArmError
 from arm_dynamics.ros.common.transport import as_usual, by_udp
 from arm_sim.cli.demo.processes import DemoFailed, free_domain, interruptible
 

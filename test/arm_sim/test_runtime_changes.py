@@ -10,7 +10,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, SceneError, load_scene
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.runtime_changes import external_change, friction_change, payload_change

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from arm_dynamics.actuation.internal_state import Flow
+from arm_dynamics.actuation import Flow
 from arm_dynamics.arrays import Array
 
 

@@ -16,8 +16,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.task_space.inertia import quaternions
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace, quaternions
 
 FRAME = "panda_hand_tcp"
 HAND = TaskSpace(models.dynamics("panda"), FRAME)

@@ -11,9 +11,9 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
-from arm_dynamics.control.computed_torque import ComputedTorque, Measured
+from arm_dynamics.control import ComputedTorque, Measured
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.trajectory import Reference
 
 DYNAMICS = models.dynamics("two_link")
 NAMES = list(DYNAMICS.joint_names)

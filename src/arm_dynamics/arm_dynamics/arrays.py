@@ -53,7 +53,7 @@ def vector(name: str, value: ArrayLike, n: int) -> Array:
     """
     array = real_array(name, value)
     if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
-        raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is wanted")
+        raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is expected")
     if not all_finite(array):
         bad = np.argwhere(~np.isfinite(array))[0]
         raise InvalidInput(
@@ -94,8 +94,52 @@ def real_array(name: str, value: ArrayLike) -> Array:
     except ValueError:
         array = np.asarray(None)
     if array.dtype.kind not in "fiu":
-        raise InvalidInput(f"{name} = {value!r}: real numbers are wanted")
+        raise InvalidInput(f"{name} = {value!r}: real numbers are expected")
     return np.asarray(array, dtype=float)
+
+
+def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
+    """A direction of any length but zero, made of length one, shape (n,).
+
+    Raises:
+        InvalidInput: If it is anything else.
+    """
+    u = vector(name, value, n)
+    length = float(np.linalg.norm(u))
+    if u.ndim != 1 or length < 1e-12:
+        raise InvalidInput(f"{name} = {u}; a vector of shape ({n},) but zero is expected")
+    return u / length
+
+
+def numbers(name: str, value: ArrayLike) -> Array:
+    """The value as an array of finite numbers of any shape.
+
+    Raises:
+        InvalidInput: If it is anything else.
+    """
+    array = real_array(name, value)
+    if not np.isfinite(array).all():
+        raise InvalidInput(f"{name} is {array}; allowed are finite numbers")
+    return array
+
+
+def positive(name: str, value: float) -> float:
+    """Check a positive finite number."""
+    if not 0.0 < value < np.inf:
+        raise InvalidInput(f"{name} is {value}; a positive number is expected")
+    return float(value)
+
+
+def positive_limits(name: str, limit: ArrayLike, n: int) -> Array:
+    """Limits of n joints, positive, inf for none, from one number or shape (n,).
+
+    Raises:
+        InvalidInput: If they are anything else.
+    """
+    array = real_array(name, limit)
+    if array.shape not in ((), (n,)) or not np.all(array > 0.0):
+        raise InvalidInput(f"{name} is {limit!r}; allowed are positive numbers, one or ({n},)")
+    return np.array(np.broadcast_to(array, (n,)))
 
 
 def vectors(n: int, **given: ArrayLike) -> list[Array]:

@@ -10,9 +10,9 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, load_scene
-from arm_dynamics.actuation.command_map import rigid_twin
-from arm_dynamics.control.computed_torque import ComputedTorque
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.actuation import rigid_twin
+from arm_dynamics.control import ComputedTorque
+from arm_dynamics.trajectory import Reference
 from arm_sim import Simulator
 from arm_sim.plant.actuation import computed_torque
 from models.driven import law, of_states, wheel

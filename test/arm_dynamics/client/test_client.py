@@ -22,7 +22,7 @@ from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import NoAnswer, Refused
 from arm_dynamics.ros.common.caller import Asker
 from arm_dynamics.ros.interfaces import MAX_POINTS, MAX_TERMS_POINTS
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from tolerances import ALGEBRA
 
 pytestmark = pytest.mark.ros

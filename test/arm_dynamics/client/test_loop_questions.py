@@ -18,7 +18,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.client import ArmClient
 from arm_dynamics.exceptions import Refused
 from arm_dynamics.ros.interfaces import MAX_TERMS_POINTS
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from tolerances import FINITE_DIFF, INVERSE_PAIR, PINOCCHIO, assert_close
 
 pytestmark = pytest.mark.ros

@@ -14,13 +14,11 @@ from harness import running
 from typist import Typist, answer
 
 import models
-from arm_dynamics import InvalidInput
+from arm_dynamics import InvalidInput, Unreachable
 from arm_dynamics.client import ArmClient, NotReached
-from arm_dynamics.exceptions import Refused, Unreachable
+from arm_dynamics.exceptions import Refused
 from arm_dynamics.ros.interfaces import MAX_POSES
-from arm_dynamics.task_space.inertia import quaternions
-from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import InverseKinematics, TaskSpace, quaternions
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros

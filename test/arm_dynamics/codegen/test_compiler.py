@@ -17,8 +17,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import KernelError
-from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen import Kernel, compiler
 
 HERE = str(Path(__file__).parent)
 IMPORT = f"import sys; sys.path.insert(0, {HERE!r}); import test_compiler as t; "

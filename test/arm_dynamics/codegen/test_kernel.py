@@ -9,12 +9,12 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, KernelError, load_scene
-from arm_dynamics.codegen.kernel import Kernel, operations
-from arm_dynamics.dynamics.verify import check_forward
+from arm_dynamics.codegen import Kernel, operations
+from arm_dynamics.dynamics import check_forward
 from arm_dynamics.equations import rigid_body
 from arm_dynamics.equations.forward_dynamics import articulated_bodies
 from arm_dynamics.equations.tree import Tree
-from arm_dynamics.model.tree_builder import tree_of
+from arm_dynamics.model import tree_of
 from arm_sim.plant.plant import Plant
 from models.oracle import Oracle
 from models.random_tree import random_tree

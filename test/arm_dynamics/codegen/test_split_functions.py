@@ -10,8 +10,8 @@ import numpy as np
 import pytest
 
 from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.codegen import Kernel, generate
 from arm_dynamics.codegen import kernel as kernels
-from arm_dynamics.codegen.kernel import Kernel, generate
 from arm_dynamics.codegen.split_functions import divided
 from arm_sim.plant.plant import Plant
 from benchmarks.robots.urdf import chain_urdf

@@ -11,10 +11,16 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
-from arm_dynamics.control import computed_torque
-from arm_dynamics.control.computed_torque import CompiledComputedTorque, ComputedTorque, Measured
-from arm_dynamics.control.factory import Settings, make_controller, preparation
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.control import (
+    CompiledComputedTorque,
+    ComputedTorque,
+    Measured,
+    Settings,
+    computed_torque,
+    make_controller,
+    preparation,
+)
+from arm_dynamics.trajectory import Reference
 from tolerances import ALGEBRA, assert_close
 
 DRY = {

@@ -8,12 +8,17 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, InvalidInput
-from arm_dynamics.control.computed_torque import Measured
-from arm_dynamics.control.factory import NAMES, Settings, make_controller
-from arm_dynamics.control.wrappers import DisturbanceObserver, Saturated, Switch
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.trajectory.reference import Reference, Waypoint
-from arm_dynamics.trajectory.waypoints import quintic
+from arm_dynamics.control import (
+    NAMES,
+    DisturbanceObserver,
+    Measured,
+    Saturated,
+    Settings,
+    Switch,
+    make_controller,
+)
+from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.trajectory import Reference, Waypoint, quintic
 from tolerances import assert_close
 
 

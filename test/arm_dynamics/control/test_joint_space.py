@@ -9,19 +9,23 @@ from scipy.linalg import expm
 
 import models
 from arm_dynamics import ArmModel, InvalidInput, load_scene
-from arm_dynamics.control.computed_torque import ComputedTorque, Measured
-from arm_dynamics.control.friction_compensation import FrictionFeedForward
-from arm_dynamics.control.joint_space import (
+from arm_dynamics.control import (
     PD,
     PID,
+    ComputedTorque,
+    DisturbanceObserver,
     FeedForwardPD,
+    FrictionFeedForward,
     GravityCompensation,
+    HalfTickAhead,
     JointImpedance,
+    Measured,
     PDGravity,
+    Saturated,
+    Switch,
     tuned,
 )
-from arm_dynamics.control.wrappers import DisturbanceObserver, HalfTickAhead, Saturated, Switch
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.trajectory import Reference
 from arm_sim import Simulator
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 

@@ -9,19 +9,18 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control.computed_torque import ComputedTorque, Measured
-from arm_dynamics.control.task_space import (
+from arm_dynamics.control import (
     AlongJoints,
     CartesianImpedance,
+    ComputedTorque,
+    Measured,
     MotionForce,
     OperationalSpace,
     at_rest,
     task_reference,
 )
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import line, timed
-from arm_dynamics.trajectory.joint_path import joint_path
-from arm_dynamics.trajectory.reference import Reference, TaskReference
+from arm_dynamics.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import Reference, TaskReference, joint_path, line, timed
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 
@@ -223,13 +222,13 @@ def test_a_planar_task_presses_along_its_own_axes() -> None:
 def test_bad_settings_and_states_are_refused() -> None:
     task = two_link()
     local = TaskSpace(models.dynamics("two_link"), "tip", "local", ("x", "z"))
-    with pytest.raises(InvalidInput, match="'local_world_aligned' is wanted"):
+    with pytest.raises(InvalidInput, match="'local_world_aligned' is expected"):
         OperationalSpace(local)
     with pytest.raises(InvalidInput, match=r"stiffness has shape \(3,\)"):
         CartesianImpedance(task, [1.0, 1.0, 1.0])
     with pytest.raises(InvalidInput, match=r"is not among the axes of the task, \('x', 'z'\)"):
         MotionForce(task, [0, 1, 1])
-    with pytest.raises(InvalidInput, match="but zero is wanted"):
+    with pytest.raises(InvalidInput, match="but zero is expected"):
         MotionForce(panda(), [0, 0, 0])
     with pytest.raises(InvalidInput, match=r"posture has shape \(3,\)"):
         OperationalSpace(task, posture=[0.0, 0.0, 0.0])

@@ -13,15 +13,14 @@ import pinocchio as pin
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, KernelError, load_scene
+from arm_dynamics import ArmModel, Dynamics, KernelError, Term, load_scene
 from arm_dynamics.codegen import compiler
+from arm_dynamics.dynamics import MANY
 from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_backend import check, compiled
 from arm_dynamics.dynamics.compiled_terms import BatchTerm
-from arm_dynamics.dynamics.dynamics import Term
-from arm_dynamics.dynamics.rigid import MANY
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
-from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.model import RigidTerms
 from models.random_tree import random_tree
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 

@@ -10,7 +10,7 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, ModelError
-from arm_dynamics.dynamics.rigid import MANY
+from arm_dynamics.dynamics import MANY
 
 Words = Callable[[Dynamics, np.ndarray, np.ndarray, np.ndarray], object]
 

@@ -10,10 +10,10 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, KernelError
+from arm_dynamics.dynamics import MANY
 from arm_dynamics.dynamics import compiled_terms as batch_terms
 from arm_dynamics.dynamics.compiled_backend import check, compiled
-from arm_dynamics.dynamics.rigid import MANY
-from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.model import RigidTerms
 from models.linkages import body, inline, scene
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 

@@ -69,7 +69,7 @@ def test_rotor_is_pinocchios_armature(rng: np.random.Generator) -> None:
     free = tau - dyn.friction(v)
     wanted = pin.aba(plain, data, q, v, free, pin.Convention.WORLD)
     assert_close(dyn.forward(q, v, tau), wanted, PINOCCHIO)
-    sim = Simulator(dyn.model, backend="vm")
+    sim = Simulator(dyn.model)
     slope = sim.plant.rhs(np.concatenate([q, v]), tau, np.sign(v))
     assert_close(slope.full().ravel()[3:], wanted, ALGEBRA)
 
@@ -225,8 +225,8 @@ def test_some_joints_with_motors_and_some_without() -> None:
     """A joint without a drive takes its command as a torque."""
     drive = {"command": "current", "torque_constant": 0.1, "gear_ratio": 10}
     joints = {"joint2": {"actuator": drive}}
-    some = Simulator({"robot": {"urdf": URDF}, "joints": joints}, backend="vm")
-    plain = Simulator({"robot": {"urdf": URDF}}, backend="vm")
+    some = Simulator({"robot": {"urdf": URDF}, "joints": joints})
+    plain = Simulator({"robot": {"urdf": URDF}})
     some.run(0.1, [1.0, 2.0, 0.5])
     plain.run(0.1, [1.0, 2.0, 0.5])
     assert_close(some.state.q, plain.state.q, 1e-12)

@@ -15,10 +15,8 @@ import pytest
 import models
 from arm_dynamics import ConstraintError, Dynamics, InvalidInput, load_scene
 from arm_dynamics.equations import constraint
-from arm_dynamics.model.constraint_rows import ConstraintRows
-from arm_dynamics.model.robot import Robot
-from arm_dynamics.model.tree_builder import linkage_of, tree_of
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.model import ConstraintRows, Robot, linkage_of, tree_of
+from arm_dynamics.task_space import TaskSpace
 from models.linkages import scene
 from tolerances import ALGEBRA, FINITE_DIFF, INVERSE_PAIR, assert_close
 
@@ -228,7 +226,7 @@ def test_bad_multipliers_and_names_are_refused() -> None:
         dyn.constrained_inverse(q, v, v, [1.0, 2.0])
     with pytest.raises(InvalidInput, match="no constraint 'lop'; allowed: loop"):
         dyn.constrained_forward(q, v, v, active=["lop"])
-    with pytest.raises(InvalidInput, match="frame is wanted"):
+    with pytest.raises(InvalidInput, match="frame is expected"):
         dyn.contact_torque(q, [0, 0, 1])
 
 

@@ -108,7 +108,7 @@ REFUSED = {
         "'wall', which does not exist",
     ),
     "unknown joint": ({"type": "coupling", "joints": ["elbow", "knee"], "ratio": 1}, "'knee'"),
-    "one frame twice": ({"type": "point", "frames": ["tip", "tip"]}, "two different frames"),
+    "one frame twice": ({"type": "point", "frames": ["tip", "tip"]}, "two different names"),
     "unknown type": ({"type": "glue", **TIP}, "'glue'"),
     "no type": ({**TIP}, "type"),
     "unknown key": ({"type": "point", "offset": 1, **TIP}, r"unknown key.*offset"),

@@ -17,12 +17,10 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control.computed_torque import Measured
-from arm_dynamics.control.factory import NAMES, Settings, make_controller
-from arm_dynamics.control.joint_space import tuned
+from arm_dynamics.control import NAMES, Measured, Settings, make_controller, tuned
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.task_space.task_space import TaskSpace
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.trajectory import Reference
 from arm_sim.ros.sim_node import SimNode
 from tolerances import ALGEBRA, assert_close
 
@@ -246,6 +244,26 @@ def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
     assert change(node, controller="pd").successful
     effort(node, MS, HOME + 0.4)
     assert_close(node.follower.reference(2 * MS).q, HOME, ALGEBRA)
+
+
+def test_the_newest_choice_counts_whatever_was_being_prepared(ros: Ros) -> None:
+    """A controller that is ready late does not take the place of one that was chosen since."""
+    node = controller_node(ros, switch_time=0.0, bandwidth=[4.0])
+    effort(node, 0)
+    settle(node)
+    assert change(node, controller="operational_space", task_frame="panda_link5").successful
+    assert node.busy  # compiles for a frame that no test has used before
+    assert change(node, controller="pd_gravity").successful
+    assert not node.busy
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end:
+        time.sleep(0.05)
+        node.deliver()
+    still = Reference(HOME, np.zeros(7), np.zeros(7))
+    chosen = make_controller("pd_gravity", models.dynamics("panda"), Settings(bandwidth=4.0))
+    effort(node, MS, HOME + 0.1)
+    exact = chosen.torque(Measured(HOME + 0.1, np.zeros(7)), still)
+    assert_close(effort(node, 2 * MS, HOME + 0.1), exact, ALGEBRA)
 
 
 def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:

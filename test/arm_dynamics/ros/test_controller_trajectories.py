@@ -13,7 +13,7 @@ from two_link_control import MS, NAMES, effort, point, reference_of, trajectory,
 
 import models
 from arm_dynamics.ros.controller_node import ControllerNode
-from arm_dynamics.trajectory.reference import Reference
+from arm_dynamics.trajectory import Reference
 from tolerances import ALGEBRA, assert_close
 
 pytestmark = pytest.mark.ros

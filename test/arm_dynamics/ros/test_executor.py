@@ -11,7 +11,8 @@ from harness import Ros
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.executor import make_executor, spin, surviving
+from arm_dynamics.ros.common.executor import make_executor, spin, subscribe
+from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 pytestmark = pytest.mark.ros
 
@@ -84,5 +85,5 @@ def test_the_probe_leaves_nothing_behind(node: Node) -> None:
 def test_a_callback_that_fails_does_not_end_the_node(
     node: Node, capfd: pytest.CaptureFixture[str]
 ) -> None:
-    surviving(node, lambda message: 1 / message)(0)
+    subscribe(node, DIAGNOSTICS, lambda message: 1 / message).callback(0)
     assert "ZeroDivisionError" in capfd.readouterr().err

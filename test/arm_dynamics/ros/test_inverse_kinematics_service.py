@@ -13,8 +13,7 @@ from harness import Ros
 import models
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import INVERSE_KINEMATICS, MAX_POSES
-from arm_dynamics.task_space.inertia import quaternions
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace, quaternions
 from tolerances import assert_close
 
 pytestmark = pytest.mark.ros

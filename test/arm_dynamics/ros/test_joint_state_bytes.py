@@ -13,13 +13,13 @@ from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.joint_state.compiled import CompiledReader, make_reader
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
     JointStateReader,
     JointStateWriter,
     layout_of,
 )
+from arm_dynamics.ros.joint_state.topics import CompiledReader, make_reader
 
 pytestmark = pytest.mark.ros
 

@@ -17,7 +17,7 @@ from sim_by_hand import NAMES, TAU, by_hand, command, motion, ticks
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
-from arm_dynamics.ros.joint_state import compiled
+from arm_dynamics.ros.joint_state import topics as compiled
 from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter, Read
 from arm_dynamics.ros.joint_state.topics import JointStateSink, JointStateSource
 

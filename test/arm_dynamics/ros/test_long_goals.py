@@ -28,6 +28,7 @@ from trajectory_msgs.msg import JointTrajectory
 
 import models
 from arm_dynamics.ros import controller_node
+from arm_dynamics.ros.common import executor
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_sim.cli import nodes as cli
@@ -164,12 +165,13 @@ def test_every_way_to_start_the_controller_takes_short_turns(
     def note(*_: Any) -> int:
         found.append(sys.getswitchinterval())
         sys.setswitchinterval(before)
-        return 0
+        return 2  # as a node that could not start
 
     monkeypatch.setattr(controller_node, "run", note)
-    monkeypatch.setattr(cli, "_run", note)
-    with pytest.raises(SystemExit, match="0"):
+    monkeypatch.setattr(executor, "run", note)
+    with pytest.raises(SystemExit, match="2"):
         controller_node.main([])
-    cli.controller.callback("scene.yaml", (), False)
+    with pytest.raises(SystemExit, match="2"):
+        cli.controller.callback("scene.yaml", (), False)
     assert len(found) == 2
     assert max(found) < 1e-3 < before

@@ -12,7 +12,7 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.control.factory import Settings
+from arm_dynamics.control import Settings
 from arm_dynamics.ros.common.params import declare, parameter, watch
 from arm_dynamics.ros.controller import ControllerParams
 from arm_dynamics.ros.dynamics_node import DynamicsParams

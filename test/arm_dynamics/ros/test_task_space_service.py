@@ -13,7 +13,7 @@ from harness import Ros
 import models
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import MAX_TERMS_POINTS, TASK_SPACE
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from tolerances import PINOCCHIO, assert_close
 
 pytestmark = pytest.mark.ros

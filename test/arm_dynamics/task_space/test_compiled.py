@@ -8,11 +8,10 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, KernelError, ModelError, load_scene
+from arm_dynamics.task_space import AXES, TaskSpace
 from arm_dynamics.task_space import compiled as task_kernel
-from arm_dynamics.task_space.axes import AXES
 from arm_dynamics.task_space.compiled import TaskKernel
 from arm_dynamics.task_space.inertia import THRESHOLD
-from arm_dynamics.task_space.task_space import TaskSpace
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 SOME = [AXES, ("x", "z", "ry")]
@@ -31,7 +30,7 @@ def test_a_look_is_what_the_task_space_says(
     kernel = TaskKernel(model, task.frame, axes, THRESHOLD)
     for _ in range(5):
         q, v, _ = models.random_state(rng, model.n)
-        now, terms = kernel.look(q, v), task.terms(q, v)
+        now, terms = kernel.state(q, v), task.terms(q, v)
         assert_close(now.position, terms.position, ALGEBRA)
         assert_close(now.rotation, terms.rotation, ALGEBRA)
         assert_close(now.J, terms.jacobian, ALGEBRA)
@@ -52,7 +51,7 @@ def test_a_reference_in_joints_means_a_motion_of_the_frame(
     model = models.dynamics(robot).model
     task = TaskSpace(model, last_frame(model))
     q, v, a = models.random_state(rng, model.n)
-    made = TaskKernel(model, task.frame, AXES, THRESHOLD).meant(q, v, a)
+    made = TaskKernel(model, task.frame, AXES, THRESHOLD).frame_motion(q, v, a)
     for one, other in zip(made, task.motion.accelerated(q, v, a), strict=True):
         assert_close(one, other, ALGEBRA)
 
@@ -60,7 +59,7 @@ def test_a_reference_in_joints_means_a_motion_of_the_frame(
 @pytest.mark.parametrize("q", [np.zeros(7), [0.0, 0.0, 0.0, -1e-9, 0.0, 0.0, 0.0]])
 def test_at_a_singularity_it_answers_damped_as_the_task_space(q: np.ndarray) -> None:
     task = TaskSpace(models.dynamics("panda"), "panda_hand_tcp")
-    now = TaskKernel(task.model, task.frame, AXES, THRESHOLD).look(np.array(q), np.zeros(7))
+    now = TaskKernel(task.model, task.frame, AXES, THRESHOLD).state(np.array(q), np.zeros(7))
     terms = task.terms(q)
     assert terms.damped
     assert_close(now.inertia, terms.inertia, 1e-6)  # of 1e4: eigenvectors of a singular matrix
@@ -69,7 +68,7 @@ def test_at_a_singularity_it_answers_damped_as_the_task_space(q: np.ndarray) -> 
 
 def test_more_axes_than_joints_are_damped() -> None:
     task = TaskSpace(models.dynamics("two_link"), "tip")
-    now = TaskKernel(task.model, task.frame, AXES, THRESHOLD).look(np.ones(2), np.ones(2))
+    now = TaskKernel(task.model, task.frame, AXES, THRESHOLD).state(np.ones(2), np.ones(2))
     assert_close(now.inertia, task.terms(np.ones(2)).inertia, 1e-6)
 
 
@@ -78,9 +77,9 @@ def test_a_frame_is_built_once_for_a_model(monkeypatch: pytest.MonkeyPatch) -> N
     first = TaskKernel(model, "tip", ("x", "y"), 1e-4)
     monkeypatch.setattr(task_kernel, "_functions", None)
     again = TaskKernel(model, "tip", ("x", "y"), 1e-2)
-    held = first.look(np.ones(2), np.ones(2)).position
+    held = first.state(np.ones(2), np.ones(2)).position
     before = held.copy()
-    again.look(np.zeros(2), np.ones(2))
+    again.state(np.zeros(2), np.ones(2))
     np.testing.assert_array_equal(held, before)  # memory of its own
 
 
@@ -106,7 +105,7 @@ def test_few_axes(axes: tuple[str, ...], rng: np.random.Generator) -> None:
         model = models.dynamics(robot).model
         task = TaskSpace(model, last_frame(model), selection=axes)
         q, v, _ = models.random_state(rng, model.n)
-        now, terms = TaskKernel(model, task.frame, axes, THRESHOLD).look(q, v), task.terms(q, v)
+        now, terms = TaskKernel(model, task.frame, axes, THRESHOLD).state(q, v), task.terms(q, v)
         assert_close(now.J, terms.jacobian, ALGEBRA)
         assert now.B.shape == (model.n, len(axes))
         assert_close(now.inertia, terms.inertia, 1e-6)

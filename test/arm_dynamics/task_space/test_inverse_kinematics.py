@@ -8,12 +8,9 @@ import pinocchio as pin
 import pytest
 
 import models
-from arm_dynamics import ArmError, InvalidInput
-from arm_dynamics.exceptions import Unreachable
-from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import circle, line, timed
-from arm_dynamics.trajectory.joint_path import joint_path, paced
+from arm_dynamics import ArmError, InvalidInput, Unreachable
+from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace
+from arm_dynamics.trajectory import circle, joint_path, line, paced, timed
 from arm_dynamics.trajectory.time_scaling import torque_stretch
 
 FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "puma560": None, "kinova": None}
@@ -78,9 +75,9 @@ def test_bad_poses_and_seeds_are_refused() -> None:
         solver.solve(Pose(np.full(3, np.nan), np.eye(3)))
     with pytest.raises(InvalidInput, match=r"seed has shape \(3,\)"):
         solver.solve(Pose(np.zeros(3), np.eye(3)), np.zeros(3))
-    with pytest.raises(InvalidInput, match="positive numbers are wanted"):
+    with pytest.raises(InvalidInput, match="positive numbers are expected"):
         InverseKinematics(task_of("panda"), distance=0.0)
-    with pytest.raises(InvalidInput, match="'local_world_aligned' is wanted"):
+    with pytest.raises(InvalidInput, match="'local_world_aligned' is expected"):
         InverseKinematics(TaskSpace(models.dynamics("panda"), "panda_hand", "local"))
 
 

@@ -9,7 +9,7 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from tolerances import ALGEBRA, PINOCCHIO, assert_close
 
 REFERENCES = ("local", "world", "local_world_aligned")

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import Dynamics
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from tolerances import ALGEBRA, assert_close
 
 M1, M2, L1, L2, G = 2.0, 1.5, 0.7, 0.4, 9.81

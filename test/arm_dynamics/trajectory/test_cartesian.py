@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from arm_dynamics.task_space.task_space import Pose
-from arm_dynamics.trajectory.cartesian import circle, line
+from arm_dynamics.task_space import Pose
+from arm_dynamics.trajectory import circle, line
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.trajectory.follower import Follower
-from arm_dynamics.trajectory.waypoints import Limits, Reference, Waypoint
+from arm_dynamics.trajectory import Follower, Limits, Reference, Waypoint
 from tolerances import ALGEBRA, assert_close
 
 SECOND = 1_000_000_000

@@ -11,10 +11,8 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput, Unreachable
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.joint_path import JointPath
-from arm_dynamics.trajectory.planner import CartesianGoals, Pace
-from arm_dynamics.trajectory.reference import Limits, Motion, Reference
+from arm_dynamics.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import CartesianGoals, JointPath, Limits, Motion, Pace, Reference
 from tolerances import ALGEBRA, assert_close
 
 FRAMES = {"panda": "panda_hand_tcp", "ur10": "tool0", "kinova": "j2s6s200_end_effector",

@@ -11,12 +11,18 @@ import pytest
 
 import models
 from arm_dynamics import ArmError, Dynamics, InvalidInput, Unreachable
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
-from arm_dynamics.trajectory.cartesian import line, timed
-from arm_dynamics.trajectory.joint_path import JointPath, joint_path, paced
-from arm_dynamics.trajectory.reference import Trajectory
-from arm_dynamics.trajectory.time_optimal import Profile, retimed
-from arm_dynamics.trajectory.timing import Quintic
+from arm_dynamics.task_space import Pose, TaskSpace
+from arm_dynamics.trajectory import (
+    JointPath,
+    Quintic,
+    Trajectory,
+    joint_path,
+    line,
+    paced,
+    retimed,
+    timed,
+)
+from arm_dynamics.trajectory.time_optimal import Profile
 from models.rotor import rotor
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from arm_dynamics.trajectory.timing import Quintic, Trapezoid
+from arm_dynamics.trajectory import Quintic, Trapezoid
 from tolerances import ALGEBRA, assert_close
 
 

@@ -7,8 +7,7 @@ import numpy as np
 import pytest
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.trajectory.quintic import extremes
-from arm_dynamics.trajectory.waypoints import (
+from arm_dynamics.trajectory import (
     Limits,
     Reference,
     Trajectory,
@@ -18,6 +17,7 @@ from arm_dynamics.trajectory.waypoints import (
     quintic_through,
     stop,
 )
+from arm_dynamics.trajectory.quintic import extremes
 from tolerances import ALGEBRA, FINITE_DIFF, assert_close
 
 N = 3
@@ -288,7 +288,7 @@ def test_chosen_durations_use_limits_up(rng: np.random.Generator) -> None:
         ([Waypoint(0.0, [0.0], [np.inf]), Waypoint(1.0, [0.0])], "velocity of waypoint 0 is"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], [1.0])], "last waypoint"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [0.0], None, [1.0])], "last waypoint"),
-        ([Waypoint(0.0, [0.0]), Waypoint(1.0, ["fast"])], "numbers are wanted"),
+        ([Waypoint(0.0, [0.0]), Waypoint(1.0, ["fast"])], "numbers are expected"),
     ],
 )
 def test_malformed_waypoints_are_refused(waypoints: list[Waypoint], complaint: str) -> None:

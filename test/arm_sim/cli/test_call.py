@@ -15,7 +15,7 @@ from harness import running
 from typist import Typist, answer
 
 import models
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 
 pytestmark = pytest.mark.ros
 

@@ -15,10 +15,11 @@ from click.testing import CliRunner, Result
 
 import models
 from arm_dynamics import InvalidInput, load_scene
-from arm_dynamics.scene.schema import Initial
+from arm_dynamics.scene import Initial
 from arm_sim.cli.demo.motion import choose_motion
 from arm_sim.cli.main import main
-from arm_sim.cli.nodes import _split
+from arm_sim.cli.nodes import split_words
+from arm_sim.cli.output import limit
 from arm_sim.cli.vectors import Vector, parse
 
 PANDA = str(models.SCENES / "panda.yaml")
@@ -155,7 +156,7 @@ def test_unknown_joint_is_named() -> None:
 def test_scene_is_told_from_ros_arguments(
     scene: str | None, rest: tuple[str, ...], expected: tuple[str | None, tuple[str, ...]]
 ) -> None:
-    assert _split(scene, rest) == expected
+    assert split_words(scene, rest) == expected
 
 
 # --- describe ----------------------------------------------------------------------------------
@@ -245,8 +246,21 @@ def test_demo_motion_keeps_away_from_joint_limits(robot_name: str) -> None:
     assert ((points >= low - 1e-12) & (points <= high + 1e-12)).all()
 
 
-def test_demo_motion_refuses_an_arm_that_cannot_carry_itself() -> None:
+@pytest.mark.parametrize("pull", [-9.81, 9.81])
+def test_demo_motion_refuses_an_arm_that_cannot_carry_itself(pull: float) -> None:
     weak = {"robot": {"urdf": str(models.FOLDER / "gantry.urdf")},
+            "gravity": [0, 0, pull],
             "joints": {"*": {"limits": {"effort": 1.0}}}}  # fmt: skip
     with pytest.raises(InvalidInput, match="cannot carry its own weight: joint '"):
         choose_motion(load_scene(weak), 5.0)
+
+
+# --- numbers -----------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("value", "text"),
+    [(1.5, "1.5"), (-0.0, "0"), (1234567.0, "1.23457e+06"), (np.inf, "-"), (-np.inf, "-")],
+)
+def test_limits_are_written_short(value: float, text: str) -> None:
+    assert limit(value) == text

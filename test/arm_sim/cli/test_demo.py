@@ -93,6 +93,7 @@ def gone(ids: dict[str, int], timeout: float = 10.0) -> bool:
     return True
 
 
+@pytest.mark.alone
 def test_the_loop_closes_on_a_panda(start: Start, tmp_path: Path) -> None:
     demo = start("--duration", "2")
     demo.until("following the trajectory")
@@ -103,7 +104,7 @@ def test_the_loop_closes_on_a_panda(start: Start, tmp_path: Path) -> None:
     result = json.loads((tmp_path / "demo.json").read_text())
     assert result["joints"] == 7
     assert result["error_rms"] < 2e-3
-    assert result["energy_balance"] < 1e-6
+    assert result["energy_balance"] < 1e-6 < result["energy_dissipated"] < result["energy_moved"]
     assert result["questions"] > 10
     assert result["commands"] > 0.6 * result["ticks"]  # counted from when the nodes have met
     assert (tmp_path / "demo.png").read_bytes().startswith(PNG)

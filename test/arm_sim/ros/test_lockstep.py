@@ -19,7 +19,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 import models
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import NEWEST, PAUSE, RESET, RESET_COUNTERS
-from arm_dynamics.trajectory.reference import Waypoint
+from arm_dynamics.trajectory import Waypoint
 from arm_sim import ClosedLoop
 from arm_sim.ros.sim_node import SimNode
 

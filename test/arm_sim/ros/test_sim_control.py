@@ -19,7 +19,7 @@ from std_msgs.msg import Float64MultiArray
 import models
 from arm_dynamics import load_scene
 from arm_dynamics.ros.interfaces import RESET, RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.ros.commands.arbiter import STREAM
 from arm_sim.ros.sim_node import SimNode

@@ -12,7 +12,7 @@ import pytest
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.task_space.task_space import TaskSpace
+from arm_dynamics.task_space import TaskSpace
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.ros.tick_engine import MAX_STEPS, TickEngine
 from arm_sim.ros.tick_queue import TickQueue

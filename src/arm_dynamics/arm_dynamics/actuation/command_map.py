@@ -15,7 +15,7 @@ from arm_dynamics.scene.schema import Scene
 
 
 class CommandMap:
-    """Commands that make the drives of an arm give wanted torques, as if they were rigid.
+    """Commands that make the drives of an arm give required torques, as if they were rigid.
 
     A torque stays what it is; a current is i = τ / (N K_t), a voltage u = R i + N K_e v, with the
     torque of the poles taken off first. What a drive needs time for is left out: the current
@@ -52,14 +52,14 @@ class CommandMap:
         if self._idle:
             return tau
         symbolic = isinstance(tau, ca.SX)
-        wanted = ca.SX(tau) if symbolic else np.array(tau, dtype=float)
+        required = ca.SX(tau) if symbolic else np.array(tau, dtype=float)
         for joint, m in self._poles:
             assert m.cogging is not None
             i = joint if symbolic else (..., joint)
             wave = m.cogging.amplitude, m.cogging.order, m.cogging.phase
-            wanted[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], *wave)
+            required[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], *wave)
         like = ca.DM if symbolic else np.asarray
-        return like(self._gain) * wanted + like(self._back_emf) * v
+        return like(self._gain) * required + like(self._back_emf) * v
 
 
 def rigid_twin(scene: Scene) -> Scene:

@@ -224,8 +224,8 @@ class Drives:
     and the state of the hysteresis, where the transmission is flexible.
 
     Attributes:
-        title: What it is, for people.
-        names: Its states, for people.
+        title: What it is, for display.
+        names: Its states, for display.
         scale: Size of each state that matters for its error.
         replaces_command: Joints that have a drive, shape (n,).
     """

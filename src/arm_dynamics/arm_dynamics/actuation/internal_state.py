@@ -38,8 +38,8 @@ class StatefulLaw(Protocol):
     """A law with states of its own (perhaps none), or one that takes the place of the command.
 
     Attributes:
-        title: What it is, for people: "LuGre friction".
-        names: Its states, for people, with joint and unit: "joint1 motor current [A]".
+        title: What it is, for display: "LuGre friction".
+        names: Its states, for display, with joint and unit: "joint1 motor current [A]".
         scale: For each state the size that matters, shape (nz,): an error of the tolerance times
             this size is as bad as that of a radian.
         replaces_command: Joints for which its torque takes the place of u, shape (n,); for the
@@ -78,8 +78,8 @@ class FrictionLaw(StatefulLaw, Protocol):
     """A law of friction with states.
 
     Attributes:
-        absent: Why a scene has none, for people: "no bristles".
-        summary: What of it a scene has, for people: "2 joints, as many states".
+        absent: Why a scene has none, for display: "no bristles".
+        summary: What of it a scene has, for display: "2 joints, as many states".
     """
 
     title: str
@@ -127,7 +127,7 @@ class Ensemble:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """All states, for people."""
+        """All states, for display."""
         return tuple(name for law in self.laws for name in law.names)
 
     @property

@@ -41,7 +41,8 @@ class LugreFriction:
         Raises:
             SceneError: If the coefficients of a joint do not go together.
         """
-        self._n, self._joints, self._levels = model.n, list(asked), model.friction.by_law
+        self._n, self._joints = model.n, list(asked)
+        self._levels = model.friction.by_law.of(self._joints)
         self.names = tuple(
             f"{model.joint_names[i]} bristle deflection "
             f"[{'m' if model.joint_types[i] == 'prismatic' else 'rad'}]"
@@ -79,10 +80,10 @@ class LugreFriction:
         """See ``equations.lugre``."""
         w = self._speeds(v)
         rate = lugre.bending(w, z, self._sigma0, self._level(w))
-        held = lugre.torque(z, rate, self._sigma0, self._damping(w))
+        friction_torque = lugre.torque(z, rate, self._sigma0, self._damping(w))
         torque = ca.SX(self._n, 1)
         for k, i in enumerate(self._joints):
-            torque[i] = -held[k]
+            torque[i] = -friction_torque[k]
         return Flow(torque, rate)
 
     def steady(self, v: Quantity, direction: Quantity) -> Quantity:

@@ -5,8 +5,15 @@ Knows the interfaces and the service caller of ``ros``, so importing it needs RO
 workspace. It knows no equations: numbers go out and come in.
 """
 
-from arm_dynamics.client.client import ALL_TERMS, ArmClient
-from arm_dynamics.client.values import ConstrainedMotion, ModelFacts, NotReached, Postures, Terms
+from arm_dynamics.client.client import (
+    ALL_TERMS,
+    ArmClient,
+    ConstrainedMotion,
+    ModelFacts,
+    NotReached,
+    Postures,
+    Terms,
+)
 
 __all__ = [
     "ALL_TERMS",

@@ -4,19 +4,15 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.client.values import (
-    ConstrainedMotion,
-    ModelFacts,
-    NotReached,
-    Postures,
-    Terms,
     fixed,
     flat,
     motion,
@@ -27,12 +23,113 @@ from arm_dynamics.client.values import (
     whole,
     words,
 )
-from arm_dynamics.exceptions import Refused
+from arm_dynamics.exceptions import Refused, Unreachable
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.caller import Caller
 
 ALL_TERMS = 15  # as arm_dynamics.Term.ALL, which would import Pinocchio
 _U32 = 2**32 - 1
+
+
+@dataclass(frozen=True)
+class ModelFacts:
+    """What a dynamics node knows about its arm; vectors have shape (n,).
+
+    Attributes:
+        joint_names: The model's order.
+        joint_types: ``revolute``, ``continuous`` or ``prismatic``.
+        position_lower: In [rad] or [m]; -inf for none.
+        position_upper: In [rad] or [m]; inf for none.
+        velocity_limits: In [rad/s] or [m/s]; inf for none.
+        effort_limits: In [N m] or [N]; inf for none.
+        frame_names: Frames of the arm.
+        total_mass: In [kg].
+        gravity: In the world frame in [m/s²], shape (3,).
+        summary: A description in one line.
+    """
+
+    joint_names: tuple[str, ...]
+    joint_types: tuple[str, ...]
+    position_lower: Array
+    position_upper: Array
+    velocity_limits: Array
+    effort_limits: Array
+    frame_names: tuple[str, ...]
+    total_mass: float
+    gravity: Array
+    summary: str
+
+
+@dataclass(frozen=True)
+class Terms:
+    """The parts of the equation of motion; a batch has k in front of every shape.
+
+    Attributes:
+        joint_names: Order of the vectors.
+        mass_matrix: M(q), shape (n, n).
+        coriolis_matrix: C(q, v), shape (n, n).
+        gravity: G(q) in [N m] or [N], shape (n,).
+        friction: F(v) in [N m] or [N], shape (n,).
+        kinetic_energy: In [J], shape ().
+        potential_energy: In [J], shape ().
+    """
+
+    joint_names: tuple[str, ...]
+    mass_matrix: Array
+    coriolis_matrix: Array
+    gravity: Array
+    friction: Array
+    kinetic_energy: Array
+    potential_energy: Array
+
+
+@dataclass(frozen=True)
+class ConstrainedMotion:
+    """Motion under the scene's constraints; a batch has k in front of both shapes.
+
+    Attributes:
+        joint_names: Order of the accelerations.
+        constraint_names: The constraint that each multiplier belongs to, m names.
+        acceleration: In [rad/s²] or [m/s²], shape (n,).
+        multipliers: λ, what the arm exerts against the constraints, in [N] or [N m], shape (m,):
+            force and moment of a constraint's first frame upon its second, in axes of the second.
+    """
+
+    joint_names: tuple[str, ...]
+    constraint_names: tuple[str, ...]
+    acceleration: Array
+    multipliers: Array
+
+
+@dataclass(frozen=True)
+class Postures:
+    """Joint positions for poses; a batch has k in front of every shape.
+
+    Attributes:
+        joint_names: Order of the positions.
+        q: Within limits, in [rad] or [m], shape (n,); the nearest found where a pose is not
+            reached.
+        reached: Whether the pose is reached to 1e-9 m and 1e-9 rad, shape ().
+        distance: What is missing in [m], shape ().
+        angle: What is missing in [rad], shape ().
+    """
+
+    joint_names: tuple[str, ...]
+    q: Array
+    reached: NDArray[np.bool_]
+    distance: Array
+    angle: Array
+
+
+class NotReached(Refused, Unreachable):
+    """A node searched for joint positions and did not reach every pose; the message is the node's.
+
+    ``found`` holds what it found for each pose: the nearest posture where a pose is not reached.
+    """
+
+    def __init__(self, message: str, found: Postures) -> None:
+        super().__init__(message, float(found.distance.max()))
+        self.found = found
 
 
 class ArmClient:

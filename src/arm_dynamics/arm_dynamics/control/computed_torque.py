@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array, all_finite, vector
+from arm_dynamics.arrays import Array, all_finite, numbers, vector
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -25,7 +25,7 @@ from arm_dynamics.exceptions import InvalidInput, KernelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
-from arm_dynamics.trajectory.reference import Reference, numbers
+from arm_dynamics.trajectory.reference import Reference
 
 _FLOAT = np.dtype(float)
 
@@ -74,12 +74,12 @@ class ComputedTorque:
     With an exact model every joint's error obeys ë + 2 ζ ω ė + ω² e = 0 (Craig, Introduction to
     Robotics, section 10.4). A torque that is held for a tick acts half a tick late; so inverse
     dynamics is taken for the middle of the tick, and the gains are those whose error, seen at the
-    ticks, falls as that equation says (``held_gains``). With dt = 0 it is the law of the books,
+    ticks, falls as that equation says (``held_gains``). With dt = 0 they are the textbooks',
     K_p = ω² and K_d = 2 ζ ω.
 
     Dry friction of a joint at rest is compensated in the direction of the reference: the joint's
-    own motion would say nothing and leave it stuck. The law is not for actuators that saturate and
-    does nothing about model errors but feedback.
+    own motion would say nothing and leave it stuck. Saturating actuators break the promise, and
+    only feedback counters model errors.
     """
 
     def __init__(
@@ -113,41 +113,40 @@ class ComputedTorque:
             reference: Where it should be and how it should move.
         """
         q, v = checked(state, self._n)
-        desired = (reference.q, reference.v, reference.a)
-        a = demanded_acceleration(q, v, desired, self._kp, self._kd)
-        middle, speed = halfway(q, v, a, self._dt)
-        tau, friction = self._rigid.inverse(middle, speed, a), self._friction
+        friction, desired = self._friction, (reference.q, reference.v, reference.a)
         sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.has_dry else v
-        return np.asarray(friction.demanded(tau, speed, sliding, middle))
+        tuning = self._kp, self._kd, self._dt
+        made = demanded_torque(self._rigid.inverse, friction, q, v, desired, tuning, sliding)
+        return np.asarray(made)
 
 
-def halfway(q: Any, v: Any, a: Any, dt: float) -> tuple[Any, Any]:
-    """Position and velocity half a tick later, to first order; for numpy and CasADi alike.
-
-    Args:
-        q: Joint positions in [rad] or [m], shape (n,).
-        v: Joint velocities, shape (n,).
-        a: Joint accelerations, shape (n,).
-        dt: Length of the tick in [s].
-    """
-    return q + 0.5 * dt * v, v + 0.5 * dt * a
-
-
-def demanded_acceleration(q: Any, v: Any, desired: Sequence[Any], kp: Any, kd: Any) -> Any:
-    """Acceleration that leads to a reference, q̈_d + K_d ė + K_p e; for numpy and CasADi alike.
+def demanded_torque(
+    inverse: Callable[[Any, Any, Any], Any],
+    friction: SteadyFriction,
+    q: Any,
+    v: Any,
+    desired: Sequence[Any],
+    tuning: Sequence[Any],
+    sliding: Any,
+) -> Any:
+    """Torque for the acceleration q̈_d + K_d ė + K_p e in the middle of a tick.
 
     Args:
-        q: Joint positions in [rad] or [m], shape (n,).
-        v: Joint velocities, shape (n,).
-        desired: Position, velocity and acceleration of the reference, each of shape (n,).
-        kp: K_p in [1/s²], shape (n,).
-        kd: K_d in [1/s], shape (n,).
+        inverse: M a + C v + G of positions, velocities and accelerations.
+        friction: What is added to it.
+        q: Joint positions in [rad] or [m], an array or expression of shape (n,).
+        v: Joint velocities, likewise.
+        desired: Position, velocity and acceleration of the reference, likewise.
+        tuning: K_p and K_d of shape (n,), and the time dt for which a torque is held.
+        sliding: Which way joints slide, -1 to 1, shape (n,).
 
     Returns:
-        Joint accelerations, shape (n,).
+        Joint torques in [N m] or [N], shape (n,).
     """
-    q_d, v_d, a_d = desired
-    return a_d + kd * (v_d - v) + kp * (q_d - q)
+    (q_d, v_d, a_d), (kp, kd, dt) = desired, tuning
+    a = a_d + kd * (v_d - v) + kp * (q_d - q)
+    middle, speed = q + 0.5 * dt * v, v + 0.5 * dt * a
+    return friction.demanded(inverse(middle, speed, a), speed, sliding, middle)
 
 
 def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array, Array]:
@@ -195,7 +194,7 @@ def held_gains(
     """
     kp, kd = gains(bandwidth, damping_ratio, n)
     if not 0.0 <= dt < np.inf:
-        raise InvalidInput(f"dt is {dt}; a time of at least zero is wanted")
+        raise InvalidInput(f"dt is {dt}; a time of at least zero is expected")
     if dt == 0.0:
         return kp, kd
     root = np.sqrt((0.25 * kd**2 - kp).astype(complex))
@@ -245,7 +244,7 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
             return q, v
     for name, value in (("state.q", q), ("state.v", v)):
         if vector(name, value, n).ndim != 1:
-            raise InvalidInput(f"{name} has shape {np.shape(value)}; ({n},) is wanted")
+            raise InvalidInput(f"{name} has shape {np.shape(value)}; ({n},) is expected")
     return np.asarray(q, float), np.asarray(v, float)
 
 
@@ -253,7 +252,7 @@ _log = logging.getLogger(__name__)
 
 
 class CompiledComputedTorque(ComputedTorque):
-    """The same law in code compiled for the arm.
+    """The same controller, compiled for the arm.
 
     It is built for a model when the first torque is asked for, unless ``build`` has done so. Where
     it cannot be had, or differs from ``ComputedTorque``, the latter answers, and that is logged.
@@ -274,7 +273,7 @@ class CompiledComputedTorque(ComputedTorque):
         kernel = build(self._model)
         if kernel is None:
             return None
-        call = kernel.call(_LAW)
+        call = kernel.call(_NAME)
         call.inputs[1][:] = np.hstack((self._kp, self._kd, self._dt))
         return call
 
@@ -282,34 +281,20 @@ class CompiledComputedTorque(ComputedTorque):
 def expression(
     model: ArmModel, q: ca.SX, v: ca.SX, desired: Sequence[ca.SX], tuning: Sequence[ca.SX]
 ) -> ca.SX:
-    """The law as an expression.
-
-    Args:
-        model: The model it knows.
-        q: Joint positions in [rad] or [m], shape (n,).
-        v: Joint velocities, shape (n,).
-        desired: Position, velocity and acceleration of the reference, each of shape (n,).
-        tuning: K_p and K_d of shape (n,), and the time dt for which a torque is held.
-
-    Returns:
-        Joint torques in [N m] or [N], shape (n,).
-    """
-    kp, kd, dt = tuning
-    a = demanded_acceleration(q, v, desired, kp, kd)
-    middle, speed = halfway(q, v, a, dt)
-    gravity = gravity_of(model)
-    tau = rigid_body.inverse(tree_of(model), middle, speed, a, gravity)
-    sliding = ca.if_else(v == 0, desired[1], v)  # as in ComputedTorque
-    needed: ca.SX = SteadyFriction.of(model).demanded(tau, speed, ca.sign(sliding), middle)
-    return needed
+    """The controller of a model as an expression; arguments as of ``demanded_torque``."""
+    rigid = partial(rigid_body.inverse, tree_of(model), gravity=gravity_of(model))
+    sliding = ca.sign(ca.if_else(v == 0, desired[1], v))  # as in ComputedTorque
+    friction = SteadyFriction.of(model)
+    made: ca.SX = demanded_torque(rigid, friction, q, v, desired, tuning, sliding)
+    return made
 
 
-_LAW = "computed_torque"
+_NAME = "computed_torque"
 _built: WeakKeyDictionary[ArmModel, Kernel | None] = WeakKeyDictionary()
 
 
 def is_built(model: ArmModel) -> bool:
-    """Tell whether the law of a model can be had at once."""
+    """Tell whether the controller of a model is built already."""
     return model in _built
 
 
@@ -336,13 +321,13 @@ def _function(model: ArmModel) -> ca.Function:
     moving, tuning = ca.SX.sym("moving", 5 * n), ca.SX.sym("tuning", 2 * n + 1)
     q, v, *desired = ca.vertsplit(moving, n)
     tau = expression(model, q, v, desired, ca.vertsplit(tuning, [0, n, 2 * n, 2 * n + 1]))
-    return ca.Function(_LAW, [moving, tuning], [ca.densify(tau)], {"cse": True})
+    return ca.Function(_NAME, [moving, tuning], [ca.densify(tau)], {"cse": True})
 
 
 def _check(kernel: Kernel, model: ArmModel) -> None:
     """Check the code against ``ComputedTorque``; errors of ``compare``."""
     gains = 20.0, 1.0, 1e-3
-    plain, call = ComputedTorque(Dynamics(model), *gains), kernel.call(_LAW)
+    plain, call = ComputedTorque(Dynamics(model), *gains), kernel.call(_NAME)
     tuning = np.hstack((*held_gains(*gains[:2], model.n, gains[2]), gains[2]))
     moving = np.swapaxes(random_states(model.n, 5), 0, 1)
     made = np.array([call(each.ravel(), tuning)[0].copy() for each in moving])

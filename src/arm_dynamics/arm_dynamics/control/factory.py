@@ -111,7 +111,7 @@ class Settings:
 def make_controller(
     name: str, dynamics: Dynamics, settings: Settings | None = None
 ) -> AnyController:
-    """Make a controller that follows joint references (``motion.Reference``).
+    """Make a controller that follows joint references (``trajectory.Reference``).
 
     Args:
         name: One of ``NAMES``.
@@ -153,21 +153,21 @@ def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None
 
 
 def _pd(dynamics: Dynamics, s: Settings) -> AnyController:
-    return _rubbed(PD(dynamics.n, *_tuned(dynamics, s)), dynamics, s)
+    return _with_friction(PD(dynamics.n, *_tuned(dynamics, s)), dynamics, s)
 
 
 def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
     kp, kd = _tuned(dynamics, s)
     ki = kp * np.asarray(s.bandwidth, float) / 3.0
-    return _rubbed(PID(dynamics.n, kp, ki, kd, s.dt, s.limit), dynamics, s)
+    return _with_friction(PID(dynamics.n, kp, ki, kd, s.dt, s.limit), dynamics, s)
 
 
 def _pd_gravity(dynamics: Dynamics, s: Settings) -> AnyController:
-    return _rubbed(PDGravity(dynamics, *_tuned(dynamics, s)), dynamics, s)
+    return _with_friction(PDGravity(dynamics, *_tuned(dynamics, s)), dynamics, s)
 
 
 def _feed_forward(dynamics: Dynamics, s: Settings) -> AnyController:
-    return _rubbed(FeedForwardPD(dynamics, *_tuned(dynamics, s)), dynamics, s, "dry")
+    return _with_friction(FeedForwardPD(dynamics, *_tuned(dynamics, s)), dynamics, s, "dry")
 
 
 def _computed_torque(dynamics: Dynamics, s: Settings) -> AnyController:
@@ -176,34 +176,34 @@ def _computed_torque(dynamics: Dynamics, s: Settings) -> AnyController:
 
 def _joint_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
     stiffness, _ = _tuned(dynamics, s)
-    return _rubbed(JointImpedance(dynamics, stiffness, s.damping_ratio), dynamics, s, "dry")
+    return _with_friction(JointImpedance(dynamics, stiffness, s.damping_ratio), dynamics, s, "dry")
 
 
 def _operational_space(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
-    law = OperationalSpace(
+    control = OperationalSpace(
         task, s.bandwidth, s.damping_ratio, posture_bandwidth=s.bandwidth, friction=s.friction
     )
-    return AlongJoints(law, task)
+    return AlongJoints(control, task)
 
 
 def _motion_force(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
-    law = MotionForce(
+    control = MotionForce(
         task, s.direction, s.bandwidth, s.damping_ratio,
         posture_bandwidth=s.bandwidth, friction=s.friction,
     )  # fmt: skip
-    return AlongJoints(law, task, s.force)
+    return AlongJoints(control, task, s.force)
 
 
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
     mass = _typical_masses(task, dynamics)
-    law = CartesianImpedance(
+    control = CartesianImpedance(
         task, np.asarray(s.bandwidth, float) ** 2 * mass, s.damping_ratio,
         posture_bandwidth=s.bandwidth, friction=s.friction,
     )  # fmt: skip
-    return AlongJoints(law, task)
+    return AlongJoints(control, task)
 
 
 def _float(dynamics: Dynamics, s: Settings) -> AnyController:
@@ -240,7 +240,7 @@ def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:
     return np.asarray(np.median(masses, axis=0))
 
 
-def _rubbed(
+def _with_friction(
     control: AnyController, dynamics: Dynamics, s: Settings, terms: str = "all"
 ) -> AnyController:
     return FrictionFeedForward(control, dynamics.model, terms) if s.friction else control

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers in joint space; see ``control`` for computed torque and the common interface."""
+"""Controllers in joint space; see ``computed_torque`` for the common interface."""
 
 from __future__ import annotations
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array, positive, positive_limits, vector
 from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.sampling import postures
-from arm_dynamics.trajectory.reference import Reference, positive_limits
+from arm_dynamics.trajectory.reference import Reference
 
 _POSTURES = 200  # over which inertia is averaged
 _STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
@@ -236,10 +236,3 @@ def _typical_inertia(dynamics: Dynamics, damping: Array) -> Array:
 def cut(tau: Array, limit: Array) -> Array:
     """Torques within ± limit, shape (n,); a third of the time of ``np.clip``."""
     return np.asarray(np.minimum(np.maximum(tau, -limit), limit))
-
-
-def positive(name: str, value: float) -> float:
-    """Check a positive finite number."""
-    if not 0.0 < value < np.inf:
-        raise InvalidInput(f"{name} is {value}; a positive number is wanted")
-    return float(value)

@@ -14,11 +14,11 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array, unit_vector, vector
 from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.task_space.compiled import Instant
+from arm_dynamics.task_space.compiled import TaskInstant
 from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
@@ -67,9 +67,9 @@ class OperationalSpace:
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        now = self._arm.look(state, reference)
-        wanted = now.ahead + self._kd * now.rate + self._kp * now.error
-        return self._arm.drive(now, reference, wanted)
+        now = self._arm.state(state, reference)
+        desired = now.ahead + self._kd * now.rate + self._kp * now.error
+        return self._arm.torque(now, reference, desired)
 
 
 class MotionForce:
@@ -103,10 +103,10 @@ class MotionForce:
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        now, u = self._arm.look(state, reference), self._along
-        wanted = now.ahead + self._kd * now.rate + self._kp * now.error
-        wanted = self._across @ wanted - self._brake @ now.arm.velocity
-        return self._arm.drive(now, reference, wanted) + (reference.force * u) @ now.arm.J
+        now, u = self._arm.state(state, reference), self._along
+        desired = now.ahead + self._kd * now.rate + self._kp * now.error
+        desired = self._across @ desired - self._brake @ now.arm.velocity
+        return self._arm.torque(now, reference, desired) + (reference.force * u) @ now.arm.J
 
 
 class CartesianImpedance:
@@ -115,7 +115,7 @@ class CartesianImpedance:
     The arm keeps its own effective inertia, so no force need be measured (Hogan, "Impedance
     control", ASME J. Dyn. Sys. Meas. Control 107, 1985; Ott, Cartesian Impedance Control of
     Redundant and Flexible-Joint Robots, 2008, section 3.2). D = 2 ζ √(K m) with m the mass
-    of each axis, see ``task_algebra.axis_masses``.
+    of each axis, see ``inertia.axis_masses``.
     """
 
     def __init__(
@@ -146,10 +146,10 @@ class CartesianImpedance:
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        now, K = self._arm.look(state, reference), self._stiffness
+        now, K = self._arm.state(state, reference), self._stiffness
         mass = axis_masses(now.arm.A, now.arm.inertia)
         force = K * now.error + self._ratio * np.sqrt(K * mass) * now.rate
-        return self._arm.drive(now, reference, now.ahead) + force @ now.arm.J
+        return self._arm.torque(now, reference, now.ahead) + force @ now.arm.J
 
 
 class AlongJoints:
@@ -161,8 +161,8 @@ class AlongJoints:
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        meant = self._task.kernel.meant(reference.q, reference.v, reference.a)
-        return self._control.torque(state, TaskReference(*meant, self._force, reference.q))
+        frame = self._task.kernel.frame_motion(reference.q, reference.v, reference.a)
+        return self._control.torque(state, TaskReference(*frame, self._force, reference.q))
 
 
 def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) -> TaskReference:
@@ -188,44 +188,41 @@ class _Now(NamedTuple):
 
     q: Array
     v: Array
-    arm: Instant
+    arm: TaskInstant
     error: Array
     rate: Array
     ahead: Array
 
 
 class _Arm:
-    """Everything the task controllers share but their law."""
+    """What all task controllers share."""
 
     def __init__(
         self, task: TaskSpace, posture: ArrayLike | None, bandwidth: ArrayLike, friction: bool
     ) -> None:
-        if task.reference != "local_world_aligned":
-            raise InvalidInput(
-                f"reference = '{task.reference}' of the task; 'local_world_aligned' is wanted"
-            )
+        task.require_world_axes()
         self._task = task
         self._posture = None if posture is None else vector("posture", posture, task.n)
         self._kp, self._kd = gains(bandwidth, 1.0, task.n)
         self._friction = SteadyFriction.of(task.model) if friction else None
 
-    def look(self, state: Moving, reference: TaskReference) -> _Now:
+    def state(self, state: Moving, reference: TaskReference) -> _Now:
         q, v = checked(state, self._task.n)
-        arm, rows = self._task.kernel.look(q, v), self._task.rows
+        arm, rows = self._task.kernel.state(q, v), self._task.rows
         error = np.empty(6)
         error[:3] = reference.position - arm.position
         error[3:] = pin.log3(reference.rotation @ arm.rotation.T)
         rate = reference.velocity[rows] - arm.velocity
         return _Now(q, v, arm, error[rows], rate, reference.acceleration[rows])
 
-    def drive(self, now: _Now, reference: TaskReference, wanted: Array) -> Array:
-        """Torque that accelerates the frame as wanted and otherwise seeks the posture."""
+    def torque(self, now: _Now, reference: TaskReference, desired: Array) -> Array:
+        """Torque that accelerates the frame as desired and otherwise seeks the posture."""
         arm = now.arm
         goal = self._posture if reference.posture is None else reference.posture
         a = -self._kd * now.v
         if goal is not None:
             a += self._kp * (goal - now.q)
-        force = arm.inertia @ (wanted - arm.drift - arm.J @ a)
+        force = arm.inertia @ (desired - arm.drift - arm.J @ a)
         tau = arm.M @ a + arm.bias + force @ arm.J
         if self._friction is not None:
             way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
@@ -235,13 +232,8 @@ class _Arm:
 
 def _direction(task: TaskSpace, direction: ArrayLike) -> Array:
     """The direction as a unit vector of the task's axes, shape (m,)."""
-    u = vector("direction", direction, 3)
-    length = float(np.linalg.norm(u))
-    if u.ndim != 1 or length < 1e-12:
-        raise InvalidInput(f"direction = {u}; a vector of shape (3,) but zero is wanted")
-    along = np.zeros(6)
-    along[:3] = u / length
-    chosen = along[task.rows]
-    if np.linalg.norm(chosen) < 1.0 - 1e-9:
+    u = unit_vector("direction", direction, 3)
+    along = np.concatenate([u, np.zeros(3)])[task.rows]
+    if np.linalg.norm(along) < 1.0 - 1e-9:
         raise InvalidInput(f"direction = {u} is not among the axes of the task, {task.axes}")
-    return np.array(chosen)
+    return along

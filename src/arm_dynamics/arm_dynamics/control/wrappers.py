@@ -8,13 +8,12 @@ from typing import Any, Protocol, runtime_checkable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, positive, positive_limits
 from arm_dynamics.control.computed_torque import Measured, Moving, checked, gain
-from arm_dynamics.control.joint_space import cut, positive
+from arm_dynamics.control.joint_space import cut
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.trajectory.reference import positive_limits
 
 
 class AnyController(Protocol):
@@ -35,8 +34,8 @@ class Restartable(Protocol):
 class Saturated:
     """Cuts torques at limits and says so.
 
-    Cutting a joint's torque changes the direction of the arm's acceleration: no law that cancels
-    the dynamics keeps its promise while ``saturated`` is true anywhere.
+    Cutting a joint's torque changes the direction of the arm's acceleration: no controller that
+    cancels the dynamics keeps its promise while ``saturated`` is true anywhere.
     """
 
     def __init__(self, control: AnyController, limit: ArrayLike, n: int) -> None:
@@ -195,7 +194,7 @@ class Switch:
             InvalidInput: If a time is out of range.
         """
         if not 0.0 <= fade < np.inf:
-            raise InvalidInput(f"fade is {fade}; a time of at least zero is wanted")
+            raise InvalidInput(f"fade is {fade}; a time of at least zero is expected")
         self._active, self._ticks = control, max(1, round(fade / positive("dt", dt)))
         self._last: Array | None = None
         self._offset: Array | None = None
@@ -217,7 +216,7 @@ class Switch:
         self._active, self._offset, self._left = control, None, self._ticks
 
     def retune(self, control: AnyController) -> None:
-        """Put the same law with other gains in charge: at once, unless it remembers something."""
+        """Take the same controller with other gains: at once, unless it remembers something."""
         if isinstance(control, Restartable):
             self.to(control)
         else:

@@ -31,7 +31,7 @@ def compiled(term: BatchTerm, model: ArmModel, points: RigidTerms) -> Answer | N
     Args:
         term: Which term.
         model: The arm.
-        points: Pinocchio's terms of it, to hold the code against.
+        points: Pinocchio's terms of it, to check the code against.
 
     Returns:
         A function of batches (k, n), and of vectors that serve every point, which agrees with
@@ -62,7 +62,7 @@ def rows(function: ca.Function, shape: tuple[int, ...]) -> Answer:
     Args:
         function: Of dense vectors, with one dense result; a matrix transposed, for CasADi's memory
             goes down its columns.
-        shape: Shape of the result for people.
+        shape: Shape of the result for display.
 
     Returns:
         Function of arrays of shape (k, …), the first of them, or of one vector for all points;

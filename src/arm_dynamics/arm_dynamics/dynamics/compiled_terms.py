@@ -36,7 +36,7 @@ class BatchTerm:
 
     Attributes:
         name: Name of its function.
-        title: The same for people.
+        title: The same for display.
         point: From Pinocchio's terms to the function that answers for one point.
         shape: Of its answer.
         expression: From an arm to the function of one point's vectors, a matrix transposed.
@@ -74,8 +74,8 @@ def _forward(model: ArmModel) -> ca.Function:
     q, v, tau = _symbols(model.n, ("q", "v", "tau"))
     tree, gravity = tree_of(model), gravity_of(model)
     ways = [
-        _function([q, v, tau], law(tree, q, v, tau, gravity))
-        for _, law in algorithms(tree, model.n)
+        _function([q, v, tau], forward(tree, q, v, tau, gravity))
+        for _, forward in algorithms(tree, model.n)
     ]
     return min(ways, key=operations)
 
@@ -135,10 +135,10 @@ def _energies(model: ArmModel) -> ca.Function:
 
 def _energy_parts(points: RigidTerms, answer: Answer) -> Parts:
     q, v, _ = random_states(points.robot.n)
-    wanted = each(points.energies, q, v)
-    kinetic, potential = abs(wanted).T
+    expected = each(points.energies, q, v)
+    kinetic, potential = abs(expected).T
     sizes = kinetic, kinetic + potential
-    return list(zip((answer(q, v) - wanted).T, sizes, strict=True))
+    return list(zip((answer(q, v) - expected).T, sizes, strict=True))
 
 
 def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
@@ -160,11 +160,11 @@ def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
 
     def compared(points: RigidTerms, answer: Answer) -> Parts:
         q, v, _ = random_states(points.robot.n)
-        wanted = each(point(points), q, v)
-        size = abs(wanted)
+        expected = each(point(points), q, v)
+        size = abs(expected)
         fastest = abs(v).max(axis=1)[:, None] ** 2
         size[..., -1] += size[..., :-1].max(axis=2, initial=0.0) * fastest
-        difference = answer(q, v) - wanted
+        difference = answer(q, v) - expected
         return [(difference[..., :-1], size[..., :-1]), (difference[..., -1], size[..., -1])]
 
     def point(points: RigidTerms) -> Answer:

@@ -120,8 +120,8 @@ class Constrained:
         counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < self._rank(active, q[0]))
         inverted = np.divide(1.0, s, out=np.zeros_like(s), where=counted)
         x = np.linalg.solve(C, forces[..., None])[..., 0]
-        wanted = inverted * _times(_transposed(U), -rows[..., -1])
-        lacking = wanted - counted * _times(Vt, x)
+        required = inverted * _times(_transposed(U), -rows[..., -1])
+        lacking = required - counted * _times(Vt, x)
         multipliers = np.zeros((len(q), self.m))
         multipliers[:, np.isin(self.names, active)] = -_times(U, lacking * inverted)
         a = np.linalg.solve(_transposed(C), (x + _times(_transposed(Vt), lacking))[..., None])
@@ -135,8 +135,8 @@ class Constrained:
     def _checked(self, name: str, value: ArrayLike, size: int, like: Array) -> Array:
         array = np.asarray(value, dtype=float)
         if array.shape not in ((size,), (*like.shape[:-1], size)):
-            wanted = f"({size},)" if like.ndim == 1 else f"({size},) or ({len(like)}, {size})"
-            raise InvalidInput(f"{name} has shape {array.shape}; {wanted} is wanted")
+            required = f"({size},)" if like.ndim == 1 else f"({size},) or ({len(like)}, {size})"
+            raise InvalidInput(f"{name} has shape {array.shape}; {required} is expected")
         if not np.isfinite(array).all():
             raise InvalidInput(f"{name} holds numbers that are not finite")
         return np.broadcast_to(array, (*like.shape[:-1], size))
@@ -159,13 +159,13 @@ def contact_torque(
         Joint torques in [N m] or [N], shape of ``q``, to be added to those of the motion.
 
     Raises:
-        InvalidInput: If a shape, value or name is not allowed, or ``frame`` is wanted.
+        InvalidInput: If a shape, value or name is not allowed, or ``frame`` is expected.
     """
     name, point = _contact_place(model, frame)
     f = np.asarray(wrench, dtype=float)
     if f.shape[-1:] not in ((3,), (6,)) or f.ndim > q.ndim or not np.isfinite(f).all():
         raise InvalidInput(
-            f"wrench = {wrench!r}: a force of 3 or force and moment of 6 finite numbers is wanted"
+            f"wrench = {wrench!r}: 3 finite numbers, a force, or 6, force and moment, are expected"
         )
     motion = FrameMotion(model, name, "local_world_aligned")
 
@@ -187,8 +187,8 @@ def _contact_place(model: ArmModel, frame: str | None) -> tuple[str, Array]:
     touching = [place for place in places if place is not None]
     if len(touching) != 1:
         raise InvalidInput(
-            f"frame is wanted: the scene has {len(touching)} places that touch the world, not one;"
-            f" allowed: {known_names(model.frame_names)}"
+            f"frame is expected: the scene has {len(touching)} places that touch the world; "
+            f"allowed: {known_names(model.frame_names)}"
         )
     return touching[0][0], np.array(touching[0][1])
 

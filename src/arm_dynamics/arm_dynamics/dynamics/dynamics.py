@@ -180,15 +180,15 @@ class Dynamics:
             v: Joint velocities in [rad/s] or [m/s], shape (n,) or (k, n).
             direction: Which way joints slide, a sign each; None for the sign of ``v``. At rest dry
                 friction may be anything up to its level; where the sign is zero, zero is given.
-            q: Joint positions in [rad] or [m]; wanted where friction depends on them.
+            q: Joint positions in [rad] or [m]; required where friction depends on them.
             load: Torques of the drives in [N m] or [N], for friction that depends on them; zero
                 unless given.
 
         Raises:
-            InvalidInput: If a shape or a value is not allowed, or positions are wanted.
+            InvalidInput: If a shape or a value is not allowed, or positions are expected.
         """
         if q is None and self.model.friction.by_position:
-            raise InvalidInput("friction depends on the position in this scene: q is wanted")
+            raise InvalidInput("friction depends on the position in this scene: q is expected")
         still = np.zeros(self.n)
         v, direction, q, load = vectors(
             self.n,

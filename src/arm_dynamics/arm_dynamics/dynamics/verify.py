@@ -64,7 +64,7 @@ def torque_size(M: Array, a: Array, *torques: Array) -> Array:
 
 
 class Expected(Protocol):
-    """What accelerations are held against: ``Dynamics``."""
+    """What accelerations are checked against: ``Dynamics``."""
 
     @property
     def model(self) -> ArmModel: ...  # noqa: D102

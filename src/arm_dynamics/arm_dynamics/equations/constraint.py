@@ -35,7 +35,7 @@ from arm_dynamics.scene.constraint import (
     RollingConstraint,
 )
 
-# Under this, 1 + trace of a rotation counts as half a turn, where the axis is anyone's guess.
+# Under this, 1 + trace of a rotation counts as half a turn, where the axis is not determined.
 HALF_TURN = 1e-9
 
 
@@ -90,7 +90,7 @@ def rows(
         The rows that imply all others, in the order of the scene, rolling last.
     """
     kinematics = Kinematics(linkage, tree, q, v)
-    every, held, rolling = list[ca.SX](), list[ca.SX](), list[ca.SX]()
+    every, holonomic, rolling = list[ca.SX](), list[ca.SX](), list[ca.SX]()
     for i, constraint in linkage.constraints.items():
         kept = list(linkage.kept[i])
         if isinstance(constraint, RollingConstraint):
@@ -98,8 +98,8 @@ def rows(
         else:
             whole = active(i) * _residual(constraint, kinematics)
             every.append(whole)
-            held.append(whole[kept])
-    residual = ca.sparsify(ca.vertcat(ca.SX(0, 1), *held))
+            holonomic.append(whole[kept])
+    residual = ca.sparsify(ca.vertcat(ca.SX(0, 1), *holonomic))
     speed = ca.vertcat(ca.jtimes(residual, q, v), ca.SX(0, 1), *rolling)
     J = ca.jacobian(residual, q)
     if rolling:
@@ -227,10 +227,10 @@ def _turned(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
 
     It grows with the angle up to half a turn, so Newton's method goes the short way.
     """
-    wanted = sparse(pin.rpy.rpyToMatrix(*rpy))
-    E = wanted.T @ R
+    target = sparse(pin.rpy.rpyToMatrix(*rpy))
+    E = target.T @ R
     axis = ca.vertcat(E[2, 1] - E[1, 2], E[0, 2] - E[2, 0], E[1, 0] - E[0, 1])
-    return ca.sparsify(wanted @ axis / ca.sqrt(ca.fmax(1 + ca.trace(E), HALF_TURN)))
+    return ca.sparsify(target @ axis / ca.sqrt(ca.fmax(1 + ca.trace(E), HALF_TURN)))
 
 
 def _slip(constraint: RollingConstraint, kinematics: Kinematics) -> ca.SX:

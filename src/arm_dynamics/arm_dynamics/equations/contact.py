@@ -91,8 +91,8 @@ class Mode:
 
     def rows(self) -> ca.SX:
         """1 for each of the 3 nc equations that holds, else 0."""
-        held = self.closed * self.sticks
-        return ca.vec(ca.vertcat(self.closed.T, held.T, held.T))
+        sticking = self.closed * self.sticks
+        return ca.vec(ca.vertcat(self.closed.T, sticking.T, sticking.T))
 
 
 def geometry(tree: Tree, points: list[ContactPoint], q: ca.SX) -> Geometry:
@@ -161,10 +161,10 @@ def forces(W: ca.SX, free: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
     unused = ca.diag(1 - rows)
     damping = DAMPING * ca.trace(W) + 1e-30
     factors = lu(K + damping * R + unused)
-    wanted = -rows * free
-    y = lu_solve(factors, wanted)
+    required = -rows * free
+    y = lu_solve(factors, required)
     for _ in range(REFINEMENTS):
-        y = y + lu_solve(factors, wanted - (K + unused) @ y)
+        y = y + lu_solve(factors, required - (K + unused) @ y)
     return D @ y
 
 

@@ -155,7 +155,7 @@ DENSE_AT_MOST = 16
 
 
 def algorithms(tree: Tree, n: int) -> list[tuple[str, Law]]:
-    """Names, for people, and laws (tree, q, v, tau, gravity) -> accelerations to choose from.
+    """Names, for display, and functions (tree, q, v, tau, gravity) -> accelerations.
 
     Args:
         tree: The robot.

@@ -7,7 +7,7 @@ IEEE Trans. Automatic Control 40(3), 1995, equations (2) to (4); Åström, Canud
 
     z' = v - σ0 |v| z / g(v),   F = σ0 z + σ1(v) z' + σ2 v,   g(v) = Fc + (Fs - Fc) exp(-(v/vs)²)
 
-σ2 v is viscous friction and stands in ``laws.friction``. The damping of the bristles may fade with
+σ2 v is viscous friction, see ``friction.viscous``. The damping of the bristles may fade with
 speed, σ1(v) = σ1 exp(-(v/vd)²) (Olsson, Control systems with friction, thesis, Lund 1996, section
 4.3), which keeps the law passive. The laws take numpy arrays and CasADi expressions alike.
 """

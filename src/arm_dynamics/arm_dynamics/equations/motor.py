@@ -44,7 +44,7 @@ def settled_current(voltage: Quantity, emf: Quantity, resistance: Quantity) -> Q
 def current_under(
     voltage_limit: Quantity, current: Quantity, emf: Quantity, resistance: Quantity
 ) -> Quantity:
-    """The part of a wanted current that a limited voltage can drive: |R i + K_e ω| ≤ V_max.
+    """The part of a desired current that a limited voltage can drive: |R i + K_e ω| ≤ V_max.
 
     With a limited current it makes the torque-speed curve: constant torque up to the corner, then
     a straight line through the no-load speed V_max / K_e. Beyond that speed the current brakes.

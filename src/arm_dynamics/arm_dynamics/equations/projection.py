@@ -47,7 +47,7 @@ class Metric:
         return substituted(self._factors, self._root * x)
 
 
-class Held:
+class Projector:
     """Orthogonal directions that constraint rows take from the motion.
 
     Args:

@@ -130,8 +130,8 @@ def gear_loss(direction: Quantity, torque: Quantity, efficiency: Quantity) -> Qu
     return direction * size(torque) * part
 
 
-def gear_input(direction: Quantity, wanted: Quantity, efficiency: Quantity) -> Quantity:
-    """The motor's torque of which ``wanted`` arrives; without a direction that torque itself."""
-    push = direction * wanted
-    less = choose(push < 0.0, wanted * efficiency, wanted)
-    return choose(push > 0.0, wanted / efficiency, less)
+def gear_input(direction: Quantity, required: Quantity, efficiency: Quantity) -> Quantity:
+    """The motor's torque of which ``required`` arrives; without a direction that torque itself."""
+    push = direction * required
+    less = choose(push < 0.0, required * efficiency, required)
+    return choose(push > 0.0, required / efficiency, less)

@@ -9,7 +9,7 @@ from copy import copy
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.model.drive import command_limits, command_units, drives_of, torque_limits
+from arm_dynamics.model.drive import drives_of
 from arm_dynamics.model.friction import Given, friction_of
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.robot import Robot, velocity_index
@@ -106,11 +106,17 @@ class ArmModel(Robot):
         self.position_upper = _chosen([x.upper for x in limits], upper)
         speeds = [_bound(whole.upperVelocityLimit[i]) for i in rows]
         self.velocity_limit = _chosen([x.velocity for x in limits], speeds)
-        efforts = [_bound(whole.upperEffortLimit[i]) for i in rows]
-        efforts = _chosen([x.effort for x in limits], efforts).tolist()
-        self.effort_limit = read_only(torque_limits(self.drives, efforts))
-        self.command_unit = command_units(self.drives, self.joint_types)
-        self.command_limit = read_only(command_limits(self.drives, self.effort_limit))
+        given = _chosen(
+            [x.effort for x in limits], [_bound(whole.upperEffortLimit[i]) for i in rows]
+        )
+        efforts, commands, units = [], [], []
+        for drive, effort, kind in zip(self.drives, given.tolist(), self.joint_types, strict=True):
+            unit = "N" if kind == "prismatic" else "N m"
+            efforts.append(min(drive.torque_limit, effort) if drive else effort)
+            commands.append(drive.command_limit(efforts[-1]) if drive else effort)
+            units.append(drive.command_unit(unit) if drive else unit)
+        self.effort_limit, self.command_limit = read_only(efforts), read_only(commands)
+        self.command_unit = tuple(units)
 
 
 def _bound(value: float) -> float:

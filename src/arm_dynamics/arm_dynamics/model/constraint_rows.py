@@ -51,7 +51,7 @@ class Row:
 
 
 @dataclass(frozen=True)
-class _Motion:
+class _Derivatives:
     """Motion of a point or of a frame's orientation: value, Jacobian, rate, rate of the rate."""
 
     value: Array
@@ -107,7 +107,7 @@ class ConstraintRows:
             np.concatenate([np.zeros(0), *(row.drift for row in rows)]),
         )
 
-    def relative(self, constraint: FrameBased) -> tuple[_Motion, _Motion, Array]:
+    def relative(self, constraint: FrameBased) -> tuple[_Derivatives, _Derivatives, Array]:
         """First point and first frame's turn as seen from the second frame, and R of the two."""
         a, b = (
             self._frame(*pair) for pair in zip(constraint.frames, constraint.points, strict=True)
@@ -115,14 +115,14 @@ class ConstraintRows:
         (p, spin, R_a), (p_b, spin_b, R_b) = a, b
         d, d_dot, omega, alpha = p.value - p_b.value, p.rate - p_b.rate, spin_b.rate, spin_b.drift
         drift = p.drift - p_b.drift - np.cross(alpha, d) - 2 * np.cross(omega, d_dot)
-        u = _Motion(
+        u = _Derivatives(
             R_b.T @ d,
             R_b.T @ (p.J - p_b.J + pin.skew(d) @ spin_b.J),
             R_b.T @ (d_dot - np.cross(omega, d)),
             R_b.T @ (drift + np.cross(omega, np.cross(omega, d))),
         )
         w = spin.rate - omega
-        turn = _Motion(
+        turn = _Derivatives(
             np.zeros(3),
             R_b.T @ (spin.J - spin_b.J),
             R_b.T @ w,
@@ -132,17 +132,17 @@ class ConstraintRows:
 
     def _frame(
         self, name: str, point: tuple[float, float, float]
-    ) -> tuple[_Motion, _Motion, Array]:
+    ) -> tuple[_Derivatives, _Derivatives, Array]:
         """A point of a frame, the frame's spin, in world axes, and its rotation."""
         model, data = self._robot, self._data
         nothing = np.zeros((3, model.n))
         index = None if name == WORLD else model.pin.getFrameId(name)
         if index is None or model.pin.frames[index].parentJoint == 0:
             M = pin.SE3.Identity() if index is None else data.oMf[index]
-            place = _Motion(M.act(np.array(point)), nothing, np.zeros(3), np.zeros(3))
+            place = _Derivatives(M.act(np.array(point)), nothing, np.zeros(3), np.zeros(3))
             return (
                 place,
-                _Motion(np.zeros(3), nothing, np.zeros(3), np.zeros(3)),
+                _Derivatives(np.zeros(3), nothing, np.zeros(3), np.zeros(3)),
                 M.rotation.copy(),
             )
         M = data.oMf[index]
@@ -152,13 +152,13 @@ class ConstraintRows:
         a = pin.getFrameClassicalAcceleration(model.pin, data, index, _ALIGNED)
         r = M.rotation @ np.array(point)
         w, alpha = v.angular.copy(), a.angular.copy()
-        moved = _Motion(
+        moved = _Derivatives(
             M.translation + r,
             J[:3] - pin.skew(r) @ J[3:],
             v.linear + np.cross(w, r),
             a.linear + np.cross(alpha, r) + np.cross(w, np.cross(w, r)),
         )
-        return moved, _Motion(np.zeros(3), J[3:], w, alpha), M.rotation.copy()
+        return moved, _Derivatives(np.zeros(3), J[3:], w, alpha), M.rotation.copy()
 
     def _check_mobile(self, name: str, constraint: FrameBased | CouplingConstraint) -> None:
         if isinstance(constraint, CouplingConstraint):
@@ -238,12 +238,12 @@ def _(constraint: RollingConstraint, rows: ConstraintRows, q: Array) -> Row:
     return Row(np.zeros(2), T @ (u.J - r * pin.skew(down) @ turn.J), T @ drift)
 
 
-def _turned(R: Array, turn: _Motion, wanted: Array) -> _Motion:
+def _turned(R: Array, turn: _Derivatives, target: Array) -> _Derivatives:
     """2 sin(θ/2) along the axis, in the second frame: twice the quaternion's vector part."""
-    quaternion = pin.Quaternion(wanted.T @ R).coeffs()
-    x = 2 * np.copysign(1.0, quaternion[3]) * wanted @ quaternion[:3]
+    quaternion = pin.Quaternion(target.T @ R).coeffs()
+    x = 2 * np.copysign(1.0, quaternion[3]) * target @ quaternion[:3]
     w = max(abs(quaternion[3]), 1e-9)
     G = w * np.eye(3) - pin.skew(x) / 2
     rate = G @ turn.rate
     G_dot = -(x @ rate) / (4 * w) * np.eye(3) - pin.skew(rate) / 2
-    return _Motion(x, G @ turn.J, rate, G @ turn.drift + G_dot @ turn.rate)
+    return _Derivatives(x, G @ turn.J, rate, G @ turn.drift + G_dot @ turn.rate)

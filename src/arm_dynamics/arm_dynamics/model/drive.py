@@ -3,11 +3,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene.drive import Actuator, Transmission
@@ -65,7 +64,7 @@ class JointDrive:
 
     @property
     def transmission(self) -> str:
-        """What is between motor and link, for people."""
+        """What is between motor and link, for display."""
         if self.coupling is None:
             return "rigid"
         c = self.coupling
@@ -133,29 +132,6 @@ def drives_of(
     return [_drive(f"scene: 'joints.{name}", scene.joint(name)) for name in free]
 
 
-def command_units(
-    drives: Sequence[JointDrive | None], joint_types: Sequence[str]
-) -> tuple[str, ...]:
-    """What the command of each joint is, as its unit; without a drive it is a torque."""
-    torques = ["N" if kind == "prismatic" else "N m" for kind in joint_types]
-    pairs = zip(drives, torques, strict=True)
-    return tuple(drive.command_unit(torque) if drive else torque for drive, torque in pairs)
-
-
-def torque_limits(drives: Sequence[JointDrive | None], given: Sequence[float]) -> list[float]:
-    """Largest torque of each joint: that of URDF or scene, or what its motor can give if less."""
-    pairs = zip(drives, given, strict=True)
-    return [min(drive.torque_limit, limit) if drive else limit for drive, limit in pairs]
-
-
-def command_limits(
-    drives: Sequence[JointDrive | None], effort_limit: NDArray[np.float64]
-) -> list[float]:
-    """Largest command of each joint in its unit, inf where there is none."""
-    pairs = zip(drives, effort_limit.tolist(), strict=True)
-    return [drive.command_limit(effort) if drive else effort for drive, effort in pairs]
-
-
 def _drive(where: str, joint: Joint) -> JointDrive | None:
     motor, coupling = joint.actuator, joint.transmission
     if motor is None and coupling is None:
@@ -193,7 +169,7 @@ def _want(where: str, key: str, value: float | None, reason: str) -> None:
 def _check_coupling(where: str, coupling: Transmission, motor: Actuator) -> None:
     if coupling.stiffness is None:
         raise SceneError(
-            f"{where}.transmission.stiffness' is missing: a positive number is wanted; "
+            f"{where}.transmission.stiffness' is missing: a positive number is expected; "
             "a rigid drive has no 'transmission'"
         )
     if coupling.backlash and coupling.hysteresis:

@@ -57,6 +57,11 @@ class Levels(NamedTuple):
     static: Array
     stribeck_velocity: Array
 
+    def of(self, joints: Sequence[int]) -> Levels:
+        """Those of some joints; zero levels for the others."""
+        theirs = np.isin(np.arange(len(self.coulomb)), joints)
+        return self._replace(coulomb=self.coulomb * theirs, static=self.static * theirs)
+
 
 @dataclass(frozen=True)
 class JointFriction:
@@ -167,19 +172,19 @@ class JointFriction:
             relative[i] = push * self.level[i] / (level + size(lost) + UNLOADED)
         return _replaced(reaction if factors is None else reaction / factors, relative)
 
-    def gear_input(self, wanted: Quantity, direction: Quantity) -> Quantity:
-        """Torques of the motors of which ``wanted`` arrives behind the gears.
+    def gear_input(self, required: Quantity, direction: Quantity) -> Quantity:
+        """Torques of the motors of which ``required`` arrives behind the gears.
 
         Args:
-            wanted: In [N m] or [N], shape (…, n).
+            required: In [N m] or [N], shape (…, n).
             direction: Which way joints slide, -1 to 1; a part of one takes that part of the loss.
         """
         motors = {}
         for i in self.gears:
-            way, torque = _column(direction, i), _column(wanted, i)
+            way, torque = _column(direction, i), _column(required, i)
             lost = transmission.gear_input(way, torque, self.efficiency[i]) - torque
             motors[i] = torque + size(way) * lost
-        return _replaced(wanted, motors)
+        return _replaced(required, motors)
 
     def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
         product: Any = 1.0

@@ -20,7 +20,7 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 
 # Constraints count as closed at this residual in [m] or [rad]; Newton goes on to rounding.
-CLOSED = 1e-10
+CLOSED_TO = 1e-10
 NEWTON_STEPS = 100
 # Longest step of a joint on the way to a closed position, in [rad] or [m].
 LONGEST = 0.3
@@ -232,7 +232,7 @@ class Closure:
                 break
             q, row = found
             size = float(np.linalg.norm(row.residual))
-        if size > CLOSED:
+        if size > CLOSED_TO:
             raise self._open(q, names)
         return q
 
@@ -248,7 +248,8 @@ class Closure:
 
     def _open(self, q: Array, names: tuple[str, ...]) -> ConstraintError:
         left = self.residuals(q, names)
-        said = ", ".join(f"'{name}' by {size:.3g}" for name, size in left.items() if size > CLOSED)
+        gaps = {name: size for name, size in left.items() if size > CLOSED_TO}
+        said = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
         return ConstraintError(
             f"constraints cannot be closed from this position; left open, in m or rad: {said}. "
             "Do they contradict one another, or is the position too far off?",

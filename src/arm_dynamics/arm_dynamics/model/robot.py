@@ -133,20 +133,20 @@ def _resolved(urdf: Urdf) -> dict[str, Mimic]:
 
 def _locked(whole: pin.Model, scene: Scene, rules: dict[str, Mimic]) -> pin.Model:
     given = scene.initial.position
-    held = {name: given.get(name, 0.0) for name in scene.robot.lock if name not in rules}
+    locked = {name: given.get(name, 0.0) for name in scene.robot.lock if name not in rules}
     for name, rule in rules.items():
-        if rule.leader in held:
-            held[name] = rule.multiplier * held[rule.leader] + rule.offset
-    if not held:
+        if rule.leader in locked:
+            locked[name] = rule.multiplier * locked[rule.leader] + rule.offset
+    if not locked:
         return whole.copy()
     reference = pin.neutral(whole)
-    for name, position in held.items():
+    for name, position in locked.items():
         joint = whole.joints[whole.getJointId(name)]
         wraps = joint.nq == 2
         reference[joint.idx_q] = np.cos(position) if wraps else position
         if wraps:
             reference[joint.idx_q + 1] = np.sin(position)
-    return pin.buildReducedModel(whole, [whole.getJointId(name) for name in held], reference)
+    return pin.buildReducedModel(whole, [whole.getJointId(name) for name in locked], reference)
 
 
 def _weld(model: pin.Model, scene: Scene) -> None:

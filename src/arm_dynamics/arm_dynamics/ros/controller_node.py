@@ -32,7 +32,7 @@ from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.direct import sender
-from arm_dynamics.ros.common.executor import run, surviving
+from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import declare, privileges, watch
 from arm_dynamics.ros.controller import AnswerLog, ControllerParams, Goals, tracking_state
 from arm_dynamics.ros.interfaces import (
@@ -100,7 +100,7 @@ class ControllerNode(Node):
         self._log = AnswerLog()
         self._connect()
         watch(self, lambda: self.params, self._apply)
-        self._diagnosis = Diagnosis(self, self._findings)
+        self._diagnosis = Diagnosis(self, self.diagnostics)
         for refusal in privileges(self.params).claim():
             self.get_logger().warning(f"not granted: {refusal}")
 
@@ -115,9 +115,7 @@ class ControllerNode(Node):
             (CARTESIAN_PATH, self.on_cartesian_path, True),
             (JOINT_STATES, self.on_joint_states, True),
         ):
-            self.create_subscription(
-                topic.type, topic.name, surviving(self, callback), topic.subscribe, raw=raw
-            )
+            subscribe(self, topic, callback, raw)
 
     @property
     def follower(self) -> Follower | None:
@@ -253,7 +251,8 @@ class ControllerNode(Node):
         joints = zip(self.dynamics.joint_names, active.saturated, strict=True)
         return [name for name, is_cut in joints if is_cut]
 
-    def _findings(self) -> list[Finding]:
+    def diagnostics(self) -> list[Finding]:
+        """How the node has been doing since this was last asked."""
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         return [self._log.finding(self, self.params.controller, self._cut(), about)]
 

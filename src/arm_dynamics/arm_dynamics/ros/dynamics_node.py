@@ -14,8 +14,8 @@ from std_msgs.msg import String
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros.common.convert import answering
-from arm_dynamics.ros.common.diagnostics import Diagnosis
-from arm_dynamics.ros.common.executor import run, surviving
+from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
+from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.dynamics import ANSWERS, RequestCounts
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
@@ -59,13 +59,12 @@ class DynamicsNode(Node):
         else:
             if self._params.robot_description:
                 self.load_description(self._params.robot_description)
-            topic, heard = ROBOT_DESCRIPTION, surviving(self, self.on_robot_description)
-            self.create_subscription(topic.type, topic.name, heard, topic.subscribe)
+            subscribe(self, ROBOT_DESCRIPTION, self.on_robot_description)
             watch(self, lambda: self._params, self._apply)
         for service in ANSWERS:
             callback = self._counts.counted(partial(self.answer, service))
             self.create_service(service.type, service.name, callback)
-        self._diagnosis = Diagnosis(self, lambda: [self._counts.finding(self)])
+        self._diagnosis = Diagnosis(self, self.diagnostics)
 
     @property
     def dynamics(self) -> Dynamics:
@@ -99,6 +98,10 @@ class DynamicsNode(Node):
             self._counts.descriptions_refused += 1
             kept = "the one before stays" if self._dynamics else "there is still no robot"
             self.get_logger().error(f"robot_description refused, {kept}: {error}")
+
+    def diagnostics(self) -> list[Finding]:
+        """How the node has been doing since this was last asked."""
+        return [self._counts.finding(self)]
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
         """Answer one of ``ANSWERS``; whatever is wrong with the request is in the response."""

@@ -9,20 +9,7 @@ from __future__ import annotations
 
 from typing import Any, NamedTuple
 
-from arm_msgs.msg import TrackingState
-from arm_msgs.srv import (
-    ConstrainedDynamics,
-    DynamicsTerms,
-    ForwardDynamics,
-    InverseDynamics,
-    InverseKinematics,
-    ModelInfo,
-    SetFriction,
-    SetJointState,
-    SetPayload,
-    Step,
-    TaskSpace,
-)
+from arm_msgs import msg, srv
 from diagnostic_msgs.msg import DiagnosticArray
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
@@ -68,23 +55,23 @@ JOINT_COMMANDS = Topic("joint_commands", JointState, subscribe=SOURCES)
 JOINT_TRAJECTORY = Topic("~/joint_trajectory", JointTrajectory)
 CARTESIAN_GOAL = Topic("~/cartesian_goal", PoseStamped)
 CARTESIAN_PATH = Topic("~/cartesian_path", Path)
-CONTROLLER_STATE = Topic("~/state", TrackingState)
+CONTROLLER_STATE = Topic("~/state", msg.TrackingState)
 ROBOT_DESCRIPTION = Topic("robot_description", String, publish=LATCHED, subscribe=LATCHED)
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray)
 
-INVERSE_DYNAMICS = Service("~/inverse_dynamics", InverseDynamics)
-FORWARD_DYNAMICS = Service("~/forward_dynamics", ForwardDynamics)
-DYNAMICS_TERMS = Service("~/dynamics_terms", DynamicsTerms)
-MODEL_INFO = Service("~/model_info", ModelInfo)
-CONSTRAINED_DYNAMICS = Service("~/constrained_dynamics", ConstrainedDynamics)
-TASK_SPACE = Service("~/task_space", TaskSpace)
-INVERSE_KINEMATICS = Service("~/inverse_kinematics", InverseKinematics)
+INVERSE_DYNAMICS = Service("~/inverse_dynamics", srv.InverseDynamics)
+FORWARD_DYNAMICS = Service("~/forward_dynamics", srv.ForwardDynamics)
+DYNAMICS_TERMS = Service("~/dynamics_terms", srv.DynamicsTerms)
+MODEL_INFO = Service("~/model_info", srv.ModelInfo)
+CONSTRAINED_DYNAMICS = Service("~/constrained_dynamics", srv.ConstrainedDynamics)
+TASK_SPACE = Service("~/task_space", srv.TaskSpace)
+INVERSE_KINEMATICS = Service("~/inverse_kinematics", srv.InverseKinematics)
 
 # Of the sim node, here because the client calls them too.
 RESET = Service("~/reset", Trigger)
 PAUSE = Service("~/pause", SetBool)
-STEP = Service("~/step", Step)
-SET_JOINT_STATE = Service("~/set_joint_state", SetJointState)
-SET_PAYLOAD = Service("~/set_payload", SetPayload)
-SET_FRICTION = Service("~/set_friction", SetFriction)
+STEP = Service("~/step", srv.Step)
+SET_JOINT_STATE = Service("~/set_joint_state", srv.SetJointState)
+SET_PAYLOAD = Service("~/set_payload", srv.SetPayload)
+SET_FRICTION = Service("~/set_friction", srv.SetFriction)
 RESET_COUNTERS = Service("~/reset_counters", Trigger)

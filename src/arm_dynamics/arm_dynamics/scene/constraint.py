@@ -10,7 +10,7 @@ from __future__ import annotations
 from typing import Annotated, ClassVar, Literal
 
 import numpy as np
-from pydantic import Field, field_validator, model_validator
+from pydantic import AfterValidator, Field, model_validator
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError, known_names
@@ -18,7 +18,15 @@ from arm_dynamics.scene.types import Direction, Finite, NonNegative, Part, Posit
 from arm_dynamics.scene.urdf import Urdf
 
 WORLD = "world"
-Frames = tuple[str, str]
+
+
+def _different(value: tuple[str, str]) -> tuple[str, str]:
+    if value[0] == value[1]:
+        raise ValueError("two different names are expected")
+    return value
+
+
+Pair = Annotated[tuple[str, str], AfterValidator(_different)]
 ORIGIN = (0.0, 0.0, 0.0)
 UPWARD = (0.0, 0.0, 1.0)
 Fraction = Annotated[Finite, Field(ge=0.0, le=1.0)]
@@ -52,15 +60,8 @@ class _BetweenFrames(_Constraint):
         points: A point of each, in its own axes, in [m].
     """
 
-    frames: Frames
+    frames: Pair
     points: tuple[Vector3, Vector3] = (ORIGIN, ORIGIN)
-
-    @field_validator("frames")
-    @classmethod
-    def _two(cls, value: Frames) -> Frames:
-        if value[0] == value[1]:
-            raise ValueError("two different frames are wanted")
-        return value
 
     @property
     def at_world(self) -> tuple[str, Vector3] | None:
@@ -160,16 +161,9 @@ class CouplingConstraint(_Constraint):
     """
 
     type: Literal["coupling"]
-    joints: tuple[str, str]
+    joints: Pair
     ratio: Finite
     offset: Finite = 0.0
-
-    @field_validator("joints")
-    @classmethod
-    def _two(cls, value: tuple[str, str]) -> tuple[str, str]:
-        if value[0] == value[1]:
-            raise ValueError("two different joints are wanted")
-        return value
 
     at_world: ClassVar[None] = None
 

@@ -2,7 +2,7 @@
 """What a scene says of the drive of a joint: its motor and what stands between motor and link.
 
 What keys mean together is checked when the joint's own entry has been laid over that of ``"*"``:
-see ``joint_drive``.
+see ``model.drive``.
 """
 
 from __future__ import annotations

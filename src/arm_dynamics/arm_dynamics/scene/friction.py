@@ -2,7 +2,7 @@
 """What a scene says of the friction of a joint.
 
 What keys mean together is checked when the joint's own entry has been laid over that of ``"*"``
-and over the URDF's: see ``joint_friction``.
+and over the URDF's: see ``model.friction``.
 """
 
 from __future__ import annotations
@@ -65,7 +65,7 @@ class Table(Part):
         if not (np.diff(self.at) > 0.0).all():
             raise ValueError("'at' must increase from point to point")
         if self.period is not None and self.period <= self.at[-1] - self.at[0]:
-            raise ValueError(f"period = {self.period}: longer than the table is wanted")
+            raise ValueError(f"period = {self.period}: longer than the table is expected")
         return self
 
 

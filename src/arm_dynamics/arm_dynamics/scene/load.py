@@ -41,7 +41,7 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Sc
     if not isinstance(source, str | os.PathLike):
         raise SceneError(
             f"scene: {source!r} is of type {type(source).__name__}; "
-            "a path, URDF text or a dictionary is wanted"
+            "a path, URDF text or a dictionary is expected"
         )
     text = os.fspath(source)
     if _is_urdf(text):
@@ -128,7 +128,7 @@ def _yaml(content: str, path: Path) -> dict[str, Any]:
         raise SceneError(f"scene: '{path}' is not well-formed YAML: {error}") from None
     if not isinstance(data, dict):
         raise SceneError(
-            f"scene: '{path}' holds {type(data).__name__}, a mapping with 'robot' is wanted"
+            f"scene: '{path}' holds {type(data).__name__}, a mapping with 'robot' is expected"
         )
     return data
 

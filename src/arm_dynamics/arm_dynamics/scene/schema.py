@@ -7,7 +7,7 @@ that is absent from it is not computed.
 
 from __future__ import annotations
 
-from typing import Any, Literal
+from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,9 +15,9 @@ from pydantic import Field, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene.constraint import SCHEMAS, Bilateral, Constraint, Contact, Plane, label
-from arm_dynamics.scene.drive import Actuator, Hysteresis, Transmission, Wave
-from arm_dynamics.scene.friction import KINDS, Friction, Lugre, Sides, Table
+from arm_dynamics.scene.constraint import SCHEMAS, Bilateral, Constraint, Contact, label
+from arm_dynamics.scene.drive import Actuator, Transmission
+from arm_dynamics.scene.friction import KINDS, Friction
 from arm_dynamics.scene.types import (
     Finite,
     Inertia6,
@@ -29,7 +29,7 @@ from arm_dynamics.scene.types import (
 )
 
 
-class Robot(Part):
+class RobotChoice(Part):
     """Which robot, and which of its joints are held fast.
 
     Attributes:
@@ -148,7 +148,7 @@ class Scene(Part):
             costs a little. ``external`` are joint torques from outside, zero at first.
     """
 
-    robot: Robot
+    robot: RobotChoice
     gravity: Vector3 = (0.0, 0.0, -9.81)
     joints: dict[str, Joint] = {}
     payloads: tuple[Payload, ...] = ()
@@ -223,28 +223,19 @@ def _complaint(error: ErrorDetails) -> str:
 
 def _fields_at(path: tuple[int | str, ...]) -> list[str]:
     """Names of the keys that the schema allows at ``path``."""
-    places: dict[str, type[Part]] = {
-        "robot": Robot,
-        "joints": Joint,
-        "friction": Friction,
-        "viscous": Sides,
-        "coulomb": Sides,
-        "static": Sides,
-        "position": Table,
-        "load": Table,
-        "lugre": Lugre,
-        "limits": Limits,
-        "actuator": Actuator,
-        "transmission": Transmission,
-        "hysteresis": Hysteresis,
-        "cogging": Wave,
-        "kinematic_error": Wave,
-        "payloads": Payload,
-        "initial": Initial,
-        "sim": Sim,
-        **SCHEMAS,
-    }
-    if "contact" in path:
-        places["plane"] = Plane  # which is no constraint there, but what a contact may touch
-    named = [places[key] for key in map(str, path) if key in places]
-    return list((named[-1] if named else Scene).model_fields)
+    parts: list[type[Part]] = [Scene]
+    for key in map(str, path):
+        named = [part.model_fields[key] for part in parts if key in part.model_fields]
+        tagged = SCHEMAS.get(key)
+        if tagged in parts:  # of several types of constraints, the one that is meant
+            parts = [tagged]
+        elif named:
+            parts = _parts_in(named[0].annotation) or parts
+    return list(parts[0].model_fields)
+
+
+def _parts_in(annotation: object) -> list[type[Part]]:
+    """The parts of a scene that a type is made of."""
+    if isinstance(annotation, type) and issubclass(annotation, Part):
+        return [annotation]
+    return [part for argument in get_args(annotation) for part in _parts_in(argument)]

@@ -12,7 +12,7 @@ from pydantic import AfterValidator, BaseModel, BeforeValidator, ConfigDict, Fie
 def _number(value: object) -> object:
     """Read ``1e5``, which YAML 1.1 takes for text, and refuse truth values as numbers."""
     if isinstance(value, bool):
-        raise ValueError("a number is wanted, not true or false")
+        raise ValueError("a number is expected, not true or false")
     if isinstance(value, str):
         return float(value)
     return value

@@ -108,7 +108,7 @@ def _root(text: str) -> ElementTree.Element:
     except ElementTree.ParseError as error:
         raise ModelError(f"robot description: not well-formed XML: {error}") from None
     if root.tag != "robot":
-        raise ModelError(f"robot description: the root element is <{root.tag}>, <robot> is wanted")
+        raise ModelError(f"robot description: the root element is <{root.tag}>, not <robot>")
     for element in root:
         # Expanded files may keep definitions; a call that is left means that a part is missing.
         name = element.tag.rpartition("}")[2]
@@ -150,7 +150,9 @@ def _check_numbers(element: ElementTree.Element, owner: str) -> None:
             values = _floats(text)
             if len(values) != count or not all(map(math.isfinite, values)):
                 allowed = "one finite number" if count == 1 else "three finite numbers"
-                raise ModelError(f"{owner}: <{child.tag} {attribute}={text!r}>: {allowed} wanted")
+                raise ModelError(
+                    f"{owner}: <{child.tag} {attribute}={text!r}>: expected {allowed}"
+                )
             if (child.tag, attribute) in _NOT_NEGATIVE and values[0] < 0:
                 raise ModelError(
                     f"{owner}: <{child.tag} {attribute}={text!r}>: must not be negative"
@@ -238,7 +240,7 @@ def _check_tree(
     roots = [name for name in links if name not in parent_of]
     if len(roots) != 1:
         raise ModelError(
-            f"robot description: one root link wanted, found {len(roots)}: {known_names(roots)}"
+            f"robot description: one root link expected, found {len(roots)}: {known_names(roots)}"
         )
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """What task controllers ask of the model at every tick, compiled: one call instead of a dozen.
 
-The expressions are those of ``equations``; each kernel is held against Pinocchio when it is built.
+The expressions are those of ``equations``; each kernel is checked against Pinocchio when built.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from arm_dynamics.task_space.axes import AXES, rows_of
 from arm_dynamics.task_space.inertia import regularized
 
 
-class Instant(NamedTuple):
-    """The arm at one state, in the task's m axes; overwritten by the next look.
+class TaskInstant(NamedTuple):
+    """The arm at one state, in the task's m axes; overwritten by the next call.
 
     Attributes:
         position: Position of the frame in the world in [m], shape (3,).
@@ -54,12 +54,12 @@ class Instant(NamedTuple):
 
 
 class TaskKernel:
-    """Looks at states and references of one frame; keep one instance per thread.
+    """States and references of one frame, compiled; keep one instance per thread.
 
     Args:
         model: The model.
         frame: Name of a frame that moves.
-        axes: Axes of the task, as from ``task_axes.chosen_axes``.
+        axes: Axes of the task, as from ``axes.chosen_axes``.
         threshold: As that of ``TaskSpace``.
 
     Raises:
@@ -72,11 +72,11 @@ class TaskKernel:
     ) -> None:
         self._threshold, self._bound = threshold, 1.0 / threshold
         kernel = build(model, frame, axes)
-        self._state, self._meant = kernel.call("state"), kernel.call("meant")
+        self._state, self._motion = kernel.call("state"), kernel.call("meant")
         self._instant = _instant(self._state.outputs, model.n, len(axes))
         self._scaled = self._state.outputs[-2].reshape((len(axes), -1), order="F")
 
-    def look(self, q: Array, v: Array) -> Instant:
+    def state(self, q: Array, v: Array) -> TaskInstant:
         """Everything at a state, vectors of shape (n,) that were checked already."""
         *_, bound, _, scale = self._state(q, v)
         if bound[0] < self._bound:
@@ -84,12 +84,12 @@ class TaskKernel:
         damped = regularized(self._scaled, scale, self._threshold)
         return self._instant._replace(inertia=damped.matrix)
 
-    def meant(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
+    def frame_motion(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation, J v and J a + J̇ v of all six axes, for a joint reference.
 
         Shapes (3,), (3, 3), (6,) and (6,), axes of the world; overwritten by the next call.
         """
-        position, rotation, velocity, acceleration = self._meant(q, v, a)
+        position, rotation, velocity, acceleration = self._motion(q, v, a)
         return position, rotation, velocity, acceleration
 
 
@@ -133,17 +133,17 @@ def _functions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Fun
     scale = _scales(A, sum(axis in AXES[:3] for axis in axes))
     bound, scaled = _largest(inertia, scale), A / (scale @ scale.T)
     state = [*placed, part, part @ v, moving[rows], M, bias, B, A, inertia, bound, scaled, scale]
-    meant = [*placed, J @ v, J @ a + moving]
+    motion = [*placed, J @ v, J @ a + moving]
     return [
         ca.Function("state", [q, v], [ca.densify(x) for x in state], {"cse": True}),
-        ca.Function("meant", [q, v, a], [ca.densify(x) for x in meant], {"cse": True}),
+        ca.Function("meant", [q, v, a], [ca.densify(x) for x in motion], {"cse": True}),
     ]
 
 
-def _instant(outputs: tuple[Array, ...], n: int, m: int) -> Instant:
+def _instant(outputs: tuple[Array, ...], n: int, m: int) -> TaskInstant:
     """The memory of a kernel as matrices, those of one column too."""
     shapes = ((3,), (3, 3), (m, n), (m,), (m,), (n, n), (n,), (n, m), (m, m), (m, m))
-    return Instant._make(
+    return TaskInstant._make(
         memory.reshape(shape, order="F") for memory, shape in zip(outputs, shapes, strict=False)
     )
 
@@ -154,7 +154,7 @@ def _solved(matrix: ca.SX, right: ca.SX) -> ca.SX:
 
 
 def _scales(A: ca.SX, linear: int) -> ca.SX:
-    """The scales of ``task_algebra.task_inertia``, shape (m,)."""
+    """The scales of ``inertia.task_inertia``, shape (m,)."""
     mobility, parts = ca.fmax(ca.diag(A), 0), []
     for first, end in ((0, linear), (linear, A.shape[0])):
         if first < end:

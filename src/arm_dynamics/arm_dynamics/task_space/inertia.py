@@ -78,8 +78,8 @@ def axis_masses(A: Array, inertia: Array) -> Array:
         A: Mobility J M⁻¹ Jᵀ, shape (m, m).
         inertia: Λ of shape (m, m).
     """
-    held = inertia.diagonal()
-    return np.asarray(held / np.maximum(0.1 * held * A.diagonal(), 1.0))
+    mass = inertia.diagonal()
+    return np.asarray(mass / np.maximum(0.1 * mass * A.diagonal(), 1.0))
 
 
 def _scales(A: Array, linear: int) -> Array:

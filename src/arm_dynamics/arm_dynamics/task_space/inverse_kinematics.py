@@ -68,14 +68,11 @@ class InverseKinematics:
         iterations: int = 100,
         seeds: int = 20,
     ) -> None:
-        if task.reference != "local_world_aligned":
-            raise InvalidInput(
-                f"reference = '{task.reference}' of the task; 'local_world_aligned' is wanted"
-            )
+        task.require_world_axes()
         if not (distance > 0.0 and angle > 0.0 and iterations > 0 and seeds > 0):
             given = f"{distance}, {angle}, {iterations}, {seeds}"
             raise InvalidInput(
-                f"distance, angle, iterations, seeds = {given}; positive numbers are wanted"
+                f"distance, angle, iterations, seeds = {given}; positive numbers are expected"
             )
         self.task = task
         self._distance, self._angle = distance, angle
@@ -146,7 +143,7 @@ class InverseKinematics:
         model = self.task.model
         first = model.q0 if seed is None else vector("seed", seed, model.n)
         if first.ndim != 1:
-            raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is wanted")
+            raise InvalidInput(f"seed has shape {first.shape}; ({model.n},) is expected")
         starts = [first] if seed is None else [first, model.q0]
         both = [*starts, *postures(model, self._seeds)][: self._seeds]
         return [np.clip(q, self._lower, self._upper) for q in both]
@@ -209,9 +206,9 @@ class InverseKinematics:
         return distance <= self._distance and angle <= self._angle
 
     def _at_limit(self, q: Array) -> tuple[str, ...]:
-        held = (q <= self._lower) | (q >= self._upper)
+        stopped = (q <= self._lower) | (q >= self._upper)
         names = self.task.model.joint_names
-        return tuple(name for name, yes in zip(names, held, strict=True) if yes)
+        return tuple(name for name, yes in zip(names, stopped, strict=True) if yes)
 
 
 def checked_pose(pose: Pose) -> Pose:
@@ -224,7 +221,7 @@ def checked_pose(pose: Pose) -> Pose:
     rotation = vector("pose.rotation", pose.rotation, 3)
     if position.ndim != 1 or rotation.shape != (3, 3):
         shapes = f"{position.shape} and {rotation.shape}"
-        raise InvalidInput(f"pose has shapes {shapes}; (3,) and (3, 3) are wanted")
+        raise InvalidInput(f"pose has shapes {shapes}; (3,) and (3, 3) are expected")
     off = abs(rotation @ rotation.T - np.eye(3)).max()
     if off > 1e-6 or np.linalg.det(rotation) < 0.0:
         raise InvalidInput(

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, vector, vectors
+from arm_dynamics.arrays import Array, unit_vector, vectors
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
@@ -125,7 +125,7 @@ class TaskSpace:
             world's origin).
         selection: ``pose``, ``position``, ``orientation``, or some of x, y, z, rx, ry, rz.
         threshold: Scaled mobility, dimensionless, under which answers are damped; see
-            ``task_algebra.task_inertia``.
+            ``inertia.task_inertia``.
 
     Raises:
         InvalidInput: If a name is unknown or the threshold is not in (0, 1).
@@ -177,6 +177,17 @@ class TaskSpace:
         """
         return TaskKernel(self.model, self.frame, self.axes, self.threshold)
 
+    def require_world_axes(self) -> None:
+        """Refuse a task in other axes than ``local_world_aligned``.
+
+        Raises:
+            InvalidInput: Saying so.
+        """
+        if self.reference != "local_world_aligned":
+            raise InvalidInput(
+                f"reference = '{self.reference}' of the task; 'local_world_aligned' is expected"
+            )
+
     def pose(self, q: ArrayLike) -> Pose:
         """Where the frame is, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""
         position, rotation = _each(self.motion.placement, *vectors(self.n, q=q))
@@ -189,15 +200,15 @@ class TaskSpace:
 
     def jacobian_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ of shape (m, n) or (k, m, n)."""
-        law = self.motion.moving
-        (J_dot,) = _each(lambda *s: (law(*s)[3][self.rows],), *vectors(self.n, q=q, v=v))
+        state = vectors(self.n, q=q, v=v)
+        (J_dot,) = _each(lambda *s: (self.motion.moving(*s)[3][self.rows],), *state)
         return J_dot
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ v in [m/s²] and [rad/s²], shape (m,) or (k, m)."""
-        law = self.motion.moving
+        moving = self.motion.moving
         state = vectors(self.n, q=q, v=v)
-        (bias,) = _each(lambda qi, vi: (law(qi, vi)[3][self.rows] @ vi,), *state)
+        (bias,) = _each(lambda qi, vi: (moving(qi, vi)[3][self.rows] @ vi,), *state)
         return bias
 
     def terms(self, q: ArrayLike, v: ArrayLike | None = None) -> TaskTerms:
@@ -248,7 +259,7 @@ class TaskSpace:
         Raises:
             InvalidInput: If a shape or value is not allowed.
         """
-        (q,), u = vectors(self.n, q=q), self._unit(direction)
+        (q,), u = vectors(self.n, q=q), unit_vector("direction", direction, self.m)
         A = self._mobility(*_each(self._frozen, q))
         reference = np.trace(A, axis1=-2, axis2=-1) / self.m
         mobility, floor = (A @ u) @ u, self.threshold * np.maximum(reference, 1e-12)
@@ -294,20 +305,11 @@ class TaskSpace:
             )
         return 0.5 * (A + np.swapaxes(A, -1, -2))
 
-    def _unit(self, direction: ArrayLike) -> Array:
-        u = vector("direction", direction, self.m)
-        length = float(np.linalg.norm(u))
-        if u.ndim != 1 or length < 1e-12:
-            raise InvalidInput(
-                f"direction = {u}; a vector of shape ({self.m},) but zero is wanted"
-            )
-        return u / length
 
-
-def _each(law: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
+def _each(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
     if vectors[0].ndim == 1:
-        return tuple(np.array(part) for part in law(*vectors))
-    rows = [law(*row) for row in zip(*vectors, strict=True)]
+        return tuple(np.array(part) for part in answer(*vectors))
+    rows = [answer(*row) for row in zip(*vectors, strict=True)]
     return tuple(np.array(part) for part in zip(*rows, strict=True))
 
 

@@ -113,7 +113,7 @@ def line(start: Pose, end: Pose) -> Line:
     turn = pin.log3(end.rotation @ start.rotation.T)
     made = Line(start, end.position - start.position, turn)
     if made.length < 1e-9:
-        raise InvalidInput(f"start and end are the same, {start.position}; different are wanted")
+        raise InvalidInput(f"start and end are the same, {start.position}; different are expected")
     return made
 
 

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
@@ -23,7 +23,7 @@ from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
 from arm_dynamics.trajectory.quintic import segment_coefficients
-from arm_dynamics.trajectory.reference import Reference, Trajectory, positive_limits
+from arm_dynamics.trajectory.reference import Reference, Trajectory
 from arm_dynamics.trajectory.time_scaling import torque_stretch, velocity_stretch
 from arm_dynamics.trajectory.timing import Timing, samples
 
@@ -91,7 +91,7 @@ def joint_path(
         InvalidInput: If an argument is not allowed.
     """
     if knots < 1:
-        raise InvalidInput(f"knots = {knots}; at least one is wanted")
+        raise InvalidInput(f"knots = {knots}; at least one is expected")
     path, solver = trajectory.path, InverseKinematics(task)
     start = path.at(0.0)
     q = solver.reach(Pose(start.position, start.rotation), seed)

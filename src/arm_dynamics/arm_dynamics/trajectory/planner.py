@@ -53,7 +53,7 @@ class CartesianGoals:
             dynamics: The model, for torque limits.
             pace: How fast.
             within: Brings motions within the limits of the joints: ``joint_path.paced``, or
-                ``retiming.retimed``, which makes them as quick as these allow, whatever the
+                ``time_optimal.retimed``, which makes them as quick as these allow, whatever the
                 speed and acceleration of the frame.
         """
         self._task, self._dynamics, self._pace, self._within = task, dynamics, pace, within

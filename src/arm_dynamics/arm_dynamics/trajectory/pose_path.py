@@ -65,7 +65,7 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> Through | None:
         InvalidInput: If there are no poses, or the way is too long.
     """
     if not poses:
-        raise InvalidInput("no poses; at least one is wanted")
+        raise InvalidInput("no poses; at least one is expected")
     pieces, ways = _pieces(task, task.pose(q), poses)
     if not pieces:
         return None

@@ -10,8 +10,7 @@ from typing import Protocol
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.model.arm import ArmModel
 
 
@@ -204,51 +203,6 @@ class Trajectory:
         motion = self._stacked[i] @ powers
         motion.setflags(write=False)
         return Reference(motion[0], motion[1], motion[2])
-
-
-def numbers(what: str, values: ArrayLike) -> Array:
-    """Read numbers from the outside.
-
-    Args:
-        what: Their name, for messages.
-        values: Anything.
-
-    Returns:
-        A new array of finite numbers.
-
-    Raises:
-        InvalidInput: If it is anything else.
-    """
-    try:
-        array = np.array(values, float)
-    except (TypeError, ValueError):
-        raise InvalidInput(f"{what} is {values!r}; numbers are wanted") from None
-    if not np.isfinite(array).all():
-        raise InvalidInput(f"{what} is {array}; allowed are finite numbers")
-    return array
-
-
-def positive_limits(what: str, limit: ArrayLike, n: int) -> Array:
-    """Read limits from the outside.
-
-    Args:
-        what: Their name, for messages.
-        limit: Positive, inf for none, a number or shape (n,).
-        n: Degrees of freedom.
-
-    Returns:
-        Shape (n,).
-
-    Raises:
-        InvalidInput: If they are anything else.
-    """
-    try:
-        array = np.asarray(limit, float)
-    except (TypeError, ValueError):
-        array = np.zeros(())
-    if array.shape not in ((), (n,)) or not np.all(array > 0.0):
-        raise InvalidInput(f"{what} is {limit!r}; allowed are positive numbers, one or ({n},)")
-    return np.array(np.broadcast_to(array, (n,)))
 
 
 def hold(q: ArrayLike) -> Trajectory:

@@ -14,12 +14,11 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, Unreachable
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.trajectory.joint_path import LAST, JointPath, paced
-from arm_dynamics.trajectory.reference import positive_limits
 
 _FREE = 1e9  # a limit that is none, for a library that wants a number
 
@@ -89,7 +88,7 @@ def retimed(
         ArmError: If the library is not installed.
     """
     if points < 10:
-        raise InvalidInput(f"points = {points}; at least 10 are wanted")
+        raise InvalidInput(f"points = {points}; at least 10 are expected")
     torque = (
         dynamics.model.effort_limit
         if limit is None

@@ -8,8 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.arrays import Array, positive
 
 
 class Timing(Protocol):
@@ -45,7 +44,7 @@ class Quintic:
             speed: Largest speed in [m/s] or [rad/s].
             acceleration: Largest acceleration along the way in [m/s²] or [rad/s²].
         """
-        _check(length, speed, acceleration)
+        _check(length=length, speed=speed, acceleration=acceleration)
         return cls(max(15 / 8 * length / speed, np.sqrt(10 / np.sqrt(3) * length / acceleration)))
 
     def at(self, t: float) -> tuple[float, float, float]:
@@ -84,7 +83,7 @@ class Trapezoid:
             speed: Largest speed in [m/s] or [rad/s].
             acceleration: Largest acceleration along the way in [m/s²] or [rad/s²].
         """
-        _check(length, speed, acceleration)
+        _check(length=length, speed=speed, acceleration=acceleration)
         if speed**2 >= length * acceleration:
             ramp = float(np.sqrt(length / acceleration))
             return cls(2.0 * ramp, ramp)
@@ -117,8 +116,6 @@ def samples(timing: Timing, count: int) -> tuple[Array, Array, Array, Array]:
     return t, u, rate, rise
 
 
-def _check(length: float, speed: float, acceleration: float) -> None:
-    given = {"length": length, "speed": speed, "acceleration": acceleration}
+def _check(**given: float) -> None:
     for name, value in given.items():
-        if not 0.0 < value < np.inf:
-            raise InvalidInput(f"{name} is {value}; a positive number is wanted")
+        positive(name, value)

@@ -15,17 +15,10 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintic import extremes, knot_derivatives, segment_coefficients
-from arm_dynamics.trajectory.reference import (
-    Limits,
-    Reference,
-    Trajectory,
-    Waypoint,
-    hold,
-    numbers,
-)
+from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint, hold
 
 __all__ = [
     "Limits",

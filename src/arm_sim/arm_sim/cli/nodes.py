@@ -99,7 +99,7 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
 
     from arm_dynamics.ros.common.executor import run
 
-    scene, rest = _split(scene, rest)
+    scene, rest = split_words(scene, rest)
     if with_parent:
         _end_with_parent()
     chosen = [Parameter("scene", value=scene)] if scene else []
@@ -115,7 +115,7 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
     return made[0]
 
 
-def _split(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
+def split_words(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
     """Tell the scene from ROS arguments, and refuse what is neither instead of ignoring it."""
     words = (scene, *rest) if scene else rest
     at = words.index("--ros-args") if "--ros-args" in words else len(words)

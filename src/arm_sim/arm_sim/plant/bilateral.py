@@ -13,7 +13,7 @@ import casadi as ca
 
 from arm_dynamics import ArmModel, SceneError
 from arm_dynamics.equations import constraint, rigid_body
-from arm_dynamics.equations.projection import SINGULAR, Held, Metric
+from arm_dynamics.equations.projection import SINGULAR, Metric, Projector
 from arm_dynamics.model.tree_builder import linkage_of
 from arm_sim.plant.symbols import Symbols, dense_function
 
@@ -48,7 +48,7 @@ class Bilateral:
             linkage_of(model, model.constraint_rows), s.tree, s.q, s.v, s.active
         )
         self._metric = Metric(rigid_body.mass_matrix(s.tree, s.q))
-        self._held = Held(self._metric, self._rows.jacobian)
+        self._held = Projector(self._metric, self._rows.jacobian)
         self.acceleration = self._acceleration()
         self.project = self._project()
 
@@ -67,7 +67,7 @@ class Bilateral:
             left = _beyond_rounding(_at(rows.residual, s.q, q))
             q = q + metric.motion(self._held.nearest(still, -left))
         A = _at(rows.jacobian, s.q, q)
-        v = s.v + metric.motion(Held(metric, A, SINGULAR).nearest(still, -(A @ s.v)))
+        v = s.v + metric.motion(Projector(metric, A, SINGULAR).nearest(still, -(A @ s.v)))
         left = ca.fmax(
             _largest(_at(rows.every, s.q, q)) - LEFT_OPEN, _largest(A @ v) - LEFT_MOVING
         )

@@ -11,9 +11,8 @@ from std_msgs.msg import Float64MultiArray
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_dynamics.ros.joint_state.compiled import make_reader, make_source
 from arm_dynamics.ros.joint_state.serialization import Numbers
-from arm_dynamics.ros.joint_state.topics import JointStateSource
+from arm_dynamics.ros.joint_state.topics import JointStateSource, make_reader, make_source
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.tick_engine import TickEngine
 

@@ -3,16 +3,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
-
 from arm_msgs.msg import Energy, Multipliers
 from geometry_msgs.msg import WrenchStamped
-from rclpy.node import Node
 from rosgraph_msgs.msg import Clock
 from std_msgs.msg import Float64MultiArray
 
-from arm_dynamics.ros.common.executor import surviving
 from arm_dynamics.ros.interfaces import NEWEST, Topic
 
 COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
@@ -20,9 +15,3 @@ ENERGY = Topic("~/energy", Energy)
 MULTIPLIERS = Topic("~/multipliers", Multipliers)
 CLOCK = Topic("clock", Clock)
 WRENCH = Topic("~/wrench", WrenchStamped)
-
-
-def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
-    """Subscribe by a callback whose failures are logged and do not end the node."""
-    guarded = surviving(node, callback)
-    return node.create_subscription(topic.type, topic.name, guarded, topic.subscribe, raw=raw)

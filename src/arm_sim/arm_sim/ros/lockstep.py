@@ -8,9 +8,9 @@ import time
 
 from rclpy.node import Node
 
+from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.inputs import Inputs
-from arm_sim.ros.interfaces import subscribe
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.tick_engine import TickEngine

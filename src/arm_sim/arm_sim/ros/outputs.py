@@ -14,8 +14,8 @@ from arm_dynamics.ros.common.cdr import HEADER, time_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import sender
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state.compiled import make_sink
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter
+from arm_dynamics.ros.joint_state.topics import make_sink
 from arm_sim.ros.interfaces import CLOCK, ENERGY, MULTIPLIERS
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.params import SimParams

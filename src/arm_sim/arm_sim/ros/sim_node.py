@@ -9,11 +9,11 @@ from typing import Any
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import Diagnosis
-from arm_dynamics.ros.common.executor import run
+from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import declare, privileges, watch
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.inputs import Inputs
-from arm_sim.ros.interfaces import COMMANDS, WRENCH, subscribe
+from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import CLOCK, HAND, SimParams, simulator_of
@@ -88,7 +88,7 @@ class SimNode(Node):
         self.standard = StandardServices(self, engine)
         self.diagnostics = SimDiagnostics(
             self, params, engine, self.loop, inputs, self.lockstep, self._refused_privileges
-        )  # fmt: skip
+        )
         self.diagnosis = Diagnosis(self, self.diagnostics)
         watch(self, lambda: self.params, self._apply)
         self._start()

@@ -19,6 +19,7 @@ from rclpy.signals import SignalHandlerOptions
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros.common.privileges import demote_timers, freeze_garbage
+from arm_dynamics.ros.interfaces import Topic
 
 CORES = ("arm_dynamics", "arm_sim")
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
@@ -82,8 +83,8 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
         executor.shutdown()
 
 
-def surviving(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], None]:
-    """Wrap the callback of a topic: what goes wrong in it is logged and does not end the node."""
+def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
+    """Subscribe by a callback; what goes wrong in it is logged and does not end the node."""
 
     def guarded(message: Any) -> None:
         try:
@@ -94,7 +95,7 @@ def surviving(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], Non
                 throttle_duration_sec=_THROTTLE,
             )
 
-    return guarded
+    return node.create_subscription(topic.type, topic.name, guarded, topic.subscribe, raw=raw)
 
 
 class NodeHandler(logging.Handler):

@@ -71,6 +71,8 @@ def declare[P](node: Node, kind: type[P]) -> P:
         about = item.metadata
         if about.get("each_joint"):
             default = [default]
+        if isinstance(default, tuple):
+            default = list(default)
         try:
             declared = node.declare_parameter(name, default, _descriptor(about, default))
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
@@ -145,7 +147,7 @@ def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=about["description"],
         read_only=about.get("read_only", False),
-        dynamic_typing=isinstance(default, list | tuple),  # [30] and 30 mean what [30.0] means
+        dynamic_typing=isinstance(default, list),  # [30] and 30 mean what [30.0] means
     )
     if choices := about.get("choices"):
         descriptor.additional_constraints = "one of " + ", ".join(choices)

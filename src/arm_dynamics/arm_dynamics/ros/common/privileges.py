@@ -38,35 +38,27 @@ class Privileges:
             For each thing that was not granted, what it was and why.
         """
         refused = []
-        for wanted, ask in (
-            (self.priority > 0, self._rise),
-            (bool(self.cpus), self._stay),
-            (self.lock_memory, _lock),
-        ):
+        for wanted, ask, missing in (
+            (self.priority, self._raise_priority,
+             "no real-time priority (allow it by ulimit -r or CAP_SYS_NICE)"),
+            (self.cpus, lambda: os.sched_setaffinity(0, self.cpus), "no processors of its own"),
+            (self.lock_memory, _lock_memory,
+             "memory is not locked (allow it by ulimit -l or CAP_IPC_LOCK)"),
+        ):  # fmt: skip
             try:
                 if wanted:
                     ask()
             except (OSError, AttributeError, ValueError) as error:
-                refused.append(f"{_WHAT[ask.__name__]}: {error}")
+                refused.append(f"{missing}: {error}")
         return refused
 
-    def _rise(self) -> None:
+    def _raise_priority(self) -> None:
         # The others one below: a thread that waits for the interpreter lock, or for a message,
         # waits for whoever has it.
         below = os.sched_param(max(1, self.priority - 1))
         for task in Path("/proc/self/task").iterdir():
             os.sched_setscheduler(int(task.name), os.SCHED_FIFO, below)
         os.sched_setscheduler(0, os.SCHED_FIFO, os.sched_param(self.priority))
-
-    def _stay(self) -> None:
-        os.sched_setaffinity(0, self.cpus)
-
-
-_WHAT = {
-    "_rise": "no real-time priority (allow it by ulimit -r or CAP_SYS_NICE)",
-    "_stay": "no processors of its own",
-    "_lock": "memory is not locked (allow it by ulimit -l or CAP_IPC_LOCK)",
-}
 
 
 def read_cpus(text: str) -> tuple[int, ...]:
@@ -84,7 +76,7 @@ def read_cpus(text: str) -> tuple[int, ...]:
     return cpus
 
 
-def _lock() -> None:
+def _lock_memory() -> None:
     if ctypes.CDLL(None, use_errno=True).mlockall(_MCL_CURRENT_AND_FUTURE):
         raise OSError(ctypes.get_errno(), os.strerror(ctypes.get_errno()))
 

@@ -58,7 +58,7 @@ class AnswerLog:
         now, found = time.monotonic(), Finding("controller")
         executor = type(node.executor).__name__ if node.executor is not None else "none"
         found.values = {
-            "law": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
+            "controller": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
             "last state [s]": now - self._seen, "states passed over": self.passed_over,
             "jumps of time": self.jumps, **goals, "executor": executor,
         }  # fmt: skip

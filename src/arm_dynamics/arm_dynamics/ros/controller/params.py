@@ -35,11 +35,7 @@ class ControllerParams(ThreadParams):
         0.2, "Time that a change of the law takes [s]", low=0.0, high=60.0
     )
     acceleration_limit: float = parameter(
-        0.0,
-        "Greatest acceleration of a trajectory [rad/s²]; 0: none",
-        low=0.0,
-        high=1e6,
-        read_only=True,
+        0.0, "Greatest acceleration of a trajectory [rad/s²]; 0: none", low=0.0, high=1e6
     )
     gap_limit: float = parameter(
         1.0,

@@ -5,14 +5,20 @@ It knows the interfaces, ``common`` and the core's compiler, and none of the nod
 no compiler the same is done in Python.
 """
 
-from arm_dynamics.ros.joint_state.compiled import make_reader, make_sink, make_source, native
 from arm_dynamics.ros.joint_state.serialization import (
     JointStateReader,
     JointStateWriter,
     Numbers,
     Read,
 )
-from arm_dynamics.ros.joint_state.topics import JointStateSink, JointStateSource
+from arm_dynamics.ros.joint_state.topics import (
+    JointStateSink,
+    JointStateSource,
+    make_reader,
+    make_sink,
+    make_source,
+    native,
+)
 
 __all__ = [
     "JointStateReader",

@@ -150,22 +150,17 @@ class Question:
         client: Of the node that is asked.
         joints: Names of the joints in the order of all vectors; none for the model's.
         vectors: Numbers of the joints by what they are, None where they were not given.
-        batch: Whether several points are asked about, whatever the vectors say.
     """
 
     def __init__(
-        self,
-        client: ArmClient,
-        joints: list[str],
-        vectors: dict[str, Vector | None],
-        batch: bool = False,
+        self, client: ArmClient, joints: list[str], vectors: dict[str, Vector | None]
     ) -> None:
         facts = client.model_info()
         self.order = joints
         self.names = self.order or list(facts.joint_names)
         self.types = dict(zip(facts.joint_names, facts.joint_types, strict=True))
         self.vectors = {name: v.array(self.names) for name, v in vectors.items() if v is not None}
-        self.batch = batch or any(v.batch for v in vectors.values() if v is not None)
+        self.batch = any(v.batch for v in vectors.values() if v is not None)
 
     def given(self, *names: str) -> list[np.ndarray | None]:
         """Some of the vectors, None for each that was not given."""

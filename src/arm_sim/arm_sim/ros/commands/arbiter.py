@@ -36,7 +36,7 @@ class Arbiter:
         self.patience = patience
         self.refused = 0
         self.last_refusal = ""
-        self._refused_at = -patience
+        self._refused_at = 0
         self._heard: dict[str, _Source] = {}
         self._now = 0
 

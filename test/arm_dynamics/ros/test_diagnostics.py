@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the dynamics and the controller node say about themselves on ``/diagnostics``."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import pytest
+from arm_msgs.srv import InverseDynamics
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
+from harness import Ros
+from std_msgs.msg import String
+from two_link_control import MS, effort, point, state, trajectory
+
+import models
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.dynamics_node import DynamicsNode
+
+pytestmark = pytest.mark.ros
+
+OK, WARN, ERROR = DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.ERROR
+
+
+def found(node: Any) -> DiagnosticStatus:
+    (finding,) = node.diagnostics()
+    return finding.message(node)
+
+
+def values(status: DiagnosticStatus) -> dict[str, str]:
+    return {pair.key: pair.value for pair in status.values}
+
+
+def test_findings_are_published_while_there_are_subscribers(ros: Ros) -> None:
+    node = ros.add(DynamicsNode, models.scene("two_link"))
+    heard = ros.listen(DiagnosticArray, "/diagnostics")
+    ros.spin_until(lambda: heard)
+    (status,) = heard[0].status
+    assert status.name == "dynamics: services"
+    assert (status.message, status.level, status.hardware_id) == ("ok", OK, "/dynamics")
+    assert values(status)["executor"] == type(node.executor).__name__
+
+
+def test_requests_are_counted_and_refusals_told_once(ros: Ros) -> None:
+    node = ros.add(DynamicsNode, models.scene("two_link"))
+    for position in ([0.0, 0.0], [0.0], [0.1, 0.2], []):
+        request = InverseDynamics.Request(position=position)
+        ros.call(InverseDynamics, "/dynamics/inverse_dynamics", request)
+    status = found(node)
+    assert (status.level, status.message) == (WARN, "2 requests refused")
+    assert (values(status)["requests"], values(status)["refused"]) == ("4", "2")
+    assert 0.0 < float(values(status)["busy"]) < 1.0
+    status = found(node)
+    assert (status.level, status.message) == (OK, "ok")
+    assert (values(status)["refused"], values(status)["busy"]) == ("2", "0")
+
+
+def test_a_description_that_cannot_be_used_is_told(ros: Ros) -> None:
+    node = ros.add(DynamicsNode)
+    node.on_robot_description(String(data="<robot/>"))
+    status = found(node)
+    assert (status.level, status.message) == (WARN, "a robot description was refused")
+    assert values(status)["descriptions refused"] == "1"
+    assert found(node).level == OK
+
+
+def test_a_controller_says_what_went_wrong_since_it_was_last_asked(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"), saturate=True)
+    effort(node, 10 * MS, (0.0, 0.0))
+    effort(node, 11 * MS, (0.0, 0.0))
+    status = found(node)
+    assert (status.level, status.name) == (OK, "controller: controller")
+    assert values(status)["controller"] == "computed_torque"
+    assert float(values(status)["rate [Hz]"]) > 0.0
+    node.on_joint_states(b"rubbish")
+    node.on_joint_trajectory(trajectory(point(1.0, np.nan, 0.0)))
+    effort(node, 0, (0.0, 0.0))
+    effort(node, MS, (0.3, 0.3))
+    status = found(node)
+    assert status.level == WARN
+    for words in (
+        "1 joint states passed over",
+        "1 goals refused",
+        "time jumped; held where the arm was",
+        "torque cut at the effort limit: ",
+    ):
+        assert words in status.message
+    assert "trajectory refused" in values(status)["goal"]
+    effort(node, 2 * MS, (0.0, 0.0))
+    status = found(node)
+    assert (status.level, status.message) == (OK, "ok")
+    assert values(status)["jumps of time"] == values(status)["states passed over"] == "1"
+
+
+def test_silence_is_an_error(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"))
+    node.on_joint_states(state(0))
+    time.sleep(1.1)
+    status = found(node)
+    assert status.level == ERROR
+    assert status.message.startswith("no joint state for 1.")
+    node.on_joint_states(state(MS))
+    assert found(node).level == OK

@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The walks of CONTRIBUTING.md lead where they say: their code is applied to a copy of src."""
+
+from __future__ import annotations
+
+import os
+import re
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+PAGE = (ROOT / "CONTRIBUTING.md").read_text()
+WALKS = dict(re.findall(r"\n### ([^\n]+)\n(.*?)(?=\n##)", PAGE, re.DOTALL))
+MOST_FILES = {
+    "A friction law with a state": 4,
+    "An integrator": 2,
+    "A controller": 2,
+    "A service": 6,
+}
+
+
+def applied(walk: str, root: Path) -> Path:
+    """A copy of src with the code of a walk."""
+    shutil.copytree(ROOT / "src", root / "src", ignore=shutil.ignore_patterns("__pycache__"))
+    for language, block in re.findall(r"\n```(\w*)\n(.*?)```", WALKS[walk], re.DOTALL):
+        first, _, text = block.partition("\n")
+        path = root / first.split()[-1]
+        if language == "diff":
+            path.write_text(changed(path.read_text(), text))
+        else:
+            assert not path.exists()
+            path.write_text(text)
+    return root / "src"
+
+
+def changed(text: str, diff: str) -> str:
+    """A file with the hunks of a diff; what is before must stand in it exactly once."""
+    for hunk in diff.split("@@\n")[1:]:
+        lines = hunk.splitlines(keepends=True)
+        before, after = ("".join(x[1:] for x in lines if x[0] in signs) for signs in (" -", " +"))
+        assert text.count(before) == 1, f"{text.count(before)} times in the file:\n{before}"
+        text = text.replace(before, after)
+    return text
+
+
+def run(src: Path, script: str) -> None:
+    folders = [src / "arm_dynamics", src / "arm_sim", os.environ.get("PYTHONPATH", "")]
+    done = subprocess.run(
+        [sys.executable, "-c", script],
+        env={**os.environ, "PYTHONPATH": os.pathsep.join(map(str, folders))},
+        cwd=src, capture_output=True, text=True, timeout=120,
+    )  # fmt: skip
+    assert done.returncode == 0, done.stderr
+
+
+@pytest.mark.parametrize("walk", MOST_FILES)
+def test_walk_touches_few_files(walk: str) -> None:
+    files = set(re.findall(r"^(?:\+\+\+|#) (src/\S+)$", WALKS[walk], re.MULTILINE))
+    assert 0 < len(files) <= MOST_FILES[walk]
+
+
+@pytest.mark.parametrize("walk", MOST_FILES)
+def test_changed_files_can_be_read(walk: str, tmp_path: Path) -> None:
+    src = applied(walk, tmp_path)
+    for name in re.findall(r"^(?:\+\+\+|#) src/(\S+\.py)$", WALKS[walk], re.MULTILINE):
+        compile((src / name).read_text(), name, "exec")
+
+
+def test_other_files_that_walks_name_exist() -> None:
+    named = re.findall(r"`((?:src|test|docs|tools)/[\w/.-]+)`", PAGE)
+    assert len(named) > 5
+    assert [name for name in named if not (ROOT / name).exists()] == []
+
+
+def test_friction_law_works_everywhere(tmp_path: Path) -> None:
+    run(
+        applied("A friction law with a state", tmp_path),
+        """
+import numpy as np
+from arm_dynamics import Dynamics, SceneError
+from arm_sim import Simulator
+
+def joint(friction):
+    return {"friction": {"viscous": 0.0} | friction}
+
+scene = {
+    "robot": {"urdf": "arm_sim/arm_sim/scenes/two_link.urdf"},
+    "gravity": [0, 0, 0],
+    "joints": {
+        "shoulder": joint({"coulomb": 2.0, "dahl": {"sigma0": 400.0}}),
+        "elbow": joint({"coulomb": 1.0, "lugre": {"sigma0": 1000.0, "sigma1": 5.0}}),
+    },
+}
+sim = Simulator(scene, backend="vm")
+assert "Dahl friction" in str(sim.plan) and len(sim.z_names) == 2
+motion = sim.run(0.1, lambda state: np.array([6.0, 0.0]))
+q = motion.q[:, 0] - motion.q[0, 0]
+z = motion.z[:, sim.z_names.index("shoulder Dahl deflection")]
+assert q[-1] > 0.02 and np.all(np.diff(q) >= 0.0)
+np.testing.assert_allclose(z, 2.0 / 400.0 * (1.0 - np.exp(-400.0 / 2.0 * q)), atol=1e-7)
+np.testing.assert_allclose(motion.balance, 0.0, atol=1e-6)
+v = np.array([[0.5, 0.5], [-0.5, 0.0]])
+np.testing.assert_allclose(Dynamics(scene).friction(v), [[2.0, 1.0], [-2.0, 0.0]])
+scene["joints"]["shoulder"]["friction"].pop("coulomb")
+try:
+    Simulator(scene, backend="vm")
+except SceneError as error:
+    assert "joints.shoulder.friction.dahl" in str(error)
+else:
+    raise AssertionError("a spring that never yields was taken")
+""",
+    )
+
+
+def test_integrator_has_its_order(tmp_path: Path) -> None:
+    run(
+        applied("An integrator", tmp_path),
+        """
+import numpy as np
+from arm_sim import Simulator
+
+def end(integrator, dt):
+    sim = Simulator("arm_sim/arm_sim/scenes/pendulum.yaml", integrator, dt, backend="vm")
+    return sim.run(0.4).q[-1, 0]
+
+truth = end("dop853", 0.01)
+coarse, fine = (abs(end("kutta_38", dt) - truth) for dt in (0.04, 0.02))
+assert 3.5 < np.log2(coarse / fine) < 4.5, (coarse, fine)
+""",
+    )
+
+
+def test_controller_leads_the_arm_and_is_a_choice_of_the_node(tmp_path: Path) -> None:
+    run(
+        applied("A controller", tmp_path),
+        """
+from dataclasses import fields
+import numpy as np
+from arm_dynamics.control import NAMES, Settings, make_controller
+from arm_dynamics.trajectory import Reference
+from arm_sim import Simulator
+
+assert "slotine_li" in NAMES and "sliding_rate" in {field.name for field in fields(Settings)}
+sim = Simulator({
+    "robot": {"urdf": "arm_sim/arm_sim/scenes/two_link.urdf"},
+    "joints": {"*": {"friction": {"viscous": 0.0}}},
+    "initial": {"position": {"shoulder": -0.5, "elbow": 0.8}},
+}, backend="vm")
+goal = Reference(np.array([0.3, 1.2]), np.zeros(2), np.zeros(2))
+rate = 8.0
+control = make_controller("slotine_li", sim.dynamics, Settings(bandwidth=8.0, sliding_rate=rate))
+motion = sim.run(2.5, lambda state: control.torque(state, goal))
+s = rate * (goal.q - motion.q) - motion.v
+M = sim.dynamics.mass_matrix(motion.q)
+energy = np.einsum("ki,kij,kj->k", s, M, s)
+assert np.all(np.diff(energy) <= 1e-3 * energy[:-1])  # passivity, but for torques that are held
+np.testing.assert_allclose(motion.q[-1], goal.q, atol=1e-6)
+""",
+    )
