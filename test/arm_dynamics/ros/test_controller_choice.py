@@ -246,6 +246,26 @@ def test_any_other_change_keeps_the_reference(ros: Ros) -> None:
     assert_close(node.follower.reference(2 * MS).q, HOME, ALGEBRA)
 
 
+def test_the_newest_choice_counts_whatever_was_being_prepared(ros: Ros) -> None:
+    """A controller that is ready late does not take the place of one that was chosen since."""
+    node = controller_node(ros, switch_time=0.0, bandwidth=[4.0])
+    effort(node, 0)
+    settle(node)
+    assert change(node, controller="operational_space", task_frame="panda_link5").successful
+    assert node.busy  # compiles for a frame that no test has used before
+    assert change(node, controller="pd_gravity").successful
+    assert not node.busy
+    end = time.monotonic() + 2.0
+    while time.monotonic() < end:
+        time.sleep(0.05)
+        node.deliver()
+    still = Reference(HOME, np.zeros(7), np.zeros(7))
+    chosen = make_controller("pd_gravity", models.dynamics("panda"), Settings(bandwidth=4.0))
+    effort(node, MS, HOME + 0.1)
+    exact = chosen.torque(Measured(HOME + 0.1, np.zeros(7)), still)
+    assert_close(effort(node, 2 * MS, HOME + 0.1), exact, ALGEBRA)
+
+
 def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
     node = controller_node(ros, bandwidth=[100.0], switch_time=0.0)
     limit = models.dynamics("panda").model.effort_limit

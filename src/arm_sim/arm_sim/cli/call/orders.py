@@ -51,7 +51,7 @@ def step(client: ArmClient, as_json: bool, steps: int) -> None:
     _print_done(f"{ticks} further, t = {time:.6g} s", as_json, time=time)
 
 
-def _something(position: Vector | None, velocity: Vector | None, **_: Any) -> None:
+def _something_to_set(position: Vector | None, velocity: Vector | None, **_: Any) -> None:
     if position is None and velocity is None:
         raise click.UsageError("nothing to set: give --position, --velocity or both")
 
@@ -64,7 +64,7 @@ def _something(position: Vector | None, velocity: Vector | None, **_: Any) -> No
 @click.option("--position", type=VECTOR, help=f"Joint positions in rad or m; {HOW}.")
 @click.option("--velocity", type=VECTOR, help="Joint velocities; zero when omitted.")
 @joints
-@asks(SIM, check=_something)
+@asks(SIM, check=_something_to_set)
 def set_joint_state(
     client: ArmClient, as_json: bool, joints: list[str], **vectors: Vector | None
 ) -> None:

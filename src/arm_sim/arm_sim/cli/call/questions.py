@@ -231,7 +231,7 @@ def inverse_kinematics(
         raise click.ClickException(missed)
 
 
-def _one_way(
+def _one_direction(
     inverse: bool, effort: Vector | None, multipliers: Vector | None,
     acceleration: Vector | None, **_: Any,
 ) -> None:  # fmt: skip
@@ -262,7 +262,7 @@ def _one_way(
 @click.option("--multipliers", type=VECTOR,
               help="Forces against the constraints in N or N m; zero when omitted.")  # fmt: skip
 @joints
-@asks(DYNAMICS, check=_one_way)
+@asks(DYNAMICS, check=_one_direction)
 def constrained_dynamics(
     client: ArmClient,
     as_json: bool,
