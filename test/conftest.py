@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import fcntl
 import os
+from collections.abc import Iterator
 from zlib import crc32
 
 import numpy as np
@@ -21,6 +23,23 @@ def pytest_addoption(parser: pytest.Parser) -> None:
 def pytest_xdist_auto_num_workers(config: pytest.Config) -> int:
     """A process for each core to run folders of tests; a few files are quicker in this one."""
     return len(os.sched_getaffinity(0)) if any(map(os.path.isdir, config.args)) else 0
+
+
+@pytest.fixture(autouse=True)
+def room(
+    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
+) -> Iterator[None]:
+    """Where several processes run tests, one marked ``alone`` waits until the others are idle."""
+    if "PYTEST_XDIST_WORKER" not in os.environ:
+        yield
+        return
+    alone = request.node.get_closest_marker("alone") is not None
+    folder = tmp_path_factory.getbasetemp().parent  # what the processes of a run share
+    with (folder / "gate").open("w") as gate, (folder / "room").open("w") as inside:
+        fcntl.flock(gate, fcntl.LOCK_EX)  # nobody goes in while one waits for the room to empty
+        fcntl.flock(inside, fcntl.LOCK_EX if alone else fcntl.LOCK_SH)
+        fcntl.flock(gate, fcntl.LOCK_UN)
+        yield
 
 
 @pytest.fixture

@@ -79,7 +79,7 @@ def _answers(scene: Any, name: str, observer: float | None) -> Iterator[Callable
 
 
 def _state(node: ControllerNode, off: float) -> bytes:
-    dynamics = node._dynamics
+    dynamics = node.dynamics
     message = JointState(name=list(dynamics.joint_names))
     message.position = (dynamics.model.q0 + off).tolist()
     message.velocity = [0.1] * dynamics.n
@@ -89,7 +89,7 @@ def _state(node: ControllerNode, off: float) -> bytes:
 def _long_way(node: ControllerNode) -> JointTrajectory:
     """A motion that outlasts the measurement, so that the reference is one that moves."""
     names = list(node.dynamics.joint_names)
-    point = JointTrajectoryPoint(positions=(node._dynamics.model.q0 + 0.1).tolist())
+    point = JointTrajectoryPoint(positions=(node.dynamics.model.q0 + 0.1).tolist())
     point.time_from_start.sec = 1000
     return JointTrajectory(joint_names=names, points=[point])
 

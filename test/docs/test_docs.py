@@ -13,6 +13,7 @@ import pytest
 import yaml
 from pydantic import BaseModel
 
+from arm_dynamics import ArmError
 from arm_dynamics.scene import drive as scene_drive
 from arm_dynamics.scene import friction as scene_friction
 from arm_dynamics.scene import schema
@@ -27,9 +28,20 @@ REFERENCE = (ROOT / "docs/scene-reference.md").read_text()
 
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
 def test_links_lead_somewhere(page: Path) -> None:
-    links = re.findall(r"\]\(([^)#\s]*)[^)]*\)", page.read_text())
-    inside = [link for link in links if link and "://" not in link]
-    assert [link for link in inside if not (page.parent / link).exists()] == []
+    links = re.findall(r"\]\(([^)#\s]*)(?:#([^)\s]*))?\)", page.read_text())
+    inside = [
+        (page.parent / link if link else page, part) for link, part in links if "://" not in link
+    ]
+    assert [str(target) for target, _ in inside if not target.exists()] == []
+    assert [
+        (str(target), part) for target, part in inside if part and part not in anchors(target)
+    ] == []
+
+
+def anchors(page: Path) -> set[str]:
+    """Names that links may have for the headings of a page."""
+    headings = re.findall(r"^#+ (.*)$", page.read_text(), re.MULTILINE)
+    return {re.sub(r"[^\w\- ]", "", heading.lower()).replace(" ", "-") for heading in headings}
 
 
 @pytest.mark.parametrize("page", [*PAGES, *TEMPLATES], ids=lambda p: f"{p.parent.name}/{p.name}")
@@ -37,6 +49,16 @@ def test_text_is_broken_into_lines(page: Path) -> None:
     text = re.sub(r"```.*?```|\$\$.*?\$\$", "", page.read_text(), flags=re.DOTALL)
     lines = [line for line in text.splitlines() if not line.startswith(("|", "  |", "    ", "{{"))]
     assert [line for line in lines if len(line) > WIDTH and " " in line[:WIDTH].strip()] == []
+
+
+SHOWN = [*PAGES, *sorted((ROOT / "examples").glob("*.py"))]
+
+
+@pytest.mark.parametrize("page", SHOWN, ids=lambda page: page.name)
+def test_imports_are_from_packages(page: Path) -> None:
+    text = page.read_text().split("## Walks")[0]  # which show the insides
+    deeper = r"\b(?:from|import) (?:arm_dynamics|arm_sim)\.\w+\.\S+"
+    assert re.findall(deeper, text) == []
 
 
 def test_figure_of_the_architecture_shows_the_layers_in_force() -> None:
@@ -59,6 +81,25 @@ def test_scene_of_the_reference_loads() -> None:
     text = re.search(r"```yaml\n(.*?)```", REFERENCE, re.DOTALL)
     assert text
     assert Simulator(yaml.safe_load(text[1])).n == 7
+
+
+MISTAKES = re.findall(r"^\| `(.+?)` \| `(.+?)` \|$", REFERENCE.split("## Errors")[1], re.MULTILINE)
+
+
+@pytest.mark.parametrize(("written", "answer"), MISTAKES)
+def test_mistakes_get_the_answers_that_the_reference_shows(written: str, answer: str) -> None:
+    part = yaml.safe_load(written)
+    robot = yaml.safe_load((ROOT / "src/arm_sim/arm_sim/scenes/panda.yaml").read_text())["robot"]
+    key = next(iter(part))
+    if key == "lock":
+        part = {"robot": robot | part}
+    elif key == "inertia":
+        part = {"payloads": [{"frame": "panda_hand", "mass": 1, **part}]}
+    elif key in {"friction", "armature", "actuator", "transmission"}:
+        part = {"joints": {"*" if key == "armature" else "panda_joint1": part}}
+    with pytest.raises(ArmError) as error:
+        Simulator({"robot": robot} | part, backend="vm")
+    assert re.fullmatch(".*".join(map(re.escape, answer.split("…"))), str(error.value))
 
 
 def test_reference_names_every_key() -> None:

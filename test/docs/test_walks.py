@@ -23,20 +23,17 @@ MOST_FILES = {
 }
 
 
-@pytest.fixture(scope="module")
-def src(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """A copy of src to which all walks have been applied."""
-    root = tmp_path_factory.mktemp("walks")
+def applied(walk: str, root: Path) -> Path:
+    """A copy of src with the code of a walk."""
     shutil.copytree(ROOT / "src", root / "src", ignore=shutil.ignore_patterns("__pycache__"))
-    for walk in WALKS.values():
-        for language, block in re.findall(r"\n```(\w*)\n(.*?)```", walk, re.DOTALL):
-            first, _, text = block.partition("\n")
-            path = root / first.split()[-1]
-            if language == "diff":
-                path.write_text(changed(path.read_text(), text))
-            else:
-                assert not path.exists()
-                path.write_text(text)
+    for language, block in re.findall(r"\n```(\w*)\n(.*?)```", WALKS[walk], re.DOTALL):
+        first, _, text = block.partition("\n")
+        path = root / first.split()[-1]
+        if language == "diff":
+            path.write_text(changed(path.read_text(), text))
+        else:
+            assert not path.exists()
+            path.write_text(text)
     return root / "src"
 
 
@@ -66,8 +63,10 @@ def test_walk_touches_few_files(walk: str) -> None:
     assert 0 < len(files) <= MOST_FILES[walk]
 
 
-def test_changed_files_can_be_read(src: Path) -> None:
-    for name in re.findall(r"^(?:\+\+\+|#) src/(\S+\.py)$", PAGE, re.MULTILINE):
+@pytest.mark.parametrize("walk", MOST_FILES)
+def test_changed_files_can_be_read(walk: str, tmp_path: Path) -> None:
+    src = applied(walk, tmp_path)
+    for name in re.findall(r"^(?:\+\+\+|#) src/(\S+\.py)$", WALKS[walk], re.MULTILINE):
         compile((src / name).read_text(), name, "exec")
 
 
@@ -77,9 +76,9 @@ def test_other_files_that_walks_name_exist() -> None:
     assert [name for name in named if not (ROOT / name).exists()] == []
 
 
-def test_friction_law_works_everywhere(src: Path) -> None:
+def test_friction_law_works_everywhere(tmp_path: Path) -> None:
     run(
-        src,
+        applied("A friction law with a state", tmp_path),
         """
 import numpy as np
 from arm_dynamics import Dynamics, SceneError
@@ -117,9 +116,9 @@ else:
     )
 
 
-def test_integrator_has_its_order(src: Path) -> None:
+def test_integrator_has_its_order(tmp_path: Path) -> None:
     run(
-        src,
+        applied("An integrator", tmp_path),
         """
 import numpy as np
 from arm_sim import Simulator
@@ -135,9 +134,9 @@ assert 3.5 < np.log2(coarse / fine) < 4.5, (coarse, fine)
     )
 
 
-def test_controller_leads_the_arm_and_is_a_choice_of_the_node(src: Path) -> None:
+def test_controller_leads_the_arm_and_is_a_choice_of_the_node(tmp_path: Path) -> None:
     run(
-        src,
+        applied("A controller", tmp_path),
         """
 from dataclasses import fields
 import numpy as np

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import ArmModel, load_scene
-from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen import Kernel, compiler
 from arm_sim.integrators.methods import build_step
 from arm_sim.integrators.selection import choose
 from arm_sim.plant.actuation import actuation

@@ -21,7 +21,6 @@ from tolerances import BACKENDS, assert_close
 
 Build = Callable[..., Simulator]
 FRICTION = {"viscous": 0.1, "coulomb": 0.0}
-DRY = {"viscous": 0.1, "coulomb": 0.3, "static": 0.5, "stribeck_velocity": 0.05}
 
 
 @pytest.fixture

@@ -116,7 +116,7 @@ def test_zero_bandwidth_is_feed_forward_alone() -> None:
         ([], 1.0, "bandwidth has shape"),
         (1.0, -0.1, "damping_ratio is -0.1"),
         (1.0, [[1.0]], "damping_ratio has shape"),
-        ("fast", 1.0, "bandwidth is 'fast'"),
+        ("fast", 1.0, "bandwidth = 'fast'"),
     ],
 )
 def test_bad_gains_are_refused(bandwidth: object, damping_ratio: object, complaint: str) -> None:

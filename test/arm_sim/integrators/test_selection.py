@@ -16,10 +16,10 @@ from arm_sim.integrators.selection import (
     DRIVEN_TOLERANCE,
     STIFF,
     Choice,
-    bristle_rate,
     choose,
     damping_rate,
     fastest_rate,
+    law_rate,
 )
 from arm_sim.plant.plant import Plant
 from models.driven import wheel
@@ -47,11 +47,11 @@ def bristles(J: float, v0: float = 0.0, **more: float) -> dict[str, Any]:
 ])  # fmt: skip
 def test_bristles_answer_as_a_spring_or_as_they_bend(J: float, v0: float, rate: float) -> None:
     """The larger of sqrt(σ0/J) and σ0 max(1, |v0|)/Fc."""
-    assert_close(bristle_rate(model(bristles(J, v0))) / rate, 1.0, 1e-9)
+    assert_close(law_rate(model(bristles(J, v0)))[0] / rate, 1.0, 1e-9)
 
 
 def test_without_bristles_none_answers() -> None:
-    assert bristle_rate(model(rotor(0.1, coulomb=1.0))) == 0.0
+    assert law_rate(model(rotor(0.1, coulomb=1.0))) == (0.0, "")
 
 
 def test_the_stronger_direction_of_friction_decides() -> None:

@@ -22,6 +22,7 @@ def run(loop: RealtimeLoop, seconds: float) -> None:
     loop.stop()
 
 
+@pytest.mark.alone
 def test_ticks_at_its_rate() -> None:
     ticks: list[float] = []
     loop = RealtimeLoop(lambda: ticks.append(time.monotonic()), 1e-3)

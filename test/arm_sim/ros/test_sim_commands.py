@@ -108,10 +108,11 @@ def test_all_commands_that_come_within_a_tick_are_looked_at(ros: Ros, node: SimN
     for _ in range(10):
         node.inputs.on_joint_commands(named(0, "leader", 0, 1.0))
     publisher = ros.publisher(JointState, "/joint_commands")
+    heard = ros.listen(JointState, "/joint_commands", 50)
     publisher.publish(named(0, "leader", 0, 2.0))
     for _ in range(15):
         publisher.publish(named(0, "other", 0, 9.0))
-    time.sleep(0.3)  # all of them are there
+    ros.spin_until(lambda: len(heard) == 16)  # so the node, too, has all of them
     node.tick()
     assert node.simulator.effort[0] == 2.0
     assert node.engine.arbiter.refused == 15
@@ -121,7 +122,7 @@ def test_of_bare_commands_only_the_newest_is_taken(ros: Ros, node: SimNode) -> N
     publisher = ros.publisher(Float64MultiArray, "/sim/commands")
     for count in range(1, 6):
         publisher.publish(Float64MultiArray(data=[0.0] * (10 + count)))
-    time.sleep(0.3)  # all of them are there
+    time.sleep(0.3)  # all of them are there, and nobody has looked
     ros.spin_until(lambda: node.inputs.refused)
     end = time.monotonic() + 0.2
     ros.spin_until(lambda: time.monotonic() > end)
@@ -141,8 +142,11 @@ def test_quality_of_service(ros: Ros, topic: str, reliable: bool) -> None:
     found: list[Any] = []
 
     def ends() -> list[Any]:
-        found[:] = ros.peer.get_subscriptions_info_by_topic(topic)
-        found.extend(ros.peer.get_publishers_info_by_topic(topic))
+        every = (
+            *ros.peer.get_subscriptions_info_by_topic(topic),
+            *ros.peer.get_publishers_info_by_topic(topic),
+        )
+        found[:] = [end for end in every if end.node_name == "sim"]
         return found
 
     ros.spin_until(ends)

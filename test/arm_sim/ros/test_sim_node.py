@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import time
 from typing import Any
 
 import numpy as np
@@ -73,6 +74,7 @@ def test_energy_account_balances(ros: Ros) -> None:
         ticks(node, 10)
         ros.spin_until(lambda: heard)
     ros.spin_until(lambda: heard[-1].header.stamp.nanosec == 210_000_000)
+    assert {m.header.stamp.nanosec % 10_000_000 for m in heard} == {0}
     last = heard[-1]
     kinetic, potential = node.simulator.dynamics.energy(*motion(node))
     assert (last.kinetic, last.potential) == (kinetic, potential)
@@ -117,6 +119,19 @@ def test_publishes_every_so_many_ticks(ros: Ros) -> None:
     ros.spin_until(lambda: len(heard) >= 4)
     stamps = [message.header.stamp.nanosec // 1_000_000 for message in heard]
     assert stamps[-4:] == [5, 10, 15, 20]
+
+
+def test_simulated_time_goes_at_a_tenth_of_the_clock(ros: Ros) -> None:
+    began = time.monotonic()
+    node = ros.add(SimNode, models.scene("two_link"), realtime_factor=0.1)
+    ros.spin_until(lambda: node.simulator.step_count >= 20)
+    assert time.monotonic() - began > 0.18
+
+
+def test_simulated_time_goes_as_fast_as_possible(ros: Ros) -> None:
+    node = ros.add(SimNode, models.scene("two_link"), realtime_factor=0.0, dt=0.001)
+    ros.spin_until(lambda: node.simulator.step_count >= 100)
+    assert node.loop.report().missed == node.loop.report().dropped == 0
 
 
 def test_a_failure_in_the_loop_pauses_it(

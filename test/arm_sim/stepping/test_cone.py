@@ -39,7 +39,7 @@ def assert_obeys(W: np.ndarray, c: np.ndarray, mu: np.ndarray, answer: Answer) -
 
 
 @pytest.mark.parametrize(("nc", "rank"), [
-    (1, 3), (1, 4), (2, 3), (2, 6), (2, 7), (3, 4), (3, 10), (4, 3), (4, 6), (4, 13),
+    (1, 2), (1, 3), (1, 4), (2, 3), (2, 6), (2, 7), (3, 4), (3, 10), (4, 3), (4, 6), (4, 13),
 ])  # fmt: skip
 def test_forces_obey_the_law_of_coulomb(nc: int, rank: int, rng: np.random.Generator) -> None:
     """In space, redundant or not; where W is regular there always is an answer."""
@@ -54,7 +54,7 @@ def test_forces_obey_the_law_of_coulomb(nc: int, rank: int, rng: np.random.Gener
         seen |= set(answer.state.tolist())
         assert_obeys(W, c, mu, answer)
     assert seen == {APART, SLIDES, STICKS}
-    assert missing == 0 if rank >= 3 * nc else missing <= 2
+    assert missing == 0 if rank >= 3 * nc else missing <= 4
 
 
 def test_scale_does_not_matter(rng: np.random.Generator) -> None:

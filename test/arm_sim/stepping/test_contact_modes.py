@@ -86,6 +86,24 @@ def test_painleve_is_said() -> None:
     assert sorted(with_friction) == [False, True]
 
 
+def test_two_motions_at_once_are_refused() -> None:
+    """Pulled up while friction presses it down: it may lift off or jam, and nobody says which."""
+    rod = contact("body", point=[-0.5, 0, 0], friction=3.0)
+    data = rails("xz", 1.0, turns=True, iyy=1.0 / 12.0)
+    start = {"z": 0.5 * np.sin(1.1), "turn": -1.1}
+    sim = Simulator({**data, "initial": {"position": start}, "constraints": [rod]})
+    outcomes = set()
+    for speed in (1.0, -1.0):
+        sim.reset(v=[speed, 0.0, 0.0])
+        try:
+            sim.step([0.0, 2.0 * G, 0.0])
+            outcomes.add(sim.contact_forces()[0].state)
+        except SimulationDiverged as error:
+            assert "Painlevé" in str(error)
+            outcomes.add("refused")
+    assert outcomes == {"apart", "refused"}
+
+
 def test_dry_joints_and_contacts_together() -> None:
     """A body on a rail with dry friction Fc that also slides on the table: both brake it."""
     rail = {**rails("xz", 2.0), "joints": {"x": {"friction": {"coulomb": 1.0}}}}

@@ -3,7 +3,7 @@
 
 An entry is a shared library ``KEY.so`` and beside it ``KEY.json``, which says what it is. The key
 is the digest of the source, its headers and flags, so that it is found without a compiler. An
-entry is loaded only if nobody but this user or root can have written it, its digest is right and
+entry is loaded only if none but this user or root can have written it, its digest is right and
 this processor has the instructions that it needs. The variable ARM_CACHE lists the folders; they
 are only read.
 """
@@ -33,7 +33,7 @@ class Code:
 
     Attributes:
         library: The library; calls release the interpreter lock.
-        origin: Who compiled it, for people.
+        origin: Who compiled it, as text.
     """
 
     library: ctypes.CDLL
@@ -158,7 +158,7 @@ def put(path: Path, content: bytes, mode: int) -> None:
 
 
 def _check_owner(path: Path) -> None:
-    """Refuse a file or folder that somebody else can have written, or that is a link."""
+    """Refuse a file or folder that another user can have written, or that is a link."""
     try:
         found = path.lstat()
     except OSError as error:

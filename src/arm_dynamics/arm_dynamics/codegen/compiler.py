@@ -4,7 +4,7 @@
 The folders of ARM_CACHE come first (see ``compiled_scenes``), then the user's own cache, then the
 compiler. An entry of the user's own cache is a shared library followed by the digest of its bytes,
 in a folder that only the user may enter. Its name is the digest of source, headers, compiler,
-flags and processor. An entry that does not match its digest, or belongs to somebody else, is built
+flags and processor. An entry that does not match its digest, or belongs to another user, is built
 again and never loaded.
 """
 
@@ -35,7 +35,7 @@ NATIVE = Path(__file__).parent / "native"
 # No -ffast-math and no fused multiply-add: a compiler places them as it likes, and one arm and
 # eight arms side by side would no longer give the same bits (fusing gains 14 % for one arm and
 # nothing for eight). -O1: straight-line code gains nothing from -O2 and -O3, which take two and
-# four times as long to compile it. The two -fno are safe: nobody reads errno after sqrt, nobody
+# four times as long to compile it. The two -fno are safe: no code reads errno after sqrt, none
 # traps floating-point exceptions.
 FLAGS = (
     "-O1",

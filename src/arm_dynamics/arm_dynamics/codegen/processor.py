@@ -19,7 +19,7 @@ _V3 = _V2 | {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"}
 _LEVELS = {"x86-64-v2": _V2, "x86-64-v3": _V3}
 TARGETS = (NATIVE, *_LEVELS)
 # Of the flags of an x86 processor those whose instructions a compiler places by itself; the
-# others tell of virtual machines, mitigations and instructions that nobody asks for here.
+# others tell of virtual machines, mitigations and instructions that are not used here.
 _USED = ("abm", "apx", "avx", "bmi", "cx16", "f16c", "fma", "gfni", "lahf_lm", "movbe", "pni",
          "popcnt", "sse", "ssse3", "tbm", "xop")  # fmt: skip
 

@@ -4,9 +4,9 @@
 from __future__ import annotations
 
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any, Protocol
 from weakref import WeakKeyDictionary
 
@@ -113,41 +113,40 @@ class ComputedTorque:
             reference: Where it should be and how it should move.
         """
         q, v = checked(state, self._n)
-        desired = (reference.q, reference.v, reference.a)
-        a = demanded_acceleration(q, v, desired, self._kp, self._kd)
-        middle, speed = halfway(q, v, a, self._dt)
-        tau, friction = self._rigid.inverse(middle, speed, a), self._friction
+        friction, desired = self._friction, (reference.q, reference.v, reference.a)
         sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.has_dry else v
-        return np.asarray(friction.demanded(tau, speed, sliding, middle))
+        tuning = self._kp, self._kd, self._dt
+        made = demanded_torque(self._rigid.inverse, friction, q, v, desired, tuning, sliding)
+        return np.asarray(made)
 
 
-def halfway(q: Any, v: Any, a: Any, dt: float) -> tuple[Any, Any]:
-    """Position and velocity half a tick later, to first order; for numpy and CasADi alike.
-
-    Args:
-        q: Joint positions in [rad] or [m], shape (n,).
-        v: Joint velocities, shape (n,).
-        a: Joint accelerations, shape (n,).
-        dt: Length of the tick in [s].
-    """
-    return q + 0.5 * dt * v, v + 0.5 * dt * a
-
-
-def demanded_acceleration(q: Any, v: Any, desired: Sequence[Any], kp: Any, kd: Any) -> Any:
-    """Acceleration that leads to a reference, q̈_d + K_d ė + K_p e; for numpy and CasADi alike.
+def demanded_torque(
+    inverse: Callable[[Any, Any, Any], Any],
+    friction: SteadyFriction,
+    q: Any,
+    v: Any,
+    desired: Sequence[Any],
+    tuning: Sequence[Any],
+    sliding: Any,
+) -> Any:
+    """Torque for the acceleration q̈_d + K_d ė + K_p e in the middle of a tick.
 
     Args:
-        q: Joint positions in [rad] or [m], shape (n,).
-        v: Joint velocities, shape (n,).
-        desired: Position, velocity and acceleration of the reference, each of shape (n,).
-        kp: K_p in [1/s²], shape (n,).
-        kd: K_d in [1/s], shape (n,).
+        inverse: M a + C v + G of positions, velocities and accelerations.
+        friction: What is added to it.
+        q: Joint positions in [rad] or [m], an array or expression of shape (n,).
+        v: Joint velocities, likewise.
+        desired: Position, velocity and acceleration of the reference, likewise.
+        tuning: K_p and K_d of shape (n,), and the time dt for which a torque is held.
+        sliding: Which way joints slide, -1 to 1, shape (n,).
 
     Returns:
-        Joint accelerations, shape (n,).
+        Joint torques in [N m] or [N], shape (n,).
     """
-    q_d, v_d, a_d = desired
-    return a_d + kd * (v_d - v) + kp * (q_d - q)
+    (q_d, v_d, a_d), (kp, kd, dt) = desired, tuning
+    a = a_d + kd * (v_d - v) + kp * (q_d - q)
+    middle, speed = q + 0.5 * dt * v, v + 0.5 * dt * a
+    return friction.demanded(inverse(middle, speed, a), speed, sliding, middle)
 
 
 def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array, Array]:
@@ -282,26 +281,12 @@ class CompiledComputedTorque(ComputedTorque):
 def expression(
     model: ArmModel, q: ca.SX, v: ca.SX, desired: Sequence[ca.SX], tuning: Sequence[ca.SX]
 ) -> ca.SX:
-    """The controller as an expression.
-
-    Args:
-        model: The model it knows.
-        q: Joint positions in [rad] or [m], shape (n,).
-        v: Joint velocities, shape (n,).
-        desired: Position, velocity and acceleration of the reference, each of shape (n,).
-        tuning: K_p and K_d of shape (n,), and the time dt for which a torque is held.
-
-    Returns:
-        Joint torques in [N m] or [N], shape (n,).
-    """
-    kp, kd, dt = tuning
-    a = demanded_acceleration(q, v, desired, kp, kd)
-    middle, speed = halfway(q, v, a, dt)
-    gravity = gravity_of(model)
-    tau = rigid_body.inverse(tree_of(model), middle, speed, a, gravity)
-    sliding = ca.if_else(v == 0, desired[1], v)  # as in ComputedTorque
-    needed: ca.SX = SteadyFriction.of(model).demanded(tau, speed, ca.sign(sliding), middle)
-    return needed
+    """The controller of a model as an expression; arguments as of ``demanded_torque``."""
+    rigid = partial(rigid_body.inverse, tree_of(model), gravity=gravity_of(model))
+    sliding = ca.sign(ca.if_else(v == 0, desired[1], v))  # as in ComputedTorque
+    friction = SteadyFriction.of(model)
+    made: ca.SX = demanded_torque(rigid, friction, q, v, desired, tuning, sliding)
+    return made
 
 
 _NAME = "computed_torque"

@@ -12,16 +12,17 @@ from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
     from arm_dynamics.ros.common.executor import make_executor
-    from arm_dynamics.ros.common.transport import clear_dead
+    from arm_dynamics.ros.common.transport import LARGE_BATCHES, clear_dead
     from arm_dynamics.ros.controller_node import ControllerNode
     from arm_dynamics.ros.dynamics_node import DynamicsNode
 
-__all__ = ["ControllerNode", "DynamicsNode", "clear_dead", "make_executor"]
+__all__ = ["ControllerNode", "DynamicsNode", "LARGE_BATCHES", "clear_dead", "make_executor"]
 __getattr__, __dir__ = on_demand(
     __name__,
     {
         "ControllerNode": "controller_node",
         "DynamicsNode": "dynamics_node",
+        "LARGE_BATCHES": "common.transport",
         "clear_dead": "common.transport",
         "make_executor": "common.executor",
     },

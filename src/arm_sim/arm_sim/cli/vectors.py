@@ -40,7 +40,7 @@ class Vector:
         """Numbers point after point; joints that are not named get zero.
 
         Args:
-            names: Joints in the order wanted.
+            names: Joints in the requested order.
 
         Raises:
             click.ClickException: If a name is not among them.

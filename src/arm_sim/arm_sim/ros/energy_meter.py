@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy account of a running simulation, kept while it is wanted."""
+"""The energy account of a running simulation, kept while it has readers."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 
 
 class Outputs:
-    """Joint states; clock, energy and constraint forces where they are wanted.
+    """Joint states; clock, energy and constraint forces where they are asked for.
 
     Used by the ticking thread only.
     """
@@ -40,7 +40,7 @@ class Outputs:
     ) -> None:
         """Advertise the topics and follow the engine; ``round_trip`` is told of every state.
 
-        ``account_wanted`` tells whether the energy account is wanted besides on ``~/energy``.
+        ``account_wanted`` tells whether something besides ``~/energy`` needs the energy account.
         """
         self._engine, self._simulator = engine, engine.simulator
         self._round_trip, self._account_wanted = round_trip, account_wanted
@@ -93,7 +93,7 @@ class Outputs:
             self._publish_multipliers()
 
     def _publish_energy(self) -> None:
-        """Keep the account while somebody wants it; it opens with the first one who does."""
+        """Keep the account while it has subscribers; it opens with the first one."""
         heard = self._energy.get_subscription_count() > 0
         self._engine.keep_account(heard or self._account_wanted())
         if not heard:

@@ -90,7 +90,7 @@ class StandardServices:
         return self._between_ticks(response, lambda: self._engine.step(request.steps))
 
     def _between_ticks(self, response: Any, action: Callable[[], None]) -> Any:
-        done = SimpleNamespace(success=False, message="")
+        done = SimpleNamespace(message="")
         with answering(done, self._log):
             self._engine.queue.run(action)
         response.result.result = OK if done.success else FAILED

@@ -222,7 +222,7 @@ class TickEngine:
     # --- energy --------------------------------------------------------------------------------
 
     def keep_account(self, wanted: bool) -> None:
-        """Open the energy account if it is closed, or close it where nobody wants it."""
+        """Open the energy account if it is closed, or close it where it has no reader."""
         if not wanted:
             self._meter = None
         elif self._meter is None:
