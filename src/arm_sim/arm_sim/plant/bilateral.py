@@ -18,7 +18,7 @@ from arm_dynamics.model.tree_builder import linkage_of
 from arm_sim.plant.symbols import Symbols, dense_function
 
 # Newton's steps with the factors of the first; the first leaves the square of the step's error.
-NEWTON_STEPS = 3
+CLOSING_STEPS = 3
 # What may be left of φ in [m] or [rad], and of A v in [m/s] or [rad/s]: that is left alone in
 # singular positions.
 LEFT_OPEN, LEFT_MOVING = 1e-9, 1e-6
@@ -63,7 +63,7 @@ class Bilateral:
         s, n, metric, rows = self._s, self._n, self._metric, self._rows
         before, after = ca.SX.sym("before", 2 * n), ca.SX.sym("after", 2 * n)
         still, q = ca.SX(n, 1), s.q
-        for _ in range(NEWTON_STEPS):
+        for _ in range(CLOSING_STEPS):
             left = _beyond_rounding(_at(rows.residual, s.q, q))
             q = q + metric.motion(self._held.nearest(still, -left))
         A = _at(rows.jacobian, s.q, q)
