@@ -24,7 +24,7 @@ from arm_dynamics.ros.interfaces import Topic
 CORES = ("arm_dynamics", "arm_sim")
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
-_GLANCE = 0.1  # [s] between looks at whether to end, when nothing happens
+_SPIN_TIMEOUT = 0.1  # [s] between looks at whether to end, when nothing happens
 _THROTTLE = 2.0  # [s] between messages of one kind
 
 
@@ -75,7 +75,7 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
     executor = make_executor(node)
     try:
         while node.context.ok() and not done():
-            executor.spin_once(timeout_sec=_GLANCE)
+            executor.spin_once(timeout_sec=_SPIN_TIMEOUT)
     except ExternalShutdownException:
         pass
     finally:

@@ -35,7 +35,7 @@ from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Traject
 from arm_dynamics.trajectory.time_optimal import retimed
 
 _TIMINGS = {"smooth": paced, "time_optimal": retimed}
-_AT_ONCE = 10  # points that are planned within two ticks
+_PLANNED_AT_ONCE = 10  # points that are planned within two ticks
 _LEAD = 50_000_000  # [ns] to plan in, while the arm moves
 _TRIES = 8  # each with twice the lead
 
@@ -112,7 +112,7 @@ class Goals:
             return motion
 
         goal = _Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
-        self._follow(goal, at_once=message.count <= _AT_ONCE)
+        self._follow(goal, at_once=message.count <= _PLANNED_AT_ONCE)
 
     def pose(self, message: PoseStamped, params: ControllerParams) -> None:
         """Lead the task's frame straight to a pose, or say why not."""

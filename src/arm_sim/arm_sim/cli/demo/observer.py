@@ -33,9 +33,9 @@ from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.demo.processes import DemoFailed, postponed
 from arm_sim.ros.interfaces import ENERGY
 
-_GLANCE = 0.02  # [s]
+_BETWEEN_LOOKS = 0.02  # [s]
 _AT_EASE = 0.5  # [s]: who has just been met may be holding the others up for a third of a second
-_RETRY = 1.0  # [s] until an unanswered question is asked again
+_ASK_AGAIN = 1.0  # [s] until an unanswered question is asked again
 _FIELDS = ("reference_position", "feedback_position", "position_error", "effort")
 
 
@@ -127,7 +127,7 @@ class Observer:
         end, look = time.monotonic() + timeout, 0.0
         while not (met := condition()) and (now := time.monotonic()) < end:
             with postponed():
-                self._executor.spin_once(timeout_sec=_GLANCE)
+                self._executor.spin_once(timeout_sec=_BETWEEN_LOOKS)
             self._collect_answer()
             if now >= look:
                 glance()
@@ -174,7 +174,7 @@ class Observer:
 
         def answered() -> bool:
             nonlocal asked
-            if client.service_is_ready() and time.monotonic() > asked + _RETRY:
+            if client.service_is_ready() and time.monotonic() > asked + _ASK_AGAIN:
                 answers.append(client.call_async(client.srv_type.Request()))
                 asked = time.monotonic()
             return any(answer.done() for answer in answers)
@@ -235,7 +235,7 @@ class Observer:
         waited = 1e-9 * (time.perf_counter_ns() - asked)
         if future.done():
             self._questions.append((state, waited, future.result()))
-        if future.done() or waited > _RETRY:
+        if future.done() or waited > _ASK_AGAIN:
             self._pending = None
 
     def seen(self) -> Seen:

@@ -31,7 +31,7 @@
 #define ROOT_STEPS 100   /* bisections that find the direction */
 #define LEAST_NORM 1e-8  /* part of the trace that makes a singular W regular; two refinements take it out again */
 #define SETTLED 1e-15    /* relative change of the forces at which sweeps end */
-#define NEWTON_STEPS 60
+#define FORCE_STEPS 60
 #define STEP_HALVINGS 12
 #define SOLVED 1e-13     /* relative size of what Newton's equations may leave ... */
 #define REGULAR 1e-12    /* ... and part of the trace that keeps them regular */
@@ -301,7 +301,7 @@ static int newton(const cones_t* cones, double* r, answer_t* answers) {
   double trial[MC], after[MC], F[MC], J[MC][MC], step[MC];
   for (int i = 0; i < MC; ++i) trial[i] = r[i];
   double size = equations(cones, trial, F, J);
-  for (int turn = 0; turn < NEWTON_STEPS; ++turn) {
+  for (int turn = 0; turn < FORCE_STEPS; ++turn) {
     double left = 0.0, largest = 0.0, length = 1.0, next = size;
     for (int i = 0; i < MC; ++i) {
       left = fmax(left, fabs(F[i]));
