@@ -265,7 +265,7 @@ def test_a_lost_reply_is_asked_for_again(ros: Ros) -> None:
 
 
 class Lossy:
-    """A service of the peer that loses its first replies.
+    """A service of the peer that loses its first replies, gives one, and then no more.
 
     Attributes:
         asked: When each request came, in [s].
@@ -276,8 +276,8 @@ class Lossy:
         self.asked: list[float] = []
         self._answer = answer or (lambda response: None)
         service = ros.peer.create_service(kind, name, self._reply)
-        send = service.send_response
-        service.send_response = lambda *reply: send(*reply) if len(self.asked) > lost else None
+        send, heard = service.send_response, lost + 1
+        service.send_response = lambda *reply: send(*reply) if len(self.asked) == heard else None
 
     def _reply(self, _: object, response: Any) -> Any:
         self.asked.append(time.monotonic())
