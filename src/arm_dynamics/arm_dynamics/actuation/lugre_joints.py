@@ -126,8 +126,6 @@ class LugreFriction:
         return lugre.level(w, self._coulomb, self._static - self._coulomb, self._fall)
 
     def _damping(self, w: ca.SX) -> ca.SX:
-        if not self._fades.any():
-            return ca.SX(ca.DM(self._sigma1))
         faded = lugre.faded(w, self._sigma1, self._fading)
         kept = [faded[k] if fades else self._sigma1[k] for k, fades in enumerate(self._fades)]
         return ca.vertcat(*kept)
