@@ -17,7 +17,14 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 import models
 from arm_dynamics import InvalidInput
-from arm_dynamics.control import NAMES, Measured, Settings, make_controller, tuned
+from arm_dynamics.control import (
+    NAMES,
+    Measured,
+    Settings,
+    make_controller,
+    preparation,
+    tuned,
+)
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.task_space import TaskSpace
 from arm_dynamics.trajectory import Reference
@@ -324,3 +331,11 @@ def test_bad_settings_in_motion_are_refused_and_the_law_goes_on(ros: Ros) -> Non
     result = change(node, switch_time=1.0)
     assert not result.successful
     assert "read-only" in result.reason
+
+
+def test_nothing_is_left_to_build_for_the_first_torque(ros: Ros) -> None:
+    """The loop would wait for it; what a frame needs is built in the background meanwhile."""
+    node = controller_node(ros, task_frame=FRAME)
+    assert preparation("computed_torque", node.dynamics, Settings()) is None
+    settle(node)
+    assert preparation("operational_space", node.dynamics, Settings(frame=FRAME)) is None
