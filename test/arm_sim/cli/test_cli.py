@@ -14,8 +14,9 @@ import pytest
 from click.testing import CliRunner, Result
 
 import models
-from arm_dynamics import InvalidInput, load_scene
+from arm_dynamics import Dynamics, InvalidInput, load_scene
 from arm_dynamics.scene import Initial
+from arm_sim.cli.call.asking import readable
 from arm_sim.cli.demo.motion import choose_motion
 from arm_sim.cli.main import main
 from arm_sim.cli.nodes import split_words
@@ -268,3 +269,23 @@ def test_demo_motion_refuses_an_arm_that_cannot_carry_itself(pull: float) -> Non
 )
 def test_limits_are_written_short(value: float, text: str) -> None:
     assert limit(value) == text
+
+
+def test_the_effort_of_a_demo_counts_whatever_its_sign() -> None:
+    """Held up or held down, the arm needs the same part of its limits."""
+    shares = []
+    for weight in (-9.81, 9.81):
+        scene = models.scene("z1").model_copy(update={"gravity": (0.0, 0.0, weight)})
+        motion = choose_motion(scene, 10.0)
+        dynamics = Dynamics(motion.model)
+        points = [motion.trajectory.sample(t) for t in np.linspace(0.0, 10.0, 300)]
+        torque = np.array([dynamics.inverse(point.q, point.v, point.a) for point in points])
+        largest = np.max(np.abs(torque) / dynamics.model.effort_limit)
+        shares.append(motion.effort_share)
+        np.testing.assert_allclose(motion.effort_share, largest, rtol=0.05)
+    assert min(shares) > 0.1
+
+
+def test_rounding_is_not_printed_as_a_number() -> None:
+    np.testing.assert_array_equal(readable(np.array([2.0, -1e-18, 0.0])), [2.0, 0.0, 0.0])
+    np.testing.assert_array_equal(readable(np.array([1e-18, 3e-18])), [1e-18, 3e-18])
