@@ -17,7 +17,8 @@ import pytest
 from harness import surroundings
 
 import models
-from arm_sim.cli.demo.processes import interruptible, postponed
+from arm_sim.cli.demo import processes
+from arm_sim.cli.demo.processes import Processes, interruptible, postponed
 from arm_sim.cli.demo.report import Numbers, complaints, remarks
 
 pytestmark = pytest.mark.ros
@@ -110,6 +111,19 @@ def test_the_loop_closes_on_a_panda(start: Start, tmp_path: Path) -> None:
     assert (tmp_path / "demo.png").read_bytes().startswith(PNG)
     for words in ("panda, 7 joints", "tracking error RMS", "service latency", "demo.png"):
         assert words in demo.said
+
+
+def test_shared_memory_of_one_that_was_killed_is_cleared(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    cleared: list[bool] = []
+    monkeypatch.setattr(processes, "clear_dead", lambda: cleared.append(True))
+    with Processes(tmp_path) as children:
+        children.start("killed", "sim", "--help")
+        children.start("asked", "sim", "--help")
+        os.kill(children.ids["killed"], signal.SIGKILL)
+        children.stop("killed", "asked")
+    assert cleared == [True]
 
 
 def test_another_arm(start: Start, tmp_path: Path) -> None:

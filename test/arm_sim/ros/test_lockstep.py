@@ -136,6 +136,7 @@ def test_a_partner_that_is_gone_is_noticed_in_time_and_may_come_back(
     since = time.monotonic()
     ros.spin_until(lambda: sim.lockstep.gone)
     assert 0.15 < time.monotonic() - since < 2.0
+    assert sim.lockstep.asked_again > 2
     assert "the partner is gone; time stands still" in capfd.readouterr().err
     found = {f.part: f for f in sim.diagnostics()}["lockstep"].message(sim)
     assert found.level == b"\x02"
