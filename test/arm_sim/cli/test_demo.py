@@ -123,6 +123,7 @@ def test_shared_memory_of_one_that_was_killed_is_cleared(
         children.start("asked", "sim", "--help")
         os.kill(children.ids["killed"], signal.SIGKILL)
         children.stop("killed", "asked")
+        assert cleared == [True]
     assert cleared == [True]
 
 
