@@ -90,6 +90,12 @@ def test_a_wrong_kernel_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
         TaskKernel(ArmModel(models.scene("two_link")), "tip", ("x", "y"), 1e-4)
 
 
+def test_rounding_of_large_torques_is_not_taken_for_a_mistake() -> None:
+    robot = {"urdf": str(models.SCENES / "two_link.urdf")}
+    heavy = load_scene({"robot": robot, "gravity": [0.0, 0.0, -1e9]})
+    TaskKernel(ArmModel(heavy), "tip", ("x", "z"), THRESHOLD)
+
+
 def test_a_joint_without_mass_is_named() -> None:
     urdf = """<robot name="bare"><link name="base"/><link name="rod"/>
       <joint name="hinge" type="revolute"><parent link="base"/><child link="rod"/>

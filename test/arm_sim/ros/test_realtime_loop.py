@@ -115,6 +115,15 @@ def test_stop_waits_for_the_last_tick() -> None:
     assert all(thread.name != "realtime_loop" for thread in threading.enumerate())
 
 
+def test_the_report_stays_as_it_was_when_the_loop_was_stopped() -> None:
+    loop = RealtimeLoop(lambda: None, 1e-3)
+    run(loop, 0.02)
+    report = loop.report()
+    loop.stop()
+    time.sleep(0.002)
+    assert loop.report() == report
+
+
 def test_stop_without_start_and_from_within() -> None:
     RealtimeLoop(lambda: None, 1e-3).stop()
     loop = RealtimeLoop(lambda: loop.stop(), 1e-3)
