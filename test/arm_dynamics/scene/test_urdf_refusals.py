@@ -72,7 +72,10 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "negative mass": (changed(MASS2, '<mass value="-2"/>'), ("link2", "mass", "-2")),
     "mass NaN": (changed(MASS2, '<mass value="nan"/>'), ("link2", "mass", "nan")),
-    "mass a word": (changed(MASS2, '<mass value="heavy"/>'), ("link2", "mass", "heavy", "one finite")),
+    "mass a word": (
+        changed(MASS2, '<mass value="heavy"/>'),
+        ("link2", "mass", "heavy", "one finite"),
+    ),
     "mass missing": (changed(MASS2, ""), ("link2", "mass")),
     "mass without value": (changed(MASS2, "<mass/>"), ("link2", "mass")),
     "origin infinite": (
