@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Cartesian goals over ROS: planned aside, followed without a jump, or refused with the reason."""
+"""Cartesian goals over ROS: planned in the background, followed without a jump, or refused."""
 
 from __future__ import annotations
 

@@ -72,7 +72,7 @@ def tick(sim: SimNode, node: ControllerNode) -> np.ndarray:
 
 
 def settle(node: ControllerNode) -> None:
-    """Wait until what is prepared aside is ready; it is taken in the next tick."""
+    """Wait until what is prepared in the background is ready; it is taken in the next tick."""
     end = time.monotonic() + 20.0
     while node.busy and time.monotonic() < end:
         time.sleep(0.01)

@@ -43,7 +43,7 @@ def node(ros: Ros) -> ControllerNode:
     return controller_at_home(ros)
 
 
-def test_a_long_trajectory_is_planned_aside(node: ControllerNode) -> None:
+def test_a_long_trajectory_is_planned_in_the_background(node: ControllerNode) -> None:
     node.on_joint_trajectory(long_trajectory(1000, 4.0))
     assert node.goals.busy
     planned(node, 3 * MS)
