@@ -167,6 +167,16 @@ def test_it_ends_its_processes_whatever_happens(
     assert gone(ids, timeout=0.0)
 
 
+def test_a_motion_that_does_not_come_is_waited_for_in_vain(start: Start) -> None:
+    demo = start("--duration", "2", "--robot", str(models.FOLDER / "gantry.urdf"))
+    demo.until("following the trajectory")
+    ids = demo.children()
+    os.kill(ids["sim"], signal.SIGSTOP)
+    assert demo.end() == 1, demo.said
+    assert "s of the motion of 2 s were seen within 13 s" in demo.said
+    assert gone(ids, timeout=0.0)
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_that_comes_while_ros_is_at_work_waits_until_it_is_done(number: int) -> None:
     done = []

@@ -46,6 +46,8 @@ typedef struct {
   double direction[2]; /* of sliding */
 } answer_t;
 
+static const answer_t apart = {.state = APART, .direction = {1.0, 0.0}};
+
 static double grip_of(const double W[3][3], double mu, double d0, double d1) {
   return W[0][0] - mu * (W[0][1] * d0 + W[0][2] * d1);
 }
@@ -152,11 +154,7 @@ static void start_to_slide(const double W[3][3], const double* c, double mu, ans
 
 /* Solve for one contact; `given` is the direction of one that slides already, else null. */
 static answer_t single(const double W[3][3], const double* c, double mu, const double* given) {
-  answer_t answer = {APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
-  if (given) {
-    answer.direction[0] = given[0];
-    answer.direction[1] = given[1];
-  }
+  answer_t answer = apart;
   if (c[0] >= 0.0) return answer;
   if (given) {
     const double grip = grip_of(W, mu, given[0], given[1]);
@@ -193,7 +191,7 @@ static void own_block(const double* W, int k, double block[3][3]) {
 /* Solve one contact after the other: 1 if they settle. */
 static int sweep(const cones_t* cones, double* r, int sweeps, answer_t* answers) {
   double block[3][3];
-  for (int k = 0; k < NC; ++k) answers[k] = (answer_t){APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
+  for (int k = 0; k < NC; ++k) answers[k] = apart;
   for (int turn = 0; turn < sweeps; ++turn) {
     double change = 0.0, largest = 0.0;
     for (int k = 0; k < NC; ++k) {
@@ -287,12 +285,12 @@ static void read_answers(const cones_t* cones, const double* r, answer_t* answer
     const int n = 3 * k;
     const double rho = cones->allowed[k] ? 3.0 / own_trace(cones->W, k) : 0.0, pressed = r[n] - rho * w[n];
     const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
-    answers[k] = (answer_t){APART, {0.0, 0.0, 0.0}, {1.0, 0.0}};
-    for (int i = 0; i < 2 && cones->slides[k]; ++i) answers[k].direction[i] = cones->given[k][i];
+    answers[k] = apart;
     if (!cones->allowed[k] || pressed <= 0.0) continue;
     for (int i = 0; i < 3; ++i) answers[k].force[i] = r[n + i];
     answers[k].state = !cones->slides[k] && size <= cones->mu[k] * pressed ? STICKS : SLIDES;
-    for (int i = 0; i < 2 && answers[k].state == SLIDES && !cones->slides[k]; ++i) answers[k].direction[i] = -z[i] / size;
+    for (int i = 0; i < 2 && answers[k].state == SLIDES; ++i)
+      answers[k].direction[i] = cones->slides[k] ? cones->given[k][i] : -z[i] / size;
   }
 }
 

@@ -263,13 +263,7 @@ static int pivot(const real* x, segment_t* segment, const loads_t* found, int en
     c[i] = found->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
   answer_t answer = single(block, c, friction[entry], contact->slides ? contact->given : 0);
   if (answer.state == UNSOLVABLE) return 0;
-  const enum contact_state before = mode->closed == 0.0 ? APART : mode->sticks != 0.0 ? STICKS : SLIDES;
-  if (answer.state == before && before == STICKS) { /* at the very edge */
-    let_slip(&answer, r);
-  } else if (answer.state == before && before == APART) {
-    answer.state = contact->slides ? SLIDES : STICKS;
-    for (int i = 0; i < 2; ++i) answer.direction[i] = mode->along[i];
-  }
+  if (answer.state == STICKS && mode->closed != 0.0 && mode->sticks != 0.0) let_slip(&answer, r); /* at the very edge */
   put_mode(mode, &answer);
   return 1;
 }
