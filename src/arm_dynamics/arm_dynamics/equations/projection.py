@@ -69,19 +69,36 @@ class Projector:
         self._sizes: list[ca.SX] = []
         self._bars: list[ca.SX] = []
         self._gains: list[ca.SX] = []
+        self._gates: list[ca.SX] = []
         for k in range(len(self._rows)):
             self._orthogonalise(k)
 
+    @property
+    def rank(self) -> ca.SX:
+        """How many rows are independent."""
+        return sum(self._gates, ca.SX(0))
+
     def nearest(self, x: ca.SX, b: ca.SX) -> ca.SX:
         """The vector nearest to ``x`` that obeys the first rows: y_k·x = b_k, shape (n,)."""
-        found, reached = x, list[ca.SX]()
+        return self.solved(x, b)[0]
+
+    def solved(self, x: ca.SX, b: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """The same, and how much of each row leads there: ``x`` + Σ λ_k y_k, λ of shape (m,).
+
+        A row that depends on others has no part in it.
+        """
+        found, reached, shares = x, list[ca.SX](), list[ca.SX]()
         for k in range(b.shape[0]):
             y, w = self._rows[k], b[k]
             for j, r in enumerate(self._overlap[k]):
                 w = w - r * reached[j]
             reached.append(self._gains[k] * self._sizes[k] * w)
-            found = found + y * (self._gains[k] * w - self._bars[k] * ca.dot(y, found))
-        return found
+            shares.append(self._gains[k] * w - self._bars[k] * ca.dot(y, found))
+            found = found + y * shares[k]
+        for k in reversed(range(len(shares))):
+            for j, r in enumerate(self._overlap[k]):
+                shares[j] = shares[j] - r * shares[k]
+        return found, ca.vertcat(ca.SX(0, 1), *shares)
 
     def _orthogonalise(self, k: int) -> None:
         y, overlap = self._rows[k], list[ca.SX]()
@@ -92,6 +109,7 @@ class Projector:
         size, least = ca.sumsqr(y), self._least
         # 0 under the threshold, else 1; no branches, so that vectors of arms can run it.
         gate = ca.fmin(1, ca.fmax(0, SHARP * (size - least) / least))
+        self._gates.append(gate)
         self._rows[k] = y
         self._sizes.append(size)
         self._overlap.append(overlap)

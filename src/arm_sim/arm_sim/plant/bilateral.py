@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Steps that end where the constraints hold: projection of positions and velocities.
+"""Motion under bilateral constraints, and steps that end where they hold: projection.
 
 The state at the end of a step is moved to the nearest one that obeys φ(q) = 0 and A(q) v = 0, near
 in the metric of M. Nothing drifts, and a method keeps its order, since the way back is as short
@@ -11,11 +11,12 @@ from __future__ import annotations
 
 import casadi as ca
 
-from arm_dynamics import ArmModel, SceneError
-from arm_dynamics.equations import constraint, rigid_body
+from arm_dynamics import ArmModel
+from arm_dynamics.equations import constraint
 from arm_dynamics.equations.projection import SINGULAR, Metric, Projector
 from arm_dynamics.model.tree_builder import linkage_of
-from arm_sim.plant.symbols import Symbols, dense_function
+from arm_sim.plant.response import Response
+from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 # Newton's steps with the factors of the first; the first leaves the square of the step's error.
 CLOSING_STEPS = 3
@@ -31,43 +32,69 @@ ASTRAY = 0.1
 REFUSED = 1e200
 
 
-class Bilateral:
-    """Equation of motion and projection of a scene with bilateral constraints.
+class Bilateral(Response):
+    """Response of an arm that obeys bilateral constraints, and projection onto them.
 
-    Attributes:
-        acceleration: CasADi function (q, v, tau, p) -> q̈.
-        project: CasADi function (x before a step, x after it, p) -> x after it, on the
-            constraints, beyond all bounds if that was not possible; and how far the step had left
-            them, in [m] or [rad] and in [m/s] or [rad/s].
+    Where joints stick, motions are those of the others, and the rows are theirs too.
+
+    Args:
+        model: The robot.
+        s: Its symbols.
+        joints: What the joints do.
     """
 
-    def __init__(self, model: ArmModel, s: Symbols) -> None:
-        _check_alone(model)
+    def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
+        super().__init__(model, s, joints)
         self._n, self._s = model.n, s
         self._rows = constraint.rows(
             linkage_of(model, model.constraint_rows), s.tree, s.q, s.v, s.active
         )
-        self._metric = Metric(rigid_body.mass_matrix(s.tree, s.q))
-        self._held = Projector(self._metric, self._rows.jacobian)
-        self.acceleration = self._acceleration()
-        self.project = self._project()
+        self._metric = Metric(self._held)
+        self._obeyed = Projector(self._metric, self._moving(self._rows.jacobian))
 
-    def _acceleration(self) -> ca.Function:
-        s, metric = self._s, self._metric
-        bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(self._n, 1), s.gravity)
-        free = metric.of_forces(s.tau - bias - s.viscous)
-        a = metric.motion(self._held.nearest(free, -self._rows.drift))
-        return dense_function("acceleration", [s.q, s.v, s.tau, s.p], a)
+    def accelerations(self, load: ca.SX) -> ca.SX:
+        """As ``Response``, under A a + γ = 0."""
+        return self._metric.motion(self._projected(load)[0])
 
-    def _project(self) -> ca.Function:
+    def mobility(self, forces: ca.SX) -> ca.SX:
+        """As ``Response``, under A a = 0."""
+        still = ca.SX(self._rows.drift.shape[0], 1)
+        columns = [
+            self._metric.motion(self._obeyed.nearest(self._metric.of_forces(force), still))
+            for force in ca.horzsplit(self._sliding @ forces)
+        ]
+        return ca.horzcat(*columns)
+
+    def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
+        """As ``Response``; one of many answers where constraints and joints hold one another."""
+        pushed = load + self._rows.jacobian.T @ self._projected(load)[1]
+        return super().reactions(pushed, a)
+
+    @property
+    def rank(self) -> ca.SX:
+        """How many motions of sliding joints the constraints take away."""
+        return self._obeyed.rank
+
+    def project(self, p: ca.SX) -> ca.Function:
+        """Make the way back to the constraints.
+
+        Args:
+            p: The vector of tunable numbers and modes.
+
+        Returns:
+            CasADi function (x before a step, x after it, p) -> x after it, on the constraints,
+            beyond all bounds if that was not possible; and how far the step had left them, in [m]
+            or [rad] and in [m/s] or [rad/s].
+        """
         s, n, metric, rows = self._s, self._n, self._metric, self._rows
         before, after = ca.SX.sym("before", 2 * n), ca.SX.sym("after", 2 * n)
         still, q = ca.SX(n, 1), s.q
         for _ in range(CLOSING_STEPS):
             left = _beyond_rounding(_at(rows.residual, s.q, q))
-            q = q + metric.motion(self._held.nearest(still, -left))
+            q = q + metric.motion(self._obeyed.nearest(still, -left))
         A = _at(rows.jacobian, s.q, q)
-        v = s.v + metric.motion(Projector(metric, A, SINGULAR).nearest(still, -(A @ s.v)))
+        moving = Projector(metric, self._moving(A), SINGULAR)
+        v = s.v + metric.motion(moving.nearest(still, -(A @ s.v)))
         left = ca.fmax(
             _largest(_at(rows.every, s.q, q)) - LEFT_OPEN, _largest(A @ v) - LEFT_MOVING
         )
@@ -76,24 +103,14 @@ class Bilateral:
         gap = _largest(rows.residual), _largest(rows.jacobian @ s.v)
         results = [ca.vertcat(q, v) + refused, *gap]
         found = ca.substitute(results, [s.q, s.v], [after[:n], after[n:]])
-        return dense_function("project", [before, after, s.p], *found)
+        return dense_function("project", [before, after, p], *found)
 
+    def _projected(self, load: ca.SX) -> tuple[ca.SX, ca.SX]:
+        free = self._metric.of_forces(self._sliding @ load)
+        return self._obeyed.solved(free, -self._rows.drift)
 
-def _check_alone(model: ArmModel) -> None:
-    """Refuse what cannot be simulated together with bilateral constraints.
-
-    Raises:
-        SceneError: Saying what.
-    """
-    for present, what in (
-        (model.has_dry_friction, "dry friction by events (with lugre it goes)"),
-        (bool(model.scene.contacts), "a contact"),
-    ):
-        if present:
-            raise SceneError(
-                f"scene: bilateral constraints together with {what} cannot be simulated; "
-                "leave one of them out"
-            )
+    def _moving(self, rows: ca.SX) -> ca.SX:
+        return ca.sparsify(rows @ self._sliding)
 
 
 def _at(expression: ca.SX, q: ca.SX, place: ca.SX) -> ca.SX:

@@ -2,7 +2,7 @@
 """Equation of motion of a scene with contacts, and what its events ask for, as functions.
 
 What each joint with dry friction and each contact does stands at the end of p; see
-``equations.sticking`` and ``equations.contact``.
+``plant.response`` and ``equations.contact``.
 """
 
 from __future__ import annotations
@@ -12,9 +12,10 @@ from dataclasses import dataclass
 import casadi as ca
 
 from arm_dynamics import ArmModel
-from arm_dynamics.equations import contact, rigid_body
+from arm_dynamics.equations import contact
 from arm_dynamics.equations.contact import ContactPoint, Mode
 from arm_dynamics.model.tree_builder import contact_points
+from arm_sim.plant.response import Response
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 
@@ -54,41 +55,38 @@ class ContactFunctions:
         return ca.Function("step", [x, u, p, h], [ca.vertcat(found, after[whole:])])
 
 
-def contact_functions(model: ArmModel, s: Symbols, joints: Joints) -> ContactFunctions:
+def contact_functions(
+    model: ArmModel, s: Symbols, joints: Joints, response: Response
+) -> ContactFunctions:
     """Compose the functions of a scene with contacts.
 
     Args:
         model: The robot.
-        s: Its symbols; p of the functions is followed by the directions of the joints and the
-            modes of the contacts.
+        s: Its symbols.
         joints: What the joints do.
+        response: How they respond to forces.
 
     Returns:
         The functions.
     """
-    n, points = model.n, contact_points(model)
-    modes = ca.SX.sym("mode", contact.MODE * len(points))
+    points = contact_points(model)
     anchor = ca.SX.sym("anchor", 2 * len(points))
-    mode, S = Mode.of(modes), ca.diag(joints.sliding)
+    mode, S = Mode.of(joints.contacts), ca.diag(joints.sliding)
     where = contact.geometry(s.tree, points, s.q)
     A = ca.jacobian(where.place, s.q)
     speed = A @ s.v
     # A joint that has turned many times rounds its own position, and the gap with it.
     size = where.size + ca.fabs(A[::3, :]) @ ca.fabs(s.q)
-    M = rigid_body.mass_matrix(s.tree, s.q)
-    held = S @ M @ S + (ca.SX.eye(n) - S)
-    bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
-    load = s.tau - bias - s.viscous - joints.friction
     A_moving = ca.sparsify(A @ S)
-    B = contact.solve_columns(held, A_moving.T)
-    a_free = rigid_body.solve(held, S @ load)
+    B = response.mobility(A.T)
+    a_free = response.accelerations(response.load)
     W, free = A_moving @ B, A_moving @ a_free + ca.jtimes(speed, s.q, s.v)
     force = contact.forces(W, free, contact.shares(points, speed, mode), mode.rows())
     a = a_free + B @ force
-    reaction = (ca.SX.eye(n) - S) @ (load + A.T @ force - M @ a)
+    reaction = response.reactions(response.load + A.T @ force, a)
     reaction = model.friction.relative_hold(reaction, s.q, s.tau)
-    x, p = ca.vertcat(s.q, s.v), ca.vertcat(s.p, joints.direction, modes)
-    arguments = [s.q, s.v, s.tau, p]
+    x = ca.vertcat(s.q, s.v)
+    arguments = [s.q, s.v, s.tau, joints.p]
     closed = _closed(where.place, A_moving, W, B, s, mode, anchor)
     grip = contact.grips(points, W, speed, mode)
     return ContactFunctions(
@@ -97,7 +95,7 @@ def contact_functions(model: ArmModel, s: Symbols, joints: Joints) -> ContactFun
         dense_function("loads", arguments, reaction, force, W @ force + free, grip),
         dense_function("contact_inertia", arguments, W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
-        dense_function("contact_close", [x, p, anchor], closed),
+        dense_function("contact_close", [x, joints.p, anchor], closed),
     )
 
 

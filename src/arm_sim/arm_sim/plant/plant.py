@@ -12,18 +12,18 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from arm_dynamics import ArmModel, SceneError
+from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import Ensemble
 from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
-from arm_dynamics.equations import rigid_body, sticking
 from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.equations.forward_dynamics import algorithms
 from arm_dynamics.model.loop_closure import Closure
 from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions, contact_functions
 from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.response import Response
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 
@@ -43,9 +43,10 @@ class Plant:
             back to the constraints, or None without bilateral ones.
         contact: What contacts add, or None without any.
         rhs: CasADi function (x, u, p) -> x' with x = (q, v, z).
-        events: CasADi functions that the engine asks at events: ``loads`` (x, u, p) and with
-            contacts ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``;
-            empty where nothing sticks or touches.
+        events: CasADi functions that the engine asks at events: ``loads`` (x, u, p), with
+            bilateral constraints ``bilateral_rank`` (x, u, p), and with contacts
+            ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``; empty where
+            nothing sticks or touches.
         torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
             the links, or None where the command itself acts.
         method: Which algorithm turned out shorter, as text.
@@ -57,28 +58,29 @@ class Plant:
         self.contact: ContactFunctions | None = None
         self.project: ca.Function | None = None
         self._loads: tuple[ca.Function, ...] = ()
-        symbols = Symbols(model, self.parameters)
-        if model.scene.bilateral:
-            held = Bilateral(model, symbols)
-            self.acceleration, self.project = held.acceleration, held.project
-            self.method = "composite bodies and LDLᵀ, constraints held"
-        elif model.scene.contacts:
-            self.contact = contact_functions(model, symbols, Joints(model, symbols))
+        self.method = f"composite bodies and LDLᵀ, {' and '.join(_held(model))}"
+        s = Symbols(model, self.parameters)
+        joints = Joints(model, s)
+        held = Bilateral(model, s, joints) if model.scene.bilateral else None
+        self.project = held.project(joints.p) if held else None
+        if model.scene.contacts:
+            response = held or Response(model, s, joints)
+            self.contact = contact_functions(model, s, joints, response)
             self.acceleration = self.contact.acceleration
             self._loads = self.contact.loads, self.contact.inertia
-            self.method = "composite bodies and LDLᵀ, contacts closed or apart"
         elif model.has_dry_friction:
-            self.acceleration, loads = _stick_slip(model, symbols)
+            response = held or Response(model, s, joints)
+            self.acceleration, loads = _stick_slip(model, s, joints, response)
             self._loads = (loads,)
-            self.method = "composite bodies and LDLᵀ, sticking joints held"
+        elif held:
+            arguments, a = [s.q, s.v, s.tau, s.p], held.accelerations(held.load)
+            self.acceleration = dense_function("acceleration", arguments, a)
         else:
-            self.method, self.acceleration = _shortest(model, symbols)
+            self.method, self.acceleration = _shortest(model, s)
+        if held and self._loads:
+            rank = dense_function("bilateral_rank", [s.q, s.v, s.tau, joints.p], held.rank)
+            self._loads = (*self._loads, rank)
         laws = laws_of(model)
-        if laws and self.contact:
-            raise SceneError(
-                f"scene: contacts together with {laws[0].title} cannot be simulated; "
-                "leave one of them out"
-            )
         self._compose(Ensemble(laws, model.n) if laws else None)
 
     def with_laws(self, laws: Ensemble) -> Plant:
@@ -192,13 +194,23 @@ def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
     return min(candidates, key=lambda candidate: operations(candidate[1]))
 
 
-def _stick_slip(model: ArmModel, s: Symbols) -> tuple[ca.Function, ca.Function]:
+def _held(model: ArmModel) -> list[str]:
+    """What holds the arm besides its joints, for people."""
+    kinds = {
+        "constraints held": model.scene.bilateral,
+        "contacts closed or apart": model.scene.contacts,
+        "sticking joints held": model.has_dry_friction,
+    }
+    return [words for words, present in kinds.items() if present]
+
+
+def _stick_slip(
+    model: ArmModel, s: Symbols, joints: Joints, response: Response
+) -> tuple[ca.Function, ca.Function]:
     """Acceleration, and torques that hold sticking joints, with nothing said of contacts."""
-    joints = Joints(model, s)
-    bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(model.n, 1), s.gravity)
-    M = rigid_body.mass_matrix(s.tree, s.q)
-    a, reaction = sticking.forward(M, s.tau - bias - s.viscous - joints.friction, joints.sliding)
-    arguments = [s.q, s.v, s.tau, ca.vertcat(s.p, joints.direction)]
+    a = response.accelerations(response.load)
+    reaction = response.reactions(response.load, a)
+    arguments = [s.q, s.v, s.tau, joints.p]
     held = model.friction.relative_hold(reaction, s.q, s.tau)
     none = ca.SX(0, 1)
     return (

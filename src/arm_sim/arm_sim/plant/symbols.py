@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from arm_dynamics.equations.contact import MODE
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.scene.constraint import switchable
@@ -43,17 +44,21 @@ class Symbols:
 
 
 class Joints:
-    """What joints with dry friction do.
+    """What joints with dry friction and contacts do.
 
     Attributes:
         direction: Symbols: -1 and 1 for sliding that way, 0 for sticking; empty without friction.
         sliding: 1 for a joint that slides, 0 for one that sticks, shape (n,).
         friction: Dry friction of those that slide in [N m] or [N], shape (n,).
+        contacts: Symbols: the modes of the contacts, see ``equations.contact.Mode``.
+        p: The whole vector of tunable numbers and modes.
     """
 
     def __init__(self, model: ArmModel, s: Symbols) -> None:
-        n = model.n
+        n, contacts = model.n, len(model.scene.contacts)
         self.direction = ca.SX.sym("direction", n if model.has_dry_friction else 0)
+        self.contacts = ca.SX.sym("mode", MODE * contacts)
+        self.p = ca.vertcat(s.p, self.direction, self.contacts)
         self.sliding, self.friction = ca.SX.ones(n), ca.SX(n, 1)
         if model.has_dry_friction:
             levels = enumerate(model.friction.level)

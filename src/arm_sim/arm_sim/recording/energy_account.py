@@ -111,7 +111,11 @@ class EnergyAccount:
             Work and heat in [J], shape (k, 2); NaN if a tick cannot be made again.
         """
         if self._plant.laws:
-            return self._made_again(x, u, p)
+            books = np.hstack([x[: len(u)], np.zeros((len(u), 2))])
+            after, losses = _made_again(self._ledger, books, u, p)
+            flows: Array = after[:, -2:]
+            flows[:, 1] += losses.sum(axis=1)
+            return flows
         q, v = np.split(x, 2, axis=1)
         heat = dissipated_work(self._dynamics, self._choice.dt, q, v, u)
         if self._plant.contact:
@@ -129,27 +133,7 @@ class EnergyAccount:
         Returns:
             Energies in [J], shape (k, 2); NaN if a tick cannot be made again.
         """
-        stepper, losses = self._plain, np.full((len(u), 2), np.nan)
-        trace, effort, error = np.empty((1, x.shape[1])), np.empty((1, u.shape[1])), np.empty(1)
-        stepper.p[:] = p
-        for k in range(len(u)):
-            stepper.restart()
-            stepper.report.audit = 1
-            if stepper.roll(x[k].copy(), u[k].copy(), trace, effort, error) == 1:
-                losses[k] = stepper.report.impact_loss, stepper.report.friction_loss
-        return losses
-
-    def _made_again(self, x: Array, u: Array, p: Array) -> Array:
-        stepper, (nx, n) = self._ledger, (self._plant.nx + 2, self._plant.model.n)
-        trace, effort, error = np.empty((1, nx)), np.empty((1, n)), np.empty(1)
-        out = np.full((len(u), 2), np.nan)
-        stepper.p[:] = p
-        stepper.restart()
-        for k, command in enumerate(u):
-            now = np.concatenate([x[k], [0.0, 0.0]])
-            if stepper.roll(now, np.ascontiguousarray(command), trace, effort, error) == 1:
-                out[k] = now[-2:]
-        return out
+        return _made_again(self._plain, x[: len(u)], u, p)[1]
 
     @cached_property
     def _laws(self) -> Ensemble:
@@ -169,6 +153,25 @@ class EnergyAccount:
         model = self._plant.model
         ledger = Ensemble((Ledger(self._laws, model.friction),), model.n)
         return Stepper(self._plant.with_laws(ledger), self._choice, self._backend)
+
+
+def _made_again(stepper: Stepper, x: Array, u: Array, p: Array) -> tuple[Array, Array]:
+    """States after ticks from the states ``x``, and what impacts and friction of contacts took.
+
+    Rows of a tick that cannot be made again are NaN.
+    """
+    after, losses = np.full_like(x, np.nan), np.full((len(u), 2), np.nan)
+    trace, effort, error = np.empty((1, x.shape[1])), np.empty((1, u.shape[1])), np.empty(1)
+    report = stepper.report
+    stepper.p[:] = p
+    stepper.restart()
+    report.audit = 1
+    for k in range(len(u)):
+        before = report.impact_loss, report.friction_loss
+        if stepper.roll(x[k].copy(), u[k].copy(), trace, effort, error) == 1:
+            after[k] = trace[0]
+            losses[k] = np.subtract((report.impact_loss, report.friction_loss), before)
+    return after, losses
 
 
 def input_work(q: Array, tau: Array) -> Array:

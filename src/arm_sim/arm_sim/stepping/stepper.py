@@ -207,6 +207,7 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
     dry = model.has_dry_friction
     return {
         "NC": str(len(points)),
+        "NB": "1" if plant.project else "0",
         "ND": str(model.n if dry else 0),
         "STATIC": _braces(model.friction.level if dry else np.zeros(model.n)),
         "FRICTION": _braces([point.friction for point in points]),

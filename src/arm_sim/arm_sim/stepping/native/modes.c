@@ -11,7 +11,8 @@
  *
  * Before this file: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
  * RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`;
- * SLOWEST (tangential speed up to which a contact rests).
+ * SLOWEST (tangential speed up to which a contact rests); NB (whether there are bilateral constraints) and with them
+ * the generated `bilateral_rank`.
  */
 
 #define GAP_ROUNDING (4 * 2.220446049250313e-16) /* rounding of a gap, as a multiple of the lengths that make it up ... */
@@ -27,6 +28,9 @@
 #define contact_geometry(arg, res, iw, w, mem)
 #define contact_inertia(arg, res, iw, w, mem)
 #define contact_close(arg, res, iw, w, mem)
+#endif
+#if NB == 0
+#define bilateral_rank(arg, res, iw, w, mem)
 #endif
 
 /* Why a tick could not be computed. Python: Trouble. */
@@ -72,6 +76,7 @@ typedef struct {
   control_t* control;
   modes_t p;
   contact_t contact[NC];
+  int turned[ND]; /* whether a joint that moved the wrong way has been tried the other way */
 } segment_t;
 
 typedef struct { real place[MC], speed[MC], size[NC]; } geometry_t; /* contact points in their planes' axes */
@@ -103,6 +108,13 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
   contact_inertia(arg, res, iw, w, 0);
 }
 
+static void find_slope(const real* x, const segment_t* segment, real* slope) {
+  WORKSPACE;
+  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
+  res[0] = slope;
+  rhs(arg, res, iw, w, 0);
+}
+
 static double largest_of(const real* values, int count) {
   double largest = 0.0;
   for (int i = 0; i < count; ++i)
@@ -121,10 +133,10 @@ static int rests(const real* x, int joint) { return may_stick(joint) && x[NU + j
 
 static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }
 
-/* Put joints with dry friction at rest that a closed contact keeps there but for rounding. */
+/* Put joints with dry friction at rest that constraints or closed contacts keep there but for rounding. */
 static void stop_rounding(real* x) {
   const double limit = speed_rounding(x);
-  for (int i = 0; NC && i < ND; ++i)
+  for (int i = 0; (NB || NC) && i < ND; ++i)
     if (may_stick(i) && fabs(x[NU + i]) <= limit) x[NU + i] = 0.0;
 }
 
@@ -185,6 +197,22 @@ static void guess(const real* x, segment_t* segment) {
   }
 }
 
+/* In a loop that moves, a joint that passes through rest is taken along: begin with the way it goes. */
+static void guess_turning(const real* x, segment_t* segment) {
+  real slope[NX];
+  int resting = 0;
+  for (int i = 0; i < ND; ++i) {
+    segment->turned[i] = 0;
+    if (!rests(x, i)) continue;
+    segment->p.direction[i] = 1.0;
+    resting = 1;
+  }
+  if (!resting) return;
+  find_slope(x, segment, slope);
+  for (int i = 0; i < ND; ++i)
+    if (rests(x, i)) segment->p.direction[i] = sign_of(slope[NU + i]);
+}
+
 /* How much a contact disobeys: not positive if it obeys. */
 static double contact_excess(const segment_t* segment, const loads_t* found, int k, double heaviest, double fastest) {
   const real *r = found->force + 3 * k, *a = found->rate + 3 * k;
@@ -213,10 +241,7 @@ static int find_disobedient(const real* x, const segment_t* segment, const loads
   for (int i = 0; i < ND; ++i) resting |= rests(x, i);
   if (!resting) return worst;
   real slope[NX];
-  WORKSPACE;
-  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
-  res[0] = slope;
-  rhs(arg, res, iw, w, 0);
+  find_slope(x, segment, slope);
   const real* a = slope + NU;
   const double quickest = 1.0 + largest_of(a, NU), highest = largest_of(static_level, NU);
   for (int i = 0; i < ND; ++i) {
@@ -248,8 +273,10 @@ static void let_slip(answer_t* answer, const double* force) {
 /* Let the entry do what obeys while the others stay as they are: 0 if nothing does. */
 static int pivot(const real* x, segment_t* segment, const loads_t* found, int entry) {
   if (entry >= NC) {
-    real* d = segment->p.direction + entry - NC;
-    *d = *d == 0.0 ? sign_of(found->load[entry - NC]) : 0.0;
+    const int joint = entry - NC, turns = NB && !segment->turned[joint];
+    real* d = segment->p.direction + joint;
+    segment->turned[joint] = *d != 0.0 && turns;
+    *d = *d == 0.0 ? sign_of(found->load[joint]) : turns ? -*d : 0.0;
     return 1;
   }
   inertia_t inertia;
@@ -301,6 +328,7 @@ static int anything_rests(const real* x, const segment_t* segment) {
 static int settle(const real* x, segment_t* segment) {
   loads_t found;
   guess(x, segment);
+  if (NB && largest_of(x + NU, NU) > 0.0) guess_turning(x, segment);
   if (!anything_rests(x, segment)) return 1;
   for (int attempt = 0; attempt < 3; ++attempt) {
     for (int k = 0; k < PIVOTS; ++k) {

@@ -199,12 +199,23 @@ static int rank_of(real* W) {
   return count;
 }
 
-/* Whether friction and contacts leave no joint any motion. */
+/* How many motions of sliding joints the bilateral constraints take away. */
+static int find_bilateral_rank(const real* x, const segment_t* segment) {
+  real rank = 0.0;
+  WORKSPACE;
+  arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
+  res[0] = &rank;
+  bilateral_rank(arg, res, iw, w, 0);
+  return (int)(rank + 0.5);
+}
+
+/* Whether friction, constraints and contacts leave no joint any motion. */
 static int is_held(const real* x, const segment_t* segment) {
   if (largest_of(x + NU, NU) > HELD) return 0;
   inertia_t inertia;
   int free = NU;
   for (int i = 0; i < ND; ++i) free -= segment->p.direction[i] == 0.0;
+  if (NB) free -= find_bilateral_rank(x, segment);
   if (free > MC) return 0;
   find_inertia(x, segment, &inertia);
   for (int i = 0; i < MC; ++i)
@@ -212,7 +223,7 @@ static int is_held(const real* x, const segment_t* segment) {
       const contact_mode_t *a = segment->p.contact + i / 3, *b = segment->p.contact + j / 3;
       AT(inertia.W, MC, i, j) *= a->closed * b->closed * (i % 3 ? a->sticks : 1.0) * (j % 3 ? b->sticks : 1.0);
     }
-  return rank_of(inertia.W) == free;
+  return rank_of(inertia.W) >= free;
 }
 
 /* Rate at which friction turns each contact that slides into its direction: 0 if none does. */
