@@ -108,8 +108,8 @@ class DisturbanceObserver:
 
     def restart(self) -> None:
         """Forget what was seen."""
-        n = self._n
-        self._r, self._last, self._integral = np.zeros(n), np.zeros(n), None
+        self._r, self._last = np.zeros(self._n), np.zeros(self._n)
+        self._integral: Array | None = None
         restart(self._control)
 
     def torque(self, state: Moving, reference: Any) -> Array:
@@ -129,8 +129,6 @@ class DisturbanceObserver:
             known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - lost
             self._integral = self._integral + self._dt * (self._last + known + self._r)
         self._r = self._gain * (momentum - self._integral)
-
-    _integral: Array | None
 
 
 class HalfTickAhead:
