@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -24,18 +24,15 @@ from arm_dynamics.trajectory.reference import TaskReference
 from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
 
 
-class Place(NamedTuple):
+@dataclass(frozen=True)
+class Place(Pose):
     """Placement on a path and its derivatives in u.
 
     Attributes:
-        position: In [m], shape (3,).
-        rotation: Shape (3, 3).
         first: Linear and angular, axes of the world, shape (6,).
         second: Likewise, shape (6,).
     """
 
-    position: Array
-    rotation: Array
     first: Array
     second: Array
 

@@ -143,5 +143,4 @@ class Follower:
 
 
 def _same(one: Reference, other: Reference) -> bool:
-    pairs = ((one.q, other.q), (one.v, other.v), (one.a, other.a))
-    return all(np.array_equal(a, b) for a, b in pairs)
+    return np.array_equal((one.q, one.v, one.a), (other.q, other.v, other.a))

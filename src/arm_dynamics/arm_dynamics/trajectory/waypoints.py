@@ -18,19 +18,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.trajectory.quintic import extremes, knot_derivatives, segment_coefficients
-from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint, hold
-
-__all__ = [
-    "Limits",
-    "Reference",
-    "Trajectory",
-    "Waypoint",
-    "hold",
-    "quintic",
-    "quintic_through",
-    "stop",
-]
-
+from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint
 
 MAX_WAYPOINTS = 10_001  # 10 000 after the start
 _STRETCH_TRIES = 60
@@ -59,12 +47,12 @@ def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Traj
     if limits is None:
         return knots.trajectory(1.0)
     _check_positions(knots.q, knots.q[0], limits)
-    stretch = 1.0
+    stretch, from_rest = 1.0, not (knots.v[0].any() or knots.a[0].any())
     for _ in range(_STRETCH_TRIES):
         trajectory = knots.trajectory(stretch)
         peaks = extremes(trajectory.coefficients)
         excess = float(_excess(trajectory, peaks, limits).max())
-        if excess <= 1.0 + 1e-9 or knots.from_rest:
+        if excess <= 1.0 + 1e-9 or from_rest:
             _check_positions(np.concatenate(peaks[:, 0]), knots.q[0], limits)
             return trajectory if excess <= 1.0 else knots.trajectory(stretch * excess)
         stretch *= min(max(excess, 1.02), 2.0)
@@ -106,8 +94,8 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
             "allowed are different positions and finite velocity or acceleration limits"
         )
     for _ in range(_BALANCE_ROUNDS):
-        h = h * np.sqrt(_excess_of(_through(h, q), limits))
-    h = h * _excess_of(_through(h, q), limits).max()
+        h = h * np.sqrt(_excess_of(h, q, limits))
+    h = h * _excess_of(h, q, limits).max()
     return quintic(_through(h, q), limits)
 
 
@@ -153,10 +141,6 @@ class _Knots:
             _derivative([w.a for w in waypoints], n, "acceleration"),
         )
 
-    @property
-    def from_rest(self) -> bool:
-        return not (np.any(self.v[0]) or np.any(self.a[0]))
-
     def trajectory(self, stretch: float) -> Trajectory:
         slower = np.full((len(self.times), 1), stretch)
         slower[0] = 1.0
@@ -190,8 +174,8 @@ def _through(h: Array, q: Array) -> list[Waypoint]:
     return [Waypoint(t, p) for t, p in zip(times, q, strict=True)]
 
 
-def _excess_of(waypoints: list[Waypoint], limits: Limits) -> Array:
-    trajectory = quintic(waypoints)
+def _excess_of(h: Array, q: Array, limits: Limits) -> Array:
+    trajectory = quintic(_through(h, q))
     return _excess(trajectory, extremes(trajectory.coefficients), limits)
 
 
