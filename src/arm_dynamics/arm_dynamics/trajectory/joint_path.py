@@ -22,7 +22,6 @@ from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
-from arm_dynamics.trajectory.quintic import segment_coefficients
 from arm_dynamics.trajectory.reference import Reference, Trajectory
 from arm_dynamics.trajectory.time_scaling import torque_limits, torque_stretch
 from arm_dynamics.trajectory.timing import Timing
@@ -107,9 +106,7 @@ def joint_path(
         rows.append((q, *derivatives(task, place, q, u)))
         check_limits(task, q, u)
     positions, first, second = (np.array(part) for part in zip(*rows, strict=True))
-    h = np.diff(us)
-    coefficients = segment_coefficients(h, positions, first, second)
-    return JointPath(Trajectory(us, coefficients, positions[[0, -1]]), trajectory.timing)
+    return JointPath(Trajectory.through(us, positions, first, second), trajectory.timing)
 
 
 def paced(

@@ -15,7 +15,6 @@ from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import Line, Place, line
 from arm_dynamics.trajectory.joint_path import check_limits, derivatives
-from arm_dynamics.trajectory.quintic import knot_derivatives, segment_coefficients
 from arm_dynamics.trajectory.reference import Trajectory
 
 ARM = 0.25
@@ -74,9 +73,7 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajector
         end = pieces[i].at(u)
         end = replace(end, first=length / ways[i] * end.first)  # whose u is of its piece alone
         v[i], a[i] = derivatives(task, end, joints[i], u)
-    h = np.diff(us)
-    v, a = knot_derivatives(h, joints, v, a)
-    return Trajectory(us, segment_coefficients(h, joints, v, a), joints[[0, -1]]), length
+    return Trajectory.through(us, joints, v, a), length
 
 
 def _pieces(task: TaskSpace, start: Pose, poses: Sequence[Pose]) -> tuple[list[Line], list[float]]:

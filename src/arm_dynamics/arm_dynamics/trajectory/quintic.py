@@ -23,8 +23,8 @@ def segment_coefficients(h: Array, q: Array, v: Array, a: Array) -> Array:
     Args:
         h: Durations in [s], shape (w − 1,).
         q: Positions at the knots, shape (w, n).
-        v: Velocities at the knots, shape (w, n).
-        a: Accelerations at the knots, shape (w, n).
+        v: Velocities, likewise.
+        a: Accelerations, likewise.
 
     Returns:
         Coefficients of shape (w − 1, n, 6).
@@ -46,11 +46,7 @@ def knot_derivatives(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Arr
     jerk (Flash and Hogan 1985). The equations are symmetric positive definite, block tridiagonal
     with 2 × 2 blocks, and solved by block elimination in time proportional to w.
 
-    Args:
-        h: Durations in [s], shape (w − 1,).
-        q: Positions at the knots, shape (w, n).
-        v: Velocities, NaN in the rows that are open, shape (w, n); first and last are given.
-        a: Accelerations, likewise.
+    Args are those of ``segment_coefficients``, v and a with NaN in the rows that are open.
 
     Returns:
         Velocities and accelerations without NaN, each of shape (w, n).
