@@ -10,7 +10,6 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import partialmethod
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -124,7 +123,10 @@ def _rates(
     motion: JointPath, dynamics: Dynamics, us: Array, torque: Array, rise: Array
 ) -> Array | None:
     """Greatest du/dt at every point, or None where there is none."""
-    toppra, constraint = _library()
+    try:
+        from toppra import algorithm, constraint
+    except ImportError as error:
+        raise ArmError(f"the library toppra is missing ({error}); pip install toppra") from None
     between = constraint.DiscretizationType.Interpolation
     model, rigid = dynamics.model, RigidTerms(dynamics.model)
     kept = [
@@ -134,7 +136,7 @@ def _rates(
             rigid.inverse, _both(torque), model.friction.coulomb.mean, between
         ),
     ]
-    found = toppra.algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")
+    found = algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")
     rates = found.compute_parameterization(0.0, 0.0)[1]
     return None if rates is None or not np.isfinite(rates).all() else np.asarray(rates)
 
@@ -142,13 +144,3 @@ def _rates(
 def _both(limit: Array) -> Array:
     finite = np.where(np.isfinite(limit), limit, _FREE)
     return np.column_stack([-finite, finite])
-
-
-def _library() -> tuple[Any, Any]:
-    try:
-        import toppra
-        import toppra.algorithm
-        import toppra.constraint
-    except ImportError as error:
-        raise ArmError(f"the library toppra is missing ({error}); pip install toppra") from None
-    return toppra, toppra.constraint
