@@ -43,20 +43,11 @@ def _tunable(default: Any, description: str, **about: Any) -> Any:
 class Settings:
     """What a controller made by name is tuned to.
 
-    The controller node declares a parameter for each of these, from what is said here; only the
-    limits come from its model.
+    Beside each default stands what it is and its unit; from this the controller node declares a
+    parameter, but for the limits, which come from its model. Task controllers take one bandwidth
+    and damping ratio for all axes, and need a frame.
 
     Attributes:
-        dt: Time between calls in [s].
-        bandwidth: ω in [rad/s], a number or one for each joint; task controllers take a number.
-        damping_ratio: ζ, likewise.
-        frame: Frame that the task controllers lead; they need one. Empty for none.
-        axes: Axes of their task, see ``chosen_axes``.
-        force: Force with which ``motion_force`` presses in [N].
-        direction: Direction in the world along which it presses, shape (3,).
-        friction: Whether to feed the model's friction forward; computed torque always does.
-        observer: Bandwidth of a disturbance observer in [1/s]; 0 for none.
-        saturate: Whether to cut torques at the limits.
         limit: Torque limits in [N m] or [N], a number or shape (n,), for what remembers.
     """
 
@@ -145,30 +136,24 @@ def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
 
 
 def _operational_space(dynamics: Dynamics, s: Settings) -> AnyController:
-    task = _task(dynamics, s)
-    control = task_space.OperationalSpace(
-        task, s.bandwidth, s.damping_ratio, posture_bandwidth=s.bandwidth, friction=s.friction
-    )
-    return task_space.AlongJoints(control, task)
+    return _along_joints(task_space.OperationalSpace, _task(dynamics, s), s, s.bandwidth)
 
 
 def _motion_force(dynamics: Dynamics, s: Settings) -> AnyController:
-    task = _task(dynamics, s)
-    control = task_space.MotionForce(
-        task, s.direction, s.bandwidth, s.damping_ratio,
-        posture_bandwidth=s.bandwidth, friction=s.friction,
-    )  # fmt: skip
-    return task_space.AlongJoints(control, task, s.force)
+    return _along_joints(task_space.MotionForce, _task(dynamics, s), s, s.direction, s.bandwidth)
 
 
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
-    mass = _typical_masses(task, dynamics)
-    control = task_space.CartesianImpedance(
-        task, np.asarray(s.bandwidth, float) ** 2 * mass, s.damping_ratio,
-        posture_bandwidth=s.bandwidth, friction=s.friction,
-    )  # fmt: skip
-    return task_space.AlongJoints(control, task)
+    stiffness = np.asarray(s.bandwidth, float) ** 2 * _typical_masses(task, dynamics)
+    return _along_joints(task_space.CartesianImpedance, task, s, stiffness)
+
+
+def _along_joints(
+    kind: Callable[..., task_space.TaskController], task: TaskSpace, s: Settings, *chosen: Any
+) -> AnyController:
+    about = {"posture_bandwidth": s.bandwidth, "friction": s.friction}
+    return task_space.AlongJoints(kind(task, *chosen, s.damping_ratio, **about), task, s.force)
 
 
 _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
