@@ -8,7 +8,6 @@ quaternion curves", SIGGRAPH 1985).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -188,8 +187,7 @@ def timed(
     Raises:
         InvalidInput: If a number or the profile is not allowed.
     """
-    profiles: dict[str, Callable[[float, float, float], Timing]]
-    profiles = {"quintic": Quintic.within, "trapezoid": Trapezoid.within}
+    profiles: dict[str, type[Quintic | Trapezoid]] = {"quintic": Quintic, "trapezoid": Trapezoid}
     if profile not in profiles:
         raise InvalidInput(f"profile = {profile!r}; allowed: quintic, trapezoid")
-    return CartesianTrajectory(path, profiles[profile](path.length, speed, acceleration))
+    return CartesianTrajectory(path, profiles[profile].within(path.length, speed, acceleration))

@@ -47,7 +47,7 @@ class JointPath:
     def sample(self, t: float) -> Reference:
         """Position, velocity and acceleration at the time ``t`` in [s], each of shape (n,)."""
         u, rate, rise = self.timing.at(t)
-        at = self.over.sample(min(max(u, 0.0), LAST))
+        at = self.over.sample(min(max(u, 0.0), _LAST))
         return Reference(at.q, at.v * rate, at.a * rate**2 + at.v * rise)
 
     def slower(self, stretch: float) -> JointPath:
@@ -56,7 +56,7 @@ class JointPath:
 
     def along(self, us: Array) -> Array:
         """Positions and first and second derivatives in u at k shares of the way, (3, k, n)."""
-        at = [self.over.sample(min(float(u), LAST)) for u in us.ravel()]
+        at = [self.over.sample(min(float(u), _LAST)) for u in us.ravel()]
         return np.swapaxes([(x.q, x.v, x.a) for x in at], 0, 1)
 
     def table(self, count: int) -> tuple[Array, Array, Array, Array]:
@@ -68,7 +68,7 @@ class JointPath:
         return t, q, first * rate, second * rate**2 + first * rise
 
 
-LAST = 1.0 - 1e-15  # beyond its end a trajectory stands still, which a path over u does not
+_LAST = 1.0 - 1e-15  # beyond its end a trajectory stands still, which a path over u does not
 
 
 def joint_path(
