@@ -61,10 +61,10 @@ class Checked(Measured):
     __slots__ = ()
 
 
-class Controller(Protocol):
-    """Answers what torque leads a moving arm to its reference."""
+class Controller[Goal](Protocol):
+    """Answers what torque leads a moving arm to its reference, of joints or of a frame."""
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
+    def torque(self, state: Moving, reference: Goal) -> Array:
         """Return joint torques in [N m], shape (n,)."""
 
 

@@ -135,14 +135,6 @@ def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
     return joint_space.PID(dynamics.n, kp, ki, kd, s.dt, s.limit)
 
 
-def _operational_space(dynamics: Dynamics, s: Settings) -> AnyController:
-    return _along_joints(task_space.OperationalSpace, _task(dynamics, s), s, s.bandwidth)
-
-
-def _motion_force(dynamics: Dynamics, s: Settings) -> AnyController:
-    return _along_joints(task_space.MotionForce, _task(dynamics, s), s, s.direction, s.bandwidth)
-
-
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
     stiffness = np.asarray(s.bandwidth, float) ** 2 * _typical_masses(task, dynamics)
@@ -164,8 +156,12 @@ _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
     "computed_torque": lambda dyn, s: computed_torque.CompiledComputedTorque(
         dyn, s.bandwidth, s.damping_ratio, s.dt
     ),
-    "operational_space": _operational_space,
-    "motion_force": _motion_force,
+    "operational_space": lambda dyn, s: _along_joints(
+        task_space.OperationalSpace, _task(dyn, s), s, s.bandwidth
+    ),
+    "motion_force": lambda dyn, s: _along_joints(
+        task_space.MotionForce, _task(dyn, s), s, s.direction, s.bandwidth
+    ),
     "joint_impedance": lambda dyn, s: joint_space.JointImpedance(
         dyn, _tuned(dyn, s)[0], s.damping_ratio
     ),

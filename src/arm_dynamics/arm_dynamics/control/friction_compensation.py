@@ -42,7 +42,9 @@ def ahead(
 class FrictionFeedForward:
     """A joint controller with the friction of the reference's motion added."""
 
-    def __init__(self, control: Controller, model: ArmModel, terms: str = "all") -> None:
+    def __init__(
+        self, control: Controller[Reference], model: ArmModel, terms: str = "all"
+    ) -> None:
         """Choose what to add.
 
         Args:

@@ -7,7 +7,7 @@ They ask the model once a tick, by the task's compiled kernel, which the first t
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
-from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
+from arm_dynamics.control.computed_torque import Controller, Moving, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.compiled import TaskInstant
@@ -24,11 +24,8 @@ from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
 
 
-class TaskController(Protocol):
-    """Answers what torque leads a moving arm's frame to its reference."""
-
-    def torque(self, state: Moving, reference: TaskReference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
+TaskController = Controller[TaskReference]
+"""A controller that leads a frame of the arm."""
 
 
 class OperationalSpace:

@@ -9,18 +9,15 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
-from arm_dynamics.control.computed_torque import Measured, Moving, checked, gain
+from arm_dynamics.control.computed_torque import Controller, Measured, Moving, checked, gain
 from arm_dynamics.control.joint_space import cut
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
 
-class AnyController(Protocol):
-    """A controller of whatever kind of reference."""
-
-    def torque(self, state: Moving, reference: Any) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
+AnyController = Controller[Any]
+"""A controller of whatever kind of reference."""
 
 
 @runtime_checkable
