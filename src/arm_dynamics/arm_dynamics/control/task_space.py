@@ -23,7 +23,6 @@ from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
 
-
 TaskController = Controller[TaskReference]
 """A controller that leads a frame of the arm."""
 

@@ -15,7 +15,6 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
-
 AnyController = Controller[Any]
 """A controller of whatever kind of reference."""
 
