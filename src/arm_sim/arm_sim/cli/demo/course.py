@@ -25,8 +25,8 @@ from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
 from arm_sim.cli.demo.report import Numbers, complaints, numbers, remarks, result_table
 from arm_sim.cli.output import console, show
 
-_START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]
 _SETTLED = 0.3  # [s] that are watched after the motion
+_LATE = 10.0  # [s] that the motion may take longer than one and a half times its duration
 _ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity")
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
@@ -59,64 +59,47 @@ def _run(
     motion: Motion, output: Path, scratch: Path, say: Say, bar: Callable[[float], None]
 ) -> tuple[Seen, dict[str, Any]]:
     """Have the processes follow the motion; return what was seen and the sim node's report."""
-    scene, report = scratch / "scene.yaml", scratch / "clock.json"
+    scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
     _write_scene(scene, motion)
-    domain = free_domain()
-    # For the children, which inherit it, and for our own node.
-    os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
-    with (
-        Processes(output) as processes,
-        Observer(motion.model.joint_names, domain) as observer,
-    ):
-        say(f"starting the nodes (ROS domain {domain}, this machine only)")
-        processes.start("dynamics", "dynamics", str(scene), "--with-parent")
-        processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
-        observer.wait_for_partners(_START_TIMEOUT, processes.check)
-        # Last and alone, so that no other start-up disturbs its clock.
-        processes.start(
-            "sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM
-        )
-        observer.wait_for_motion(_START_TIMEOUT, processes.check)
-        observer.count_afresh(_START_TIMEOUT, processes.check)
-        _follow(motion, observer, processes, say, bar)
-        say("stopping the nodes")
-        processes.stop("sim")
-        processes.stop("controller", "dynamics")
-        return observer.seen(), _report(report, processes)
-
-
-def _report(file: Path, processes: Processes) -> dict[str, Any]:
-    if not file.exists():
-        raise DemoFailed("the sim node did not end cleanly; it said:\n" + processes.tail("sim"))
-    clock: dict[str, Any] = json.loads(file.read_text())
-    return clock
-
-
-def _follow(
-    motion: Motion,
-    observer: Observer,
-    processes: Processes,
-    say: Say,
-    bar: Callable[[float], None],
-) -> None:
-    say("following the trajectory")
     duration = motion.trajectory.duration
-    if not observer.send(motion.waypoints, _MOTION_TIMEOUT, processes.check):
-        raise DemoFailed(
-            "the controller did not follow the trajectory; its log says:\n"
-            + processes.tail("controller")
-        )
+    patience = _LATE + 1.5 * duration
 
     def glance() -> None:
         processes.check()
         bar(observer.now() / duration)
 
-    patience = _MOTION_TIMEOUT + 1.5 * duration
-    if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience, glance):
-        raise DemoFailed(
-            f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
-            f"{patience:g} s; the simulator's log says:\n" + processes.tail("sim")
-        )
+    # For the children, which inherit it, and for our own node.
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
+    with (
+        Processes(output) as processes,
+        Observer(motion.model.joint_names, domain, glance) as observer,
+    ):
+        say(f"starting the nodes (ROS domain {domain}, this machine only)")
+        processes.start("dynamics", str(scene))
+        processes.start("controller", str(scene), *_ROS_CONTROLLER)
+        observer.wait_for_partners()
+        # Last and alone, so that no other start-up disturbs its clock.
+        processes.start("sim", str(scene), "--report", str(report), *_ROS_SIM)
+        observer.wait_for_motion()
+        say("following the trajectory")
+        if not observer.send(motion.waypoints):
+            raise DemoFailed(
+                "the controller did not follow the trajectory; its log says:\n"
+                + processes.tail("controller")
+            )
+        if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience):
+            raise DemoFailed(
+                f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
+                f"{patience:g} s; the simulator's log says:\n" + processes.tail("sim")
+            )
+        say("stopping the nodes")
+        processes.stop("sim")
+        processes.stop("controller", "dynamics")
+        if not report.exists():
+            raise DemoFailed(
+                "the sim node did not end cleanly; it said:\n" + processes.tail("sim")
+            )
+        return observer.seen(), json.loads(report.read_text())
 
 
 def _write_scene(file: Path, motion: Motion) -> None:

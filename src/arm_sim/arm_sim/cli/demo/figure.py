@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -97,8 +98,5 @@ def _prefix(largest: float) -> tuple[float, str]:
 
 def _short(name: str, names: Sequence[str]) -> str:
     """The name without what all names begin with."""
-    common = 0
-    while len(names) > 1 and len({other[: common + 1] for other in names}) == 1:
-        common += 1
-    cut = max(name[:common].rfind("_"), name[:common].rfind("/")) + 1
-    return name[cut:]
+    common = os.path.commonprefix(names) if len(names) > 1 else ""
+    return name[max(common.rfind("_"), common.rfind("/")) + 1 :]

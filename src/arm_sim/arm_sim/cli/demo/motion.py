@@ -64,11 +64,12 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
     model = dynamics.model
     if not np.any(model.position_upper > model.position_lower):
         raise InvalidInput("no joint of this arm may move: all lower limits equal the upper ones")
-    own = _own_start(dynamics)
-    if own is not None and (motion := _around(own, dynamics, duration)):
-        return motion
-    start = _better_start(dynamics)
-    if motion := _around(start, dynamics, duration):
+    q0 = model.q0
+    inside = np.all((model.position_lower <= q0) & (q0 <= model.position_upper))
+    if inside and _weight_shares(dynamics, q0).max() <= EFFORT_SHARE:
+        if motion := _around(q0, dynamics, duration):
+            return motion
+    if motion := _around(_better_start(dynamics), dynamics, duration):
         return motion
     raise InvalidInput(
         f"no motion of {duration:g} s is small enough for the speed and effort limits; "
@@ -116,31 +117,21 @@ def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
     return np.minimum(lower, start), np.maximum(upper, start)
 
 
-def _own_start(dynamics: Dynamics) -> Array | None:
-    """The scene's own start, if it is within the limits and the arm can stand there."""
-    model, q0 = dynamics.model, np.array(dynamics.model.q0)
-    inside = np.all((model.position_lower <= q0) & (q0 <= model.position_upper))
-    return q0 if inside and _weight_share(dynamics, q0)[0] <= EFFORT_SHARE else None
-
-
 def _better_start(dynamics: Dynamics) -> Array:
     """A posture with room to all sides in which the drives can carry the arm well."""
     model = dynamics.model
-    lower, upper = model.position_lower, model.position_upper
-    low, high = (
-        np.where(np.isfinite(lower), lower, -np.pi),
-        np.where(np.isfinite(upper), upper, np.pi),
-    )
+    low = np.where(np.isfinite(model.position_lower), model.position_lower, -np.pi)
+    high = np.where(np.isfinite(model.position_upper), model.position_upper, np.pi)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     low, high = middle - 0.6 * half, middle + 0.6 * half
-    tries = [np.clip(model.q0, low, high), middle]
-    tries += list(np.random.default_rng(0).uniform(low, high, (200, model.n)))
-    shares = [_weight_share(dynamics, q)[0] for q in tries]
-    best = next(
-        (i for i, share in enumerate(shares) if share <= WEIGHT_SHARE), int(np.argmin(shares))
-    )
-    if shares[best] > EFFORT_SHARE:
-        _, joint = _weight_share(dynamics, tries[best])
+    others = np.random.default_rng(0).uniform(low, high, (200, model.n))
+    tries = np.vstack([np.clip(model.q0, low, high), middle, others])
+    shares = _weight_shares(dynamics, tries)
+    largest = shares.max(axis=1)
+    light = np.flatnonzero(largest <= WEIGHT_SHARE)
+    best = light[0] if light.size else largest.argmin()
+    if largest[best] > EFFORT_SHARE:
+        joint = shares[best].argmax()
         needed = abs(dynamics.gravity(tries[best])[joint])
         raise InvalidInput(
             f"this arm cannot carry its own weight: joint '{dynamics.joint_names[joint]}' needs "
@@ -150,10 +141,9 @@ def _better_start(dynamics: Dynamics) -> Array:
     return tries[best]
 
 
-def _weight_share(dynamics: Dynamics, q: Array) -> tuple[float, int]:
-    """Largest part of an effort limit that holding the arm needs, and the joint that needs it."""
-    shares = np.abs(dynamics.gravity(q)) / dynamics.model.effort_limit
-    return float(shares.max()), int(shares.argmax())
+def _weight_shares(dynamics: Dynamics, q: Array) -> Array:
+    """Parts of the effort limits that holding the arm needs."""
+    return np.abs(dynamics.gravity(q)) / dynamics.model.effort_limit
 
 
 def _shares(dynamics: Dynamics, trajectory: Trajectory) -> tuple[float, float]:
