@@ -119,9 +119,8 @@ def test_shared_memory_of_one_that_was_killed_is_cleared(
     cleared: list[bool] = []
     monkeypatch.setattr(processes, "clear_dead", lambda: cleared.append(True))
     with Processes(tmp_path) as children:
-        children.start("sim", "--help")
+        children.start("sim", "--help").kill()
         children.start("dynamics", "--help")
-        os.kill(children.ids["sim"], signal.SIGKILL)
         children.stop("sim", "dynamics")
         assert cleared == [True]
     assert cleared == [True]

@@ -110,10 +110,11 @@ class EnergyAccount:
         if self._plant.laws:
             return self._made_again(x, u, p)
         q, v = np.split(x, 2, axis=1)
+        work = np.sum(u * np.diff(q, axis=0), axis=1)  # exact: a torque is held over its tick
         heat = dissipated_work(self._dynamics, self._choice.dt, q, v, u)
         if self._plant.contact:
             heat = heat + self.contact_losses(x, u, p).sum(axis=1)
-        return np.stack([input_work(q, u), heat], axis=1)
+        return np.stack([work, heat], axis=1)
 
     def contact_losses(self, x: Array, u: Array, p: Array) -> Array:
         """Energy that impacts, and friction of contacts, took out in each tick, made again.
@@ -166,22 +167,6 @@ class EnergyAccount:
         model = self._plant.model
         ledger = Ledger(self._laws.laws, model.n, model.friction)
         return Stepper(self._plant.with_laws(ledger), self._choice, self._backend)
-
-
-def input_work(q: Array, tau: Array) -> Array:
-    """Work that held torques do in each tick.
-
-    It is exact, since a torque is constant within its tick.
-
-    Args:
-        q: Joint positions in [rad] or [m], shape (k+1, n).
-        tau: Torque of each tick in [N m] or [N], shape (k, n).
-
-    Returns:
-        Work in [J], shape (k,).
-    """
-    work: Array = np.sum(tau * np.diff(q, axis=0), axis=1)
-    return work
 
 
 def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Array) -> Array:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -379,12 +378,10 @@ def _ended(reached: bool, distance: float, angle: float) -> tuple[str, str, str]
 
 def _numbered(names: list[str]) -> list[str]:
     """Tell the numbers of one constraint apart."""
-    several, met = Counter(names), Counter[str]()
-    told = []
-    for name in names:
-        met[name] += 1
-        told.append(f"{name} {met[name]}" if several[name] > 1 else name)
-    return told
+    return [
+        f"{name} {names[: k + 1].count(name)}" if names.count(name) > 1 else name
+        for k, name in enumerate(names)
+    ]
 
 
 def _json(values: Any) -> Any:

@@ -50,9 +50,7 @@ def run(robot: str, duration: float, output: Path) -> None:
     out = console()
     with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
         seen, clock = _run(motion, output, Path(scratch), say, bar)
-    result = numbers(motion, seen, clock)
-    _write(output, motion, seen, result)
-    _tell(out, output, result)
+    _tell(output, motion, seen, numbers(motion, seen, clock), out)
 
 
 def _run(
@@ -60,7 +58,9 @@ def _run(
 ) -> tuple[Seen, dict[str, Any]]:
     """Have the processes follow the motion; return what was seen and the sim node's report."""
     scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
-    _write_scene(scene, motion)
+    # One file that needs no other, for all three nodes.
+    data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    scene.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
     duration = motion.trajectory.duration
     patience = _LATE + 1.5 * duration
 
@@ -102,12 +102,6 @@ def _run(
         return observer.seen(), json.loads(report.read_text())
 
 
-def _write_scene(file: Path, motion: Motion) -> None:
-    """The scene as one file that needs no other, for all three nodes."""
-    data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    file.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
-
-
 @contextmanager
 def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
     """Progress on a terminal; lines of text where there is none."""
@@ -125,20 +119,18 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
         yield say, lambda share: progress.update(task, completed=share, refresh=True)
 
 
-def _write(output: Path, motion: Motion, seen: Seen, n: Numbers) -> None:
-    model = motion.model
+def _tell(output: Path, motion: Motion, seen: Seen, n: Numbers, out: Any) -> None:
+    """Write the figure and the numbers, and print what they say."""
+    figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (
         f"{n.robot}: computed torque at {n.wanted_rate:g} Hz, tracking error {n.error_rms:.1e} "
         f"{n.unit} RMS"
     )
-    draw(output / "demo.png", seen, model.joint_names, model.joint_types, n.duration, title)
+    draw(figure, seen, model.joint_names, model.joint_types, n.duration, title)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **asdict(n)}
-    (output / "demo.json").write_text(json.dumps(values, indent=2) + "\n")
-
-
-def _tell(out: Any, output: Path, n: Numbers) -> None:
+    file.write_text(json.dumps(values, indent=2) + "\n")
     show(out, result_table(n))
-    out.print(f"figure:  {output / 'demo.png'}\nnumbers: {output / 'demo.json'}", soft_wrap=True)
+    out.print(f"figure:  {figure}\nnumbers: {file}", soft_wrap=True)
     if reasons := complaints(n):
         raise DemoFailed("the loop did not close:\n  " + "\n  ".join(reasons))
     for remark in remarks(n):

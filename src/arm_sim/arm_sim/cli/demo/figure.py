@@ -28,16 +28,7 @@ _DOTS = 45  # answers of the service that are drawn, over the whole motion
 def draw(
     file: Path, seen: Seen, names: Sequence[str], types: Sequence[str], duration: float, title: str
 ) -> None:
-    """Draw the figure.
-
-    Args:
-        file: PNG to write.
-        seen: What was seen.
-        names: Joints.
-        types: Their types, for the units.
-        duration: Of the motion in [s].
-        title: Headline.
-    """
+    """Draw a PNG; ``types`` are those of the joints, ``duration`` that of the motion in [s]."""
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 8.0), layout="constrained")
         axes = figure.subplots(

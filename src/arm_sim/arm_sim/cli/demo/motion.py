@@ -44,18 +44,11 @@ class Motion:
 
 
 def choose_motion(scene: Scene, duration: float) -> Motion:
-    """Choose a motion of some seconds for the arm of a scene.
+    """Choose a motion of ``duration`` in [s] for the arm of a scene.
 
     The scene's own start is kept if it lies within the joint limits, the drives can hold the arm
     there and there is room to move; else a start is looked for. Excursions shrink until inverse
     dynamics and speeds fit the limits.
-
-    Args:
-        scene: The scene.
-        duration: How long the motion takes in [s].
-
-    Returns:
-        The motion.
 
     Raises:
         InvalidInput: If no joint has room to move, or the drives are too weak for any motion.

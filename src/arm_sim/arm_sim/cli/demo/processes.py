@@ -44,7 +44,7 @@ class Processes:
         with _handled_by(signal.SIG_IGN):
             self.stop(*reversed(self._running))
 
-    def start(self, name: str, *arguments: str) -> None:
+    def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
         """Run a command of the suite, which ends with this process at the latest.
 
         Args:
@@ -57,11 +57,7 @@ class Processes:
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                 start_new_session=True,  # Ctrl-C reaches them in order, through us
             )  # fmt: skip
-
-    @property
-    def ids(self) -> dict[str, int]:
-        """Process ids by name."""
-        return {name: process.pid for name, process in self._running.items()}
+        return self._running[name]
 
     def check(self) -> None:
         """See that all run.
