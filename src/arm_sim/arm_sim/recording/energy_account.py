@@ -77,6 +77,7 @@ class EnergyAccount:
     def __init__(self, plant: Plant, dynamics: Dynamics, choice: Choice, backend: str) -> None:
         self._plant, self._dynamics = plant, dynamics
         self._choice, self._backend = choice, backend
+        self._laws = plant.laws or Ensemble((), plant.model.n)
 
     @property
     def makes_ticks_again(self) -> bool:
@@ -119,13 +120,7 @@ class EnergyAccount:
     def contact_losses(self, x: Array, u: Array, p: Array) -> Array:
         """Energy that impacts, and friction of contacts, took out in each tick, made again.
 
-        Args:
-            x: States before each tick (and perhaps after the last), shape (k+1, nx) or (k, nx).
-            u: Torque that acted in each tick, shape (k, n).
-            p: Tunable quantities, shape (np,).
-
-        Returns:
-            Energies in [J], shape (k, 2); NaN if a tick cannot be made again.
+        In [J], shape (k, 2); arguments as for ``flows``.
         """
         stepper, losses = self._plain, np.full((len(u), 2), np.nan)
         trace, effort, error = np.empty((1, x.shape[1])), np.empty((1, u.shape[1])), np.empty(1)
@@ -148,10 +143,6 @@ class EnergyAccount:
             if stepper.roll(now, np.ascontiguousarray(command), trace, effort, error) == 1:
                 out[k] = now[-2:]
         return out
-
-    @cached_property
-    def _laws(self) -> Ensemble:
-        return self._plant.laws or Ensemble((), self._plant.model.n)
 
     @cached_property
     def _stored(self) -> ca.Function:

@@ -95,13 +95,7 @@ def asks(
 
 
 def vector(name: str, what: str, required: bool = False) -> Callable[[_Command], _Command]:
-    """An option for numbers of the joints.
-
-    Args:
-        name: Its name.
-        what: What the numbers are.
-        required: Whether they must be given; else they are zero.
-    """
+    """An option for numbers of the joints, which are zero where they may be left out."""
     rest = f"; {HOW}." if required else "; zero when omitted."
     return click.option(f"--{name}", type=VECTOR, required=required, help=what + rest)
 
@@ -130,10 +124,7 @@ def plain_rows(option: str, given: Vector) -> Any:
 class Question:
     """A question about motion: joints, their vectors, and how the answer is to look.
 
-    Args:
-        client: Of the node that is asked.
-        joints: Names of the joints in the order of all vectors; none for the model's.
-        vectors: Numbers of the joints by what they are, None where they were not given.
+    ``joints`` is the order of all vectors, empty for the model's; vectors not given are None.
     """
 
     def __init__(
@@ -167,13 +158,9 @@ class Question:
 
 
 def print_joints(question: Question, quantity: str, values: np.ndarray, title: str = "") -> None:
-    """Print a vector of the joints beside those that were given, or a line for each point.
+    """Print vectors of shape (k, n): one beside those that were given, or a line for each point.
 
-    Args:
-        question: What was asked.
-        quantity: One of ``UNITS``.
-        values: The numbers, shape (k, n).
-        title: What they are called, if not by their quantity.
+    ``quantity`` is one of ``UNITS``, ``title`` what they are called if not by it.
     """
     heading = f"{title or quantity} [{question.unit(quantity)}]"
     if question.batch:
@@ -223,11 +210,6 @@ def say_more(points: int) -> None:
 
 
 def print_json(refusal: str = "", /, **fields: Any) -> None:
-    """Print an answer for scripts.
-
-    Args:
-        refusal: Why the node declined.
-        **fields: What it answered.
-    """
+    """Print for scripts what a node answered, and why it declined if it did."""
     head = {"success": False, "message": refusal} if refusal else {"success": True}
     click.echo(json.dumps({**head, **fields}))

@@ -34,12 +34,7 @@ Say = Callable[[str], None]
 
 
 def run(robot: str, duration: float, output: Path) -> None:
-    """Run the demo.
-
-    Args:
-        robot: A scene file or URDF.
-        duration: How long the motion takes in [s].
-        output: Folder for the figure, the numbers and the logs.
+    """Run the demo, whose arguments ``demo`` explains.
 
     Raises:
         DemoFailed: If the loop did not close.

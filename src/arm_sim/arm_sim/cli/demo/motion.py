@@ -75,7 +75,9 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
     model, limits = dynamics.model, Limits.of(dynamics.model)
     count = max(2, round(duration / SECONDS_A_POINT))
     times = duration / count * np.arange(1, count + 1)
-    pattern, excursion = _pattern(count, model.n), _excursion(model)
+    most = np.where(np.array(model.joint_types) == "prismatic", SLIDE, TURN)
+    span = model.position_upper - model.position_lower
+    pattern, excursion = _pattern(count, model.n), np.minimum(most, SHARE_OF_RANGE * span)
     for k in range(TRIES):
         points = np.clip(start + SHRINK**k * excursion * pattern, *_room(model, start))
         waypoints = tuple(Waypoint(t, q) for t, q in zip(times, points, strict=True))
@@ -95,11 +97,6 @@ def _pattern(count: int, n: int) -> Array:
     swings = np.sin(2.0 * np.pi * (k * (0.29 + 0.045 * (joint % 4)) + 0.13 * joint))
     swings[-1] = 0.0
     return swings
-
-
-def _excursion(model: ArmModel) -> Array:
-    most = np.where(np.array(model.joint_types) == "prismatic", SLIDE, TURN)
-    return np.minimum(most, SHARE_OF_RANGE * (model.position_upper - model.position_lower))
 
 
 def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:

@@ -128,11 +128,7 @@ class Observer:
         return met
 
     def wait_for_partners(self) -> None:
-        """Wait until the dynamics node answers and the controller listens.
-
-        Raises:
-            DemoFailed: If they do not.
-        """
+        """Wait until the dynamics node answers and the controller listens."""
         self._demand(self._answer_of(self._info), f"the dynamics node gave no answer {_IN_TIME}")
         self._demand(
             lambda: self._send.get_subscription_count() > 0,
@@ -140,11 +136,7 @@ class Observer:
         )
 
     def wait_for_motion(self) -> None:
-        """Wait until the controller answers the simulated arm; the sim node counts from then on.
-
-        Raises:
-            DemoFailed: If it does not.
-        """
+        """Wait until the controller answers the simulated arm, which counts from then on."""
         self._demand(
             lambda: len(self._states) > 3,
             f"the controller has said nothing {_IN_TIME}: no joint states reach it",
@@ -155,6 +147,7 @@ class Observer:
         self._demand(self._answer_of(self._reset), silence)
 
     def _demand(self, condition: Callable[[], bool], failure: str) -> None:
+        """Wait at the start, and fail if it takes too long."""
         if not self.until(condition, _START_TIMEOUT):
             raise DemoFailed(failure)
 

@@ -45,12 +45,7 @@ class Processes:
             self.stop(*reversed(self._running))
 
     def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
-        """Run a command of the suite, which ends with this process at the latest.
-
-        Args:
-            name: Of the command, its process and its log.
-            arguments: What follows it on the command line.
-        """
+        """Run a command of the suite, which ends with this process at the latest."""
         with self.log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
                 [sys.executable, "-P", "-m", "arm_sim.cli", name, "--with-parent", *arguments],
