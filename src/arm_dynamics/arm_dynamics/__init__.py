@@ -7,19 +7,19 @@ and a command that only reads a scene, or only asks a running node, needs neithe
 
 from typing import TYPE_CHECKING
 
+from arm_dynamics.exceptions import (
+    ArmError,
+    ConstraintError,
+    InvalidInput,
+    KernelError,
+    ModelError,
+    SceneError,
+    Unreachable,
+)
 from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
     from arm_dynamics.dynamics.dynamics import Dynamics, Term
-    from arm_dynamics.exceptions import (
-        ArmError,
-        ConstraintError,
-        InvalidInput,
-        KernelError,
-        ModelError,
-        SceneError,
-        Unreachable,
-    )
     from arm_dynamics.model.arm import ArmModel
     from arm_dynamics.scene.load import load_scene
     from arm_dynamics.scene.schema import Scene
@@ -38,11 +38,9 @@ __all__ = [
     "Unreachable",
     "load_scene",
 ]
-_ERRORS = (name for name in __all__ if name.endswith(("Error", "Input", "Unreachable")))
 __getattr__, __dir__ = on_demand(
     __name__,
     {
-        **dict.fromkeys(_ERRORS, "exceptions"),
         "Dynamics": "dynamics.dynamics",
         "Term": "dynamics.dynamics",
         "ArmModel": "model.arm",

@@ -82,10 +82,6 @@ def any_beyond(numbers: Iterable[float], limits: Iterable[float]) -> bool:
 def real_array(name: str, value: ArrayLike) -> Array:
     """The value as an array of float.
 
-    Args:
-        name: How the caller calls it.
-        value: What was given.
-
     Raises:
         InvalidInput: If it does not consist of real numbers.
     """

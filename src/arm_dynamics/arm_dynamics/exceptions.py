@@ -62,15 +62,7 @@ class Refused(ArmError):
 
 
 def known_names(names: Iterable[str], limit: int = 30) -> str:
-    """List valid names for an error message, cut after ``limit``.
-
-    Args:
-        names: The names that would have been accepted.
-        limit: How many to show.
-
-    Returns:
-        A readable list such as ``a, b, c``.
-    """
+    """List the names that would have been accepted as ``a, b, c``, cut after ``limit``."""
     listed = list(names)
     more = f", … ({len(listed) - limit} more)" if len(listed) > limit else ""
     return (", ".join(listed[:limit]) + more) or "none"

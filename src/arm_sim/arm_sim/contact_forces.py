@@ -9,7 +9,7 @@ from typing import Protocol
 import numpy as np
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, read_only
 from arm_sim.compiled_scene import CompiledScene
 from arm_sim.recording.recording import Recording
 from arm_sim.stepping.events import Trouble
@@ -85,17 +85,14 @@ def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
     """
     compiled, x = sim.compiled, np.hstack([recording.q, recording.v, recording.z])
     forces = [contact_forces(compiled, *pair) for pair in zip(x, recording.command, strict=True)]
-    account = compiled.energy_account
-    losses = account.contact_losses(x, recording.command[:-1], recording.p)
+    losses = compiled.energy_account.contact_losses(x, recording.command[:-1], recording.p)
     losses = np.vstack([np.zeros(2), np.cumsum(losses, axis=0)])
-    arrays = (
-        np.array([[f.gap for f in row] for row in forces]),
-        np.array([[f.force for f in row] for row in forces]),
-        *losses.T,
+    return ContactHistory(
+        tuple(f.name for f in forces[0]),
+        read_only([[f.gap for f in row] for row in forces]),
+        read_only([[f.force for f in row] for row in forces]),
+        *map(read_only, losses.T),
     )
-    for array in arrays:
-        array.setflags(write=False)
-    return ContactHistory(tuple(f.name for f in forces[0]), *arrays)
 
 
 def contact_forces(compiled: CompiledScene, x: Array, u: Array) -> tuple[ContactForce, ...]:
@@ -119,16 +116,12 @@ def contact_forces(compiled: CompiledScene, x: Array, u: Array) -> tuple[Contact
     call = stepper.kernel.call
     gaps = call("contact_geometry")(x[: 2 * plant.model.n])[0][::3]
     force = call("loads")(x, u, modes.p)[1].reshape(-1, 3)
-    rows = zip(plant.points, modes.contact, gaps, force, strict=True)
     answers = []
-    for point, mode, gap, r in rows:
+    for point, mode, gap, r in zip(plant.points, modes.contact, gaps, force, strict=True):
         state = "apart" if not mode["closed"] else "sticks" if mode["sticks"] else "slides"
-        tangential = r[1:] @ point.axes[1:]
-        whole = tangential + r[0] * point.axes[0]
-        for array in (tangential, whole):
-            array.setflags(write=False)
-        normal = float(r[0])
-        answers.append(ContactForce(point.name, state, float(gap), normal, tangential, whole))
+        tangential = read_only(r[1:] @ point.axes[1:])
+        whole = read_only(tangential + r[0] * point.axes[0])
+        answers.append(ContactForce(point.name, state, float(gap), float(r[0]), tangential, whole))
     return tuple(answers)
 
 

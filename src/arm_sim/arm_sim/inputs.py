@@ -15,18 +15,7 @@ _log = logging.getLogger(__name__)
 
 
 def torque(tau: Any, n: int) -> list[float]:
-    """Check torques for one tick.
-
-    Args:
-        tau: What was given.
-        n: Degrees of freedom.
-
-    Returns:
-        The torques as n plain numbers.
-
-    Raises:
-        InvalidInput: If the shape is another one or a number is not finite.
-    """
+    """Check torques for one tick, finite numbers of shape (n,), and give n plain numbers back."""
     command = tau if type(tau) is np.ndarray and tau.dtype == float else real_array("tau", tau)
     if command.shape != (n,):
         raise InvalidInput(f"tau has shape {command.shape}; expected ({n},)")

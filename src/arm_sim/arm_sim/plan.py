@@ -10,7 +10,6 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
-from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
@@ -108,7 +107,7 @@ class Plan:
         """States and cost of each law that has states or stands in for the command, measured."""
         laws, n = self._plant.laws, self._plant.model.n
         backend = "auto" if self._stepper.kernel.native else "vm"
-        return tuple(cost_of(law, n, backend) for law in laws.laws) if laws else ()
+        return tuple(_cost_of(law, n, backend) for law in laws.laws) if laws else ()
 
     def __str__(self) -> str:
         """Readable lines."""
@@ -142,6 +141,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     laws = plant.laws.laws if plant.laws else ()
     states = sum(len(law.names) for law in laws if law.replaces_command.any())
     driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states of their own"
+    gears = f"{len(model.friction.gears)} joints, friction by load solved by events"
     by = zip(model.friction.position, model.friction.load, strict=True)
     tables = sum(bool(place or load) for place, load in by)
     return (
@@ -156,7 +156,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("friction by place or load", tables, f"{tables} joints", "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
         _part("motors and transmissions", any(model.drives), driven, "no actuator"),
-        _part("gear losses", model.friction.gears, _gears(model), "every gear is ideal"),
+        _part("gear losses", model.friction.gears, gears, "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
         _part("constraints", rows, f"{rows} rows, {model.n - rows} freedoms left", "none"),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
@@ -177,23 +177,14 @@ def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:
     return _part(kind.title, found, "".join(found), kind.absent)
 
 
-def _gears(model: ArmModel) -> str:
-    return f"{len(model.friction.gears)} joints, friction by load solved by events"
-
-
 def _at(values: Array) -> str:
     return f"{int(np.count_nonzero(values))} joints"
 
 
-def cost_of(law: StatefulLaw, n: int, backend: str) -> LawCost:
-    """Measure a law, many evaluations in one call.
-
-    Args:
-        law: The law.
-        n: Degrees of freedom.
-        backend: As for ``Kernel``.
-    """
-    symbols = [ca.SX.sym(name, size) for name, size in _sizes(law, n).items()]
+def _cost_of(law: StatefulLaw, n: int, backend: str) -> LawCost:
+    """Measure a law, many evaluations in one call."""
+    sizes = {"q": n, "v": n, "z": len(law.names), "u": n}
+    symbols = [ca.SX.sym(name, size) for name, size in sizes.items()]
     flow = law.equations(*symbols)
     results = [ca.densify(flow.torque), ca.densify(flow.slope)]
     once = ca.Function("law", symbols, results, {"cse": True})
@@ -206,7 +197,3 @@ def cost_of(law: StatefulLaw, n: int, backend: str) -> LawCost:
         call.run()
         best = min(best, (time.perf_counter_ns() - start) / LAW_EVALUATIONS)
     return LawCost(law.title, law.names, operations(once), best)
-
-
-def _sizes(law: StatefulLaw, n: int) -> dict[str, int]:
-    return {"q": n, "v": n, "z": len(law.names), "u": n}

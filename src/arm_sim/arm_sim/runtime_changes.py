@@ -21,6 +21,7 @@ from arm_sim.simulator import Simulator
 
 EXTERNAL = "external"
 Change = Callable[[], None]
+"""Puts in force what was prepared: quick, to be called between two ticks."""
 
 
 def payload_change(
@@ -34,9 +35,6 @@ def payload_change(
         mass: In [kg].
         com: Centre of mass in the payload's frame in [m], shape (3,).
         inertia: ixx, ixy, ixz, iyy, iyz, izz about it in [kg m²].
-
-    Returns:
-        What puts it in force, quick, to be called between two ticks.
 
     Raises:
         InvalidInput: If payloads are not tunable or there is none of that index.
@@ -64,9 +62,6 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
         simulator: The simulation.
         viscous: In [N m s/rad] or [N s/m], not negative, shape (n,).
 
-    Returns:
-        What puts it in force, quick, to be called between two ticks.
-
     Raises:
         InvalidInput: If friction is not tunable or a number is not allowed.
     """
@@ -82,9 +77,6 @@ def external_change(simulator: Simulator) -> Change:
     """Prepare a simulation for pushes from outside: the parameter ``external`` of shape (n,).
 
     A simulation without pushes computes nothing for it; the equations are built anew here.
-
-    Returns:
-        What puts it in force, quick, to be called between two ticks.
     """
     scene = simulator.model.scene
     if EXTERNAL in scene.tunable:

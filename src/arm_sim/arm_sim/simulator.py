@@ -24,7 +24,7 @@ from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, constraint_hint, holding, packed, placed
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.energy_account import EnergyAccount
-from arm_sim.recording.recording import Recording, record
+from arm_sim.recording.recording import Recording
 from arm_sim.state import State, read_only
 from arm_sim.stepping.stepper import Stepper
 
@@ -193,26 +193,33 @@ class Simulator:
             SimulationDiverged: If a number stops being finite; it holds the motion so far.
         """
         ticks = tick_count(duration, self.dt)
-        trace = np.empty((ticks, self.plant.nx))
-        effort, errors = np.empty((ticks, self.n)), np.empty(ticks)
-        start = self.state
+        time = np.asarray((self._step + np.arange(ticks + 1)) * self.dt, dtype=np.float64)
+        x, command = np.empty((ticks + 1, self.plant.nx)), np.empty((ticks + 1, self.n))
+        error = np.empty(ticks + 1)
+        x[0], error[0] = self._x, self._error[0]
+        trace, effort, errors = x[1:], command[:-1], error[1:]
         if isinstance(control, CompiledControl):
-            times = np.asarray((self._step + np.arange(ticks)) * self.dt, dtype=np.float64)
             stepper = self._compiled.controlled(control)
-            done = self._roll(stepper, control.reference(times), trace, effort, errors)
+            done = self._roll(stepper, control.reference(time[:-1]), trace, effort, errors)
         elif callable(control):
             done = self._run_function(control, trace, effort, errors)
         else:
             table = torque_table(control, ticks, self.n, self.dt)
             done = self._roll(self._stepper, table, trace, effort, errors)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
-        about = self.dynamics, self.plant, self.energy_account, self.parameters, self.dt
-        motion = trace[:done], effort[:done], errors[:done]
-        recording = record(*about, start, *motion, self.held_constraints)
+        command[done] = command[done - 1] if done else 0.0
+        time, x, command, error = (
+            read_only(array[: done + 1]) for array in (time, x, command, error)
+        )
+        q, v, z = np.split(x, (self.n, 2 * self.n), axis=1)
+        recording = Recording(
+            time, q, v, z, command, error, self.dynamics, self.plant, self.energy_account,
+            self.parameters, self.held_constraints,
+        )  # fmt: skip
         if done < ticks:
-            error = self._diverged()
-            error.recording = recording
-            raise error
+            diverged = self._diverged()
+            diverged.recording = recording
+            raise diverged
         return recording
 
     def reset(self, q: Any = None, v: Any = None, z: Any = None) -> State:

@@ -38,6 +38,5 @@ class State:
     @classmethod
     def of(cls, x: Array, n: int, step: int, dt: float, error: float) -> State:
         """From x = (q, v, z), which is copied, after ``step`` ticks of ``dt`` in [s]."""
-        x = x.copy()
-        x.setflags(write=False)
+        x = read_only(x.copy())
         return cls(step * dt, step, x[:n], x[n : 2 * n], x[2 * n :], error)

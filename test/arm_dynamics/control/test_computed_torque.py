@@ -20,6 +20,16 @@ def test_without_error_it_is_inverse_dynamics(robot: str, rng: np.random.Generat
     assert_close(tau, dyn.inverse(q, v, a), PINOCCHIO)
 
 
+def test_a_state_in_single_precision_is_taken_as_the_numbers_it_holds(robot: str) -> None:
+    dyn = models.dynamics(robot)
+    control, at = ComputedTorque(dyn, 30.0), hold(np.zeros(dyn.n)).sample(0.0)
+    q = v = np.linspace(0.1, 0.7, dyn.n, dtype=np.float32)
+    wanted = control.torque(Measured(q.astype(float), v.astype(float)), at)
+    tau = control.torque(Measured(q, v), at)
+    assert tau.dtype == np.float64
+    assert tau.tolist() == wanted.tolist()
+
+
 def test_error_obeys_the_linear_equation(robot: str, rng: np.random.Generator) -> None:
     dyn = models.dynamics(robot)
     (q, v, a), (qd, vd, _) = (models.random_state(rng, dyn.n) for _ in range(2))

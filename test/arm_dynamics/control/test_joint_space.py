@@ -260,6 +260,8 @@ def test_saturation_is_seen() -> None:
     assert_close(tau, [5.0, 10.0], ALGEBRA)
     assert_close(control.asked, [10.0, 10.0], ALGEBRA)
     assert control.saturated.tolist() == [True, False]
+    control.torque(still, at_rest([0.5, -1.0]))
+    assert control.saturated.tolist() == [False, False]  # at the limit nothing is cut
 
 
 def test_hand_over_has_no_jump_and_ends_with_the_new_one() -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics
+from arm_dynamics import Dynamics, Unreachable
 from arm_dynamics.trajectory.time_scaling import torque_stretch
 from models.rotor import rotor
 from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
@@ -47,3 +47,12 @@ def test_at_that_pace_one_torque_is_at_its_limit(kind: str, rng: np.random.Gener
     assert stretch > 1.2
     share = abs(dyn.inverse(q, v / stretch, a / stretch**2)) / limit
     assert_close(share.max(), 1.0, INVERSE_PAIR)
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_dry_friction_beyond_the_limit_is_said_whichever_way_it_pushes(sign: float) -> None:
+    """No pace helps: friction of 0.4 against a limit of 0.3, both ways."""
+    dyn = Dynamics(rotor(0.5, viscous=0.0, coulomb=0.4))
+    motion = np.zeros((1, 1)), np.array([[sign]]), np.zeros((1, 1))
+    with pytest.raises(Unreachable, match=r"take 0\.4 along .* its limit is 0\.3$"):
+        torque_stretch(dyn, *motion, np.array([0.3]))

@@ -241,6 +241,14 @@ def test_waypoint_beyond_position_limits_is_refused() -> None:
         quintic([Waypoint(0.0, np.zeros(N)), Waypoint(1.0, [0.5, 1.2, 0.5])], limits(position=1.0))
 
 
+def test_a_limit_may_be_reached_and_rounded() -> None:
+    narrow = limits(velocity=1.0, acceleration=1.0, position=0.0)
+    start = Waypoint(0.0, np.zeros(N))
+    assert quintic([start, Waypoint(1.0, np.full(N, 1e-9))], narrow).duration == 1.0
+    with pytest.raises(InvalidInput, match="takes joint base to 1.1e-09; allowed is -0 to 0"):
+        quintic([start, Waypoint(1.0, np.full(N, 1.1e-9))], narrow)
+
+
 def test_path_beyond_position_limits_is_refused() -> None:
     start = Waypoint(0.0, np.zeros(N), [0.0, 0.0, 3.0])
     with pytest.raises(InvalidInput, match="wrist to 1"):

@@ -119,10 +119,9 @@ def test_shared_memory_of_one_that_was_killed_is_cleared(
     cleared: list[bool] = []
     monkeypatch.setattr(processes, "clear_dead", lambda: cleared.append(True))
     with Processes(tmp_path) as children:
-        children.start("killed", "sim", "--help")
-        children.start("asked", "sim", "--help")
-        os.kill(children.ids["killed"], signal.SIGKILL)
-        children.stop("killed", "asked")
+        children.start("sim", "--help").kill()
+        children.start("dynamics", "--help")
+        children.stop("sim", "dynamics")
         assert cleared == [True]
     assert cleared == [True]
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any, Self
 
 import numpy as np
@@ -171,12 +170,7 @@ class ArmClient:
         """Use it in a ``with`` statement."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        trace: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Leave the ROS graph."""
         self.close()
 
@@ -347,13 +341,8 @@ class ArmClient:
     ) -> ConstrainedMotion:
         """Accelerations and forces that torques produce under the scene's constraints.
 
-        τ = M a + C v + G + F + Aᵀλ with A v = 0, for those that hold at the start.
-
-        Args:
-            q: Positions in [rad] or [m], shape (n,), or (k, n); the constraints should hold.
-            v: Velocities, of the same shape; None for zeros.
-            tau: Torques in [N m] or [N], likewise.
-            joint_names: Order of all joint vectors; none for the model's.
+        τ = M a + C v + G + F + Aᵀλ with A v = 0, for those that hold at the start. Arguments as
+        for ``forward_dynamics``; the constraints should hold at ``q``.
         """
         fields = motion(joint_names, position=q, velocity=v, effort=tau)
         answer = self._ask(self._dynamics, interfaces.CONSTRAINED_DYNAMICS, **fields)
@@ -373,16 +362,8 @@ class ArmClient:
     ) -> Array:
         """Torques for a motion and for forces against the scene's constraints.
 
-        Args:
-            q: Positions in [rad] or [m], shape (n,), or (k, n).
-            v: Velocities, of the same shape; None for zeros.
-            a: Accelerations, likewise.
-            multipliers: λ as ``constrained_dynamics`` gives them, in [N] or [N m], shape (m,), or
-                (k, m); None for zeros.
-            joint_names: Order of all joint vectors; none for the model's.
-
-        Returns:
-            Torques in [N m] or [N], shape of ``q``.
+        As ``inverse_dynamics``, with ``multipliers`` λ as ``constrained_dynamics`` gives them, in
+        [N] or [N m], shape (m,), or (k, m); None for zeros.
         """
         fields = motion(
             joint_names, position=q, velocity=v, acceleration=a, multipliers=multipliers

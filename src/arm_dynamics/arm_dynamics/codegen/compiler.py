@@ -82,13 +82,9 @@ _destination: ContextVar[Destination | None] = ContextVar("destination", default
 
 
 def find_compiler(language: str = "c") -> tuple[str, ...] | None:
-    """The command of a compiler, or None.
+    """The command of a compiler for ``c`` or ``c++``, or None.
 
-    Args:
-        language: ``c`` or ``c++``.
-
-    Returns:
-        ``$CC`` (``$CXX``) if it is set and exists, else the first of the usual names on the PATH.
+    It is ``$CC`` (``$CXX``) if that is set and exists, else the first usual name on the PATH.
     """
     _, variable, names = _COMPILERS[language]
     return _first_there(os.environ.get(variable, ""), names, os.environ.get("PATH"))

@@ -39,10 +39,7 @@ def instructions() -> frozenset[str]:
 
 
 def needed(target: str) -> frozenset[str]:
-    """Extensions that code for a target may use.
-
-    Args:
-        target: ``native`` or a level such as ``x86-64-v3``.
+    """Extensions that code for a target, ``native`` or a level such as ``x86-64-v3``, may use.
 
     Raises:
         InvalidInput: If the target is unknown.

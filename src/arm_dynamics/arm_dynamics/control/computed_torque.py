@@ -61,10 +61,10 @@ class Checked(Measured):
     __slots__ = ()
 
 
-class Controller(Protocol):
-    """Answers what torque leads a moving arm to its reference."""
+class Controller[Goal](Protocol):
+    """Answers what torque leads a moving arm to its reference, of joints or of a frame."""
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
+    def torque(self, state: Moving, reference: Goal) -> Array:
         """Return joint torques in [N m], shape (n,)."""
 
 
@@ -180,17 +180,8 @@ def held_gains(
 
     So the loop is stable for any bandwidth; for dt → 0 these are ω² and 2 ζ ω.
 
-    Args:
-        bandwidth: ω in [rad/s], a number or shape (n,), not negative.
-        damping_ratio: ζ, a number or shape (n,), not negative.
-        n: Number of joints.
-        dt: Time in [s] for which an acceleration is held, not negative.
-
-    Returns:
-        K_p in [1/s²] and K_d in [1/s], each of shape (n,).
-
-    Raises:
-        InvalidInput: If a gain or dt has a wrong shape or value.
+    Args, returns and errors as those of ``gains``, and ``dt``: time in [s] for which an
+    acceleration is held, not negative.
     """
     kp, kd = gains(bandwidth, damping_ratio, n)
     if not 0.0 <= dt < np.inf:
@@ -234,13 +225,9 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
     q, v = state.q, state.v
     if type(state) is Checked:
         return q, v
-    if isinstance(q, np.ndarray) and isinstance(v, np.ndarray):
-        if (
-            q.shape == v.shape == (n,)
-            and q.dtype == v.dtype == _FLOAT
-            and all_finite(q)
-            and all_finite(v)
-        ):
+    arrays = isinstance(q, np.ndarray) and isinstance(v, np.ndarray)
+    if arrays and q.shape == v.shape == (n,) and q.dtype == v.dtype == _FLOAT:
+        if all_finite(q) and all_finite(v):
             return q, v
     for name, value in (("state.q", q), ("state.v", v)):
         if vector(name, value, n).ndim != 1:

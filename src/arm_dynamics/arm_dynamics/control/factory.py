@@ -12,24 +12,8 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.control import computed_torque
-from arm_dynamics.control.computed_torque import CompiledComputedTorque
+from arm_dynamics.control import computed_torque, joint_space, task_space
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
-from arm_dynamics.control.joint_space import (
-    PD,
-    PID,
-    FeedForwardPD,
-    GravityCompensation,
-    JointImpedance,
-    PDGravity,
-    tuned,
-)
-from arm_dynamics.control.task_space import (
-    AlongJoints,
-    CartesianImpedance,
-    MotionForce,
-    OperationalSpace,
-)
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
@@ -59,20 +43,11 @@ def _tunable(default: Any, description: str, **about: Any) -> Any:
 class Settings:
     """What a controller made by name is tuned to.
 
-    The controller node declares a parameter for each of these, from what is said here; only the
-    limits come from its model.
+    Beside each default stands what it is and its unit; from this the controller node declares a
+    parameter, but for the limits, which come from its model. Task controllers take one bandwidth
+    and damping ratio for all axes, and need a frame.
 
     Attributes:
-        dt: Time between calls in [s].
-        bandwidth: ω in [rad/s], a number or one for each joint; task controllers take a number.
-        damping_ratio: ζ, likewise.
-        frame: Frame that the task controllers lead; they need one. Empty for none.
-        axes: Axes of their task, see ``chosen_axes``.
-        force: Force with which ``motion_force`` presses in [N].
-        direction: Direction in the world along which it presses, shape (3,).
-        friction: Whether to feed the model's friction forward; computed torque always does.
-        observer: Bandwidth of a disturbance observer in [1/s]; 0 for none.
-        saturate: Whether to cut torques at the limits.
         limit: Torque limits in [N m] or [N], a number or shape (n,), for what remembers.
     """
 
@@ -129,6 +104,8 @@ def make_controller(
         raise InvalidInput(f"controller = {name!r}; allowed: {known_names(_BUILDERS)}")
     settings = settings or Settings()
     control, limit = _BUILDERS[name](dynamics, settings), settings.limit
+    if settings.friction and name in _FRICTION:
+        control = FrictionFeedForward(control, dynamics.model, _FRICTION[name])
     if settings.observer:
         control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
@@ -147,88 +124,61 @@ def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None
         task = settings.frame, chosen_axes(settings.axes)
         built = task_kernel.is_built(model, *task)
         return None if built else partial(task_kernel.build, model, *task)
-    if name == _COMPILED and not computed_torque.is_built(model):
+    if name == "computed_torque" and not computed_torque.is_built(model):
         return partial(computed_torque.build, model)
     return None
-
-
-def _pd(dynamics: Dynamics, s: Settings) -> AnyController:
-    return _with_friction(PD(dynamics.n, *_tuned(dynamics, s)), dynamics, s)
 
 
 def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
     kp, kd = _tuned(dynamics, s)
     ki = kp * np.asarray(s.bandwidth, float) / 3.0
-    return _with_friction(PID(dynamics.n, kp, ki, kd, s.dt, s.limit), dynamics, s)
-
-
-def _pd_gravity(dynamics: Dynamics, s: Settings) -> AnyController:
-    return _with_friction(PDGravity(dynamics, *_tuned(dynamics, s)), dynamics, s)
-
-
-def _feed_forward(dynamics: Dynamics, s: Settings) -> AnyController:
-    return _with_friction(FeedForwardPD(dynamics, *_tuned(dynamics, s)), dynamics, s, "dry")
-
-
-def _computed_torque(dynamics: Dynamics, s: Settings) -> AnyController:
-    return CompiledComputedTorque(dynamics, s.bandwidth, s.damping_ratio, s.dt)
-
-
-def _joint_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
-    stiffness, _ = _tuned(dynamics, s)
-    return _with_friction(JointImpedance(dynamics, stiffness, s.damping_ratio), dynamics, s, "dry")
-
-
-def _operational_space(dynamics: Dynamics, s: Settings) -> AnyController:
-    task = _task(dynamics, s)
-    control = OperationalSpace(
-        task, s.bandwidth, s.damping_ratio, posture_bandwidth=s.bandwidth, friction=s.friction
-    )
-    return AlongJoints(control, task)
-
-
-def _motion_force(dynamics: Dynamics, s: Settings) -> AnyController:
-    task = _task(dynamics, s)
-    control = MotionForce(
-        task, s.direction, s.bandwidth, s.damping_ratio,
-        posture_bandwidth=s.bandwidth, friction=s.friction,
-    )  # fmt: skip
-    return AlongJoints(control, task, s.force)
+    return joint_space.PID(dynamics.n, kp, ki, kd, s.dt, s.limit)
 
 
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
-    mass = _typical_masses(task, dynamics)
-    control = CartesianImpedance(
-        task, np.asarray(s.bandwidth, float) ** 2 * mass, s.damping_ratio,
-        posture_bandwidth=s.bandwidth, friction=s.friction,
-    )  # fmt: skip
-    return AlongJoints(control, task)
+    stiffness = np.asarray(s.bandwidth, float) ** 2 * _typical_masses(task, dynamics)
+    return _along_joints(task_space.CartesianImpedance, task, s, stiffness)
 
 
-def _float(dynamics: Dynamics, s: Settings) -> AnyController:
-    return GravityCompensation(dynamics)
+def _along_joints(
+    kind: Callable[..., task_space.TaskController], task: TaskSpace, s: Settings, *chosen: Any
+) -> AnyController:
+    about = {"posture_bandwidth": s.bandwidth, "friction": s.friction}
+    return task_space.AlongJoints(kind(task, *chosen, s.damping_ratio, **about), task, s.force)
 
 
 _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
-    "pd": _pd,
+    "pd": lambda dyn, s: joint_space.PD(dyn.n, *_tuned(dyn, s)),
     "pid": _pid,
-    "pd_gravity": _pd_gravity,
-    "feed_forward": _feed_forward,
-    "computed_torque": _computed_torque,
-    "operational_space": _operational_space,
-    "motion_force": _motion_force,
-    "joint_impedance": _joint_impedance,
+    "pd_gravity": lambda dyn, s: joint_space.PDGravity(dyn, *_tuned(dyn, s)),
+    "feed_forward": lambda dyn, s: joint_space.FeedForwardPD(dyn, *_tuned(dyn, s)),
+    "computed_torque": lambda dyn, s: computed_torque.CompiledComputedTorque(
+        dyn, s.bandwidth, s.damping_ratio, s.dt
+    ),
+    "operational_space": lambda dyn, s: _along_joints(
+        task_space.OperationalSpace, _task(dyn, s), s, s.bandwidth
+    ),
+    "motion_force": lambda dyn, s: _along_joints(
+        task_space.MotionForce, _task(dyn, s), s, s.direction, s.bandwidth
+    ),
+    "joint_impedance": lambda dyn, s: joint_space.JointImpedance(
+        dyn, _tuned(dyn, s)[0], s.damping_ratio
+    ),
     "cartesian_impedance": _cartesian_impedance,
-    "float": _float,
+    "float": lambda dyn, s: joint_space.GravityCompensation(dyn),
 }
+# What is fed forward if friction is asked for; the others do so themselves, or have no reference.
+_FRICTION = {
+    "pd": "all", "pid": "all", "pd_gravity": "all",
+    "feed_forward": "dry", "joint_impedance": "dry",
+}  # fmt: skip
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
-_COMPILED = "computed_torque"
 IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
 
 
 def _tuned(dynamics: Dynamics, s: Settings) -> tuple[Array, Array]:
-    return tuned(dynamics, s.bandwidth, s.damping_ratio, dt=s.dt)
+    return joint_space.tuned(dynamics, s.bandwidth, s.damping_ratio, dt=s.dt)
 
 
 def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:
@@ -238,12 +188,6 @@ def _typical_masses(task: TaskSpace, dynamics: Dynamics) -> Array:
     A = J @ W @ np.swapaxes(J, 1, 2)
     masses = [axis_masses(*pair) for pair in zip(A, task.terms(q).inertia, strict=True)]
     return np.asarray(np.median(masses, axis=0))
-
-
-def _with_friction(
-    control: AnyController, dynamics: Dynamics, s: Settings, terms: str = "all"
-) -> AnyController:
-    return FrictionFeedForward(control, dynamics.model, terms) if s.friction else control
 
 
 def _task(dynamics: Dynamics, s: Settings) -> TaskSpace:

@@ -3,13 +3,11 @@
 
 from __future__ import annotations
 
-from typing import Protocol
-
 import numpy as np
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
-from arm_dynamics.control.computed_torque import Moving
+from arm_dynamics.control.computed_torque import Controller, Moving
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.reference import Reference
@@ -41,15 +39,12 @@ def ahead(
     return np.asarray(tau)
 
 
-class _JointController(Protocol):
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-
-
 class FrictionFeedForward:
     """A joint controller with the friction of the reference's motion added."""
 
-    def __init__(self, control: _JointController, model: ArmModel, terms: str = "all") -> None:
+    def __init__(
+        self, control: Controller[Reference], model: ArmModel, terms: str = "all"
+    ) -> None:
         """Choose what to add.
 
         Args:

@@ -36,7 +36,9 @@ class PD:
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n)
+        return self._feedback(*checked(state, self._n), reference)
+
+    def _feedback(self, q: Array, v: Array, reference: Reference) -> Array:
         return self._kp * (reference.q - q) + self._kd * (reference.v - v)
 
 
@@ -111,7 +113,7 @@ class GravityCompensation:
         return self._rigid.gravity(q) - self._damping * v
 
 
-class PDGravity:
+class PDGravity(PD):
     """τ = G(q) + K_p e + K_d ė: at rest it has no error, for any positive gains.
 
     Source: Takegaki and Arimoto, "A new feedback method for dynamic control of manipulators", ASME
@@ -120,17 +122,16 @@ class PDGravity:
 
     def __init__(self, dynamics: Dynamics, kp: ArrayLike, kd: ArrayLike) -> None:
         """Choose gains, as those of ``PD``."""
-        self._rigid, self._n = RigidTerms(dynamics.model), dynamics.n
-        self._kp, self._kd = gain("kp", kp, dynamics.n), gain("kd", kd, dynamics.n)
+        super().__init__(dynamics.n, kp, kd)
+        self._rigid = RigidTerms(dynamics.model)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
-        feedback = self._kp * (reference.q - q) + self._kd * (reference.v - v)
-        return self._rigid.gravity(q) + feedback
+        return self._rigid.gravity(q) + self._feedback(q, v, reference)
 
 
-class FeedForwardPD:
+class FeedForwardPD(PD):
     """Inverse dynamics of the reference, and PD: τ = ID(q_d, q̇_d, q̈_d) + K_p e + K_d ė.
 
     The model is evaluated where the arm should be: measurement noise reaches the torque through
@@ -139,16 +140,14 @@ class FeedForwardPD:
 
     def __init__(self, dynamics: Dynamics, kp: ArrayLike, kd: ArrayLike) -> None:
         """Choose gains, as those of ``PD``."""
-        self._rigid, self._n = RigidTerms(dynamics.model), dynamics.n
-        self._viscous = dynamics.model.viscous
-        self._kp, self._kd = gain("kp", kp, dynamics.n), gain("kd", kd, dynamics.n)
+        super().__init__(dynamics.n, kp, kd)
+        self._rigid, self._viscous = RigidTerms(dynamics.model), dynamics.model.viscous
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
-        feedback = self._kp * (reference.q - q) + self._kd * (reference.v - v)
         ahead = self._rigid.inverse(reference.q, reference.v, reference.a)
-        return ahead + self._viscous * reference.v + feedback
+        return ahead + self._viscous * reference.v + self._feedback(q, v, reference)
 
 
 class JointImpedance:

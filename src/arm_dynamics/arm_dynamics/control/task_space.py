@@ -7,7 +7,7 @@ They ask the model once a tick, by the task's compiled kernel, which the first t
 from __future__ import annotations
 
 from dataclasses import replace
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
-from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
+from arm_dynamics.control.computed_torque import Controller, Moving, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.task_space.compiled import TaskInstant
@@ -23,12 +23,8 @@ from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
 
-
-class TaskController(Protocol):
-    """Answers what torque leads a moving arm's frame to its reference."""
-
-    def torque(self, state: Moving, reference: TaskReference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
+TaskController = Controller[TaskReference]
+"""A controller that leads a frame of the arm."""
 
 
 class OperationalSpace:
@@ -96,7 +92,10 @@ class MotionForce:
         """
         self._arm = _Arm(task, posture, posture_bandwidth, friction)
         self._kp, self._kd = gains(bandwidth, damping_ratio, task.m)
-        self._along = _direction(task, direction)
+        u = unit_vector("direction", direction, 3)
+        self._along = np.concatenate([u, np.zeros(3)])[task.rows]
+        if np.linalg.norm(self._along) < 1.0 - 1e-9:
+            raise InvalidInput(f"direction = {u} is not among the axes of the task, {task.axes}")
         square = np.outer(self._along, self._along)
         self._across = np.eye(task.m) - square
         self._brake = (self._kd @ self._along**2) * square
@@ -209,9 +208,8 @@ class _Arm:
     def state(self, state: Moving, reference: TaskReference) -> _Now:
         q, v = checked(state, self._task.n)
         arm, rows = self._task.kernel.state(q, v), self._task.rows
-        error = np.empty(6)
-        error[:3] = reference.position - arm.position
-        error[3:] = pin.log3(reference.rotation @ arm.rotation.T)
+        turn = pin.log3(reference.rotation @ arm.rotation.T)
+        error = np.concatenate([reference.position - arm.position, turn])
         rate = reference.velocity[rows] - arm.velocity
         return _Now(q, v, arm, error[rows], rate, reference.acceleration[rows])
 
@@ -228,12 +226,3 @@ class _Arm:
             way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
             tau += ahead(self._friction, way, now.q, tau)
         return np.asarray(tau)
-
-
-def _direction(task: TaskSpace, direction: ArrayLike) -> Array:
-    """The direction as a unit vector of the task's axes, shape (m,)."""
-    u = unit_vector("direction", direction, 3)
-    along = np.concatenate([u, np.zeros(3)])[task.rows]
-    if np.linalg.norm(along) < 1.0 - 1e-9:
-        raise InvalidInput(f"direction = {u} is not among the axes of the task, {task.axes}")
-    return along

@@ -9,18 +9,14 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
-from arm_dynamics.control.computed_torque import Measured, Moving, checked, gain
+from arm_dynamics.control.computed_torque import Controller, Measured, Moving, checked, gain
 from arm_dynamics.control.joint_space import cut
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
-
-class AnyController(Protocol):
-    """A controller of whatever kind of reference."""
-
-    def torque(self, state: Moving, reference: Any) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
+AnyController = Controller[Any]
+"""A controller of whatever kind of reference."""
 
 
 @runtime_checkable
@@ -108,8 +104,8 @@ class DisturbanceObserver:
 
     def restart(self) -> None:
         """Forget what was seen."""
-        n = self._n
-        self._r, self._last, self._integral = np.zeros(n), np.zeros(n), None
+        self._r, self._last = np.zeros(self._n), np.zeros(self._n)
+        self._integral: Array | None = None
         restart(self._control)
 
     def torque(self, state: Moving, reference: Any) -> Array:
@@ -129,8 +125,6 @@ class DisturbanceObserver:
             known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - lost
             self._integral = self._integral + self._dt * (self._last + known + self._r)
         self._r = self._gain * (momentum - self._integral)
-
-    _integral: Array | None
 
 
 class HalfTickAhead:

@@ -103,12 +103,7 @@ def is_built(model: ArmModel, frame: str, axes: tuple[str, ...]) -> bool:
 
 
 def build(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
-    """The functions of a frame, built once for a model; arguments as of ``TaskKernel``.
-
-    Raises:
-        ModelError: If a joint that carries the frame moves no mass.
-        KernelError: If generated code differs from Pinocchio, or cannot be compiled.
-    """
+    """The functions of a frame, built once for a model; see ``TaskKernel``, errors included."""
     known = _built.setdefault(model, {})
     if (frame, axes) not in known:
         kernel = Kernel(_functions(model, frame, axes))
@@ -174,12 +169,7 @@ def _largest(inertia: ca.SX, scale: ca.SX) -> ca.SX:
 
 
 def _check(kernel: Kernel, model: ArmModel, frame: str, axes: tuple[str, ...]) -> None:
-    """Check a kernel at random states.
-
-    Raises:
-        ModelError: If a joint moves no mass.
-        KernelError: If it is wrong.
-    """
+    """Check a kernel at random states; errors as those of ``TaskKernel``."""
     rigid, motion = RigidTerms(model), FrameMotion(model, frame, "local_world_aligned")
     rows, state = rows_of(axes), kernel.call("state")
     now = _instant(state.outputs, model.n, len(axes))

@@ -9,10 +9,11 @@ reach a limit are held there while the others go on.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import compress
 
 import numpy as np
 import pinocchio as pin
-from numpy.typing import ArrayLike, NDArray
+from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.exceptions import InvalidInput, Unreachable
@@ -99,17 +100,11 @@ class InverseKinematics:
         q, distance, angle, _ = min(tries, key=lambda end: end[1] + _ANGLE * end[2])
         q.setflags(write=False)
         reached, steps = self._reached(distance, angle), sum(end[3] for end in tries)
-        return Solution(q, reached, distance, angle, len(tries), steps, self._at_limit(q))
+        stopped = compress(self.task.model.joint_names, (q <= self._lower) | (q >= self._upper))
+        return Solution(q, reached, distance, angle, len(tries), steps, tuple(stopped))
 
     def reach(self, pose: Pose, seed: ArrayLike | None = None) -> Array:
-        """Joint positions for a pose.
-
-        Args:
-            pose: Where the frame should be in the world.
-            seed: Where to begin, shape (n,); None for the scene's initial position.
-
-        Returns:
-            Positions in [rad] or [m], shape (n,).
+        """Joint positions for a pose in [rad] or [m], shape (n,); arguments as of ``solve``.
 
         Raises:
             Unreachable: If no seed led there, with what is missing.
@@ -153,8 +148,9 @@ class InverseKinematics:
         error, J = self._error(pose, q)
         worth, patience = self._worth(error), 0
         for step in range(self._iterations):
-            if self._near(error):
-                return q, *self._missing(error), step
+            distance, angle = self._missing(error)
+            if distance <= 0.5 * self._distance and angle <= 0.5 * self._angle:
+                return q, distance, angle, step
             new = np.clip(q + self._step(error, J, q), self._lower, self._upper)
             error_new, J_new = self._error(pose, new)
             worth_new = self._worth(error_new)
@@ -173,22 +169,18 @@ class InverseKinematics:
             H = part.T @ part + damping * np.eye(part.shape[1])
             dq = np.zeros(len(q))
             dq[free] = np.linalg.solve(H, part.T @ e)
-            stuck = free & self._pushes_out(q, dq)
+            stuck = free & (((q <= self._lower) & (dq < 0.0)) | ((q >= self._upper) & (dq > 0.0)))
             if not stuck.any():
                 break
             free &= ~stuck
         largest = float(abs(dq).max())
         return dq if largest <= 1.0 else dq / largest
 
-    def _pushes_out(self, q: Array, dq: Array) -> NDArray[np.bool_]:
-        return ((q <= self._lower) & (dq < 0.0)) | ((q >= self._upper) & (dq > 0.0))
-
     def _error(self, pose: Pose, q: Array) -> tuple[Array, Array]:
         motion, rows = self.task.motion, self.task.rows
         position, rotation = motion.placement(q)
-        error = np.empty(6)
-        error[:3] = pose.position - position
-        error[3:] = pin.log3(pose.rotation @ rotation.T)
+        turn = pin.log3(pose.rotation @ rotation.T)
+        error = np.concatenate([pose.position - position, turn])
         return error[rows], motion.jacobian(q)[rows]
 
     def _worth(self, error: Array) -> float:
@@ -198,17 +190,8 @@ class InverseKinematics:
         linear = self.task.linear
         return float(np.linalg.norm(error[:linear])), float(np.linalg.norm(error[linear:]))
 
-    def _near(self, error: Array) -> bool:
-        distance, angle = self._missing(error)
-        return distance <= 0.5 * self._distance and angle <= 0.5 * self._angle
-
     def _reached(self, distance: float, angle: float) -> bool:
         return distance <= self._distance and angle <= self._angle
-
-    def _at_limit(self, q: Array) -> tuple[str, ...]:
-        stopped = (q <= self._lower) | (q >= self._upper)
-        names = self.task.model.joint_names
-        return tuple(name for name, yes in zip(names, stopped, strict=True) if yes)
 
 
 def checked_pose(pose: Pose) -> Pose:

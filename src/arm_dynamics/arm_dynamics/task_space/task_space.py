@@ -9,14 +9,14 @@ as M_x, V_x and G_x (Introduction to Robotics, section 6.9).
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, unit_vector, vectors
+from arm_dynamics.arrays import Array, each, unit_vector, vectors
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, ModelError
 from arm_dynamics.model.arm import ArmModel
@@ -108,9 +108,6 @@ class MassEllipsoid:
     damped: Any
 
 
-__all__ = ["EffectiveMass", "MassEllipsoid", "Pose", "TaskSpace", "TaskTerms"]
-
-
 class TaskSpace:
     """Dynamics at a frame; keep one instance per thread.
 
@@ -195,21 +192,16 @@ class TaskSpace:
 
     def jacobian(self, q: ArrayLike) -> Array:
         """J of shape (m, n) or (k, m, n)."""
-        (J,) = _each(lambda qi: (self.motion.jacobian(qi)[self.rows],), *vectors(self.n, q=q))
-        return J
+        return each(lambda qi: self.motion.jacobian(qi)[self.rows], *vectors(self.n, q=q))
 
     def jacobian_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ of shape (m, n) or (k, m, n)."""
-        state = vectors(self.n, q=q, v=v)
-        (J_dot,) = _each(lambda *s: (self.motion.moving(*s)[3][self.rows],), *state)
-        return J_dot
+        return each(lambda *s: self.motion.moving(*s)[3][self.rows], *vectors(self.n, q=q, v=v))
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ v in [m/s²] and [rad/s²], shape (m,) or (k, m)."""
-        moving = self.motion.moving
-        state = vectors(self.n, q=q, v=v)
-        (bias,) = _each(lambda qi, vi: (moving(qi, vi)[3][self.rows] @ vi,), *state)
-        return bias
+        moving, rows = self.motion.moving, self.rows
+        return each(lambda qi, vi: moving(qi, vi)[3][rows] @ vi, *vectors(self.n, q=q, v=v))
 
     def terms(self, q: ArrayLike, v: ArrayLike | None = None) -> TaskTerms:
         """Everything at a state, see ``TaskTerms``.
@@ -244,7 +236,7 @@ class TaskSpace:
             "condition": condition_number(J),
             "damped": inertia.damped,
         }
-        return TaskTerms(**{f.name: _plain(made[f.name]) for f in fields(TaskTerms)})
+        return TaskTerms(**{name: _plain(value) for name, value in made.items()})
 
     def effective_mass(self, q: ArrayLike, direction: ArrayLike) -> EffectiveMass:
         """Mass that a hand feels when it pushes along a direction: 1 / (uᵀ Λ⁻¹ u).
@@ -307,10 +299,9 @@ class TaskSpace:
 
 
 def _each(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
-    if vectors[0].ndim == 1:
-        return tuple(np.array(part) for part in answer(*vectors))
-    rows = [answer(*row) for row in zip(*vectors, strict=True)]
-    return tuple(np.array(part) for part in zip(*rows, strict=True))
+    """As ``arrays.each``, for an answer of several parts."""
+    parts = answer(*vectors) if vectors[0].ndim == 1 else zip(*map(answer, *vectors), strict=True)
+    return tuple(map(np.array, parts))
 
 
 def _times(matrix: Array, x: Array) -> Array:

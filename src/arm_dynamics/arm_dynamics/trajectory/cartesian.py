@@ -8,9 +8,8 @@ quaternion curves", SIGGRAPH 1985).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import Protocol
 
 import numpy as np
 import pinocchio as pin
@@ -24,18 +23,15 @@ from arm_dynamics.trajectory.reference import TaskReference
 from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
 
 
-class Place(NamedTuple):
+@dataclass(frozen=True)
+class Place(Pose):
     """Placement on a path and its derivatives in u.
 
     Attributes:
-        position: In [m], shape (3,).
-        rotation: Shape (3, 3).
         first: Linear and angular, axes of the world, shape (6,).
         second: Likewise, shape (6,).
     """
 
-    position: Array
-    rotation: Array
     first: Array
     second: Array
 
@@ -191,8 +187,7 @@ def timed(
     Raises:
         InvalidInput: If a number or the profile is not allowed.
     """
-    profiles: dict[str, Callable[[float, float, float], Timing]]
-    profiles = {"quintic": Quintic.within, "trapezoid": Trapezoid.within}
+    profiles: dict[str, type[Quintic | Trapezoid]] = {"quintic": Quintic, "trapezoid": Trapezoid}
     if profile not in profiles:
         raise InvalidInput(f"profile = {profile!r}; allowed: quintic, trapezoid")
-    return CartesianTrajectory(path, profiles[profile](path.length, speed, acceleration))
+    return CartesianTrajectory(path, profiles[profile].within(path.length, speed, acceleration))

@@ -129,19 +129,13 @@ class Follower:
         """
         self.reference(now)
         begin = max(outset.begin, now)
-        if not _same(self._at(begin), outset.here):
+        there, here = self._at(begin), outset.here
+        if not np.array_equal((there.q, there.v, there.a), (here.q, here.v, here.a)):
             return False
-        if begin > now:
-            self._next = (begin, motion)
-        else:
-            self._start, self._active, self._next = begin, motion, None
+        self._next = (begin, motion)
+        self.reference(now)  # it is the active one if it begins now
         return True
 
     def _at(self, time: int) -> Reference:
         """Reference at a time to come, if nothing else is taken until then."""
         return self._active.sample(1e-9 * (time - self._start))
-
-
-def _same(one: Reference, other: Reference) -> bool:
-    pairs = ((one.q, other.q), (one.v, other.v), (one.a, other.a))
-    return all(np.array_equal(a, b) for a, b in pairs)

@@ -20,12 +20,11 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, Unreachable
 from arm_dynamics.task_space.inertia import pseudo_inverse, task_inertia
 from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
-from arm_dynamics.task_space.task_space import Pose, TaskSpace
+from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, Path, Place
-from arm_dynamics.trajectory.quintic import segment_coefficients
 from arm_dynamics.trajectory.reference import Reference, Trajectory
-from arm_dynamics.trajectory.time_scaling import torque_stretch, velocity_stretch
-from arm_dynamics.trajectory.timing import Timing, samples
+from arm_dynamics.trajectory.time_scaling import torque_limits, torque_stretch
+from arm_dynamics.trajectory.timing import Timing
 
 
 @dataclass(frozen=True)
@@ -48,24 +47,28 @@ class JointPath:
     def sample(self, t: float) -> Reference:
         """Position, velocity and acceleration at the time ``t`` in [s], each of shape (n,)."""
         u, rate, rise = self.timing.at(t)
-        at = self.over.sample(min(max(u, 0.0), LAST))
+        at = self.over.sample(min(max(u, 0.0), _LAST))
         return Reference(at.q, at.v * rate, at.a * rate**2 + at.v * rise)
 
     def slower(self, stretch: float) -> JointPath:
         """The same with all times multiplied by ``stretch``."""
         return replace(self, timing=self.timing.slower(stretch))
 
+    def along(self, us: Array) -> Array:
+        """Positions and first and second derivatives in u at k shares of the way, (3, k, n)."""
+        at = [self.over.sample(min(float(u), _LAST)) for u in us.ravel()]
+        return np.swapaxes([(x.q, x.v, x.a) for x in at], 0, 1)
+
     def table(self, count: int) -> tuple[Array, Array, Array, Array]:
         """Times of shape (count,), positions, velocities and accelerations of shape (count, n)."""
-        t, u, rate, rise = samples(self.timing, count)
-        along = [self.over.sample(min(float(x), LAST)) for x in u]
-        q, first = np.array([x.q for x in along]), np.array([x.v for x in along])
-        second = np.array([x.a for x in along])
-        rate, rise = rate[:, None], rise[:, None]
+        # Just inside the ends, where a trapezoid has its acceleration already.
+        t = np.linspace(1e-9, 1.0 - 1e-9, count) * self.duration
+        u, rate, rise = np.array([self.timing.at(float(x)) for x in t]).T[..., None]
+        q, first, second = self.along(u)
         return t, q, first * rate, second * rate**2 + first * rise
 
 
-LAST = 1.0 - 1e-15  # beyond its end a trajectory stands still, which a path over u does not
+_LAST = 1.0 - 1e-15  # beyond its end a trajectory stands still, which a path over u does not
 
 
 def joint_path(
@@ -93,21 +96,17 @@ def joint_path(
     if knots < 1:
         raise InvalidInput(f"knots = {knots}; at least one is expected")
     path, solver = trajectory.path, InverseKinematics(task)
-    start = path.at(0.0)
-    q = solver.reach(Pose(start.position, start.rotation), seed)
+    q = solver.reach(path.at(0.0), seed)
     us = np.linspace(0.0, 1.0, knots + 1)
     rows: list[tuple[Array, Array, Array]] = []
     for u in us:
+        place = path.at(u)
         if rows:
-            q = _advance(task, path, u - 1.0 / knots, 1.0 / knots, q)
-            place = path.at(u)
-            q = solver.correct(Pose(place.position, place.rotation), q)
-        rows.append((q, *derivatives(task, path.at(u), q, u)))
+            q = solver.correct(place, _advance(task, path, u - 1.0 / knots, 1.0 / knots, q))
+        rows.append((q, *derivatives(task, place, q, u)))
         check_limits(task, q, u)
     positions, first, second = (np.array(part) for part in zip(*rows, strict=True))
-    h = np.diff(us)
-    coefficients = segment_coefficients(h, positions, first, second)
-    return JointPath(Trajectory(us, coefficients, positions[[0, -1]]), trajectory.timing)
+    return JointPath(Trajectory.through(us, positions, first, second), trajectory.timing)
 
 
 def paced(
@@ -135,16 +134,10 @@ def paced(
         Unreachable: If the arm's own weight and dry friction exceed a limit at any pace.
     """
     _, q, v, a = motion.table(count)
-    given = (
-        dynamics.model.effort_limit
-        if limit is None
-        else positive_limits("limit", limit, dynamics.n)
-    )
-    by_torque = torque_stretch(dynamics, q, v, a, given)
-    by_acceleration = float(
-        np.sqrt(np.max(abs(a) / positive_limits("acceleration", acceleration, dynamics.n)))
-    )
-    return motion.slower(max(by_torque, velocity_stretch(dynamics.model, v), by_acceleration))
+    by_torque = torque_stretch(dynamics, q, v, a, torque_limits(dynamics, limit))
+    by_speed = float(np.max(abs(v) / dynamics.model.velocity_limit))
+    rise = positive_limits("acceleration", acceleration, dynamics.n)
+    return motion.slower(max(by_torque, by_speed, float(np.sqrt(np.max(abs(a) / rise)))))
 
 
 def _advance(task: TaskSpace, path: Path, u: float, h: float, q: Array) -> Array:

@@ -86,8 +86,9 @@ class CartesianGoals:
         found = through(self._task, rest, [checked_pose(pose) for pose in poses])
         if found is None:
             return begin or hold(rest)
-        timing = Quintic.within(found.length, self._pace.speed, self._pace.acceleration)
-        return self._after(begin, JointPath(found.over, timing))
+        over, length = found
+        timing = Quintic.within(length, self._pace.speed, self._pace.acceleration)
+        return self._after(begin, JointPath(over, timing))
 
     def _at_rest(self, here: Reference) -> tuple[Array, Motion | None]:
         if not (here.v.any() or here.a.any()):

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import replace
 
 import numpy as np
 import pinocchio as pin
@@ -15,7 +15,6 @@ from arm_dynamics.task_space.inverse_kinematics import InverseKinematics
 from arm_dynamics.task_space.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory.cartesian import Line, Place, line
 from arm_dynamics.trajectory.joint_path import check_limits, derivatives
-from arm_dynamics.trajectory.quintic import knot_derivatives, segment_coefficients
 from arm_dynamics.trajectory.reference import Trajectory
 
 ARM = 0.25
@@ -27,18 +26,6 @@ _NEAR = 1e-7  # [m], [rad] at a knot
 _FAR = 0.3  # [rad], [m] from knot to knot
 
 
-class Through(NamedTuple):
-    """A way through poses.
-
-    Attributes:
-        over: Joint positions over the share u of the way; its "times" go from 0 to 1.
-        length: Length of the way in [m].
-    """
-
-    over: Trajectory
-    length: float
-
-
 def way(task: TaskSpace, start: Pose, end: Pose) -> float:
     """Length of a way in [m], a turn counting as at ``ARM`` from its axis; for the task's axes."""
     turn = float(np.linalg.norm(pin.log3(end.rotation @ start.rotation.T)))
@@ -46,7 +33,7 @@ def way(task: TaskSpace, start: Pose, end: Pose) -> float:
     return max(step if task.linear else 0.0, ARM * turn if task.linear < task.m else 0.0)
 
 
-def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> Through | None:
+def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajectory, float] | None:
     """Lead a frame through poses, from where it is.
 
     At corners the way is rounded within a few knots, 20 mm apart.
@@ -58,7 +45,8 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> Through | None:
             over.
 
     Returns:
-        The way, or None where the frame is at its end already.
+        Joint positions over the share u of the way ("times" from 0 to 1), and its length in [m];
+        None where the frame is at its end already.
 
     Raises:
         Unreachable: If the way cannot be followed; the message says where.
@@ -80,9 +68,12 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> Through | None:
     us = np.concatenate([[0.0], np.cumsum([step for _, step in places])])
     us[-1] = 1.0
     joints = _joints(task, q, [place for place, _ in places], us)
-    first = _scaled(pieces[0].at(0.0), length / ways[0])
-    last = _scaled(pieces[-1].at(1.0), length / ways[-1])
-    return Through(_spline(task, us, joints, (first, last)), length)
+    v, a = np.full_like(joints, np.nan), np.full_like(joints, np.nan)
+    for i, u in ((0, 0.0), (-1, 1.0)):
+        end = pieces[i].at(u)
+        end = replace(end, first=length / ways[i] * end.first)  # whose u is of its piece alone
+        v[i], a[i] = derivatives(task, end, joints[i], u)
+    return Trajectory.through(us, joints, v, a), length
 
 
 def _pieces(task: TaskSpace, start: Pose, poses: Sequence[Pose]) -> tuple[list[Line], list[float]]:
@@ -100,9 +91,8 @@ def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
     """Joint positions at every knot, each found from the one before, shape (k, n)."""
     solver, rows = InverseKinematics(task), [q]
     for place, u in zip(places, us[1:], strict=True):
-        pose = Pose(place.position, place.rotation)
-        rows.append(solver.correct(pose, rows[-1]))
-        distance, angle = solver.missing(pose, rows[-1])
+        rows.append(solver.correct(place, rows[-1]))
+        distance, angle = solver.missing(place, rows[-1])
         leap = float(abs(rows[-1] - rows[-2]).max())
         if not (max(distance, angle) < _NEAR and leap < _FAR):
             raise Unreachable(
@@ -112,17 +102,3 @@ def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
             )
         check_limits(task, rows[-1], u)
     return np.array(rows)
-
-
-def _spline(task: TaskSpace, us: Array, q: Array, ends: tuple[Place, Place]) -> Trajectory:
-    v, a = np.full_like(q, np.nan), np.full_like(q, np.nan)
-    v[0], a[0] = derivatives(task, ends[0], q[0], 0.0)
-    v[-1], a[-1] = derivatives(task, ends[1], q[-1], 1.0)
-    h = np.diff(us)
-    v, a = knot_derivatives(h, q, v, a)
-    return Trajectory(us, segment_coefficients(h, q, v, a), q[[0, -1]])
-
-
-def _scaled(place: Place, factor: float) -> Place:
-    """The same place on a way whose u runs ``factor`` times as fast."""
-    return place._replace(first=factor * place.first)

@@ -7,6 +7,7 @@ A segment runs over τ = (t − tᵢ)/hᵢ in [0, 1]: q(τ) = Σ c_k τᵏ, k = 
 from __future__ import annotations
 
 import numpy as np
+from numpy.polynomial.polynomial import polyder, polyval
 
 from arm_dynamics.arrays import Array
 
@@ -22,8 +23,8 @@ def segment_coefficients(h: Array, q: Array, v: Array, a: Array) -> Array:
     Args:
         h: Durations in [s], shape (w − 1,).
         q: Positions at the knots, shape (w, n).
-        v: Velocities at the knots, shape (w, n).
-        a: Accelerations at the knots, shape (w, n).
+        v: Velocities, likewise.
+        a: Accelerations, likewise.
 
     Returns:
         Coefficients of shape (w − 1, n, 6).
@@ -45,11 +46,7 @@ def knot_derivatives(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Arr
     jerk (Flash and Hogan 1985). The equations are symmetric positive definite, block tridiagonal
     with 2 × 2 blocks, and solved by block elimination in time proportional to w.
 
-    Args:
-        h: Durations in [s], shape (w − 1,).
-        q: Positions at the knots, shape (w, n).
-        v: Velocities, NaN in the rows that are open, shape (w, n); first and last are given.
-        a: Accelerations, likewise.
+    Args are those of ``segment_coefficients``, v and a with NaN in the rows that are open.
 
     Returns:
         Velocities and accelerations without NaN, each of shape (w, n).
@@ -122,14 +119,11 @@ def extremes(coefficients: Array) -> Array:
     Returns:
         Least and greatest values of the three, derivatives taken in τ, shape (2, 3, s, n).
     """
-    derivatives = [coefficients]
-    for _ in range(4):
-        last = derivatives[-1]
-        derivatives.append(last[..., 1:] * np.arange(1.0, last.shape[-1]))
+    derivatives = [np.asarray(polyder(coefficients, k, axis=-1), float) for k in range(6)]
     points = np.broadcast_to([0.0, 1.0], (*coefficients.shape[:2], 2))
     found = np.empty((2, 3, *coefficients.shape[:2]))
     for order in (4, 3, 2, 1):
-        points = _roots_between(derivatives[order], points)
+        points = _roots_between(derivatives[order], derivatives[order + 1], points)
         if order <= 3:
             values = _evaluate(derivatives[order - 1], points)
             found[:, order - 1] = values.min(-1), values.max(-1)
@@ -137,13 +131,10 @@ def extremes(coefficients: Array) -> Array:
 
 
 def _evaluate(polynomial: Array, points: Array) -> Array:
-    value = polynomial[..., -1, None]
-    for k in range(polynomial.shape[-1] - 2, -1, -1):
-        value = value * points + polynomial[..., k, None]
-    return np.broadcast_to(value, points.shape)
+    return np.asarray(polyval(points, np.moveaxis(polynomial, -1, 0)[..., None], tensor=False))
 
 
-def _roots_between(polynomial: Array, points: Array) -> Array:
+def _roots_between(polynomial: Array, slope: Array, points: Array) -> Array:
     """Bracket a root between all neighbouring points and polish it; the ends 0 and 1 are kept."""
     low, high = points[..., :-1], points[..., 1:]
     sign = np.signbit(_evaluate(polynomial, low))
@@ -152,7 +143,6 @@ def _roots_between(polynomial: Array, points: Array) -> Array:
         before = np.signbit(_evaluate(polynomial, middle)) == sign
         low, high = np.where(before, middle, low), np.where(before, high, middle)
     root = 0.5 * (low + high)
-    slope = polynomial[..., 1:] * np.arange(1.0, polynomial.shape[-1])
     for _ in range(_NEWTON_STEPS):
         rise = _evaluate(slope, root)
         step = _evaluate(polynomial, root) / np.where(rise == 0.0, np.inf, rise)

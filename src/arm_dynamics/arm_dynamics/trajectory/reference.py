@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.trajectory.quintic import knot_derivatives, segment_coefficients
 
 
 @dataclass(frozen=True, slots=True)
@@ -131,11 +132,11 @@ class Limits:
             Velocity and position limits of the model, and this acceleration.
         """
         return cls(
-            np.where(np.asarray(model.velocity_limit) > 0.0, model.velocity_limit, np.inf),
+            np.where(model.velocity_limit > 0.0, model.velocity_limit, np.inf),
             np.full(model.n, float(acceleration)),
-            np.asarray(model.position_lower, float),
-            np.asarray(model.position_upper, float),
-            tuple(model.joint_names),
+            model.position_lower,
+            model.position_upper,
+            model.joint_names,
         )
 
     def name(self, joint: int) -> str:
@@ -161,6 +162,23 @@ class Trajectory:
     _stacked: Array = field(init=False, repr=False, compare=False)
     _knots: list[float] = field(init=False, repr=False, compare=False)
     _rest: tuple[Reference, Reference] = field(init=False, repr=False, compare=False)
+
+    @classmethod
+    def through(
+        cls, times: Array, q: Array, v: Array, a: Array, stretch: float = 1.0
+    ) -> Trajectory:
+        """Pass knots; what is open there is chosen so that ∫ jerk² dt is least.
+
+        Args:
+            times: Knot times in [s] from 0, shape (w,).
+            q: Positions, shape (w, n).
+            v: Velocities, NaN in the rows that are open, likewise; first and last are given.
+            a: Accelerations, likewise.
+            stretch: As of the trajectory.
+        """
+        h = np.diff(times)
+        v, a = knot_derivatives(h, q, v, a)
+        return cls(times, segment_coefficients(h, q, v, a), q[[0, -1]], stretch)
 
     def __post_init__(self) -> None:
         """Tabulate the three derivatives of every segment, so that a sample is one product."""

@@ -9,7 +9,7 @@ toppra does it: ``pip install toppra``. Nothing else needs it.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from functools import partialmethod
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -18,7 +18,8 @@ from arm_dynamics.arrays import Array, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput, Unreachable
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.trajectory.joint_path import LAST, JointPath, paced
+from arm_dynamics.trajectory.joint_path import JointPath, paced
+from arm_dynamics.trajectory.time_scaling import torque_limits
 
 _FREE = 1e9  # a limit that is none, for a library that wants a number
 
@@ -89,11 +90,7 @@ def retimed(
     """
     if points < 10:
         raise InvalidInput(f"points = {points}; at least 10 are expected")
-    torque = (
-        dynamics.model.effort_limit
-        if limit is None
-        else positive_limits("limit", limit, dynamics.n)
-    )
+    torque = torque_limits(dynamics, limit)
     rise = positive_limits("acceleration", acceleration, dynamics.n)
     if not (np.isfinite(torque).any() or np.isfinite(rise).any()):
         raise InvalidInput("nothing limits the motion: no torque and no acceleration limit")
@@ -109,33 +106,27 @@ class _Way:
     """A path as toppra asks for it."""
 
     def __init__(self, motion: JointPath) -> None:
-        self._over = motion.over
+        self._motion = motion
         self.dof = motion.over.ends.shape[1]
         self.path_interval = np.array([0.0, 1.0])
 
     def __call__(self, us: ArrayLike, order: int = 0) -> Array:
-        name = ("q", "v", "a")[order]
-        along = [self._over.sample(min(float(u), LAST)) for u in np.atleast_1d(us)]
-        return np.array([getattr(at, name) for at in along])
+        along: Array = self._motion.along(np.asarray(us))[order]
+        return along
 
-    def eval(self, us: ArrayLike) -> Array:
-        """Positions."""
-        return self(us)
-
-    def evald(self, us: ArrayLike) -> Array:
-        """First derivatives."""
-        return self(us, 1)
-
-    def evaldd(self, us: ArrayLike) -> Array:
-        """Second derivatives."""
-        return self(us, 2)
+    eval = __call__
+    evald = partialmethod(__call__, order=1)
+    evaldd = partialmethod(__call__, order=2)
 
 
 def _rates(
     motion: JointPath, dynamics: Dynamics, us: Array, torque: Array, rise: Array
 ) -> Array | None:
     """Greatest du/dt at every point, or None where there is none."""
-    toppra, constraint = _library()
+    try:
+        from toppra import algorithm, constraint
+    except ImportError as error:
+        raise ArmError(f"the library toppra is missing ({error}); pip install toppra") from None
     between = constraint.DiscretizationType.Interpolation
     model, rigid = dynamics.model, RigidTerms(dynamics.model)
     kept = [
@@ -145,7 +136,7 @@ def _rates(
             rigid.inverse, _both(torque), model.friction.coulomb.mean, between
         ),
     ]
-    found = toppra.algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")
+    found = algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")
     rates = found.compute_parameterization(0.0, 0.0)[1]
     return None if rates is None or not np.isfinite(rates).all() else np.asarray(rates)
 
@@ -153,13 +144,3 @@ def _rates(
 def _both(limit: Array) -> Array:
     finite = np.where(np.isfinite(limit), limit, _FREE)
     return np.column_stack([-finite, finite])
-
-
-def _library() -> tuple[Any, Any]:
-    try:
-        import toppra
-        import toppra.algorithm
-        import toppra.constraint
-    except ImportError as error:
-        raise ArmError(f"the library toppra is missing ({error}); pip install toppra") from None
-    return toppra, toppra.constraint

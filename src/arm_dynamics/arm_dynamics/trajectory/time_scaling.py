@@ -10,16 +10,18 @@ path is G + F_dry + F_viscous x + (M a + C v) x², known for every pace from one
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, positive_limits
 from arm_dynamics.dynamics.dynamics import Dynamics, Term
 from arm_dynamics.exceptions import Unreachable
-from arm_dynamics.model.arm import ArmModel
 
 
-def velocity_stretch(model: ArmModel, v: Array) -> float:
-    """Factor of slowness, at least one, for velocities (k, n) within the model's limits."""
-    return max(1.0, float(np.max(abs(v) / model.velocity_limit)))
+def torque_limits(dynamics: Dynamics, given: ArrayLike | None) -> Array:
+    """Torque limits, positive, one or of shape (n,), or else the model's; shape (n,)."""
+    if given is None:
+        return dynamics.model.effort_limit
+    return positive_limits("limit", given, dynamics.n)
 
 
 def torque_stretch(dynamics: Dynamics, q: Array, v: Array, a: Array, limit: Array) -> float:

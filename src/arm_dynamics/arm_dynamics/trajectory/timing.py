@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from arm_dynamics.arrays import Array, positive
+from arm_dynamics.arrays import positive
 
 
 class Timing(Protocol):
@@ -76,13 +76,7 @@ class Trapezoid:
 
     @classmethod
     def within(cls, length: float, speed: float, acceleration: float) -> Trapezoid:
-        """The quickest within limits.
-
-        Args:
-            length: Way in [m] or [rad].
-            speed: Largest speed in [m/s] or [rad/s].
-            acceleration: Largest acceleration along the way in [m/s²] or [rad/s²].
-        """
+        """The quickest within limits; arguments as of ``Quintic.within``."""
         _check(length=length, speed=speed, acceleration=acceleration)
         if speed**2 >= length * acceleration:
             ramp = float(np.sqrt(length / acceleration))
@@ -106,14 +100,6 @@ class Trapezoid:
     def slower(self, stretch: float) -> Trapezoid:
         """The same with all times multiplied by ``stretch``."""
         return Trapezoid(self.duration * stretch, self.ramp * stretch)
-
-
-def samples(timing: Timing, count: int) -> tuple[Array, Array, Array, Array]:
-    """t, u, du/dt and d²u/dt² at ``count`` times, evenly from the start to the end."""
-    # Just inside the ends, where a trapezoid has its acceleration already.
-    t = np.linspace(1e-9, 1.0 - 1e-9, count) * timing.duration
-    u, rate, rise = np.array([timing.at(float(x)) for x in t]).T
-    return t, u, rate, rise
 
 
 def _check(**given: float) -> None:

@@ -10,27 +10,14 @@ Neuroscience 5(7), 1985): where velocity and acceleration are open, jerk and sna
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.trajectory.quintic import extremes, knot_derivatives, segment_coefficients
-from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint, hold
-
-__all__ = [
-    "Limits",
-    "Reference",
-    "Trajectory",
-    "Waypoint",
-    "hold",
-    "quintic",
-    "quintic_through",
-    "stop",
-]
-
+from arm_dynamics.trajectory.quintic import extremes
+from arm_dynamics.trajectory.reference import Limits, Reference, Trajectory, Waypoint
 
 MAX_WAYPOINTS = 10_001  # 10 000 after the start
 _STRETCH_TRIES = 60
@@ -55,16 +42,16 @@ def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Traj
     Raises:
         InvalidInput: If waypoints are malformed, or no stretching brings the motion within limits.
     """
-    knots = _Knots.of(waypoints)
+    knots = _Knots(waypoints)
     if limits is None:
         return knots.trajectory(1.0)
     _check_positions(knots.q, knots.q[0], limits)
-    stretch = 1.0
+    stretch, from_rest = 1.0, not (knots.v[0].any() or knots.a[0].any())
     for _ in range(_STRETCH_TRIES):
         trajectory = knots.trajectory(stretch)
         peaks = extremes(trajectory.coefficients)
         excess = float(_excess(trajectory, peaks, limits).max())
-        if excess <= 1.0 + 1e-9 or knots.from_rest:
+        if excess <= 1.0 + 1e-9 or from_rest:
             _check_positions(np.concatenate(peaks[:, 0]), knots.q[0], limits)
             return trajectory if excess <= 1.0 else knots.trajectory(stretch * excess)
         stretch *= min(max(excess, 1.02), 2.0)
@@ -106,8 +93,8 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
             "allowed are different positions and finite velocity or acceleration limits"
         )
     for _ in range(_BALANCE_ROUNDS):
-        h = h * np.sqrt(_excess_of(_through(h, q), limits))
-    h = h * _excess_of(_through(h, q), limits).max()
+        h = h * np.sqrt(_excess_of(h, q, limits))
+    h = h * _excess_of(h, q, limits).max()
     return quintic(_through(h, q), limits)
 
 
@@ -129,41 +116,26 @@ def stop(here: Reference, limits: Limits, least: float = 0.2) -> Trajectory:
     return quintic([start, Waypoint(time, here.q + 0.5 * time * here.v)], limits)
 
 
-@dataclass(frozen=True)
 class _Knots:
     """Checked waypoints as arrays; NaN rows of v and a are open."""
 
-    times: Array
-    q: Array
-    v: Array
-    a: Array
-
-    @classmethod
-    def of(cls, waypoints: Sequence[Waypoint]) -> _Knots:
+    def __init__(self, waypoints: Sequence[Waypoint]) -> None:
         if not 2 <= len(waypoints) <= MAX_WAYPOINTS:
             raise InvalidInput(f"{len(waypoints)} waypoints; allowed are 2 to {MAX_WAYPOINTS}")
         times = np.array([w.time for w in waypoints], float)
         if not np.all(np.isfinite(times)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
             raise InvalidInput(f"waypoint times are {times} s; allowed is rising from 0")
-        n = np.size(waypoints[0].q)
-        return cls(
-            times,
-            np.stack([_row(w.q, n, f"position of waypoint {i}") for i, w in enumerate(waypoints)]),
-            _derivative([w.v for w in waypoints], n, "velocity"),
-            _derivative([w.a for w in waypoints], n, "acceleration"),
-        )
-
-    @property
-    def from_rest(self) -> bool:
-        return not (np.any(self.v[0]) or np.any(self.a[0]))
+        n, rows = np.size(waypoints[0].q), enumerate(waypoints)
+        self.times = times
+        self.q = np.stack([_row(w.q, n, f"position of waypoint {i}") for i, w in rows])
+        self.v = _derivative([w.v for w in waypoints], n, "velocity")
+        self.a = _derivative([w.a for w in waypoints], n, "acceleration")
 
     def trajectory(self, stretch: float) -> Trajectory:
         slower = np.full((len(self.times), 1), stretch)
         slower[0] = 1.0
-        times = self.times * stretch
-        h = np.diff(times)
-        v, a = knot_derivatives(h, self.q, self.v / slower, self.a / slower**2)
-        return Trajectory(times, segment_coefficients(h, self.q, v, a), self.q[[0, -1]], stretch)
+        v, a = self.v / slower, self.a / slower**2
+        return Trajectory.through(self.times * stretch, self.q, v, a, stretch)
 
 
 def _derivative(rows: list[ArrayLike | None], n: int, what: str) -> Array:
@@ -190,8 +162,8 @@ def _through(h: Array, q: Array) -> list[Waypoint]:
     return [Waypoint(t, p) for t, p in zip(times, q, strict=True)]
 
 
-def _excess_of(waypoints: list[Waypoint], limits: Limits) -> Array:
-    trajectory = quintic(waypoints)
+def _excess_of(h: Array, q: Array, limits: Limits) -> Array:
+    trajectory = quintic(_through(h, q))
     return _excess(trajectory, extremes(trajectory.coefficients), limits)
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import click
 
+from arm_dynamics.exceptions import ArmError
 from arm_sim.cli.build import build
 from arm_sim.cli.call import call
 from arm_sim.cli.demo import demo
@@ -22,17 +23,11 @@ class Suite(click.Group):
         """Run a command; errors of the suite become a message and exit status 1."""
         try:
             return super().invoke(ctx)
-        except (click.ClickException, click.exceptions.Exit, click.Abort):
-            raise
         except ModuleNotFoundError as error:
             raise _explained(error) from error
         except OSError as error:
             raise click.ClickException(str(error)) from error
-        except Exception as error:
-            from arm_dynamics import ArmError
-
-            if not isinstance(error, ArmError):
-                raise
+        except ArmError as error:
             raise click.ClickException(str(error)) from None
 
 
@@ -45,12 +40,9 @@ def _explained(error: ModuleNotFoundError) -> Exception:
     )
 
 
-_SETTINGS = {"help_option_names": ["-h", "--help"], "max_content_width": 100}
-
-
 @click.group(
     cls=Suite,
-    context_settings=_SETTINGS,
+    context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog=examples(
         "./arm demo",
         "./arm describe package://example-robot-data/robots/panda_description/urdf/panda.urdf",

@@ -32,13 +32,7 @@ def console() -> Console:
 def table(
     columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[int] = (0,)
 ) -> Table:
-    """A table of numbers with some columns of text.
-
-    Args:
-        columns: Headings.
-        rows: Cells, already as text.
-        text: Which columns are text, and thus begin at the left.
-    """
+    """A table with headings; the columns ``text`` begin at the left, numbers end at the right."""
     from rich import box
     from rich.markup import escape
     from rich.table import Table
@@ -67,21 +61,15 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
 def show(out: Console, made: Table) -> None:
     """Print a table; in a narrow window its lines run over, but no number is ever cut."""
     from rich.console import Console
-    from rich.measure import Measurement
 
-    needed = Measurement.get(out, out.options.update(max_width=10_000), made).maximum
+    needed = out.measure(made, options=out.options.update(max_width=10_000)).maximum
     if needed > out.width:
         out = Console(width=needed, highlight=False, emoji=False)
     out.print(made)
 
 
 def number(value: Any, digits: int = 6) -> str:
-    """A number without noise digits, and without the minus sign of a minus zero.
-
-    Args:
-        value: The number.
-        digits: Significant digits.
-    """
+    """A number to some significant digits, without the minus sign of a minus zero."""
     text = f"{float(value):.{digits}g}"
     return "0" if text == "-0" else text
 

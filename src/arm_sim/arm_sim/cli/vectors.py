@@ -37,14 +37,7 @@ class Vector:
         return np.array(self.rows if self.batch else self.flat(names), float)
 
     def flat(self, names: Sequence[str]) -> list[float]:
-        """Numbers point after point; joints that are not named get zero.
-
-        Args:
-            names: Joints in the requested order.
-
-        Raises:
-            click.ClickException: If a name is not among them.
-        """
+        """Numbers point after point, of joints in this order; those not named get zero."""
         unknown = [name for name in self.named if name not in names]
         if unknown:
             raise click.ClickException(

@@ -4,7 +4,7 @@
 Knows plants and ticks, which the energy account may repeat; nothing of the simulator.
 """
 
-from arm_sim.recording.energy_account import EnergyAccount, dissipated_work, input_work
+from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.recording import Recording
 
-__all__ = ["EnergyAccount", "Recording", "dissipated_work", "input_work"]
+__all__ = ["EnergyAccount", "Recording"]

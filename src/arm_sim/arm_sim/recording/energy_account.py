@@ -1,20 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
 """The energy account of a motion: what its laws store, what came in and what went out as heat.
 
-Where the command is the torque, both can be had from the recorded states. Where laws have states,
-a current rises and bristles snap within a tick, and a quadrature on the recorded states would miss
-it: every tick is made again from its recorded beginning, by the same method, with two more states,
-the work that came in and the heat that went out since. They are integrated as accurately as the
-motion itself. Nothing of this is done before it is asked for.
+Where a motion is smooth and the command is the torque, both can be had from the recorded states.
+Where laws have states, a current rises and bristles snap within a tick, and where there are events
+friction jumps within one: a quadrature on the recorded states would miss it. Every tick is made
+again from its recorded beginning, by the same method, with two more states, the work that came in
+and the heat that went out since. They are integrated as accurately as the motion itself. Nothing
+of this is done before it is asked for.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from functools import cached_property
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.internal_state import Ensemble, Flow
@@ -25,46 +26,43 @@ from arm_sim.plant.plant import Plant, split
 from arm_sim.stepping.stepper import Stepper
 
 
-class Ledger:
+@dataclass(frozen=True)
+class Ledger(Ensemble):
     """The laws of a scene with the work supplied and the heat lost as two states more.
 
-    See ``internal_state.StatefulLaw``; the torque includes commands that act directly.
+    Attributes:
+        friction: The rest of the friction, whose heat counts too.
     """
 
-    title = "energy account"
+    friction: JointFriction
 
-    def __init__(self, laws: Ensemble, friction: JointFriction) -> None:
-        """Keep the account of ``laws`` and of the rest of the friction."""
-        self._laws, self._friction = laws, friction
-        self.names = (*laws.names, "work supplied [J]", "heat lost [J]")
-        self.scale: Array = np.concatenate([laws.scale, [1.0, 1.0]])
-        self.replaces_command: NDArray[np.bool_] = np.ones(laws.n, dtype=bool)
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The laws' states, and the account."""
+        return (*super().names, "work supplied [J]", "heat lost [J]")
+
+    @property
+    def scale(self) -> Array:
+        """Size that matters of each of them, shape (nz + 2,)."""
+        return np.concatenate([super().scale, [1.0, 1.0]])
 
     def initial(self, q: Array, v: Array) -> Array:
         """The laws' states, and an empty account."""
-        return np.concatenate([self._laws.initial(q, v), [0.0, 0.0]])
+        return np.concatenate([super().initial(q, v), [0.0, 0.0]])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         """What the laws do, and the powers."""
-        flow = self._laws.equations(q, v, z[:-2], u)
+        flow = super().equations(q, v, z, u)
         powers = self.supplied(q, v, z, u), self.lost(q, v, z, u)
         return Flow(flow.torque, ca.vertcat(flow.slope, *powers))
 
-    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
-        """By the laws, in [J]."""
-        return self._laws.stored(q, v, z[:-2])
-
-    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """To the laws, and by commands that act directly, in [W]."""
-        return self._laws.supplied(q, v, z[:-2], u)
-
     def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
         """By the laws, and by friction without states, in [W]."""
-        law, load = self._friction, self._laws.equations(q, v, z[:-2], u).torque
-        torque = law.smooth(v)
+        law, torque = self.friction, self.friction.smooth(v)
         if law.has_dry:
+            load = super().equations(q, v, z, u).torque
             torque = torque + law.dry(v, ca.sign(v), q, load)
-        return self._laws.lost(q, v, z[:-2], u) + ca.dot(torque, v)
+        return super().lost(q, v, z, u) + ca.dot(torque, v)
 
 
 class EnergyAccount:
@@ -80,18 +78,17 @@ class EnergyAccount:
     def __init__(self, plant: Plant, dynamics: Dynamics, choice: Choice, backend: str) -> None:
         self._plant, self._dynamics = plant, dynamics
         self._choice, self._backend = choice, backend
+        self._laws = plant.laws or Ensemble((), plant.model.n)
 
     @property
     def makes_ticks_again(self) -> bool:
         """Whether ``flows`` costs as much as the ticks themselves."""
-        return self._plant.laws is not None or self._plant.contact is not None
+        return self._plant.laws is not None or bool(self._plant.events)
 
     def prepare(self) -> None:
         """Build now what the first ``flows`` would have to build."""
-        if self._plant.laws:
+        if self.makes_ticks_again:
             self._ledger.restart()
-        elif self._plant.contact:
-            self._plain.restart()
 
     def stored(self, x: Array) -> Array:
         """Energy that the laws store at states of shape (k, nx), in [J], shape (k,)."""
@@ -110,34 +107,22 @@ class EnergyAccount:
         Returns:
             Work and heat in [J], shape (k, 2); NaN if a tick cannot be made again.
         """
-        if self._plant.laws:
+        if self.makes_ticks_again:
             books = np.hstack([x[: len(u)], np.zeros((len(u), 2))])
             after, losses = _made_again(self._ledger, books, u, p)
             flows: Array = after[:, -2:]
             flows[:, 1] += losses.sum(axis=1)
             return flows
         q, v = np.split(x, 2, axis=1)
-        heat = dissipated_work(self._dynamics, self._choice.dt, q, v, u)
-        if self._plant.contact:
-            heat = heat + self.contact_losses(x, u, p).sum(axis=1)
-        return np.stack([input_work(q, u), heat], axis=1)
+        work = np.sum(u * np.diff(q, axis=0), axis=1)  # exact: a torque is held over its tick
+        return np.stack([work, dissipated_work(self._dynamics, self._choice.dt, q, v, u)], axis=1)
 
     def contact_losses(self, x: Array, u: Array, p: Array) -> Array:
         """Energy that impacts, and friction of contacts, took out in each tick, made again.
 
-        Args:
-            x: States before each tick (and perhaps after the last), shape (k+1, nx) or (k, nx).
-            u: Torque that acted in each tick, shape (k, n).
-            p: Tunable quantities, shape (np,).
-
-        Returns:
-            Energies in [J], shape (k, 2); NaN if a tick cannot be made again.
+        In [J], shape (k, 2); arguments as for ``flows``.
         """
         return _made_again(self._plain, x[: len(u)], u, p)[1]
-
-    @cached_property
-    def _laws(self) -> Ensemble:
-        return self._plant.laws or Ensemble((), self._plant.model.n)
 
     @cached_property
     def _stored(self) -> ca.Function:
@@ -151,7 +136,7 @@ class EnergyAccount:
     @cached_property
     def _ledger(self) -> Stepper:
         model = self._plant.model
-        ledger = Ensemble((Ledger(self._laws, model.friction),), model.n)
+        ledger = Ledger(self._laws.laws, model.n, model.friction)
         return Stepper(self._plant.with_laws(ledger), self._choice, self._backend)
 
 
@@ -172,22 +157,6 @@ def _made_again(stepper: Stepper, x: Array, u: Array, p: Array) -> tuple[Array, 
             after[k] = trace[0]
             losses[k] = np.subtract((report.impact_loss, report.friction_loss), before)
     return after, losses
-
-
-def input_work(q: Array, tau: Array) -> Array:
-    """Work that held torques do in each tick.
-
-    It is exact, since a torque is constant within its tick.
-
-    Args:
-        q: Joint positions in [rad] or [m], shape (k+1, n).
-        tau: Torque of each tick in [N m] or [N], shape (k, n).
-
-    Returns:
-        Work in [J], shape (k,).
-    """
-    work: Array = np.sum(tau * np.diff(q, axis=0), axis=1)
-    return work
 
 
 def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Array) -> Array:

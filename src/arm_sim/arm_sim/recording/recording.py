@@ -9,10 +9,9 @@ from functools import cached_property
 import numpy as np
 
 from arm_dynamics import Dynamics
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, read_only
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.energy_account import EnergyAccount
-from arm_sim.state import State
 
 
 @dataclass(frozen=True)
@@ -56,9 +55,8 @@ class Recording:
 
         The command, or what a joint's drive makes of it by the end of the tick.
         """
-        torque = self.plant.joint_torque(np.vstack([self._x[1:], self._x[-1:]]), self.command)
-        torque.setflags(write=False)
-        return torque
+        after = np.vstack([self._x[1:], self._x[-1:]])
+        return read_only(self.plant.joint_torque(after, self.command))
 
     @cached_property
     def _energies(self) -> tuple[Array, Array]:
@@ -113,43 +111,3 @@ class Recording:
     def _flows(self) -> Array:
         flows = self.account.flows(self._x, self.command[:-1], self.p)
         return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])
-
-
-def record(
-    dynamics: Dynamics,
-    plant: Plant,
-    account: EnergyAccount,
-    p: Array,
-    dt: float,
-    start: State,
-    trace: Array,
-    effort: Array,
-    errors: Array,
-    held: tuple[str, ...] = (),
-) -> Recording:
-    """Put a recording together.
-
-    Args:
-        dynamics: The scene's dynamics.
-        plant: The scene's equation of motion.
-        account: What keeps the energy account.
-        p: Tunable quantities, shape (np,).
-        dt: Length of a tick in [s].
-        start: State before the first of k ticks.
-        trace: State (q, v, z) after each tick, shape (k, nx).
-        effort: Command that acted in each tick, shape (k, n).
-        errors: Estimated error after each tick, shape (k,).
-        held: Names of the constraints that hold.
-
-    Returns:
-        The recording; its arrays are read-only.
-    """
-    n = len(start.q)
-    x = np.vstack([np.concatenate([start.q, start.v, start.z]), trace])
-    command = np.vstack([effort, effort[-1:] if len(effort) else np.zeros(n)])
-    error = np.concatenate([[start.error], errors])
-    time = np.asarray((start.step + np.arange(len(x))) * dt, dtype=np.float64)
-    for array in (x, command, error, time):
-        array.setflags(write=False)
-    q, v, z = x[:, :n], x[:, n : 2 * n], x[:, 2 * n :]
-    return Recording(time, q, v, z, command, error, dynamics, plant, account, p, held)

@@ -4,10 +4,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from functools import wraps
-from typing import TYPE_CHECKING, Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -48,40 +47,46 @@ def call() -> None:
 # --- options -----------------------------------------------------------------------------------
 
 
-class Partner(NamedTuple):
-    """A node to be called: its name, and the command that starts one."""
-
-    node: str
-    start: str
-
-
-DYNAMICS = Partner("/dynamics", "./arm dynamics SCENE")
-SIM = Partner("/sim", "./arm sim SCENE")
+DYNAMICS, SIM = "dynamics", "sim"  # nodes to be asked, and the commands that start them
 
 
 def asks(
-    partner: Partner, check: Callable[..., None] = lambda **_: None
+    partner: str, check: Callable[..., None] = lambda **_: None
 ) -> Callable[[_Command], _Command]:
     """A command with a client of a node, and the options that come with it.
 
     Args:
         partner: The node. The function is called with ``client`` and ``as_json``, and with the
-            options of its own.
+            options of its own. Where the node does not answer or refuses, the command ends.
         check: Called with these options before anything is asked.
     """
 
     def decorate(command: _Command) -> _Command:
         @wraps(command)
         def run(node: str, timeout: float, as_json: bool, **given: Any) -> None:
+            from arm_dynamics.client import ArmClient
+            from arm_dynamics.exceptions import NoAnswer, Refused
+
             check(**given)
-            with _client(node, partner.start, timeout, as_json) as client:
-                command(client=client, as_json=as_json, **given)
+            try:
+                with ArmClient(node, node, timeout) as client:
+                    command(client=client, as_json=as_json, **given)
+            except NoAnswer as error:
+                raise click.ClickException(
+                    f"{error}\n  start one in another terminal: ./arm {partner} SCENE"
+                    "\n  --node chooses another node, --timeout waits longer"
+                ) from None
+            except Refused as error:
+                if as_json:
+                    print_json(str(error))
+                    raise SystemExit(1) from None
+                raise click.ClickException(f"refused: {error}") from None
 
         for option in (
             click.option("--json", "as_json", is_flag=True, help="Print JSON."),
             click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
                          help="How long to wait, in s."),
-            click.option("--node", default=partner.node, show_default=True, help="Node to ask."),
+            click.option("--node", default=f"/{partner}", show_default=True, help="Node to ask."),
         ):  # fmt: skip
             option(run)
         return run
@@ -90,13 +95,7 @@ def asks(
 
 
 def vector(name: str, what: str, required: bool = False) -> Callable[[_Command], _Command]:
-    """An option for numbers of the joints.
-
-    Args:
-        name: Its name.
-        what: What the numbers are.
-        required: Whether they must be given; else they are zero.
-    """
+    """An option for numbers of the joints, which are zero where they may be left out."""
     rest = f"; {HOW}." if required else "; zero when omitted."
     return click.option(f"--{name}", type=VECTOR, required=required, help=what + rest)
 
@@ -122,34 +121,10 @@ def plain_rows(option: str, given: Vector) -> Any:
 # --- asking ------------------------------------------------------------------------------------
 
 
-@contextmanager
-def _client(node: str, start: str, timeout: float, as_json: bool) -> Iterator[ArmClient]:
-    """A client of one node; what goes wrong ends the command."""
-    from arm_dynamics.client import ArmClient
-    from arm_dynamics.exceptions import NoAnswer, Refused
-
-    with ArmClient(node, node, timeout) as client:
-        try:
-            yield client
-        except NoAnswer as error:
-            raise click.ClickException(
-                f"{error}\n  start one in another terminal: {start}"
-                "\n  --node chooses another node, --timeout waits longer"
-            ) from None
-        except Refused as error:
-            if as_json:
-                print_json(str(error))
-                raise SystemExit(1) from None
-            raise click.ClickException(f"refused: {error}") from None
-
-
 class Question:
     """A question about motion: joints, their vectors, and how the answer is to look.
 
-    Args:
-        client: Of the node that is asked.
-        joints: Names of the joints in the order of all vectors; none for the model's.
-        vectors: Numbers of the joints by what they are, None where they were not given.
+    ``joints`` is the order of all vectors, empty for the model's; vectors not given are None.
     """
 
     def __init__(
@@ -166,9 +141,9 @@ class Question:
         """Some of the vectors, None for each that was not given."""
         return [self.vectors.get(name) for name in names]
 
-    def points(self, values: np.ndarray, rank: int = 1) -> np.ndarray:
-        """Numbers of an answer, of ``rank`` dimensions a point, as one entry a point."""
-        return values[None] if values.ndim == rank else values
+    def points(self, values: np.ndarray) -> np.ndarray:
+        """Numbers of an answer as one entry a point."""
+        return values if self.vectors["position"].ndim == 2 else values[None]
 
     def plain(self, values: np.ndarray) -> Any:
         """Numbers for JSON: a list of points if points were given as a list."""
@@ -183,13 +158,9 @@ class Question:
 
 
 def print_joints(question: Question, quantity: str, values: np.ndarray, title: str = "") -> None:
-    """Print a vector of the joints beside those that were given, or a line for each point.
+    """Print vectors of shape (k, n): one beside those that were given, or a line for each point.
 
-    Args:
-        question: What was asked.
-        quantity: One of ``UNITS``.
-        values: The numbers, shape (k, n).
-        title: What they are called, if not by their quantity.
+    ``quantity`` is one of ``UNITS``, ``title`` what they are called if not by it.
     """
     heading = f"{title or quantity} [{question.unit(quantity)}]"
     if question.batch:
@@ -239,11 +210,6 @@ def say_more(points: int) -> None:
 
 
 def print_json(refusal: str = "", /, **fields: Any) -> None:
-    """Print an answer for scripts.
-
-    Args:
-        refusal: Why the node declined.
-        **fields: What it answered.
-    """
+    """Print for scripts what a node answered, and why it declined if it did."""
     head = {"success": False, "message": refusal} if refusal else {"success": True}
     click.echo(json.dumps({**head, **fields}))

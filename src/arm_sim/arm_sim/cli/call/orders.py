@@ -57,7 +57,6 @@ def _something_to_set(position: Vector | None, velocity: Vector | None, **_: Any
 
 
 @call.command(
-    "set-joint-state",
     short_help="Put joints of the simulation somewhere at once.",
     epilog=examples('./arm call set-joint-state --position "panda_joint4=-1.5"'),
 )
@@ -75,7 +74,6 @@ def set_joint_state(
 
 
 @call.command(
-    "set-payload",
     short_help="Change a payload of the simulation.",
     epilog=examples('./arm call set-payload --mass 1.5 --com "0 0 0.05"'),
 )
@@ -95,7 +93,6 @@ def set_payload(
 
 
 @call.command(
-    "set-friction",
     short_help="Change viscous friction of the simulation.",
     epilog=examples('./arm call set-friction --viscous "panda_joint4=0.5"'),
 )
@@ -111,7 +108,6 @@ def set_friction(client: ArmClient, as_json: bool, joints: list[str], viscous: V
 
 
 @call.command(
-    "reset-counters",
     short_help="Restart the counters of the simulation.",
     epilog=examples("./arm call reset-counters"),
 )

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 import math
-from collections import Counter
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
@@ -51,7 +50,6 @@ def _terms(context: click.Context, option: click.Parameter, text: str) -> int:
 
 
 @call.command(
-    "inverse-dynamics",
     short_help="Torques that produce a motion.",
     epilog=examples(
         './arm call inverse-dynamics --position "panda_joint2=-0.8 panda_joint4=-2.4"'
@@ -74,11 +72,7 @@ def inverse_dynamics(
     _print_motion(question, "effort", tau, as_json, title="torque")
 
 
-@call.command(
-    "forward-dynamics",
-    short_help="Accelerations that torques produce.",
-    epilog=examples('./arm call forward-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"'),
-)
+@call.command(epilog=examples('./arm call forward-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"'))
 @vector("position", "Joint positions in rad or m", required=True)
 @vector("velocity", "Joint velocities")
 @vector("effort", "Joint torques in N m or N")
@@ -95,7 +89,6 @@ def forward_dynamics(
 
 
 @call.command(
-    "dynamics-terms",
     short_help="Mass matrix, Coriolis matrix, gravity, friction, energies.",
     epilog=examples('./arm call dynamics-terms --position "0 -0.8 0 -2.4 0 1.6 0.8" --json'),
 )
@@ -109,9 +102,9 @@ def dynamics_terms(
     """Mass matrix, Coriolis matrix, gravity, friction and energies."""
     question = Question(client, joints, vectors)
     terms = client.dynamics_terms(*question.given("position", "velocity"), question.order)
-    ranks = {"mass_matrix": 2, "coriolis_matrix": 2, "gravity": 1, "friction": 1,
-             "kinetic_energy": 0, "potential_energy": 0}  # fmt: skip
-    found = {name: question.points(getattr(terms, name), rank) for name, rank in ranks.items()}
+    names = ("mass_matrix", "coriolis_matrix", "gravity", "friction", "kinetic_energy",
+             "potential_energy")  # fmt: skip
+    found = {name: question.points(getattr(terms, name)) for name in names}
     if as_json:
         plain = {name: question.plain(values) for name, values in found.items()}
         print_json(joint_names=question.names, **plain)
@@ -128,7 +121,6 @@ def dynamics_terms(
 
 
 @call.command(
-    "task-space",
     short_help="Inertia, gravity, Jacobian and more at a frame.",
     epilog=examples(
         './arm call task-space --frame panda_hand --position "0 -0.8 0 -2.4 0 1.6 0.8"',
@@ -168,7 +160,7 @@ def task_space(
         direction=() if direction is None else direction.rows[0], joint_names=question.order,
     )  # fmt: skip
     names, _ = list(found.pop("axes")), found.pop("joint_names")
-    answer = {name: values if q.ndim == 2 else values[None] for name, values in found.items()}
+    answer = {name: question.points(values) for name, values in found.items()}
     if as_json:
         plain = {name: _json(question.plain(values)) for name, values in answer.items()}
         print_json(joint_names=question.names, axes=names, **plain)
@@ -178,7 +170,6 @@ def task_space(
 
 
 @call.command(
-    "inverse-kinematics",
     short_help="Joint positions for a pose of a frame.",
     epilog=examples(
         './arm call inverse-kinematics --frame panda_hand --pose "0.4 0.2 0.5 1 0 0 0"',
@@ -242,7 +233,6 @@ def _one_direction(
 
 
 @call.command(
-    "constrained-dynamics",
     short_help="Accelerations and forces under the scene's constraints.",
     epilog=examples(
         './arm call constrained-dynamics --position "0 0.6 -0.6 0.6 0.6 -0.6 0.6" \\',
@@ -302,7 +292,6 @@ def constrained_dynamics(
 
 
 @call.command(
-    "model-info",
     short_help="Joints, limits, frames and mass of the node's arm.",
     epilog=examples("./arm call model-info"),
 )
@@ -389,12 +378,10 @@ def _ended(reached: bool, distance: float, angle: float) -> tuple[str, str, str]
 
 def _numbered(names: list[str]) -> list[str]:
     """Tell the numbers of one constraint apart."""
-    several, met = Counter(names), Counter[str]()
-    told = []
-    for name in names:
-        met[name] += 1
-        told.append(f"{name} {met[name]}" if several[name] > 1 else name)
-    return told
+    return [
+        f"{name} {names[: k + 1].count(name)}" if names.count(name) > 1 else name
+        for k, name in enumerate(names)
+    ]
 
 
 def _json(values: Any) -> Any:

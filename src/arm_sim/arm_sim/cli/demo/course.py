@@ -25,8 +25,8 @@ from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
 from arm_sim.cli.demo.report import Numbers, complaints, numbers, remarks, result_table
 from arm_sim.cli.output import console, show
 
-_START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]
 _SETTLED = 0.3  # [s] that are watched after the motion
+_LATE = 10.0  # [s] that the motion may take longer than one and a half times its duration
 _ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity")
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
@@ -34,12 +34,7 @@ Say = Callable[[str], None]
 
 
 def run(robot: str, duration: float, output: Path) -> None:
-    """Run the demo.
-
-    Args:
-        robot: A scene file or URDF.
-        duration: How long the motion takes in [s].
-        output: Folder for the figure, the numbers and the logs.
+    """Run the demo, whose arguments ``demo`` explains.
 
     Raises:
         DemoFailed: If the loop did not close.
@@ -50,79 +45,56 @@ def run(robot: str, duration: float, output: Path) -> None:
     out = console()
     with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
         seen, clock = _run(motion, output, Path(scratch), say, bar)
-    result = numbers(motion, seen, clock)
-    _write(output, motion, seen, result)
-    _tell(out, output, result)
+    _tell(output, motion, seen, numbers(motion, seen, clock), out)
 
 
 def _run(
     motion: Motion, output: Path, scratch: Path, say: Say, bar: Callable[[float], None]
 ) -> tuple[Seen, dict[str, Any]]:
     """Have the processes follow the motion; return what was seen and the sim node's report."""
-    scene, report = scratch / "scene.yaml", scratch / "clock.json"
-    _write_scene(scene, motion)
-    domain = free_domain()
-    # For the children, which inherit it, and for our own node.
-    os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
-    with (
-        Processes(output) as processes,
-        Observer(motion.model.joint_names, domain) as observer,
-    ):
-        say(f"starting the nodes (ROS domain {domain}, this machine only)")
-        processes.start("dynamics", "dynamics", str(scene), "--with-parent")
-        processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
-        observer.wait_for_partners(_START_TIMEOUT, processes.check)
-        # Last and alone, so that no other start-up disturbs its clock.
-        processes.start(
-            "sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM
-        )
-        observer.wait_for_motion(_START_TIMEOUT, processes.check)
-        observer.count_afresh(_START_TIMEOUT, processes.check)
-        _follow(motion, observer, processes, say, bar)
-        say("stopping the nodes")
-        processes.stop("sim")
-        processes.stop("controller", "dynamics")
-        return observer.seen(), _report(report, processes)
-
-
-def _report(file: Path, processes: Processes) -> dict[str, Any]:
-    if not file.exists():
-        raise DemoFailed("the sim node did not end cleanly; it said:\n" + processes.tail("sim"))
-    clock: dict[str, Any] = json.loads(file.read_text())
-    return clock
-
-
-def _follow(
-    motion: Motion,
-    observer: Observer,
-    processes: Processes,
-    say: Say,
-    bar: Callable[[float], None],
-) -> None:
-    say("following the trajectory")
+    scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
+    # One file that needs no other, for all three nodes.
+    data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
+    scene.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
     duration = motion.trajectory.duration
-    if not observer.send(motion.waypoints, _MOTION_TIMEOUT, processes.check):
-        raise DemoFailed(
-            "the controller did not follow the trajectory; its log says:\n"
-            + processes.tail("controller")
-        )
+    patience = _LATE + 1.5 * duration
 
     def glance() -> None:
         processes.check()
         bar(observer.now() / duration)
 
-    patience = _MOTION_TIMEOUT + 1.5 * duration
-    if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience, glance):
-        raise DemoFailed(
-            f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
-            f"{patience:g} s; the simulator's log says:\n" + processes.tail("sim")
-        )
-
-
-def _write_scene(file: Path, motion: Motion) -> None:
-    """The scene as one file that needs no other, for all three nodes."""
-    data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
-    file.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
+    # For the children, which inherit it, and for our own node.
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
+    with (
+        Processes(output) as processes,
+        Observer(motion.model.joint_names, domain, glance) as observer,
+    ):
+        say(f"starting the nodes (ROS domain {domain}, this machine only)")
+        processes.start("dynamics", str(scene))
+        processes.start("controller", str(scene), *_ROS_CONTROLLER)
+        observer.wait_for_partners()
+        # Last and alone, so that no other start-up disturbs its clock.
+        processes.start("sim", str(scene), "--report", str(report), *_ROS_SIM)
+        observer.wait_for_motion()
+        say("following the trajectory")
+        if not observer.send(motion.waypoints):
+            raise DemoFailed(
+                "the controller did not follow the trajectory; its log says:\n"
+                + processes.tail("controller")
+            )
+        if not observer.until(lambda: observer.now() >= duration + _SETTLED, patience):
+            raise DemoFailed(
+                f"only {observer.now():.2f} s of the motion of {duration:g} s were seen within "
+                f"{patience:g} s; the simulator's log says:\n" + processes.tail("sim")
+            )
+        say("stopping the nodes")
+        processes.stop("sim")
+        processes.stop("controller", "dynamics")
+        if not report.exists():
+            raise DemoFailed(
+                "the sim node did not end cleanly; it said:\n" + processes.tail("sim")
+            )
+        return observer.seen(), json.loads(report.read_text())
 
 
 @contextmanager
@@ -142,20 +114,18 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
         yield say, lambda share: progress.update(task, completed=share, refresh=True)
 
 
-def _write(output: Path, motion: Motion, seen: Seen, n: Numbers) -> None:
-    model = motion.model
+def _tell(output: Path, motion: Motion, seen: Seen, n: Numbers, out: Any) -> None:
+    """Write the figure and the numbers, and print what they say."""
+    figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (
         f"{n.robot}: computed torque at {n.wanted_rate:g} Hz, tracking error {n.error_rms:.1e} "
         f"{n.unit} RMS"
     )
-    draw(output / "demo.png", seen, model.joint_names, model.joint_types, n.duration, title)
+    draw(figure, seen, model.joint_names, model.joint_types, n.duration, title)
     values = {"time": time.strftime("%Y-%m-%dT%H:%M:%S%z"), **asdict(n)}
-    (output / "demo.json").write_text(json.dumps(values, indent=2) + "\n")
-
-
-def _tell(out: Any, output: Path, n: Numbers) -> None:
+    file.write_text(json.dumps(values, indent=2) + "\n")
     show(out, result_table(n))
-    out.print(f"figure:  {output / 'demo.png'}\nnumbers: {output / 'demo.json'}", soft_wrap=True)
+    out.print(f"figure:  {figure}\nnumbers: {file}", soft_wrap=True)
     if reasons := complaints(n):
         raise DemoFailed("the loop did not close:\n  " + "\n  ".join(reasons))
     for remark in remarks(n):

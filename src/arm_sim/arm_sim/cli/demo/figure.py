@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -27,16 +28,7 @@ _DOTS = 45  # answers of the service that are drawn, over the whole motion
 def draw(
     file: Path, seen: Seen, names: Sequence[str], types: Sequence[str], duration: float, title: str
 ) -> None:
-    """Draw the figure.
-
-    Args:
-        file: PNG to write.
-        seen: What was seen.
-        names: Joints.
-        types: Their types, for the units.
-        duration: Of the motion in [s].
-        title: Headline.
-    """
+    """Draw a PNG; ``types`` are those of the joints, ``duration`` that of the motion in [s]."""
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 8.0), layout="constrained")
         axes = figure.subplots(
@@ -97,8 +89,5 @@ def _prefix(largest: float) -> tuple[float, str]:
 
 def _short(name: str, names: Sequence[str]) -> str:
     """The name without what all names begin with."""
-    common = 0
-    while len(names) > 1 and len({other[: common + 1] for other in names}) == 1:
-        common += 1
-    cut = max(name[:common].rfind("_"), name[:common].rfind("/")) + 1
-    return name[cut:]
+    common = os.path.commonprefix(names) if len(names) > 1 else ""
+    return name[max(common.rfind("_"), common.rfind("/")) + 1 :]

@@ -44,18 +44,11 @@ class Motion:
 
 
 def choose_motion(scene: Scene, duration: float) -> Motion:
-    """Choose a motion of some seconds for the arm of a scene.
+    """Choose a motion of ``duration`` in [s] for the arm of a scene.
 
     The scene's own start is kept if it lies within the joint limits, the drives can hold the arm
     there and there is room to move; else a start is looked for. Excursions shrink until inverse
     dynamics and speeds fit the limits.
-
-    Args:
-        scene: The scene.
-        duration: How long the motion takes in [s].
-
-    Returns:
-        The motion.
 
     Raises:
         InvalidInput: If no joint has room to move, or the drives are too weak for any motion.
@@ -64,11 +57,12 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
     model = dynamics.model
     if not np.any(model.position_upper > model.position_lower):
         raise InvalidInput("no joint of this arm may move: all lower limits equal the upper ones")
-    own = _own_start(dynamics)
-    if own is not None and (motion := _around(own, dynamics, duration)):
-        return motion
-    start = _better_start(dynamics)
-    if motion := _around(start, dynamics, duration):
+    q0 = model.q0
+    inside = np.all((model.position_lower <= q0) & (q0 <= model.position_upper))
+    if inside and _weight_shares(dynamics, q0).max() <= EFFORT_SHARE:
+        if motion := _around(q0, dynamics, duration):
+            return motion
+    if motion := _around(_better_start(dynamics), dynamics, duration):
         return motion
     raise InvalidInput(
         f"no motion of {duration:g} s is small enough for the speed and effort limits; "
@@ -81,7 +75,9 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
     model, limits = dynamics.model, Limits.of(dynamics.model)
     count = max(2, round(duration / SECONDS_A_POINT))
     times = duration / count * np.arange(1, count + 1)
-    pattern, excursion = _pattern(count, model.n), _excursion(model)
+    most = np.where(np.array(model.joint_types) == "prismatic", SLIDE, TURN)
+    span = model.position_upper - model.position_lower
+    pattern, excursion = _pattern(count, model.n), np.minimum(most, SHARE_OF_RANGE * span)
     for k in range(TRIES):
         points = np.clip(start + SHRINK**k * excursion * pattern, *_room(model, start))
         waypoints = tuple(Waypoint(t, q) for t, q in zip(times, points, strict=True))
@@ -103,11 +99,6 @@ def _pattern(count: int, n: int) -> Array:
     return swings
 
 
-def _excursion(model: ArmModel) -> Array:
-    most = np.where(np.array(model.joint_types) == "prismatic", SLIDE, TURN)
-    return np.minimum(most, SHARE_OF_RANGE * (model.position_upper - model.position_lower))
-
-
 def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
     """Least and greatest positions to go to: away from the limits, unless the start is there."""
     span = model.position_upper - model.position_lower
@@ -116,31 +107,21 @@ def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
     return np.minimum(lower, start), np.maximum(upper, start)
 
 
-def _own_start(dynamics: Dynamics) -> Array | None:
-    """The scene's own start, if it is within the limits and the arm can stand there."""
-    model, q0 = dynamics.model, np.array(dynamics.model.q0)
-    inside = np.all((model.position_lower <= q0) & (q0 <= model.position_upper))
-    return q0 if inside and _weight_share(dynamics, q0)[0] <= EFFORT_SHARE else None
-
-
 def _better_start(dynamics: Dynamics) -> Array:
     """A posture with room to all sides in which the drives can carry the arm well."""
     model = dynamics.model
-    lower, upper = model.position_lower, model.position_upper
-    low, high = (
-        np.where(np.isfinite(lower), lower, -np.pi),
-        np.where(np.isfinite(upper), upper, np.pi),
-    )
+    low = np.where(np.isfinite(model.position_lower), model.position_lower, -np.pi)
+    high = np.where(np.isfinite(model.position_upper), model.position_upper, np.pi)
     middle, half = 0.5 * (low + high), 0.5 * (high - low)
     low, high = middle - 0.6 * half, middle + 0.6 * half
-    tries = [np.clip(model.q0, low, high), middle]
-    tries += list(np.random.default_rng(0).uniform(low, high, (200, model.n)))
-    shares = [_weight_share(dynamics, q)[0] for q in tries]
-    best = next(
-        (i for i, share in enumerate(shares) if share <= WEIGHT_SHARE), int(np.argmin(shares))
-    )
-    if shares[best] > EFFORT_SHARE:
-        _, joint = _weight_share(dynamics, tries[best])
+    others = np.random.default_rng(0).uniform(low, high, (200, model.n))
+    tries = np.vstack([np.clip(model.q0, low, high), middle, others])
+    shares = _weight_shares(dynamics, tries)
+    largest = shares.max(axis=1)
+    light = np.flatnonzero(largest <= WEIGHT_SHARE)
+    best = light[0] if light.size else largest.argmin()
+    if largest[best] > EFFORT_SHARE:
+        joint = shares[best].argmax()
         needed = abs(dynamics.gravity(tries[best])[joint])
         raise InvalidInput(
             f"this arm cannot carry its own weight: joint '{dynamics.joint_names[joint]}' needs "
@@ -150,10 +131,9 @@ def _better_start(dynamics: Dynamics) -> Array:
     return tries[best]
 
 
-def _weight_share(dynamics: Dynamics, q: Array) -> tuple[float, int]:
-    """Largest part of an effort limit that holding the arm needs, and the joint that needs it."""
-    shares = np.abs(dynamics.gravity(q)) / dynamics.model.effort_limit
-    return float(shares.max()), int(shares.argmax())
+def _weight_shares(dynamics: Dynamics, q: Array) -> Array:
+    """Parts of the effort limits that holding the arm needs."""
+    return np.abs(dynamics.gravity(q)) / dynamics.model.effort_limit
 
 
 def _shares(dynamics: Dynamics, trajectory: Trajectory) -> tuple[float, float]:

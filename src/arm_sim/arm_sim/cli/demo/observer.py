@@ -4,9 +4,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from types import TracebackType
 from typing import Any
 
 import numpy as np
@@ -33,6 +32,8 @@ from arm_dynamics.trajectory.reference import Waypoint
 from arm_sim.cli.demo.processes import DemoFailed, postponed
 from arm_sim.ros.interfaces import ENERGY
 
+_START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]
+_IN_TIME = f"within {_START_TIMEOUT:g} s"
 _BETWEEN_LOOKS = 0.02  # [s]
 _AT_EASE = 0.5  # [s]: who has just been met may be holding the others up for a third of a second
 _ASK_AGAIN = 1.0  # [s] until an unanswered question is asked again
@@ -71,9 +72,12 @@ class Seen:
 class Observer:
     """Joins the graph of the demo; use it in a ``with`` statement."""
 
-    def __init__(self, names: Sequence[str], domain: int) -> None:
-        """Watch the joints ``names`` in the ROS domain ``domain``."""
-        self._names, self._domain = list(names), domain
+    def __init__(self, names: Sequence[str], domain: int, glance: Callable[[], None]) -> None:
+        """Watch the joints ``names`` in the ROS domain ``domain``.
+
+        ``glance`` is called every now and then while something is waited for.
+        """
+        self._names, self._domain, self._glance = list(names), domain, glance
         self._states: list[Any] = []
         self._energies: list[Any] = []
         self._questions: list[tuple[Any, float, Any]] = []
@@ -103,12 +107,7 @@ class Observer:
         )
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        _: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """Take the node down."""
         self._executor.shutdown()
         self._node.destroy_node()
@@ -116,59 +115,44 @@ class Observer:
 
     # --- waiting -------------------------------------------------------------------------------
 
-    def until(
-        self, condition: Callable[[], bool], timeout: float, glance: Callable[[], None]
-    ) -> bool:
-        """Spin until ``condition``; ``glance`` is called every now and then.
-
-        Returns:
-            Whether the condition came true within ``timeout`` in [s].
-        """
+    def until(self, condition: Callable[[], bool], timeout: float) -> bool:
+        """Spin until ``condition``; say whether it came true within ``timeout`` in [s]."""
         end, look = time.monotonic() + timeout, 0.0
         while not (met := condition()) and (now := time.monotonic()) < end:
             with postponed():
                 self._executor.spin_once(timeout_sec=_BETWEEN_LOOKS)
             self._collect_answer()
             if now >= look:
-                glance()
+                self._glance()
                 look = now + 0.2
         return met
 
-    def wait_for_partners(self, timeout: float, glance: Callable[[], None]) -> None:
-        """Wait until the dynamics node answers and the controller listens.
+    def wait_for_partners(self) -> None:
+        """Wait until the dynamics node answers and the controller listens."""
+        self._demand(self._answer_of(self._info), f"the dynamics node gave no answer {_IN_TIME}")
+        self._demand(
+            lambda: self._send.get_subscription_count() > 0,
+            f"the controller was not there {_IN_TIME}",
+        )
 
-        Raises:
-            DemoFailed: If they do not.
-        """
-        if not self._answered(self._info, timeout, glance):
-            raise DemoFailed(f"the dynamics node gave no answer within {timeout:g} s")
-        if not self.until(lambda: self._send.get_subscription_count() > 0, timeout, glance):
-            raise DemoFailed(f"the controller was not there within {timeout:g} s")
+    def wait_for_motion(self) -> None:
+        """Wait until the controller answers the simulated arm, which counts from then on."""
+        self._demand(
+            lambda: len(self._states) > 3,
+            f"the controller has said nothing {_IN_TIME}: no joint states reach it",
+        )
+        silence = f"the sim node gave no answer {_IN_TIME}"
+        self._demand(self._reset.service_is_ready, silence)
+        self.until(lambda: False, _AT_EASE)
+        self._demand(self._answer_of(self._reset), silence)
 
-    def wait_for_motion(self, timeout: float, glance: Callable[[], None]) -> None:
-        """Wait until the controller has seen the simulated arm, and answers it.
+    def _demand(self, condition: Callable[[], bool], failure: str) -> None:
+        """Wait at the start, and fail if it takes too long."""
+        if not self.until(condition, _START_TIMEOUT):
+            raise DemoFailed(failure)
 
-        Raises:
-            DemoFailed: If it does not.
-        """
-        if not self.until(lambda: len(self._states) > 3, timeout, glance):
-            raise DemoFailed(
-                f"the controller has said nothing within {timeout:g} s: no joint states reach it"
-            )
-
-    def count_afresh(self, timeout: float, glance: Callable[[], None]) -> None:
-        """Have the sim node count from now on; until here it waited for the others.
-
-        Raises:
-            DemoFailed: If it does not answer.
-        """
-        met = self.until(self._reset.service_is_ready, timeout, glance)
-        self.until(lambda: False, _AT_EASE, glance)
-        if not (met and self._answered(self._reset, timeout, glance)):
-            raise DemoFailed(f"the sim node gave no answer within {timeout:g} s")
-
-    def _answered(self, client: Any, timeout: float, glance: Callable[[], None]) -> bool:
-        """Whether a service answers an empty request, which is asked again every second."""
+    def _answer_of(self, client: Any) -> Callable[[], bool]:
+        """Whether a service has answered an empty request, which is asked again every second."""
         answers = list[Future]()
         asked = 0.0
 
@@ -179,42 +163,34 @@ class Observer:
                 asked = time.monotonic()
             return any(answer.done() for answer in answers)
 
-        return self.until(answered, timeout, glance)
+        return answered
 
     # --- the trajectory ------------------------------------------------------------------------
 
-    def send(
-        self, waypoints: Sequence[Waypoint], timeout: float, glance: Callable[[], None]
-    ) -> bool:
-        """Send the trajectory.
-
-        Returns:
-            Whether the controller began to follow it within ``timeout`` in [s].
-        """
+    def send(self, waypoints: Sequence[Waypoint]) -> bool:
+        """Send the trajectory; say whether the controller began to follow it in time."""
         message = JointTrajectory(joint_names=self._names)
         for waypoint in waypoints:
             point = JointTrajectoryPoint(positions=np.asarray(waypoint.q).tolist())
             seconds, part = divmod(round(1e9 * waypoint.time), 1_000_000_000)
             point.time_from_start = Duration(sec=seconds, nanosec=part)
             message.points.append(point)
-        here = np.array(self._states[-1].reference_position)
-        first = len(self._states)
+        here, first = list(self._states[-1].reference_position), len(self._states)
         self._send.publish(message)
 
-        def begun() -> bool:
-            return any(list(s.reference_position) != here.tolist() for s in self._states[first:])
+        def moving() -> Iterator[int]:
+            """Places of the states whose reference is elsewhere."""
+            later = enumerate(self._states[first:], first)
+            return (k for k, state in later if list(state.reference_position) != here)
 
-        if not self.until(begun, timeout, glance):
+        if not self.until(lambda: any(moving()), _MOTION_TIMEOUT):
             return False
-        moving = next(
-            s for s in self._states[first:] if list(s.reference_position) != here.tolist()
-        )
-        self.start = _stamp(self._states[self._states.index(moving) - 1])
+        self.start = _stamp(self._states[next(moving()) - 1])
         return True
 
     def now(self) -> float:
-        """Simulated time since the trajectory began, in [s]."""
-        return 1e-9 * (_stamp(self._states[-1]) - self.start)
+        """Simulated time since the trajectory began, in [s]; zero before."""
+        return 1e-9 * (_stamp(self._states[-1]) - self.start) if self.start else 0.0
 
     # --- watching ------------------------------------------------------------------------------
 

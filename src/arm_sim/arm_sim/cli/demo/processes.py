@@ -11,7 +11,6 @@ import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 import click
@@ -40,37 +39,20 @@ class Processes:
         """Begin without children."""
         return self
 
-    def __exit__(
-        self,
-        kind: type[BaseException] | None,
-        error: BaseException | None,
-        _: TracebackType | None,
-    ) -> None:
+    def __exit__(self, *_: object) -> None:
         """End all children, the youngest first, whatever is pressed meanwhile."""
-        before = signal.signal(signal.SIGINT, signal.SIG_IGN)
-        try:
+        with _handled_by(signal.SIG_IGN):
             self.stop(*reversed(self._running))
-        finally:
-            signal.signal(signal.SIGINT, before)
 
-    def start(self, name: str, *arguments: str) -> None:
-        """Run a command of the suite.
-
-        Args:
-            name: Of the process and its log.
-            arguments: The command line after ``./arm``.
-        """
+    def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
+        """Run a command of the suite, which ends with this process at the latest."""
         with self.log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
-                [sys.executable, "-P", "-m", "arm_sim.cli", *arguments],
+                [sys.executable, "-P", "-m", "arm_sim.cli", name, "--with-parent", *arguments],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                 start_new_session=True,  # Ctrl-C reaches them in order, through us
             )  # fmt: skip
-
-    @property
-    def ids(self) -> dict[str, int]:
-        """Process ids by name."""
-        return {name: process.pid for name, process in self._running.items()}
+        return self._running[name]
 
     def check(self) -> None:
         """See that all run.
@@ -125,8 +107,7 @@ def free_domain() -> int:
         DemoFailed: If all are taken.
     """
     first = os.getpid() % len(_DOMAINS)
-    for offset in range(len(_DOMAINS)):
-        domain = _DOMAINS[(first + offset) % len(_DOMAINS)]
+    for domain in (*_DOMAINS[first:], *_DOMAINS[:first]):
         with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
             try:
                 probe.bind(("", 7410 + 250 * domain))
@@ -164,7 +145,7 @@ def postponed() -> Iterator[None]:
 
 
 @contextmanager
-def _handled_by(handler: Callable[[int, Any], object]) -> Iterator[None]:
+def _handled_by(handler: Callable[[int, Any], object] | signal.Handlers) -> Iterator[None]:
     before = {number: signal.signal(number, handler) for number in _INTERRUPTIONS}
     try:
         yield

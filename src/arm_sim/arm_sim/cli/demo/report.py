@@ -61,13 +61,7 @@ class Numbers:
 
 
 def numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
-    """Put together what was measured.
-
-    Args:
-        motion: What was asked of the arm.
-        seen: What the observer saw.
-        clock: The sim node's own report.
-    """
+    """Put together what was measured; ``clock`` is the sim node's own report."""
     model, duration = motion.model, motion.trajectory.duration
     goal = np.asarray(motion.waypoints[-1].q)
     loop, trip = clock["loop"], clock["round_trip"]
