@@ -56,8 +56,7 @@ class CommandMap:
         for joint, m in self._poles:
             assert m.cogging is not None
             i = joint if symbolic else (..., joint)
-            wave = m.cogging.amplitude, m.cogging.order, m.cogging.phase
-            required[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], *wave)
+            required[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], m.cogging)
         like = ca.DM if symbolic else np.asarray
         return like(self._gain) * required + like(self._back_emf) * v
 

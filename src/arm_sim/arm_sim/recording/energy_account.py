@@ -45,26 +45,13 @@ class Ledger:
         return np.concatenate([self._laws.initial(q, v), [0.0, 0.0]])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What the laws do, and the powers."""
-        flow = self._laws.equations(q, v, z[:-2], u)
-        powers = self.supplied(q, v, z, u), self.lost(q, v, z, u)
-        return Flow(flow.torque, ca.vertcat(flow.slope, *powers))
-
-    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
-        """By the laws, in [J]."""
-        return self._laws.stored(q, v, z[:-2])
-
-    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """To the laws, and by commands that act directly, in [W]."""
-        return self._laws.supplied(q, v, z[:-2], u)
-
-    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """By the laws, and by friction without states, in [W]."""
-        law, load = self._friction, self._laws.equations(q, v, z[:-2], u).torque
+        """What the laws do, and the powers: heat by friction without states is one of them."""
+        flow, law = self._laws.equations(q, v, z[:-2], u), self._friction
         torque = law.smooth(v)
         if law.has_dry:
-            torque = torque + law.dry(v, ca.sign(v), q, load)
-        return self._laws.lost(q, v, z[:-2], u) + ca.dot(torque, v)
+            torque = torque + law.dry(v, ca.sign(v), q, flow.torque)
+        lost = flow.lost + ca.dot(torque, v)
+        return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, lost))
 
 
 class EnergyAccount:
@@ -157,8 +144,9 @@ class EnergyAccount:
 
     @cached_property
     def _stored(self) -> ca.Function:
-        x = ca.SX.sym("x", self._plant.nx)
-        return ca.Function("stored", [x], [self._laws.stored(*split(x, self._plant.model.n))])
+        x, n = ca.SX.sym("x", self._plant.nx), self._plant.model.n
+        flow = self._laws.equations(*split(x, n), ca.SX(n, 1))
+        return ca.Function("stored", [x], [flow.stored])
 
     @cached_property
     def _plain(self) -> Stepper:
