@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.rigid_body import Rotation, placements
 from arm_dynamics.equations.tree import Tree, constant, cross, sparse
@@ -250,9 +251,11 @@ def _slip(constraint: RollingConstraint, kinematics: Kinematics) -> ca.SX:
     return sparse(across(constraint.normal)) @ touching
 
 
-def across(direction: Sequence[float]) -> np.ndarray:
+def across(direction: Sequence[float] | Array) -> Array:
     """Two unit vectors that complete a direction to a right-handed triad, shape (2, 3)."""
     z = np.array(direction)
+    # x starts from the basis vector after the largest entry: then a coordinate axis gives a cyclic
+    # permutation of the axes.
     x = np.roll(np.eye(3)[np.argmax(abs(z))], 1)
     x = x - (x @ z) * z
     x /= np.linalg.norm(x)

@@ -195,8 +195,7 @@ class FrameMotion:
 
     def _gathered(self, J: Array) -> Array:
         # Pinocchio hands a single column out as a vector.
-        J = J.reshape(6, -1)
-        return J @ self._model.followers if self._model.has_followers else J
+        return self._model.gather(J.reshape(6, -1))
 
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
