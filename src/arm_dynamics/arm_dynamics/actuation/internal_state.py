@@ -53,17 +53,10 @@ class StatefulLaw(Protocol):
             others u acts directly.
     """
 
-    @property
-    def title(self) -> str: ...  # noqa: D102
-
-    @property
-    def names(self) -> tuple[str, ...]: ...  # noqa: D102
-
-    @property
-    def scale(self) -> Array: ...  # noqa: D102
-
-    @property
-    def replaces_command(self) -> NDArray[np.bool_]: ...  # noqa: D102
+    title: str
+    names: tuple[str, ...]
+    scale: Array
+    replaces_command: NDArray[np.bool_]
 
     def initial(self, q: Array, v: Array) -> Array:
         """Its states when the arm is put to q, v, shape (nz,)."""
@@ -80,11 +73,8 @@ class FrictionLaw(StatefulLaw, Protocol):
         summary: What of it a scene has, for display: "2 joints, as many states".
     """
 
-    title: str
     absent: str
-
-    @property
-    def summary(self) -> str: ...  # noqa: D102
+    summary: str
 
     @classmethod
     def of(cls, model: ArmModel) -> Self | None:

@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.actuation.internal_state import Flow
 from arm_dynamics.arrays import Array
@@ -51,23 +50,11 @@ class LugreFriction:
         self._coulomb, self._static, self._fall = (x[self._joints] for x in self._levels)
         self._laws = tuple(asked.values())
         self._sigma0 = np.array([law.sigma0 for law in self._laws])
+        self.scale: Array = self._static / self._sigma0  # where bristles give way
+        self.replaces_command = np.zeros(model.n, dtype=bool)
+        self.summary = f"{len(self.names)} joints, as many states"
         for i, law in asked.items():
             _check(model, i, law)
-
-    @property
-    def scale(self) -> Array:
-        """Deflection at which bristles give way, Fs/σ0."""
-        return np.asarray(self._static / self._sigma0)
-
-    @property
-    def replaces_command(self) -> NDArray[np.bool_]:
-        """No joint's command."""
-        return np.zeros(self._n, dtype=bool)
-
-    @property
-    def summary(self) -> str:
-        """How many joints have bristles."""
-        return f"{len(self.names)} joints, as many states"
 
     def initial(self, q: Array, v: Array) -> Array:
         """Straight bristles."""
