@@ -151,7 +151,10 @@ class FrameMotion:
         self._model, self._pin = model, model.pin
         self._data = model.pin.createData()
         self._frame = _frame_index(model, frame)
-        self._reference = _reference(reference)
+        if reference not in _REFERENCES:
+            allowed = known_names(_REFERENCES)
+            raise InvalidInput(f"reference = {reference!r}; allowed: {allowed}")
+        self._reference = _REFERENCES[reference]
 
     def placement(self, q: Array) -> tuple[Array, Array]:
         """Position in [m], shape (3,), and rotation, shape (3, 3), of the frame in the world."""
@@ -202,14 +205,8 @@ _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _REFERENCES = {
     "local": pin.ReferenceFrame.LOCAL,
     "world": pin.ReferenceFrame.WORLD,
-    "local_world_aligned": pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
+    "local_world_aligned": _ALIGNED,
 }
-
-
-def _reference(name: str) -> pin.ReferenceFrame:
-    if name not in _REFERENCES:
-        raise InvalidInput(f"reference = {name!r}; allowed: {known_names(_REFERENCES)}")
-    return _REFERENCES[name]
 
 
 def _frame_index(model: Robot, frame: str) -> int:

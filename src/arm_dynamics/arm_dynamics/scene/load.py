@@ -165,11 +165,8 @@ def _check_followers(scene: Scene, urdf: Urdf) -> None:
                 f"scene: 'robot.lock' locks '{name}', which follows '{rule.leader}'; "
                 "lock that one too"
             )
-        for key, given in (
-            ("position", scene.initial.position),
-            ("velocity", scene.initial.velocity),
-        ):
-            if name in given and name not in scene.robot.lock:
+        for key in ("position", "velocity"):
+            if name in getattr(scene.initial, key) and name not in scene.robot.lock:
                 raise SceneError(
                     f"scene: 'initial.{key}' names '{name}', which follows '{rule.leader}'; "
                     "set that one"
