@@ -7,7 +7,7 @@ The expressions are those of ``equations``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import casadi as ca
@@ -139,10 +139,15 @@ def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
 
     def expression(robot: Robot) -> ca.Function:
         q, v = (ca.SX.sym(name, robot.n) for name in "qv")
-        named = ConstraintRows(robot)
-        places = [i for i, name in zip(named.places, named.names, strict=True) if name in names]
-        sides = constraint.complete_rows(linkage_of(robot, {}), tree_of(robot), q, v, places)
-        return _function([q, v], ca.horzcat(*sides).T)
+        known = ConstraintRows(robot)
+        listed = zip(known.names, known.places, known.counts, strict=True)
+        every = {place: range(count) for name, place, count in listed if name in names}
+        tree, linkage = tree_of(robot), linkage_of(robot, every)
+        alone = [replace(linkage, constraints={i: linkage.constraints[i]}) for i in every]
+        rows = [constraint.rows(one, tree, q, v, lambda _: 1.0) for one in alone]
+        A = ca.vertcat(ca.SX(0, robot.n), *(row.jacobian for row in rows))
+        drift = ca.vertcat(ca.SX(0, 1), *(row.drift for row in rows))
+        return _function([q, v], ca.horzcat(A, drift).T)
 
     def compared(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Array) -> Parts:
         expected = each(partial(point, points), q, v)

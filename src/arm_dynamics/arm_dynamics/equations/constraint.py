@@ -109,36 +109,6 @@ def rows(
     return Rows(whole, residual, ca.sparsify(J), ca.jtimes(speed, q, v))
 
 
-def complete_rows(
-    linkage: Linkage, tree: Tree, q: ca.SX, v: ca.SX, places: Sequence[int]
-) -> tuple[ca.SX, ca.SX]:
-    """A and γ of all rows of some constraints, also of those that others imply.
-
-    Args:
-        linkage: The constraints.
-        tree: The links.
-        q: Joint positions in [rad] or [m], shape (n,).
-        v: Joint velocities, shape (n,).
-        places: Places of the constraints in the scene's list.
-
-    Returns:
-        Shapes (m, n) and (m,), in the order of ``places``.
-    """
-    kinematics = Kinematics(linkage, tree, q, v)
-    jacobians, drifts = [ca.SX(0, q.shape[0])], [ca.SX(0, 1)]
-    for place in places:
-        constraint = linkage.constraints[place]
-        if isinstance(constraint, RollingConstraint):
-            speed = _slip(constraint, kinematics)
-            jacobians.append(ca.jacobian(speed, v))
-        else:
-            residual = _residual(constraint, kinematics)
-            speed = ca.jtimes(residual, q, v)
-            jacobians.append(ca.jacobian(residual, q))
-        drifts.append(ca.jtimes(speed, q, v))
-    return ca.vertcat(*jacobians), ca.vertcat(*drifts)
-
-
 class Kinematics:
     """Positions of joints, and placements of frames against one another, as expressions."""
 
