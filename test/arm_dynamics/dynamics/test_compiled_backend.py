@@ -250,7 +250,7 @@ def test_on_a_full_disk_pinocchio_answers(
     same_as_pinocchio(Dynamics(models.scene("two_link")), rng)
 
 
-@pytest.mark.parametrize("term", BATCH_TERMS, ids=lambda term: term.name)
+@pytest.mark.parametrize("term", BATCH_TERMS, ids=lambda term: term.title)
 def test_code_that_differs_from_pinocchio_is_refused(
     term: BatchTerm, caplog: pytest.LogCaptureFixture
 ) -> None:

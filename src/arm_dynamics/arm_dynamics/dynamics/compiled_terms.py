@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
@@ -33,8 +33,7 @@ class BatchTerm:
     """One term.
 
     Attributes:
-        name: Name of its function.
-        title: The same for display.
+        title: What it is, for display.
         point: Method of ``RigidTerms`` that answers for one point.
         expression: From an arm to the function of one point's vectors, a matrix transposed.
         compared: Differences of an answer from Pinocchio's at states q, v and accelerations or
@@ -42,7 +41,6 @@ class BatchTerm:
         is_matrix: Whether the answer for a point is a matrix, and no vector.
     """
 
-    name: str
     title: str
     point: Answer
     expression: Callable[[Robot], ca.Function]
@@ -133,8 +131,9 @@ def _energy_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Arr
     return list(zip((answer(q, v) - expected).T, sizes, strict=True))
 
 
+@cache
 def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
-    """A and γ side by side of the constraints of these names."""
+    """A and γ side by side of the constraints of these names, one object for the same names."""
     point = partial(RigidTerms.constraint_rows, names=names)
 
     def expression(robot: Robot) -> ca.Function:
@@ -158,24 +157,17 @@ def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
         return [(difference[..., :-1], size[..., :-1]), (difference[..., -1], size[..., -1])]
 
     title = f"rows of constraints {known_names(names)}"
-    return BatchTerm(f"constraint_rows {names}", title, point, expression, compared, True)
+    return BatchTerm(title, point, expression, compared, True)
 
 
-INVERSE = BatchTerm("inverse", "inverse dynamics", RigidTerms.inverse, _inverse, _inverse_parts)
-FORWARD = BatchTerm("forward", "forward dynamics", RigidTerms.forward, _forward, _forward_parts)
-MASS_MATRIX = BatchTerm(
-    "mass_matrix", "mass matrix", RigidTerms.mass, _mass_matrix, _mass_parts, is_matrix=True
-)
+INVERSE = BatchTerm("inverse dynamics", RigidTerms.inverse, _inverse, _inverse_parts)
+FORWARD = BatchTerm("forward dynamics", RigidTerms.forward, _forward, _forward_parts)
+MASS_MATRIX = BatchTerm("mass matrix", RigidTerms.mass, _mass_matrix, _mass_parts, is_matrix=True)
 CORIOLIS_MATRIX = BatchTerm(
-    "coriolis_matrix",
-    "Coriolis matrix",
-    RigidTerms.coriolis,
-    _coriolis_matrix,
-    _coriolis_parts,
-    is_matrix=True,
+    "Coriolis matrix", RigidTerms.coriolis, _coriolis_matrix, _coriolis_parts, is_matrix=True
 )
-GRAVITY = BatchTerm("gravity", "gravity", RigidTerms.gravity, _gravity, _gravity_parts)
-ENERGIES = BatchTerm("energies", "energies", RigidTerms.energies, _energies, _energy_parts)
+GRAVITY = BatchTerm("gravity", RigidTerms.gravity, _gravity, _gravity_parts)
+ENERGIES = BatchTerm("energies", RigidTerms.energies, _energies, _energy_parts)
 
 
 def _function(arguments: list[ca.SX], result: ca.SX) -> ca.Function:

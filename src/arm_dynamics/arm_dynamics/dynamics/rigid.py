@@ -31,7 +31,7 @@ class RigidDynamics:
 
     def __init__(self, model: ArmModel) -> None:
         self._points = RigidTerms(model)
-        self._built: dict[str, Answer | None] = {}
+        self._built: dict[BatchTerm, Answer | None] = {}
 
     def inverse(self, q: Array, v: Array, a: Array, gravity: Array) -> Array:
         """M a + C v + G in [N m] or [N], shape (…, n); ``gravity``: the scene's, or zeros."""
@@ -75,9 +75,9 @@ class RigidDynamics:
     def _answer(self, term: BatchTerm, *given: Array) -> Array:
         answer = None
         if given[0].ndim == 2 and len(given[0]) >= MANY:
-            if term.name not in self._built:
-                self._built[term.name] = compiled(term, self._points)
-            answer = self._built[term.name]
+            if term not in self._built:
+                self._built[term] = compiled(term, self._points)
+            answer = self._built[term]
         if answer is None:
             return each(partial(term.point, self._points), *given)
         return answer(*given)

@@ -101,10 +101,9 @@ def rows(
             every.append(whole)
             holonomic.append(whole[kept])
     residual = ca.sparsify(ca.vertcat(ca.SX(0, 1), *holonomic))
-    speed = ca.vertcat(ca.jtimes(residual, q, v), ca.SX(0, 1), *rolling)
-    J = ca.jacobian(residual, q)
-    if rolling:
-        J = ca.vertcat(J, ca.jacobian(ca.vertcat(*rolling), v))
+    slip = ca.vertcat(ca.SX(0, 1), *rolling)
+    speed = ca.vertcat(ca.jtimes(residual, q, v), slip)
+    J = ca.vertcat(ca.jacobian(residual, q), ca.jacobian(slip, v))
     whole = ca.vertcat(ca.SX(0, 1), *every)
     return Rows(whole, residual, ca.sparsify(J), ca.jtimes(speed, q, v))
 
