@@ -51,7 +51,7 @@ def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
 
 
 def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-    """What a drive does.
+    """What a drive does, its one joint taken for the whole arm.
 
     Args:
         drive: The drive.
