@@ -55,15 +55,15 @@ def test_what_is_published_arrives(
     with monkeypatch.context() as patch:
         if publishes == "Python":
             patch.setattr(compiled, "native", lambda: None)
-        sink = compiled.make_sink(node, JOINT_STATES, writer, arrays)
+        sink = JointStateSink(node, JOINT_STATES, writer, arrays)
     with monkeypatch.context() as patch:
         if takes == "Python":
             patch.setattr(compiled, "native", lambda: None)
         fields = ("position", "effort")
         reader = compiled.make_reader(JOINTS, fields, partial=False, extra=False)
-    assert (type(sink) is not JointStateSink) == (publishes == "C")
+    assert (sink._compiled is not None) == (publishes == "C")
     assert (type(reader) is not JointStateReader) == (takes == "C")
-    source, bytes_of = compiled.make_source(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
+    source, bytes_of = JointStateSource(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
     matched(node, JOINT_STATES.name)
     assert source.take() is None
     for stamp in (0, 999_999_999, 12_345_678_901_234, -1):
@@ -90,7 +90,7 @@ def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> No
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
     reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
-    source = compiled.make_source(node, JOINT_COMMANDS, reader)
+    source = JointStateSource(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     for _ in range(2):
         publisher.publish(JointState(name=JOINTS, effort=[1.0, 2.0]))
@@ -159,7 +159,7 @@ def test_without_a_compiler_the_node_moves_the_arm_to_the_same_bits(
 
 def test_who_can_no_longer_publish_is_told_why(ros: Ros) -> None:
     node = ros.add(Node, "gone")
-    sink = compiled.make_sink(node, JOINT_STATES, JointStateWriter(JOINTS), [np.zeros(2)] * 3)
+    sink = JointStateSink(node, JOINT_STATES, JointStateWriter(JOINTS), [np.zeros(2)] * 3)
     sink.send(0)
     node.context.try_shutdown()
     with pytest.raises(Exception, match="publish"):

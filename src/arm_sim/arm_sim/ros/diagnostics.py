@@ -9,7 +9,7 @@ from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_dynamics.ros.joint_state.topics import native
+from arm_dynamics.ros.joint_state import native
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.params import SimParams

@@ -14,8 +14,7 @@ from arm_dynamics.ros.common.cdr import HEADER, time_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import sender
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state.serialization import JointStateWriter
-from arm_dynamics.ros.joint_state.topics import make_sink
+from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.interfaces import CLOCK, ENERGY, MULTIPLIERS
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.params import SimParams
@@ -51,7 +50,7 @@ class Outputs:
         self._driven = np.zeros(n) if simulator.plant.torques is not None else None
         effort = simulator.acted if self._driven is None else self._driven
         writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
-        self._states = make_sink(node, JOINT_STATES, writer, (x[:n], x[n : 2 * n], effort))
+        self._states = JointStateSink(node, JOINT_STATES, writer, (x[:n], x[n : 2 * n], effort))
         self._energy = node.create_publisher(ENERGY.type, ENERGY.name, ENERGY.publish)
         self._multipliers = None
         if simulator.model.scene.bilateral:

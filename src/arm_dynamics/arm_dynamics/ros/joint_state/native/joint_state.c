@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * JointStates in and out in one call each: what a loop of 1 kHz does with every message. Where numbers stand, and which
- * bytes are the same in all messages of a kind, is told by joint_state_layout.py.
+ * bytes are the same in all messages of a kind, is told by topics.py.
  */
 #include <math.h>
 #include <stdint.h>
@@ -23,21 +23,13 @@ typedef struct {
   int64_t size;                    /* bytes up to the last number; 0: no kind is known yet */
   int64_t stamp;                   /* where the stamp is */
   int64_t fields, joints;          /* arrays to be read, and the numbers of each */
-  int64_t at[3];                   /* where they are */
+  int64_t at[3];                   /* where they begin */
+  const int64_t* place;            /* of each joint in them */
   const double* limit;             /* how large the numbers of the first array may be; NULL: as large as they like */
   uint8_t* found;                  /* receives stamp and arrival in [ns], then the numbers */
   const uint8_t* raw;              /* the message itself, and its length */
   int64_t length;
 } joint_state_t;
-
-static int is_finite(const uint8_t* numbers, int64_t count) {
-  uint64_t bits;
-  for (int64_t i = 0; i < count; ++i) {
-    memcpy(&bits, numbers + 8 * i, 8);
-    if ((~bits & 0x7ff0000000000000ULL) == 0) return 0;
-  }
-  return 1;
-}
 
 static void put(joint_state_t* s, int64_t place, int64_t value) { memcpy(s->found + 8 * place, &value, 8); }
 
@@ -48,20 +40,21 @@ EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   if (!s->size || length < s->size) return OTHER;
   for (int64_t i = 0; i < s->size; ++i) differs |= (raw[i] ^ s->expected[i]) & s->fixed[i];
   if (differs) return OTHER;
-  for (int64_t f = 0; f < s->fields; ++f)
-    if (!is_finite(raw + s->at[f], s->joints)) return OTHER;
   int32_t seconds;
   uint32_t nanoseconds;
   memcpy(&seconds, raw + s->stamp, 4);
   memcpy(&nanoseconds, raw + s->stamp + 4, 4);
   put(s, 0, GIGA * seconds + nanoseconds);
-  for (int64_t f = 0; f < s->fields; ++f) memcpy(s->found + 16 + 8 * f * s->joints, raw + s->at[f], 8 * s->joints);
-  for (int64_t i = 0; s->limit && i < s->joints; ++i) {
-    double number;
-    memcpy(&number, raw + s->at[0] + 8 * i, 8);
-    if (fabs(number) > s->limit[i]) return BEYOND;
-  }
-  return KNOWN;
+  int beyond = 0;
+  for (int64_t f = 0; f < s->fields; ++f)
+    for (int64_t i = 0; i < s->joints; ++i) {
+      double number;
+      memcpy(&number, raw + s->at[f] + 8 * s->place[i], 8);
+      if (!isfinite(number)) return OTHER;
+      memcpy(s->found + 16 + 8 * (f * s->joints + i), &number, 8);
+      beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];
+    }
+  return beyond ? BEYOND : KNOWN;
 }
 
 typedef struct {
