@@ -7,7 +7,7 @@ from collections.abc import Sequence
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state import native
 from arm_sim.ros.inputs import Inputs
@@ -34,22 +34,12 @@ class SimDiagnostics:
         self._node, self._params, self._engine, self._loop = node, params, engine, loop
         self._inputs, self._lockstep = inputs, lockstep
         self._refused_privileges = refused_privileges
-        self._before: dict[str, int] = {}
+        self._growth = Growth()
 
     def __call__(self) -> list[Finding]:
         """Look at every part."""
         found = [self._look_at_loop(), self._look_at_commands(), self._look_at_simulation()]
         return found if self._lockstep is None else [*found, self._look_at(self._lockstep)]
-
-    def _grown(self, name: str, count: int) -> int:
-        """How much a counter has grown since the last look; it may have been reset meanwhile."""
-        before, self._before[name] = self._before.get(name, 0), count
-        return count - before if count >= before else count
-
-    def _warn(self, found: Finding, count: int, what: str) -> None:
-        """Complain if a counter has grown."""
-        if grown := self._grown(what, count):
-            found.complain(WARN, f"{grown} {what}")
 
     def _look_at_loop(self) -> Finding:
         report, params, found = self._loop.report(), self._params, Finding("loop")
@@ -63,8 +53,8 @@ class SimDiagnostics:
             "executor": "none" if executor is None else type(executor).__name__,
             "messages": "in C" if native() is not None else "in Python",
         }  # fmt: skip
-        self._warn(found, report.missed, "ticks began after the next one was due")
-        self._warn(found, report.dropped, "ticks dropped")
+        self._growth.warn(found, report.missed, "ticks began after the next one was due")
+        self._growth.warn(found, report.dropped, "ticks dropped")
         for refusal in self._refused_privileges:
             found.complain(WARN, refusal)
         return found
@@ -83,14 +73,14 @@ class SimDiagnostics:
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
-        stopped = self._grown("stale", slot.stale_count)
+        stopped = self._growth.of("stale", slot.stale_count)
         if slot.stale:
             found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
         elif stopped:
             found.complain(WARN, "commands stopped, and are back")
-        self._warn(found, inputs.refused, "commands passed over")
-        self._warn(found, inputs.refused_wrenches, "wrenches passed over")
-        if self._grown("conflicts", arbiter.refused) or arbiter.conflict:
+        self._growth.warn(found, inputs.refused, "commands passed over")
+        self._growth.warn(found, inputs.refused_wrenches, "wrenches passed over")
+        if self._growth.of("conflicts", arbiter.refused) or arbiter.conflict:
             found.complain(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
             found.complain(WARN, f"{publishers} publishers on {topic}")
@@ -115,7 +105,7 @@ class SimDiagnostics:
             "asked again": lockstep.asked_again, "ignored": lockstep.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
-        self._warn(found, lockstep.asked_again, "states had to be published again")
+        self._growth.warn(found, lockstep.asked_again, "states had to be published again")
         if lockstep.gone:
             found.complain(ERROR, "the partner gives no answer; time stands still")
         return found

@@ -58,6 +58,7 @@ class Goals:
         stamp: Stamp of the newest state in [ns].
         outcome: What became of the newest goal, in words; empty before the first.
         refused: How many goals were refused.
+        planner: Where they are planned; what is ready is to be delivered between two ticks.
     """
 
     def __init__(self, model: ArmModel, limits: Limits, log: RcutilsLogger) -> None:
@@ -67,30 +68,12 @@ class Goals:
         self.outcome = ""
         self.refused = 0
         self._model, self._limits, self._log = model, limits, log
-        self._background = Background("planner")
-
-    @property
-    def busy(self) -> bool:
-        """Whether a goal is being planned."""
-        return self._background.busy
-
-    @property
-    def ready(self) -> bool:
-        """Whether a plan is done, and waits for the next tick."""
-        return self._background.ready
-
-    def close(self) -> None:
-        """End the planner's thread."""
-        self._background.close()
-
-    def deliver(self) -> None:
-        """Take what has been planned, if anything."""
-        self._background.deliver()
+        self.planner = Background("planner")
 
     def hold(self, q: Array) -> None:
         """Stand still at ``q``, shape (n,); what is being planned is given up."""
         self.follower = Follower(q, self._limits)
-        if self._background.give_up():
+        if self.planner.give_up():
             self.outcome = "given up, the arm is held where it is"
 
     def reference(self, stamp: int) -> Reference:
@@ -119,7 +102,7 @@ class Goals:
 
         def plan(outset: Outset) -> Motion:
             goal = goal_of(message, self._model)
-            return self._planner(params).line(outset.here, goal)
+            return self._cartesian(params).line(outset.here, goal)
 
         self._follow(_Goal("Cartesian goal", "a straight line", None, plan))
 
@@ -130,11 +113,11 @@ class Goals:
 
         def plan(outset: Outset) -> Motion:
             poses = path_of(message, self._model)
-            return self._planner(params).through(outset.here, poses)
+            return self._cartesian(params).through(outset.here, poses)
 
         self._follow(_Goal("Cartesian path", f"{message.count} poses", None, plan))
 
-    def _planner(self, params: ControllerParams) -> CartesianGoals:
+    def _cartesian(self, params: ControllerParams) -> CartesianGoals:
         """One of its own for every plan: it works on the planner's thread."""
         frame, axes = params.settings.frame, params.settings.axes
         if not frame:
@@ -157,7 +140,7 @@ class Goals:
             self._take(goal, follower, outset, _TRIES, plan)
             return
         self.outcome = f"planning {goal.kind}: {goal.about}"
-        if self._background.start(plan, partial(self._take, goal, follower, outset, tries)):
+        if self.planner.start(plan, partial(self._take, goal, follower, outset, tries)):
             self._log.info("a newer goal takes the place of one that was being planned")
 
     def _take(
@@ -173,28 +156,23 @@ class Goals:
         if motion is None:
             return
         if follower.take(outset, motion, self.stamp):
-            self._background.give_up()
-            self._accept(goal, motion)
+            self.planner.give_up()
+            stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
+            slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
+            self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
+            self._log.info(self.outcome)
         elif tries < _TRIES:
             self._follow(goal, tries=tries + 1)
         else:
             self._refuse(goal.kind, ": the arm's reference changed faster than it was planned")
 
     def _result[T](self, kind: str, result: Callable[[], T]) -> T | None:
-        kept = ", the one before goes on: "
         try:
             return result()
-        except ArmError as error:
-            self._refuse(kind, f"{kept}{error}")
         except Exception as error:
-            self._refuse(kind, f"{kept}unexpected failure: {error!r}")
-        return None
-
-    def _accept(self, goal: _Goal, motion: Motion) -> None:
-        stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
-        slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
-        self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
-        self._log.info(self.outcome)
+            why = error if isinstance(error, ArmError) else f"unexpected failure: {error!r}"
+            self._refuse(kind, f", the one before goes on: {why}")
+            return None
 
     def _refuse(self, kind: str, why: str) -> None:
         self.outcome = f"{kind} refused{why}"

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from arm_msgs.msg import TrackingState
@@ -23,34 +22,6 @@ from arm_dynamics.ros.common.convert import in_world, joint_indices, spread, to_
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
 from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import Reference, Waypoint
-
-
-class Point(NamedTuple):
-    """A JointTrajectoryPoint without its effort.
-
-    Attributes:
-        time: ``time_from_start`` in [ns].
-        positions: As in the message, any length.
-        velocities: Likewise.
-        accelerations: Likewise.
-    """
-
-    time: int
-    positions: Array
-    velocities: Array
-    accelerations: Array
-
-
-class Placed(NamedTuple):
-    """A PoseStamped without its stamp.
-
-    Attributes:
-        frame_id: Its frame, perhaps empty.
-        pose: Position and quaternion x y z w, shape (7,).
-    """
-
-    frame_id: str
-    pose: Array
 
 
 @dataclass(frozen=True)
@@ -87,8 +58,11 @@ class TrajectoryBytes:
         count = cdr.count_of("points", MAX_GOAL_POINTS)
         return cls(stamp, names, count, raw, cdr.at)
 
-    def points(self) -> Iterator[Point]:
-        """Read one point after another.
+    def points(self) -> Iterator[tuple[int, Array, Array, Array]]:
+        """Read one point after another, without its effort.
+
+        Yields:
+            ``time_from_start`` in [ns], positions, velocities and accelerations of any length.
 
         Raises:
             InvalidInput: If the message ends too early.
@@ -97,7 +71,7 @@ class TrajectoryBytes:
         for _ in range(self.count):
             positions, velocities, accelerations = cdr.doubles(), cdr.doubles(), cdr.doubles()
             cdr.doubles()  # effort
-            yield Point(cdr.nanoseconds(), positions, velocities, accelerations)
+            yield cdr.nanoseconds(), positions, velocities, accelerations
 
 
 @dataclass(frozen=True)
@@ -126,8 +100,11 @@ class PathBytes:
         frame_id, count = cdr.text(), cdr.count_of("poses", MAX_GOAL_POINTS)
         return cls(frame_id, count, raw, cdr.at)
 
-    def poses(self) -> Iterator[Placed]:
-        """Read one pose after another.
+    def poses(self) -> Iterator[tuple[str, Array]]:
+        """Read one pose after another, without its stamp.
+
+        Yields:
+            The pose's frame, perhaps empty, and its position and quaternion x y z w, shape (7,).
 
         Raises:
             InvalidInput: If the message ends too early.
@@ -135,7 +112,7 @@ class PathBytes:
         cdr = CdrReader(self._raw, self._begin)
         for _ in range(self.count):
             cdr.nanoseconds()
-            yield Placed(cdr.text(), cdr.array(7))
+            yield cdr.text(), cdr.array(7)
 
 
 def waypoints(
@@ -165,12 +142,12 @@ def waypoints(
 
     return [
         Waypoint(
-            1e-9 * point.time,
-            spread(f"positions of point {i}", point.positions, joints, here.q),
-            derivative(f"velocities of point {i}", point.velocities),
-            derivative(f"accelerations of point {i}", point.accelerations),
+            1e-9 * time,
+            spread(f"positions of point {i}", positions, joints, here.q),
+            derivative(f"velocities of point {i}", velocities),
+            derivative(f"accelerations of point {i}", accelerations),
         )
-        for i, point in enumerate(message.points())
+        for i, (time, positions, velocities, accelerations) in enumerate(message.points())
     ]
 
 

@@ -25,7 +25,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import FLAGS, build, may_build
 from arm_dynamics.exceptions import KernelError
 from arm_dynamics.ros.common.cdr import HEADER
-from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.direct import Newest, advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
@@ -231,8 +231,8 @@ class JointStateSink:
             writer: Of the messages.
             arrays: One for each of the writer's fields, contiguous, shape (n,).
         """
-        publisher = node.create_publisher(topic.type, topic.name, topic.publish)
-        self._handle, self._writer, self._arrays = publisher.handle, writer, tuple(arrays)
+        self._handle = advertise(node, topic).handle
+        self._writer, self._arrays = writer, tuple(arrays)
         ros = native()
         self._compiled = None if ros is None else self._in_c(ros)
 
