@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from harness import Ros
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, by_hand, command, motion, ticks
 
@@ -112,37 +112,29 @@ class Message(ctypes.Structure):
     )  # fmt: skip
 
 
-def test_memory_of_a_giant_message_is_given_back() -> None:
-    """What fills the message here stands for ROS: it makes room for a message that needs more."""
-    functions = compiled.native()
-    assert functions is not None
+class Source(ctypes.Structure):
+    """``source_t`` of joint_state.c."""
+
+    _fields_ = (("subscription", ctypes.c_void_p), ("message", Message))
+
+
+def test_memory_of_a_giant_message_is_given_back(ros: Ros) -> None:
+    node = ros.add(Node, "both")
+    publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
     reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
     assert isinstance(reader, compiled.CompiledReader)
-    good = bytes(serialize_message(JointState(name=JOINTS, effort=[1.0, 2.0])))
-    sizes, room = iter([len(good), len(good), 50_000_000, len(good), len(good)]), []
-    realloc = ctypes.CDLL(None).realloc
-    realloc.restype, realloc.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
-
-    def fill(_: int, message: ctypes.Array[Message], *__: int) -> int:
-        size, found = next(sizes), message[0]
-        room.append(found.capacity)
-        if found.capacity < size:
-            found.buffer, found.capacity = realloc(found.buffer, size), size
-        ctypes.memmove(found.buffer, good, len(good))
-        found.length = size
-        return 0
-
-    pointers = ctypes.c_void_p, ctypes.POINTER(Message), ctypes.c_void_p, ctypes.c_void_p
-    receive = ctypes.CFUNCTYPE(ctypes.c_int, *pointers)(fill)
-    where = ctypes.cast(receive, ctypes.c_void_p)
-    memory = functions.source(None, where, functions.forget, functions.allocator)
-    for _ in range(2):
-        assert functions.take(memory, reader.place) == compiled.OTHER
-        reader.other()
-    for _ in range(3):
-        assert functions.take(memory, reader.place) == compiled.KNOWN
-    functions.release(memory)
-    assert room == [0, len(good), len(good), 0, len(good)]
+    source = JointStateSource(node, JOINT_COMMANDS, reader)
+    matched(node, JOINT_COMMANDS.name)
+    room = []
+    for frame_id in ("", "", "x" * 200_000, "", ""):
+        message = JointState(name=JOINTS, effort=[1.0, 2.0])
+        message.header.frame_id = frame_id
+        publisher.publish(message)
+        assert next_of(source)[1][1] == [(1.0, 2.0)]
+        room.append(Source.from_address(reader._memory.value).message.capacity)
+    source.close()
+    assert room[2] >= 200_000
+    assert max(room[:2] + room[3:]) < 1000
 
 
 def test_without_a_compiler_the_node_moves_the_arm_to_the_same_bits(

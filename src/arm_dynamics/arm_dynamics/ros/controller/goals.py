@@ -84,7 +84,7 @@ class Goals:
     def trajectory(self, raw: bytes) -> None:
         """Follow a serialized JointTrajectory from the present reference on, or say why not."""
         n = self._model.n
-        if (message := self._result("trajectory", lambda: TrajectoryBytes.of(raw, n))) is None:
+        if (message := self._result("trajectory", lambda: TrajectoryBytes(raw, n))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
@@ -108,7 +108,7 @@ class Goals:
 
     def path(self, raw: bytes, params: ControllerParams) -> None:
         """Lead the task's frame through the poses of a serialized Path, or say why not."""
-        if (message := self._result("Cartesian path", lambda: PathBytes.of(raw))) is None:
+        if (message := self._result("Cartesian path", lambda: PathBytes(raw))) is None:
             return
 
         def plan(outset: Outset) -> Motion:

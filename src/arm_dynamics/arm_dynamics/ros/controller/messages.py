@@ -7,7 +7,6 @@ Long goals stay bytes: their heads are read at once, their points where there is
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
 
 import numpy as np
 from arm_msgs.msg import TrackingState
@@ -24,7 +23,6 @@ from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import Reference, Waypoint
 
 
-@dataclass(frozen=True)
 class TrajectoryBytes:
     """A serialized JointTrajectory.
 
@@ -34,14 +32,7 @@ class TrajectoryBytes:
         count: Number of points.
     """
 
-    stamp: int
-    joint_names: tuple[str, ...]
-    count: int
-    _raw: bytes = field(repr=False)
-    _begin: int = field(repr=False)
-
-    @classmethod
-    def of(cls, raw: bytes, most_names: int) -> TrajectoryBytes:
+    def __init__(self, raw: bytes, most_names: int) -> None:
         """Read the head.
 
         Args:
@@ -52,11 +43,12 @@ class TrajectoryBytes:
             InvalidInput: If these bytes are no such message, or one beyond limits.
         """
         cdr = CdrReader(raw)
-        stamp = cdr.nanoseconds()
+        self.stamp = cdr.nanoseconds()
         cdr.skip(cdr.count(), 1)  # frame_id, which says nothing
-        names = tuple(cdr.text() for _ in range(cdr.count_of("joint names", most_names)))
-        count = cdr.count_of("points", MAX_GOAL_POINTS)
-        return cls(stamp, names, count, raw, cdr.at)
+        named = cdr.count_of("joint names", most_names)
+        self.joint_names = tuple(cdr.text() for _ in range(named))
+        self.count = cdr.count_of("points", MAX_GOAL_POINTS)
+        self._raw, self._begin = raw, cdr.at
 
     def points(self) -> Iterator[tuple[int, Array, Array, Array]]:
         """Read one point after another, without its effort.
@@ -74,7 +66,6 @@ class TrajectoryBytes:
             yield cdr.nanoseconds(), positions, velocities, accelerations
 
 
-@dataclass(frozen=True)
 class PathBytes:
     """A serialized nav_msgs/Path.
 
@@ -83,13 +74,7 @@ class PathBytes:
         count: Number of poses.
     """
 
-    frame_id: str
-    count: int
-    _raw: bytes = field(repr=False)
-    _begin: int = field(repr=False)
-
-    @classmethod
-    def of(cls, raw: bytes) -> PathBytes:
+    def __init__(self, raw: bytes) -> None:
         """Read the head.
 
         Raises:
@@ -97,8 +82,8 @@ class PathBytes:
         """
         cdr = CdrReader(raw)
         cdr.nanoseconds()
-        frame_id, count = cdr.text(), cdr.count_of("poses", MAX_GOAL_POINTS)
-        return cls(frame_id, count, raw, cdr.at)
+        self.frame_id, self.count = cdr.text(), cdr.count_of("poses", MAX_GOAL_POINTS)
+        self._raw, self._begin = raw, cdr.at
 
     def poses(self) -> Iterator[tuple[str, Array]]:
         """Read one pose after another, without its stamp.

@@ -24,7 +24,6 @@ from rclpy.node import Node
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import FLAGS, build, may_build
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.ros.common.cdr import HEADER
 from arm_dynamics.ros.common.direct import Newest, advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.serialization import (
@@ -52,9 +51,8 @@ class _Kind(ctypes.Structure):
 
     _fields_ = (
         ("fixed", ctypes.c_char_p), ("expected", ctypes.c_char_p), ("size", c_int64),
-        ("stamp", c_int64), ("fields", c_int64), ("joints", c_int64), ("at", c_int64 * 3),
-        ("place", c_void_p), ("limit", c_void_p), ("found", c_void_p), ("raw", c_void_p),
-        ("length", c_int64),
+        ("fields", c_int64), ("joints", c_int64), ("at", c_int64 * 3), ("place", c_void_p),
+        ("limit", c_void_p), ("found", c_void_p), ("raw", c_void_p), ("length", c_int64),
     )  # fmt: skip
 
 
@@ -62,54 +60,40 @@ class _Sink(ctypes.Structure):
     """``sink_t`` of joint_state.c."""
 
     _fields_ = (
-        ("raw", c_void_p), ("size", c_int64), ("stamp", c_int64), ("fields", c_int64),
-        ("joints", c_int64), ("at", c_int64 * 3), ("numbers", c_void_p * 3),
-        ("publisher", c_void_p), ("publish", c_void_p), ("forget", c_void_p),
+        ("raw", c_void_p), ("size", c_int64), ("fields", c_int64), ("joints", c_int64),
+        ("at", c_int64 * 3), ("numbers", c_void_p * 3), ("publisher", c_void_p),
     )  # fmt: skip
 
 
-class _Native:
-    """The compiled functions, and those of ROS that they call."""
-
-    def __init__(self, library: ctypes.CDLL, rcl: ctypes.CDLL, rcutils: ctypes.CDLL) -> None:
-        """Say what the functions take and return."""
-        self.look, self.take = library.look, library.take
-        self.source, self.release, self.send = library.source, library.release, library.send
-        self.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
-        self.take.argtypes = [c_void_p, c_void_p]
-        self.source.argtypes, self.source.restype = [c_void_p] * 4, c_void_p
-        self.release.argtypes, self.release.restype = [c_void_p], None
-        self.send.argtypes = [c_void_p, c_int64]
-        for function in (self.look, self.take, self.send):
-            function.restype = c_int64
-        self.receive = _entry(rcl.rcl_take_serialized_message)
-        self.publish = _entry(rcl.rcl_publish_serialized_message)
-        self.forget = _entry(rcutils.rcutils_reset_error)
-        self.allocator = _entry(rcutils.rcutils_get_default_allocator)
-
-
 @cache
-def native() -> _Native | None:
+def native() -> ctypes.CDLL | None:
     """The compiled functions; None where they cannot be had."""
     if not may_build():
         return None
     try:
         prefixes = {name: Path(get_package_prefix(name)) for name in _PACKAGES}
-        folders = (prefix / "include" / name for name, prefix in prefixes.items())
-        flags = (*FLAGS, *(f"-I{folder}" for folder in folders))
+        folders = [f"-I{prefix / 'include' / name}" for name, prefix in prefixes.items()]
+        called = [str(prefixes[name] / f"lib/lib{name}.so") for name in ("rcl", "rcutils")]
+        flags = (*FLAGS, *folders, "-Wl,--no-as-needed", *called)
         library = build(_SOURCE.read_text(), flags=flags).library
-        loaded = (ctypes.CDLL(str(prefixes[n] / f"lib/lib{n}.so")) for n in ("rcl", "rcutils"))
-        return _Native(library, *loaded)
     except (KernelError, PackageNotFoundError, OSError) as error:
         _log.debug("messages are read and written in Python: %s", error)
         return None
+    library.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
+    library.take.argtypes = [c_void_p, c_void_p]
+    library.source.argtypes, library.source.restype = [c_void_p], c_void_p
+    library.release.argtypes, library.release.restype = [c_void_p], None
+    library.send.argtypes = [c_void_p, c_int64]
+    for function in (library.look, library.take, library.send):
+        function.restype = c_int64
+    return library
 
 
 class CompiledReader(JointStateReader):
     """A ``JointStateReader`` that reads a message like the one before in C."""
 
     def __init__(
-        self, native: _Native, names: Sequence[str], fields: Sequence[str], **options: Any
+        self, native: ctypes.CDLL, names: Sequence[str], fields: Sequence[str], **options: Any
     ) -> None:
         """See ``JointStateReader``."""
         super().__init__(names, fields, **options)
@@ -119,8 +103,8 @@ class CompiledReader(JointStateReader):
         self._numbers = [slice(2 + n * k, 2 + n * (k + 1)) for k in range(count)]
         self._limits, self._order = np.array(self._limit), np.zeros(n, np.int64)
         self._kind = _Kind(
-            stamp=HEADER, fields=count, joints=n, found=_address(self._found),
-            place=self._order.ctypes.data, limit=self._limits.ctypes.data if self._limit else None,
+            fields=count, joints=n, found=_address(self._found), place=self._order.ctypes.data,
+            limit=self._limits.ctypes.data if self._limit else None,
         )  # fmt: skip
         self.native, self.place = native, c_void_p(ctypes.addressof(self._kind))
         self._all, self._before = frozenset(range(n)), None
@@ -134,9 +118,8 @@ class CompiledReader(JointStateReader):
 
     def open(self, subscription: int) -> None:
         """Get ready to take messages of an ``rcl_subscription_t``; ``close`` before it ends."""
-        ros = self.native
-        self._memory = c_void_p(ros.source(subscription, ros.receive, ros.forget, ros.allocator))
-        self.take = partial(ros.take, self._memory, self.place)
+        self._memory = c_void_p(self.native.source(subscription))
+        self.take = partial(self.native.take, self._memory, self.place)
 
     def close(self) -> None:
         """Give the memory for messages back."""
@@ -233,25 +216,24 @@ class JointStateSink:
         """
         self._handle = advertise(node, topic).handle
         self._writer, self._arrays = writer, tuple(arrays)
-        ros = native()
-        self._compiled = None if ros is None else self._in_c(ros)
+        compiled = native()
+        self._compiled = None if compiled is None else self._in_c(compiled.send)
 
     def send(self, stamp: int) -> None:
         """Publish what the arrays hold now, with this time in [ns]."""
         if self._compiled is None or self._compiled(stamp):  # of a failure, this says why
             self._handle.publish_raw(self._writer.write(stamp, *self._arrays))
 
-    def _in_c(self, ros: _Native) -> Callable[[int], int]:
+    def _in_c(self, send: Callable[[c_void_p, int], int]) -> Callable[[int], int]:
         """What writes and publishes in one call, and returns zero unless that failed."""
         writer = self._writer
         self._sink = sink = _Sink(
-            raw=_address(writer.raw), size=len(writer.raw), stamp=HEADER,
-            fields=len(writer.places), joints=self._arrays[0].size,
-            publisher=self._handle.pointer, publish=ros.publish, forget=ros.forget,
+            raw=_address(writer.raw), size=len(writer.raw), fields=len(writer.places),
+            joints=self._arrays[0].size, publisher=self._handle.pointer,
         )  # fmt: skip
         for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
             sink.at[k], sink.numbers[k] = place, array.ctypes.data
-        return partial(ros.send, c_void_p(ctypes.addressof(sink)))
+        return partial(send, c_void_p(ctypes.addressof(sink)))
 
 
 def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> JointStateReader:
@@ -264,8 +246,3 @@ def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> 
 def _address(buffer: bytearray) -> int:
     """Where the bytes of a buffer are."""
     return ctypes.addressof(ctypes.c_char.from_buffer(buffer))
-
-
-def _entry(function: Any) -> int:
-    """Where a function of C begins."""
-    return ctypes.cast(function, c_void_p).value or 0

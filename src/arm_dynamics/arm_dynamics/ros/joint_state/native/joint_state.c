@@ -10,10 +10,12 @@
 
 #include <rcl/publisher.h>
 #include <rcl/subscription.h>
+#include <rcutils/error_handling.h>
 
 #define EXPORT __attribute__((visibility("default")))
 #define ROOM 65536 /* bytes kept for messages; a larger one gives its memory back before the next is taken */
 #define GIGA 1000000000LL
+#define STAMP 4 /* where the stamp is: after the header */
 
 enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 
@@ -21,7 +23,6 @@ enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 typedef struct {
   const uint8_t *fixed, *expected; /* bits that are the same in every message of this kind, and what they are */
   int64_t size;                    /* bytes up to the last number; 0: no kind is known yet */
-  int64_t stamp;                   /* where the stamp is */
   int64_t fields, joints;          /* arrays to be read, and the numbers of each */
   int64_t at[3];                   /* where they begin */
   const int64_t* place;            /* of each joint in them */
@@ -42,8 +43,8 @@ EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   if (differs) return OTHER;
   int32_t seconds;
   uint32_t nanoseconds;
-  memcpy(&seconds, raw + s->stamp, 4);
-  memcpy(&nanoseconds, raw + s->stamp + 4, 4);
+  memcpy(&seconds, raw + STAMP, 4);
+  memcpy(&nanoseconds, raw + STAMP + 4, 4);
   put(s, 0, GIGA * seconds + nanoseconds);
   int beyond = 0;
   for (int64_t f = 0; f < s->fields; ++f)
@@ -59,19 +60,15 @@ EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
 
 typedef struct {
   const rcl_subscription_t* subscription;
-  __typeof__(&rcl_take_serialized_message) receive;
-  __typeof__(&rcutils_reset_error) forget;
   rcl_serialized_message_t message;
 } source_t;
 
 /* Memory for messages of a subscription; NULL if there is none. `release` gives it back. */
-EXPORT source_t* source(const void* subscription, const void* receive, const void* forget, const void* allocator) {
+EXPORT source_t* source(const rcl_subscription_t* subscription) {
   source_t* s = calloc(1, sizeof *s);
   if (!s) return NULL;
   s->subscription = subscription;
-  s->receive = (__typeof__(s->receive))receive;
-  s->forget = (__typeof__(s->forget))forget;
-  s->message.allocator = ((__typeof__(&rcutils_get_default_allocator))allocator)();
+  s->message.allocator = rcutils_get_default_allocator();
   return s;
 }
 
@@ -90,9 +87,9 @@ EXPORT int64_t take(source_t* from, joint_state_t* s) {
     m->buffer_capacity = 0;
   }
   m->buffer_length = 0;
-  rcl_ret_t done = from->receive(from->subscription, m, &about, NULL);
+  rcl_ret_t done = rcl_take_serialized_message(from->subscription, m, &about, NULL);
   if (done != RCL_RET_OK) {
-    from->forget();
+    rcutils_reset_error();
     return done == RCL_RET_SUBSCRIPTION_TAKE_FAILED ? NONE : FAILED;
   }
   s->raw = m->buffer;
@@ -104,11 +101,9 @@ EXPORT int64_t take(source_t* from, joint_state_t* s) {
 /* A message of which only the stamp and some arrays change. */
 typedef struct {
   uint8_t* raw;
-  int64_t size, stamp, fields, joints, at[3];
+  int64_t size, fields, joints, at[3];
   const uint8_t* numbers[3]; /* what the arrays are written from */
   const rcl_publisher_t* publisher;
-  __typeof__(&rcl_publish_serialized_message) publish;
-  __typeof__(&rcutils_reset_error) forget;
 } sink_t;
 
 /* Publish the message with this stamp in [ns] and the numbers of now; 0, or why it was not published. */
@@ -116,11 +111,11 @@ EXPORT int64_t send(sink_t* s, int64_t stamp) {
   int64_t rest = (stamp % GIGA + GIGA) % GIGA;
   int32_t seconds = (int32_t)((stamp - rest) / GIGA);
   uint32_t nanoseconds = (uint32_t)rest;
-  memcpy(s->raw + s->stamp, &seconds, 4);
-  memcpy(s->raw + s->stamp + 4, &nanoseconds, 4);
+  memcpy(s->raw + STAMP, &seconds, 4);
+  memcpy(s->raw + STAMP + 4, &nanoseconds, 4);
   for (int64_t f = 0; f < s->fields; ++f) memcpy(s->raw + s->at[f], s->numbers[f], 8 * s->joints);
   rcl_serialized_message_t message = {.buffer = s->raw, .buffer_length = s->size, .buffer_capacity = s->size};
-  rcl_ret_t done = s->publish(s->publisher, &message, NULL);
-  if (done != RCL_RET_OK) s->forget();
+  rcl_ret_t done = rcl_publish_serialized_message(s->publisher, &message, NULL);
+  if (done != RCL_RET_OK) rcutils_reset_error();
   return done;
 }
