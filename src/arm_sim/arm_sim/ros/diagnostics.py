@@ -30,7 +30,6 @@ class SimDiagnostics:
         lockstep: Lockstep | None,
         refused_privileges: Sequence[str],
     ) -> None:
-        """Prepare to look at these parts."""
         self._node, self._params, self._engine, self._loop = node, params, engine, loop
         self._inputs, self._lockstep = inputs, lockstep
         self._refused_privileges = refused_privileges

@@ -8,9 +8,8 @@ from collections.abc import Callable
 import numpy as np
 from arm_msgs.msg import Energy, Multipliers
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 
-from arm_dynamics.ros.common.cdr import HEADER, time_bytes
+from arm_dynamics.ros.common.cdr import NATIVE, time_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES
@@ -57,7 +56,6 @@ class Outputs:
             self._multipliers = advertise(node, MULTIPLIERS)
             simulator.multipliers()  # builds what the loop should not have to wait for
         self._clock = advertise(node, CLOCK).handle if params.publish_clock else None
-        self._clock_header = bytes(serialize_message(CLOCK.type()))[:HEADER]
         simulator.energy_account.prepare()
         self._idle = 0.0
         engine.on_tick.append(self._after_tick)
@@ -73,7 +71,7 @@ class Outputs:
             self._driven[:] = self._simulator.effort
         self._states.send(stamp)
         if self._clock is not None:
-            self._clock.publish_raw(self._clock_header + time_bytes(stamp))
+            self._clock.publish_raw(NATIVE + time_bytes(stamp))
 
     def repeat(self, elapsed: float) -> None:
         """Publish the present state now and then; ``elapsed`` in [s] since the last call."""

@@ -24,7 +24,6 @@ class AnswerLog:
     """
 
     def __init__(self) -> None:
-        """Start without any."""
         self._raw, self._command = b"", b""
         self._seen = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0

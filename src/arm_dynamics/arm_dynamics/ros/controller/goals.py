@@ -19,10 +19,10 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.convert import in_world
 from arm_dynamics.ros.controller.messages import (
     PathBytes,
     TrajectoryBytes,
-    goal_of,
     path_of,
     waypoints,
 )
@@ -101,7 +101,9 @@ class Goals:
         """Lead the task's frame straight to a pose, or say why not."""
 
         def plan(outset: Outset) -> Motion:
-            goal = goal_of(message, self._model)
+            at, turn = message.pose.position, message.pose.orientation
+            numbers = at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w
+            goal = in_world(numbers, message.header.frame_id, self._model)
             return self._cartesian(params).line(outset.here, goal)
 
         self._follow(_Goal("Cartesian goal", "a straight line", None, plan))

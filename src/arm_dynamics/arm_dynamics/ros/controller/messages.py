@@ -10,7 +10,6 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 from arm_msgs.msg import TrackingState
-from geometry_msgs.msg import PoseStamped
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Moving
@@ -134,17 +133,6 @@ def waypoints(
         )
         for i, (time, positions, velocities, accelerations) in enumerate(message.points())
     ]
-
-
-def goal_of(message: PoseStamped, model: ArmModel) -> Pose:
-    """Read a pose that stands alone; its stamp says nothing.
-
-    Raises:
-        InvalidInput: As ``in_world``.
-    """
-    at, turn = message.pose.position, message.pose.orientation
-    numbers = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
-    return in_world(numbers, message.header.frame_id, model)
 
 
 def path_of(message: PathBytes, model: ArmModel) -> list[Pose]:

@@ -22,7 +22,6 @@ class RequestCounts:
     """
 
     def __init__(self) -> None:
-        """Start at zero."""
         self.descriptions_refused = 0
         self._asked = self._refused = 0
         self._busy = 0.0

@@ -17,14 +17,13 @@ from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array, any_beyond, finite_numbers
 from arm_dynamics.exceptions import InvalidInput, known_names
-from arm_dynamics.ros.common.cdr import COUNT, GIGA, HEADER, TIME
+from arm_dynamics.ros.common.cdr import COUNT, GIGA, HEADER, NATIVE, TIME
 from arm_dynamics.ros.common.convert import to_nanoseconds
 
 Numbers = tuple[float, ...]
 Read = tuple[int, list[Numbers]]  # stamp in [ns], and n numbers for each of the fields
 
 FIELDS = ("position", "velocity", "effort")
-_NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
 
 
 class Layout(NamedTuple):
@@ -66,7 +65,7 @@ def layout_of(frame_id: str, names: Sequence[str], lengths: Sequence[int]) -> La
         count(length)
         return put(bytes(8 * length), 8 if length else 1, stays=False)
 
-    put(_NATIVE)
+    put(NATIVE)
     put(bytes(TIME.size), COUNT, stays=False)
     text(frame_id)
     count(len(names))

@@ -95,7 +95,6 @@ class CompiledReader(JointStateReader):
     def __init__(
         self, native: ctypes.CDLL, names: Sequence[str], fields: Sequence[str], **options: Any
     ) -> None:
-        """See ``JointStateReader``."""
         super().__init__(names, fields, **options)
         n, count = len(names), len(fields)
         self._found = bytearray(16 + 8 * n * count)
@@ -106,35 +105,38 @@ class CompiledReader(JointStateReader):
             fields=count, joints=n, found=_address(self._found), place=self._order.ctypes.data,
             limit=self._limits.ctypes.data if self._limit else None,
         )  # fmt: skip
-        self.native, self.place = native, c_void_p(ctypes.addressof(self._kind))
+        self._native, self._place = native, c_void_p(ctypes.addressof(self._kind))
         self._all, self._before = frozenset(range(n)), None
-        self._look = partial(native.look, self.place)
+        self._look = partial(native.look, self._place)
 
     def read(self, raw: bytes) -> Read:
         """See ``JointStateReader.read``."""
         if (outcome := self._look(raw, len(raw))) <= BEYOND:
-            return self.accepted(outcome)[1]
+            return self._accepted(outcome)[1]
         return self._learn(raw)
 
     def open(self, subscription: int) -> None:
         """Get ready to take messages of an ``rcl_subscription_t``; ``close`` before it ends."""
-        self._memory = c_void_p(self.native.source(subscription))
-        self.take = partial(self.native.take, self._memory, self.place)
+        self._memory = c_void_p(self._native.source(subscription))
+        self.take = partial(self._native.take, self._memory, self._place)
 
     def close(self) -> None:
         """Give the memory for messages back."""
         self.take = partial(int, NONE)
         if self._memory:
-            self.native.release(self._memory)
+            self._native.release(self._memory)
             self._memory = c_void_p(None)
 
     def taken(self, outcome: int) -> tuple[int, Read] | None:
         """Arrival in [ns] and content of a message, after ``take`` with that outcome."""
         if outcome == NONE:
             return None
-        return self.other() if outcome == OTHER else self.accepted(outcome)
+        if outcome == OTHER:
+            arrival, kind = self._unpack(self._found)[1], self._kind
+            return arrival, self._learn(ctypes.string_at(kind.raw, kind.length))
+        return self._accepted(outcome)
 
-    def accepted(self, outcome: int) -> tuple[int, Read]:
+    def _accepted(self, outcome: int) -> tuple[int, Read]:
         """Arrival in [ns], and what C has just read with that outcome."""
         found = self._unpack(self._found)
         self._admit(self._speaker, self._all)
@@ -142,11 +144,6 @@ class CompiledReader(JointStateReader):
         if outcome == BEYOND:
             values[0] = self._beyond(values[0])
         return found[1], (found[0], values)
-
-    def other(self) -> tuple[int, Read]:
-        """Arrival in [ns], and what is in the message that C has just taken but does not know."""
-        arrival, kind = self._unpack(self._found)[1], self._kind
-        return arrival, self._learn(ctypes.string_at(kind.raw, kind.length))
 
     def _learn(self, raw: bytes) -> Read:
         """Read a message the long way; of two alike that name all joints, C knows the next one."""
