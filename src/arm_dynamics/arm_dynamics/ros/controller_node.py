@@ -33,7 +33,7 @@ from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import run, subscribe
-from arm_dynamics.ros.common.params import declare, privileges, watch
+from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller import AnswerLog, ControllerParams, Goals, tracking_state
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
@@ -99,9 +99,9 @@ class ControllerNode(Node):
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._log = AnswerLog()
         self._connect()
-        watch(self, lambda: self.params, self._apply)
+        watch(self, self.params, self._apply)
         self._diagnosis = Diagnosis(self, self.diagnostics)
-        for refusal in privileges(self.params).claim():
+        for refusal in self.params.claim():
             self.get_logger().warning(f"not granted: {refusal}")
 
     def _connect(self) -> None:

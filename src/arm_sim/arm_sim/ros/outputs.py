@@ -40,9 +40,8 @@ class Outputs:
 
         ``account_wanted`` tells whether something besides ``~/energy`` needs the energy account.
         """
-        self._engine, self._simulator = engine, engine.simulator
-        self._round_trip, self._account_wanted = round_trip, account_wanted
-        simulator = engine.simulator
+        self._engine, self._round_trip, self._account_wanted = engine, round_trip, account_wanted
+        self._simulator = simulator = engine.simulator
         self._every = params.publish_every
         self._energy_every = max(1, round(params.energy_period / simulator.dt))
         n, x = simulator.n, simulator.x

@@ -8,7 +8,7 @@ a group of parameters.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass, field, fields, is_dataclass, replace
+from dataclasses import field, fields, is_dataclass, replace
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -22,7 +22,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.ros.common.privileges import Privileges, read_cpus
 
 SCENE = "Scene file or URDF: a path, a package:// URI or URDF text"
 
@@ -74,22 +73,24 @@ def declare[P](node: Node, kind: type[P]) -> P:
     return _with(kind(), declared)
 
 
-def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -> None:
+def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
     """Take changes at run time: all parameters of one request together, or none of them.
 
     Args:
         node: The node that declared the parameters.
-        current: Gives the dataclass in force.
+        present: The dataclass in force, until another one is.
         apply: Puts a new one in force; an ``ArmError`` refuses the request, and must leave the old
             one in force.
     """
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
-        present, values = current(), {p.name: p.value for p in parameters}
+        nonlocal present
+        values = {p.name: p.value for p in parameters}
         try:
             wanted = _with(present, lambda name, value, about: values.get(name, value))
             if wanted != present:
                 apply(wanted)
+                present = wanted
         except ArmError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -143,29 +144,3 @@ def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
         else:
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     return descriptor
-
-
-@dataclass(frozen=True)
-class ThreadParams:
-    """Parameters of the thread that keeps a node's deadlines."""
-
-    priority: int = parameter(
-        0, "Real-time priority of the loop (SCHED_FIFO); 0: an ordinary thread", low=0, high=99
-    )
-    cpus: str = parameter("", "Processors that the loop may run on, such as '0, 2'; empty: all")
-    lock_memory: bool = parameter(False, "Keep the process's memory from being swapped")
-    freeze_garbage: bool = parameter(
-        True,
-        "Take what exists at the start out of the garbage collector's rounds, where the node has "
-        "a process of its own",
-    )
-
-
-def privileges(params: ThreadParams) -> Privileges:
-    """What these parameters ask of the system.
-
-    Raises:
-        InvalidInput: If ``cpus`` cannot be read.
-    """
-    cpus = read_cpus(params.cpus)
-    return Privileges(params.priority, cpus, params.lock_memory)
