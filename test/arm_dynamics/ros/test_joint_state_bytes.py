@@ -183,7 +183,7 @@ def test_reads_what_was_serialized(rng: np.random.Generator, reader: Readers) ->
 
 
 @pytest.mark.parametrize("names", [NAMES, NAMES[::-1], ["hand", *NAMES]])
-def test_c_knows_what_came_twice_in_any_order_of_joints(
+def test_c_knows_what_came_once_in_any_order_of_joints(
     names: list[str], monkeypatch: pytest.MonkeyPatch
 ) -> None:
     read = make_reader(NAMES, ("position", "velocity"), partial=False, extra=True)
@@ -198,7 +198,7 @@ def test_c_knows_what_came_twice_in_any_order_of_joints(
         _, values = read.read(serialize_message(message))
         wanted = [tuple(field[name] for name in NAMES) for field in (position, velocity)]
         assert values == wanted
-    assert len(long_ways) == 2
+    assert len(long_ways) == 1
 
 
 def test_arrays_of_another_number_or_size_are_not_written() -> None:
@@ -222,14 +222,31 @@ def test_reads_by_name(reader: Readers) -> None:
     np.testing.assert_array_equal(values, [[1.0, 2.0, 3.0], [4.0, 5.0, 6.0]])
 
 
-def test_several_publishers_are_all_read(reader: Readers) -> None:
-    read = reader()
+def test_several_publishers_are_all_known(
+    reader: Readers, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read, long_ways = reader(), list[bytes]()
+    monkeypatch.setattr(topics, "parsed", lambda raw: long_ways.append(raw) or parsed(raw))
     orders = [NAMES, NAMES[::-1], [NAMES[1], NAMES[0], NAMES[2]]]
     for _ in range(3):
         for names in orders:
             position = [float(NAMES.index(name)) for name in names]
             message = JointState(name=names, position=position, velocity=[0.0] * 3)
             np.testing.assert_array_equal(read.read(serialize_message(message))[1][0], [0, 1, 2])
+    assert len(long_ways) == (len(orders) if isinstance(read, CompiledReader) else 0)
+
+
+def test_publishers_of_some_joints_in_turn_are_read_alike_by_both() -> None:
+    options: Any = {"partial": True, "extra": True, "limit": [2.0] * 3}
+    options["beyond"] = lambda numbers: tuple(min(x, 2.0) for x in numbers)
+    readers = [kind(NAMES, ("position",), **options) for kind in (JointStateReader, make_reader)]
+    orders = [NAMES[:1], NAMES[1:], NAMES[::-1], ["hand", NAMES[2]], NAMES[2:], NAMES[:2]]
+    for k in range(40):
+        names = orders[k % 3] if k < 20 else orders[k % 6]  # more kinds than are known at once
+        message = JointState(name=names, position=[0.1 * (k % 30) + i for i in range(len(names))])
+        message.header.stamp.sec = k
+        python, compiled = (said(reader, serialize_message(message)) for reader in readers)
+        assert compiled == python
 
 
 def test_extra_joints_are_passed_over_when_allowed(reader: Readers) -> None:

@@ -24,18 +24,21 @@ from rclpy.node import Node
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import FLAGS, build, may_build
 from arm_dynamics.exceptions import KernelError
+from arm_dynamics.ros.common.cdr import NATIVE
 from arm_dynamics.ros.common.direct import Newest, advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
     JointStateReader,
     JointStateWriter,
+    Numbers,
     Read,
     layout_of,
     parsed,
 )
 
 NONE, KNOWN, BEYOND, OTHER, FAILED = range(5)  # as in joint_state.c
+_KINDS = 4  # likewise
 _SOURCE = Path(__file__).with_name("native") / "joint_state.c"
 # Whose headers rcl's headers include.
 _PACKAGES = (
@@ -47,11 +50,19 @@ _log = logging.getLogger(__name__)
 
 
 class _Kind(ctypes.Structure):
-    """``joint_state_t`` of joint_state.c."""
+    """``kind_t`` of joint_state.c."""
 
     _fields_ = (
         ("fixed", ctypes.c_char_p), ("expected", ctypes.c_char_p), ("size", c_int64),
-        ("fields", c_int64), ("joints", c_int64), ("at", c_int64 * 3), ("place", c_void_p),
+        ("at", c_int64 * 3), ("place", c_void_p),
+    )  # fmt: skip
+
+
+class _State(ctypes.Structure):
+    """``joint_state_t`` of joint_state.c."""
+
+    _fields_ = (
+        ("kinds", _Kind * _KINDS), ("fields", c_int64), ("joints", c_int64),
         ("limit", c_void_p), ("found", c_void_p), ("raw", c_void_p), ("length", c_int64),
     )  # fmt: skip
 
@@ -90,23 +101,25 @@ def native() -> ctypes.CDLL | None:
 
 
 class CompiledReader(JointStateReader):
-    """A ``JointStateReader`` that reads a message like the one before in C."""
+    """A ``JointStateReader`` that reads messages like those before in C."""
 
     def __init__(
         self, native: ctypes.CDLL, names: Sequence[str], fields: Sequence[str], **options: Any
     ) -> None:
         super().__init__(names, fields, **options)
         n, count = len(names), len(fields)
-        self._found = bytearray(16 + 8 * n * count)
-        self._unpack = Struct(f"=qq{n * count}d").unpack_from
-        self._numbers = [slice(2 + n * k, 2 + n * (k + 1)) for k in range(count)]
-        self._limits, self._order = np.array(self._limit), np.zeros(n, np.int64)
-        self._kind = _Kind(
-            fields=count, joints=n, found=_address(self._found), place=self._order.ctypes.data,
+        self._found = bytearray(24 + 8 * n * count)
+        self._unpack = Struct(f"=qqq{n * count}d").unpack_from
+        self._numbers = [slice(3 + n * k, 3 + n * (k + 1)) for k in range(count)]
+        self._limits = np.array(self._limit)
+        self._state = _State(
+            fields=count, joints=n, found=_address(self._found),
             limit=self._limits.ctypes.data if self._limit else None,
         )  # fmt: skip
-        self._native, self._place = native, c_void_p(ctypes.addressof(self._kind))
-        self._all, self._before = frozenset(range(n)), None
+        # Of each kind its source, the joints that it names, and the array that C looks at.
+        self._kinds: list[tuple[str, frozenset[int], Any]] = []
+        self._learned = 0
+        self._native, self._place = native, c_void_p(ctypes.addressof(self._state))
         self._look = partial(native.look, self._place)
 
     def read(self, raw: bytes) -> Read:
@@ -132,32 +145,42 @@ class CompiledReader(JointStateReader):
         if outcome == NONE:
             return None
         if outcome == OTHER:
-            arrival, kind = self._unpack(self._found)[1], self._kind
-            return arrival, self._learn(ctypes.string_at(kind.raw, kind.length))
+            arrival, state = self._unpack(self._found)[1], self._state
+            return arrival, self._learn(ctypes.string_at(state.raw, state.length))
         return self._accepted(outcome)
 
     def _accepted(self, outcome: int) -> tuple[int, Read]:
         """Arrival in [ns], and what C has just read with that outcome."""
         found = self._unpack(self._found)
-        self._admit(self._speaker, self._all)
-        self._values = values = [found[place] for place in self._numbers]
+        source, joints, _ = self._kinds[found[2]]
+        self._admit(source, joints)
+        values: list[Numbers] = [found[place] for place in self._numbers]
+        if len(joints) < len(self._names):
+            values = [
+                tuple(new[i] if i in joints else old for i, old in enumerate(before))
+                for new, before in zip(values, self._values, strict=True)
+            ]
+        self._values = values
         if outcome == BEYOND:
             values[0] = self._beyond(values[0])
         return found[1], (found[0], values)
 
     def _learn(self, raw: bytes) -> Read:
-        """Read a message the long way; of two alike that name all joints, C knows the next one."""
+        """Read a message the long way; C knows the next one of its kind."""
         message = parsed(raw)
         read = self._checked(message)
-        lengths = [len(getattr(message, field)) for field in FIELDS]
-        like = message.header.frame_id, message.name, lengths
-        if like == self._before and None not in (places := self._places(message)):
-            layout, kind = layout_of(*like), self._kind
-            self._speaker, self._order[:] = message.header.frame_id, places
-            kind.size, kind.fixed, kind.expected = len(layout.fixed), layout.fixed, layout.expected
-            for k, field in enumerate(self._fields):
-                kind.at[k] = layout.places[FIELDS.index(field)]
-        self._before = like
+        if not raw.startswith(NATIVE):
+            return read
+        source, places = message.header.frame_id, self._places(message)
+        layout = layout_of(source, message.name, [len(getattr(message, f)) for f in FIELDS])
+        order = np.array([-1 if place is None else place for place in places], np.int64)
+        oldest, joints = self._learned % _KINDS, frozenset(np.flatnonzero(order >= 0).tolist())
+        self._kinds[oldest : oldest + 1] = [(source, joints, order)]
+        self._learned += 1
+        kind = self._state.kinds[oldest]
+        kind.size, kind.fixed, kind.expected = len(layout.fixed), layout.fixed, layout.expected
+        kind.at[: len(self._fields)] = [layout.places[FIELDS.index(f)] for f in self._fields]
+        kind.place = order.ctypes.data
         return read
 
 

@@ -15,32 +15,45 @@
 #define EXPORT __attribute__((visibility("default")))
 #define ROOM 65536 /* bytes kept for messages; a larger one gives its memory back before the next is taken */
 #define GIGA 1000000000LL
+#define KINDS 4 /* known at once, for several publishers on one topic */
 #define STAMP 4 /* where the stamp is: after the header */
 
 enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 
-/* A kind of message, and the one looked at last. */
+/* A kind of message: those of one sender that name the same joints. */
 typedef struct {
   const uint8_t *fixed, *expected; /* bits that are the same in every message of this kind, and what they are */
-  int64_t size;                    /* bytes up to the last number; 0: no kind is known yet */
-  int64_t fields, joints;          /* arrays to be read, and the numbers of each */
-  int64_t at[3];                   /* where they begin */
-  const int64_t* place;            /* of each joint in them */
-  const double* limit;             /* how large the numbers of the first array may be; NULL: as large as they like */
-  uint8_t* found;                  /* receives stamp and arrival in [ns], then the numbers */
-  const uint8_t* raw;              /* the message itself, and its length */
+  int64_t size;                    /* bytes up to the last number; 0: no kind is here */
+  int64_t at[3];                   /* where the arrays to be read begin */
+  const int64_t* place;            /* of each joint in them; negative: it is absent */
+} kind_t;
+
+/* The kinds that are known, and the message looked at last. */
+typedef struct {
+  kind_t kinds[KINDS];
+  int64_t fields, joints; /* arrays to be read, and the numbers of each */
+  const double* limit;    /* how large the numbers of the first array may be; NULL: as large as they like */
+  uint8_t* found;         /* receives stamp and arrival in [ns] and which kind it is, then the numbers */
+  const uint8_t* raw;     /* the message itself, and its length */
   int64_t length;
 } joint_state_t;
 
 static void put(joint_state_t* s, int64_t place, int64_t value) { memcpy(s->found + 8 * place, &value, 8); }
 
-/* Read a message that is here. KNOWN: it is of the kind, finite, and `found` has been written; BEYOND: likewise, and a
+static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
+  uint8_t differs = 0;
+  if (!kind->size || length < kind->size) return 0;
+  for (int64_t i = 0; i < kind->size; ++i) differs |= (raw[i] ^ kind->expected[i]) & kind->fixed[i];
+  return !differs;
+}
+
+/* Read a message that is here. KNOWN: its kind is, it is finite, and `found` has been written; BEYOND: likewise, and a
  * number is beyond its limit; else OTHER. */
 EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
-  uint8_t differs = 0;
-  if (!s->size || length < s->size) return OTHER;
-  for (int64_t i = 0; i < s->size; ++i) differs |= (raw[i] ^ s->expected[i]) & s->fixed[i];
-  if (differs) return OTHER;
+  const kind_t* kind = s->kinds;
+  while (!is_of(kind, raw, length))
+    if (++kind == s->kinds + KINDS) return OTHER;
+  put(s, 2, kind - s->kinds);
   int32_t seconds;
   uint32_t nanoseconds;
   memcpy(&seconds, raw + STAMP, 4);
@@ -50,9 +63,10 @@ EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   for (int64_t f = 0; f < s->fields; ++f)
     for (int64_t i = 0; i < s->joints; ++i) {
       double number;
-      memcpy(&number, raw + s->at[f] + 8 * s->place[i], 8);
+      if (kind->place[i] < 0) continue;
+      memcpy(&number, raw + kind->at[f] + 8 * kind->place[i], 8);
       if (!isfinite(number)) return OTHER;
-      memcpy(s->found + 16 + 8 * (f * s->joints + i), &number, 8);
+      memcpy(s->found + 24 + 8 * (f * s->joints + i), &number, 8);
       beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];
     }
   return beyond ? BEYOND : KNOWN;
