@@ -10,12 +10,12 @@ from __future__ import annotations
 import math
 import sys
 from collections.abc import Callable, Sequence
-from typing import NamedTuple, NoReturn
+from typing import NamedTuple
 
 from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
-from arm_dynamics.arrays import Array, any_beyond, finite_numbers
+from arm_dynamics.arrays import Array, any_beyond
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.ros.common.cdr import COUNT, GIGA, HEADER, NATIVE, TIME
 from arm_dynamics.ros.common.convert import to_nanoseconds
@@ -179,23 +179,18 @@ class JointStateReader:
         values: list[Numbers] = []
         for field, before in zip(self._fields, self._values, strict=True):
             new = getattr(message, field)
-            numbers = zip(places, before, strict=True)
-            values.append(tuple(old if i is None else new[i] for i, old in numbers))
-        if not all(map(finite_numbers, values)):
-            self._refuse_infinite(values)
+            here_or_kept = zip(places, before, strict=True)
+            values.append(tuple(old if i is None else new[i] for i, old in here_or_kept))
+        for field, numbers in zip(self._fields, values, strict=True):
+            for joint, x in zip(self._names, numbers, strict=True):
+                if not math.isfinite(x):
+                    raise InvalidInput(
+                        f"{field} of joint '{joint}' is {x}; allowed are finite numbers"
+                    )
         if any_beyond(values[0], self._limit):
             values[0] = self._beyond(values[0])
         self._values = values
         return to_nanoseconds(message.header.stamp), values
-
-    def _refuse_infinite(self, values: list[Numbers]) -> NoReturn:
-        field, joint, bad = next(
-            (field, joint, x)
-            for field, numbers in zip(self._fields, values, strict=True)
-            for joint, x in zip(self._names, numbers, strict=True)
-            if not math.isfinite(x)
-        )
-        raise InvalidInput(f"{field} of joint '{joint}' is {bad}; allowed are finite numbers")
 
     def _places(self, message: JointState) -> list[int | None]:
         """Check names and lengths; say where in the message each joint is, None if nowhere."""
