@@ -309,8 +309,10 @@ class Simulator:
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
-        state, names = self.state, self.held_constraints
-        return self.dynamics.constrained_forward(state.q, state.v, self.effort, names)[1]
+        state, tau, names = self.state, self.effort, self.held_constraints
+        if self.plant.events and self.plant.project:
+            tau = tau + self._stepper.push(self._x, self.command)
+        return self.dynamics.constrained_forward(state.q, state.v, tau, names)[1]
 
     def set_constraint(self, name: str, on: bool) -> State:
         """Switch a constraint that the scene declares switchable.

@@ -34,6 +34,7 @@ class ContactFunctions:
             sizes.
         close: ((q, v) stacked, p, anchor) -> (q, v) brought back to closed gaps and to the anchors
             of sticking points, nearest in the metric of M; one Newton step.
+        push: Torques of the contacts, and of what holds sticking joints, an expression.
     """
 
     points: tuple[ContactPoint, ...]
@@ -42,6 +43,7 @@ class ContactFunctions:
     inertia: ca.Function
     geometry: ca.Function
     close: ca.Function
+    push: ca.SX
 
     def closing(self, step: ca.Function) -> ca.Function:
         """A step (x, u, p, h) -> x that ends at the closed contacts and where points stick."""
@@ -83,8 +85,9 @@ def contact_functions(
     W, free = A_moving @ B, A_moving @ a_free + ca.jtimes(speed, s.q, s.v)
     force = contact.forces(W, free, contact.shares(points, speed, mode), mode.rows())
     a = a_free + B @ force
-    reaction = response.reactions(response.load + A.T @ force, a)
-    reaction = model.friction.relative_hold(reaction, s.q, s.tau)
+    push = A.T @ force
+    held = response.reactions(response.load + push, a)
+    reaction = model.friction.relative_hold(held, s.q, s.tau)
     x = ca.vertcat(s.q, s.v)
     arguments = [s.q, s.v, s.tau, joints.p]
     closed = _closed(where.place, A_moving, W, B, s, mode, anchor)
@@ -96,6 +99,7 @@ def contact_functions(
         dense_function("contact_inertia", arguments, W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),
+        push - held,
     )
 
 

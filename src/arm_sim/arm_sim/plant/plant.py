@@ -44,7 +44,7 @@ class Plant:
         contact: What contacts add, or None without any.
         rhs: CasADi function (x, u, p) -> x' with x = (q, v, z).
         events: CasADi functions that the engine asks at events: ``loads`` (x, u, p), with
-            bilateral constraints ``bilateral_rank`` (x, u, p), and with contacts
+            bilateral constraints ``bilateral`` (x, u, p), and with contacts
             ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``; empty where
             nothing sticks or touches.
         torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
@@ -66,11 +66,11 @@ class Plant:
         if model.scene.contacts:
             response = held or Response(model, s, joints)
             self.contact = contact_functions(model, s, joints, response)
-            self.acceleration = self.contact.acceleration
+            self.acceleration, push = self.contact.acceleration, self.contact.push
             self._loads = self.contact.loads, self.contact.inertia
         elif model.has_dry_friction:
             response = held or Response(model, s, joints)
-            self.acceleration, loads = _stick_slip(model, s, joints, response)
+            self.acceleration, loads, push = _stick_slip(model, s, joints, response)
             self._loads = (loads,)
         elif held:
             arguments, a = [s.q, s.v, s.tau, s.p], held.accelerations(held.load)
@@ -78,8 +78,7 @@ class Plant:
         else:
             self.method, self.acceleration = _shortest(model, s)
         if held and self._loads:
-            rank = dense_function("bilateral_rank", [s.q, s.v, s.tau, joints.p], held.rank)
-            self._loads = (*self._loads, rank)
+            self._loads = (*self._loads, _bilateral(s, joints, held, push))
         laws = laws_of(model)
         self._compose(Ensemble(laws, model.n) if laws else None)
 
@@ -206,8 +205,8 @@ def _held(model: ArmModel) -> list[str]:
 
 def _stick_slip(
     model: ArmModel, s: Symbols, joints: Joints, response: Response
-) -> tuple[ca.Function, ca.Function]:
-    """Acceleration, and torques that hold sticking joints, with nothing said of contacts."""
+) -> tuple[ca.Function, ca.Function, ca.SX]:
+    """Acceleration, and what holds sticking joints: as ``loads`` without contacts, as torques."""
     a = response.accelerations(response.load)
     reaction = response.reactions(response.load, a)
     arguments = [s.q, s.v, s.tau, joints.p]
@@ -216,4 +215,16 @@ def _stick_slip(
     return (
         ca.Function("acceleration", arguments, [a], {"cse": True}),
         dense_function("loads", arguments, held, none, none, none),
+        -reaction,
     )
+
+
+def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.Function:
+    """What the engine and recordings ask of bilateral constraints beside what else holds the arm.
+
+    A function of how many motions of sliding joints they take away, and of the torques that
+    contacts and friction at rest put on the joints beside them.
+    """
+    starting = ca.if_else(s.v == 0, joints.friction, 0)
+    arguments = [s.q, s.v, s.tau, joints.p]
+    return dense_function("bilateral", arguments, held.rank, push - starting)

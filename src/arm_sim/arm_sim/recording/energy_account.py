@@ -117,7 +117,7 @@ class EnergyAccount:
 
         In [J], shape (k, 2); arguments as for ``flows``.
         """
-        return _made_again(self._plain, x[: len(u)], u, p)[1]
+        return _made_again(self.stepper, x[: len(u)], u, p)[1]
 
     @cached_property
     def _stored(self) -> ca.Function:
@@ -126,7 +126,8 @@ class EnergyAccount:
         return ca.Function("stored", [x], [flow.stored])
 
     @cached_property
-    def _plain(self) -> Stepper:
+    def stepper(self) -> Stepper:
+        """The scene's own, for looks at recorded states."""
         return Stepper(self._plant, self._choice, self._backend)
 
     @cached_property

@@ -95,7 +95,13 @@ class Recording:
     @cached_property
     def multipliers(self) -> Array:
         """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
-        return self.dynamics.constrained_forward(self.q, self.v, self.tau, self.held)[1]
+        tau = self.tau
+        if self.plant.events and self.plant.project:
+            stepper = self.account.stepper
+            stepper.p[:] = self.p
+            pairs = zip(self._x, self.command, strict=True)
+            tau = tau + np.array([stepper.push(*pair) for pair in pairs])
+        return self.dynamics.constrained_forward(self.q, self.v, tau, self.held)[1]
 
     @cached_property
     def balance(self) -> Array:

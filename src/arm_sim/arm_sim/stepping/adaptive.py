@@ -14,6 +14,9 @@ from arm_dynamics.codegen.kernel import Call
 # A tick that needs more sub-steps than this has met a stiff or singular motion: better an error
 # than a frozen program.
 MAX_SUBSTEPS = 100_000
+# Near the instant at which a sliding contact comes to rest its direction turns ever faster. A
+# search for that instant, which looks beyond it, need not follow.
+MAX_SUBSTEPS_TOUCHING = 250
 
 
 class SubstepControl(ctypes.Structure):
@@ -24,6 +27,7 @@ class SubstepControl(ctypes.Structure):
         step: Length to try next in [s]; 0 if it is not known yet.
         error: Sum of the estimated errors of q in [rad] or [m].
         attempts: Sub-steps tried so far.
+        reached: Time at which the last motion that could not be computed got stuck in [s].
     """
 
     _fields_ = [
@@ -31,10 +35,11 @@ class SubstepControl(ctypes.Structure):
         ("step", ctypes.c_double),
         ("error", ctypes.c_double),
         ("attempts", ctypes.c_longlong),
+        ("reached", ctypes.c_double),
     ]
 
     def __init__(self, tolerance: float, order: int) -> None:
-        super().__init__(tolerance, 0.0, 0.0, 0)
+        super().__init__(tolerance, 0.0, 0.0, 0, 0.0)
         self.order = order
 
     def restart(self) -> None:

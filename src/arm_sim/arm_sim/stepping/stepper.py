@@ -29,6 +29,7 @@ from arm_sim.plant.placing import INSIDE
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import (
     MAX_SUBSTEPS,
+    MAX_SUBSTEPS_TOUCHING,
     SubstepControl,
     controlled_tick,
     within_reach,
@@ -131,6 +132,11 @@ class Stepper:
             find(pointer(state), pointer(torque), pointer(modes.p))
         return modes
 
+    def push(self, x: Array, u: Array) -> Array:
+        """Torques of contacts and friction at rest, beside bilateral constraints, shape (n,)."""
+        torque: Array = self.kernel.call("bilateral")(x, u, self.modes_at(x, u).p)[1]
+        return torque
+
     def _by_call(
         self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
     ) -> int:
@@ -170,9 +176,9 @@ def engine_source(plant: Plant, choice: Choice, functions: Sequence[ca.Function]
     """C source of the engine for a scene, to be compiled after the functions that it calls."""
     defines = sizes(plant, functions)
     if choice.tolerance is not None:
-        defines |= {
-            "ADAPTIVE": "1", "ORDER": str(choice.method.order), "MOST_SUBSTEPS": str(MAX_SUBSTEPS),
-        }  # fmt: skip
+        most = MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS
+        order = str(choice.method.order)
+        defines |= {"ADAPTIVE": "1", "ORDER": order, "MOST_SUBSTEPS": str(most)}
     if plant.events:
         defines |= _event_sizes(plant)
     return source(defines, "flow.c", *(WITH_EVENTS if plant.events else ()), "roll.c")

@@ -18,6 +18,7 @@ typedef struct {
   double step;      /* length to try next; 0: not known yet */
   double error;     /* sum of the estimated errors of q */
   long long attempts;
+  double reached;   /* time at which the last motion that could not be computed got stuck */
 } control_t;
 
 static int within_reach(const real* x) {
@@ -56,9 +57,10 @@ static int flow(const real* x, const real* u, const real* p, double h, control_t
       if (last) { c->step = step; return 1; }
     } else {
       step = trial * factor;
-      if (step < 1e-12 * h) return 0;
+      if (step < 1e-12 * h) break;
     }
   }
+  c->reached = done;
   return 0;
 }
 #else

@@ -12,7 +12,7 @@
  * Before this file: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
  * RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`;
  * SLOWEST (tangential speed up to which a contact rests); NB (whether there are bilateral constraints) and with them
- * the generated `bilateral_rank`.
+ * the generated `bilateral`.
  */
 
 #define GAP_ROUNDING (4 * 2.220446049250313e-16) /* rounding of a gap, as a multiple of the lengths that make it up ... */
@@ -30,7 +30,7 @@
 #define contact_close(arg, res, iw, w, mem)
 #endif
 #if NB == 0
-#define bilateral_rank(arg, res, iw, w, mem)
+#define bilateral(arg, res, iw, w, mem)
 #endif
 
 /* Why a tick could not be computed. Python: Trouble. */

@@ -102,8 +102,10 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
   double length = reach;
   *calm = wrong <= 0.0;
   if (!*calm) {
+    const double known = reached || !segment->control ? reach : segment->control->reached;
     if (segment->control) *segment->control = kept;
-    length = first_positive(value_at, &search, reach, wrong);
+    if (known <= 0.0) return -1.0;
+    length = first_positive(value_at, &search, known, wrong);
     if (!flow(x, segment->u, (const real*)&segment->p, length, segment->control, after)) return -1.0;
   }
   const double dip = dip_before(&search, length, after, &depth);
@@ -204,8 +206,8 @@ static int find_bilateral_rank(const real* x, const segment_t* segment) {
   real rank = 0.0;
   WORKSPACE;
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
-  res[0] = &rank;
-  bilateral_rank(arg, res, iw, w, 0);
+  res[0] = &rank; res[1] = 0;
+  bilateral(arg, res, iw, w, 0);
   return (int)(rank + 0.5);
 }
 
