@@ -35,6 +35,7 @@ class ContactFunctions:
         close: ((q, v) stacked, p, anchor) -> (q, v) brought back to closed gaps and to the anchors
             of sticking points, nearest in the metric of M; one Newton step.
         push: Torques of the contacts, and of what holds sticking joints, an expression.
+        lost: (q, v, tau, p) -> power that friction of the contacts turns into heat in [W].
     """
 
     points: tuple[ContactPoint, ...]
@@ -44,6 +45,7 @@ class ContactFunctions:
     geometry: ca.Function
     close: ca.Function
     push: ca.SX
+    lost: ca.Function
 
     def closing(self, step: ca.Function) -> ca.Function:
         """A step (x, u, p, h) -> x that ends at the closed contacts and where points stick."""
@@ -100,6 +102,7 @@ def contact_functions(
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),
         push - held,
+        dense_function("lost", arguments, _lost(force, speed)),
     )
 
 
@@ -112,3 +115,8 @@ def _closed(
     q = s.q + B @ contact.forces(W, place - expected, D, rows)
     v = s.v + B @ contact.forces(W, A @ s.v, D, rows)
     return ca.vertcat(q, v)
+
+
+def _lost(force: ca.SX, speed: ca.SX) -> ca.SX:
+    tangential = [i for i in range(force.shape[0]) if i % 3]
+    return -ca.dot(force[tangential], speed[tangential])

@@ -6,6 +6,7 @@ It contains only what the scene asks for.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property
 
@@ -25,6 +26,10 @@ from arm_sim.plant.contact import ContactFunctions, contact_functions
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.response import Response
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
+
+
+Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
+"""Function (q, v, tau, p) -> power in [W]."""
 
 
 class Plant:
@@ -82,17 +87,17 @@ class Plant:
         laws = laws_of(model)
         self._compose(Ensemble(laws, model.n) if laws else None)
 
-    def with_laws(self, laws: Ensemble) -> Plant:
-        """The same arm with other drives and friction."""
+    def accounted(self, ledger: Ensemble) -> Plant:
+        """The same arm with laws whose last state is what friction of contacts has taken."""
         other = copy(self)
-        other._compose(laws)
+        other._compose(ledger, [self.contact.lost] if self.contact else [_nothing])
         return other
 
-    def _compose(self, laws: Ensemble | None) -> None:
+    def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
         self.laws = laws
         self.torques = _torques(laws) if laws else None
-        n = self.model.n
-        self.rhs = _driven(self.acceleration, laws) if laws else _state_space(self.acceleration, n)
+        n, a = self.model.n, self.acceleration
+        self.rhs = _driven(a, laws, powers) if laws else _state_space(a, n)
         self.events = tuple(_of_state(function, laws, n) for function in self._loads)
         if self.contact:
             self.events = (*self.events, self.contact.geometry, self.contact.close)
@@ -155,13 +160,18 @@ def _state_space(acceleration: ca.Function, n: int) -> ca.Function:
     return ca.Function("rhs", [x, u, p], [ca.vertcat(v, acceleration(q, v, u, p))], {"cse": True})
 
 
-def _driven(acceleration: ca.Function, laws: Ensemble) -> ca.Function:
-    """The same with laws between the command and the joints: x = (q, v, z)."""
+def _driven(acceleration: ca.Function, laws: Ensemble, powers: Sequence[Power]) -> ca.Function:
+    """The same with laws between the command and the joints: x = (q, v, z), powers as states."""
     x, u, p = _symbols(acceleration, 2 * laws.n + len(laws.names), laws.n)
     q, v, z = split(x, laws.n)
     flow = laws.equations(q, v, z, u)
-    slopes = ca.vertcat(v, acceleration(q, v, flow.torque, p), flow.slope)
+    more = [power(q, v, flow.torque, p) for power in powers]
+    slopes = ca.vertcat(v, acceleration(q, v, flow.torque, p), flow.slope, *more)
     return dense_function("rhs", [x, u, p], slopes)
+
+
+def _nothing(*_: ca.SX) -> ca.SX:
+    return ca.SX(1, 1)
 
 
 def _of_state(function: ca.Function, laws: Ensemble | None, n: int) -> ca.Function:

@@ -4,8 +4,8 @@
 Where a motion is smooth and the command is the torque, both can be had from the recorded states.
 Where laws have states, a current rises and bristles snap within a tick, and where there are events
 friction jumps within one: a quadrature on the recorded states would miss it. Every tick is made
-again from its recorded beginning, by the same method, with two more states, the work that came in
-and the heat that went out since. They are integrated as accurately as the motion itself. Nothing
+again from its recorded beginning, by the same method, with the work that came in and the heat that
+went out since as further states. They are integrated as accurately as the motion itself. Nothing
 of this is done before it is asked for.
 """
 
@@ -28,7 +28,10 @@ from arm_sim.stepping.stepper import Stepper
 
 @dataclass(frozen=True)
 class Ledger(Ensemble):
-    """The laws of a scene with the work supplied and the heat lost as two states more.
+    """The laws of a scene with the energies that flow as states more, all of them last.
+
+    They are the work supplied, the heat lost, and what friction of contacts takes, which
+    ``Plant.accounted`` adds. Impacts are no part of it.
 
     Attributes:
         friction: The rest of the friction, whose heat counts too.
@@ -39,19 +42,19 @@ class Ledger(Ensemble):
     @property
     def names(self) -> tuple[str, ...]:
         """The laws' states, and the account."""
-        return (*super().names, "work supplied [J]", "heat lost [J]")
+        return (*super().names, "work supplied [J]", "heat lost [J]", "lost in contacts [J]")
 
     @property
     def scale(self) -> Array:
-        """Size that matters of each of them, shape (nz + 2,)."""
-        return np.concatenate([super().scale, [1.0, 1.0]])
+        """Size that matters of each of them, shape (nz + 3,)."""
+        return np.concatenate([super().scale, np.ones(3)])
 
     def initial(self, q: Array, v: Array) -> Array:
         """The laws' states, and an empty account."""
-        return np.concatenate([super().initial(q, v), [0.0, 0.0]])
+        return np.concatenate([super().initial(q, v), np.zeros(3)])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What the laws do, and the powers: heat by friction without states is one of them."""
+        """What the laws do, and the powers but the last: heat by friction is one of them."""
         flow, law = super().equations(q, v, z, u), self.friction
         torque = law.smooth(v)
         if law.has_dry:
@@ -103,11 +106,8 @@ class EnergyAccount:
             Work and heat in [J], shape (k, 2); NaN if a tick cannot be made again.
         """
         if self.makes_ticks_again:
-            books = np.hstack([x[: len(u)], np.zeros((len(u), 2))])
-            after, losses = _made_again(self._ledger, books, u, p)
-            flows: Array = after[:, -2:]
-            flows[:, 1] += losses.sum(axis=1)
-            return flows
+            supplied, *lost = self._made_again(x, u, p).T
+            return np.stack([supplied, sum(lost)], axis=1)
         q, v = np.split(x, 2, axis=1)
         work = np.sum(u * np.diff(q, axis=0), axis=1)  # exact: a torque is held over its tick
         return np.stack([work, dissipated_work(self._dynamics, self._choice.dt, q, v, u)], axis=1)
@@ -117,7 +117,20 @@ class EnergyAccount:
 
         In [J], shape (k, 2); arguments as for ``flows``.
         """
-        return _made_again(self.stepper, x[: len(u)], u, p)[1]
+        return self._made_again(x, u, p)[:, [3, 2]]
+
+    def _made_again(self, x: Array, u: Array, p: Array) -> Array:
+        """Work supplied, heat lost, losses in contacts and in impacts, shape (k, 4)."""
+        stepper, flows = self._ledger, np.full((len(u), 4), np.nan)
+        trace, effort = np.empty((1, x.shape[1] + 3)), np.empty((1, u.shape[1]))
+        stepper.p[:] = p
+        stepper.restart()
+        for k in range(len(u)):
+            before = stepper.report.impact_loss
+            start = np.concatenate([x[k], np.zeros(3)])
+            if stepper.roll(start, u[k].copy(), trace, effort, np.empty(1)) == 1:
+                flows[k] = [*trace[0, -3:], stepper.report.impact_loss - before]
+        return flows
 
     @cached_property
     def _stored(self) -> ca.Function:
@@ -134,26 +147,7 @@ class EnergyAccount:
     def _ledger(self) -> Stepper:
         model = self._plant.model
         ledger = Ledger(self._laws.laws, model.n, model.friction)
-        return Stepper(self._plant.with_laws(ledger), self._choice, self._backend)
-
-
-def _made_again(stepper: Stepper, x: Array, u: Array, p: Array) -> tuple[Array, Array]:
-    """States after ticks from the states ``x``, and what impacts and friction of contacts took.
-
-    Rows of a tick that cannot be made again are NaN.
-    """
-    after, losses = np.full_like(x, np.nan), np.full((len(u), 2), np.nan)
-    trace, effort, error = np.empty((1, x.shape[1])), np.empty((1, u.shape[1])), np.empty(1)
-    report = stepper.report
-    stepper.p[:] = p
-    stepper.restart()
-    report.audit = 1
-    for k in range(len(u)):
-        before = report.impact_loss, report.friction_loss
-        if stepper.roll(x[k].copy(), u[k].copy(), trace, effort, error) == 1:
-            after[k] = trace[0]
-            losses[k] = np.subtract((report.impact_loss, report.friction_loss), before)
-    return after, losses
+        return Stepper(self._plant.accounted(ledger), self._choice, self._backend)
 
 
 def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Array) -> Array:

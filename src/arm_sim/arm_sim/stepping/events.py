@@ -36,23 +36,19 @@ class EventReport(ctypes.Structure):
 
     Attributes:
         impact_loss: Energy lost in impacts in [J].
-        friction_loss: Energy lost to friction of contacts in [J]; added up only on ``audit``.
         impacts: How many there were.
-        audit: Whether to add up the work of friction, at half a step's work more for each segment.
         trouble: Why the last tick failed, see ``Trouble``.
     """
 
     _fields_ = [
         ("impact_loss", ctypes.c_double),
-        ("friction_loss", ctypes.c_double),
         ("impacts", ctypes.c_longlong),
-        ("audit", ctypes.c_longlong),
         ("trouble", ctypes.c_longlong),
     ]
 
     def restart(self) -> None:
         """Start afresh, as after a reset."""
-        self.impact_loss, self.friction_loss, self.impacts, self.trouble = 0.0, 0.0, 0, 0
+        self.impact_loss, self.impacts, self.trouble = 0.0, 0, 0
 
 
 class Modes:

@@ -14,23 +14,6 @@
 #define MOST_EVENTS (NC ? 5000 : 50 * NU) /* a tick with more is not a motion any more */
 #define MOST_REBOUNDS 500 /* impacts in one tick after which its contacts do not rebound any more */
 
-/* Work of sliding contacts over a segment, by Simpson's rule. */
-static double friction_work(const real* x, const segment_t* segment, double h) {
-  static const double weight[3] = {1.0, 4.0, 1.0};
-  double work = 0.0;
-  for (int part = 0; part < 3; ++part) {
-    real there[NX];
-    geometry_t geometry;
-    loads_t found;
-    if (!try_flow(x, segment, 0.5 * part * h, there)) return work;
-    find_geometry(there, &geometry);
-    find_loads(there, segment, &found);
-    for (int i = 0; i < MC; ++i)
-      if (i % 3) work -= weight[part] * h / 6.0 * found.force[i] * geometry.speed[i];
-  }
-  return work;
-}
-
 static int is_inside(const real* x) {
   geometry_t geometry;
   int inside = 0;
@@ -78,7 +61,6 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
     find_ended(after, segment, calm);
     close_contacts(after, segment, anchor);
     if (!stop_joints(after, segment)) return NUMBERS;
-    if (report->audit) report->friction_loss += friction_work(now, segment, length);
     for (int i = 0; i < NX; ++i) now[i] = after[i];
     if ((calm && reach == left) || left - length <= 0.0) return NONE;
     left -= length;

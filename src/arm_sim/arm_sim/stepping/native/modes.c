@@ -38,11 +38,9 @@ enum trouble { NONE, NUMBERS, EVENTS_WITHOUT_END, UNDETERMINED, INSIDE };
 
 /* What adds up over ticks. Python: EventReport. */
 typedef struct {
-  double impact_loss;   /* energy lost in impacts ... */
-  double friction_loss; /* ... and to friction of contacts, added up only on audit */
+  double impact_loss; /* energy lost in impacts */
   long long impacts;
-  long long audit;
-  long long trouble;    /* why the last tick failed */
+  long long trouble; /* why the last tick failed */
 } report_t;
 
 /* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
