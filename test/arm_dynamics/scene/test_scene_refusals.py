@@ -85,6 +85,10 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         payload(inertia=[-1.01e-12, 0, 0, 1e-3, 0, 1e-3]),
         ("inertia", "negative"),
     ),
+    "an inertia that is great in one direction and a little negative in another": (
+        payload(inertia=[-1.01e-10, 0, 0, 1, 0, 100]),
+        ("inertia", "negative"),
+    ),
     "a great inertia that is a little negative": (
         payload(inertia=[-1.01e-10, 0, 0, 100, 0, 100]),
         ("inertia", "negative"),
@@ -164,6 +168,9 @@ FINE_KEYS: dict[str, dict[str, Any]] = {
     "rounding of an inertia": payload(inertia=[-1e-12, 0, 0, 1, 0, 1]),
     "rounding of a small inertia": payload(inertia=[-1e-12, 0, 0, 1e-3, 0, 1e-3]),
     "rounding of a great inertia": payload(inertia=[-1e-10, 0, 0, 100, 0, 100]),
+    "rounding of an inertia that is great in one direction": payload(
+        inertia=[-1e-10, 0, 0, 1, 0, 100]
+    ),
     "a payload without weight": payload(mass=0),
 }
 
