@@ -180,3 +180,53 @@ def test_free_accelerations_do_not_pass_for_constrained_ones(tied: Dynamics) -> 
     free = Dynamics(tied.model.scene.model_copy(update={"constraints": ()}))
     with pytest.raises(KernelError, match="constrained dynamics"):
         check_constrained(tied, free.forward)
+
+
+def of_each_state(dynamics: Dynamics) -> list[tuple[np.ndarray, ...]]:
+    """States, and what moves them against inertia: weight, Coriolis and viscous torques."""
+    drag = dynamics.model.viscous
+    return [
+        (q, v, tau, dynamics.coriolis_matrix(q, v) @ v + dynamics.gravity(q) + drag * v)
+        for q, v, tau in zip(*random_states(dynamics.n), strict=True)
+    ]
+
+
+def test_an_error_is_measured_by_the_torques_that_add_up(dynamics: Dynamics) -> None:
+    off, shares = np.array([2e-10, -1e-10, 3e-10])[: dynamics.n], []
+    for q, v, tau, h in of_each_state(dynamics):
+        M, a = dynamics.mass_matrix(q), dynamics.forward(q, v, tau)
+        size = abs(M) @ abs(a) + abs(h) + abs(tau)
+        shares.append(abs(M @ off).max() / size.max())
+    error = check_forward(dynamics, lambda *state: dynamics.forward(*state) + off)
+    assert error == pytest.approx(max(shares), rel=1e-2)
+
+
+@pytest.mark.parametrize("along", [True, False])
+def test_an_error_under_constraints_is_measured_by_what_adds_up(
+    tied: Dynamics, *, along: bool
+) -> None:
+    """Off where only the constraint, or only the equation of motion, can see it."""
+    rows, names = tied.constrained.closure.rows, tied.constrained.closure.initially_active
+
+    def parts(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+        row = rows.stacked(q, v, names)
+        A, M = row.jacobian[0], tied.mass_matrix(q)
+        off = np.array([-A[1], A[0]]) if along else np.linalg.solve(M, A)
+        return A, 3e-11 * off / np.linalg.norm(off), float(row.drift[0])
+
+    shares = []
+    for q, v, tau, h in of_each_state(tied):
+        (A, off, drift), M = parts(q, v), tied.mass_matrix(q)
+        a, free = constrained(tied, q, v, tau), np.linalg.solve(M, tau - h)
+        reaction = tau - h - M @ a
+        if along:
+            missing = M @ off - A * (A @ M @ off) / (A @ A)
+            size = abs(M) @ abs(a) + abs(tau) + abs(reaction)
+            shares.append(abs(missing).max() / size.max())
+        else:
+            size = abs(A) @ (abs(a) + abs(free)) + abs(drift)
+            shares.append(abs(A @ off) / size)
+    error = check_constrained(
+        tied, lambda q, v, tau: constrained(tied, q, v, tau) + parts(q, v)[1]
+    )
+    assert error == pytest.approx(max(shares), rel=1e-2)

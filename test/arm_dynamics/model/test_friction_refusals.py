@@ -172,17 +172,17 @@ def test_bristles_with_a_stribeck_effect_have_its_speed() -> None:
 
 
 def test_bristles_are_passive_by_viscous_friction() -> None:
-    """sigma1 (static - coulomb) / coulomb = 8 · (3 - 2) / 2 = 4."""
-    given = {"static": 3.0, "stribeck_velocity": 0.1, "sigma1": 8.0}
-    assert LugreFriction.of(build(lugre(viscous=4.0, **given)))
-    said = refusal(lugre(viscous=3.999, **given))
-    assert "(static - coulomb) / coulomb = 4 is expected, got 3.999;" in said
+    """sigma1 (static - coulomb) / coulomb = 8 · (3.5 - 2) / 2 = 6."""
+    given = {"static": 3.5, "stribeck_velocity": 0.1, "sigma1": 8.0}
+    assert LugreFriction.of(build(lugre(viscous=6.0, **given)))
+    said = refusal(lugre(viscous=5.999, **given))
+    assert "(static - coulomb) / coulomb = 6 is expected, got 5.999;" in said
     assert "4 sqrt(2 e) coulomb / sigma1 = 2.332, got None" in said
     sided = {"positive": 5.0, "negative": 3.0}
     assert "is expected, got 3;" in refusal(lugre(viscous=sided, **given))
     sided = {"positive": 3.0, "negative": 5.0}
     assert "is expected, got 3;" in refusal(lugre(viscous=sided, **given))
-    assert LugreFriction.of(build(lugre(viscous={"positive": 4.0, "negative": 5.0}, **given)))
+    assert LugreFriction.of(build(lugre(viscous={"positive": 6.0, "negative": 7.0}, **given)))
 
 
 def test_bristles_are_passive_by_damping_that_fades() -> None:
