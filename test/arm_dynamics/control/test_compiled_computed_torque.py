@@ -140,6 +140,17 @@ def test_small_torques_are_compared_as_torques_of_one(
     assert (computed_torque.build(model) is not None) == used
 
 
+@pytest.mark.parametrize(("off", "used"), [(5e-11, True), (2e-10, False)])
+def test_large_torques_are_compared_by_their_size(
+    off: float, used: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a heavy wheel, in either direction."""
+    right = computed_torque.expression
+    monkeypatch.setattr(computed_torque, "expression", lambda *given: right(*given) * (1 + off))
+    model = ArmModel(load_scene(rotor(1e3, viscous=0.0, coulomb=0.0)))
+    assert (computed_torque.build(model) is not None) == used
+
+
 def test_its_answer_is_the_callers_own(rng: np.random.Generator) -> None:
     law = CompiledComputedTorque(models.dynamics("two_link"))
     (state, reference), (other, goal), _ = states(rng, 2)

@@ -147,7 +147,7 @@ def test_bad_ticks_are_refused(dt: float) -> None:
 @pytest.mark.parametrize(
     "value", [[0.5, -1.0], (0.5, -1), np.array([0.5, -1.0]), np.array([0.5, -1.0], np.float32)]
 )
-@pytest.mark.parametrize("other", [[2, 3], np.array([2.0, 3.0]), np.array([2, 3])])
+@pytest.mark.parametrize("other", [[2, 3], np.array([2.0, 3.0]), np.float32([2.0, 3.0])])
 def test_states_of_any_kind_of_numbers_are_taken(value: object, other: object) -> None:
     for q, v in ((value, other), (other, value)):
         found = checked(Measured(q, v), 2)  # type: ignore[arg-type]

@@ -27,8 +27,8 @@ def part(difference: Any, size: Any) -> tuple[np.ndarray, np.ndarray]:
 def test_the_error_is_the_largest_difference_at_a_state_over_the_largest_size_there() -> None:
     first = part([[1e-12, -3e-12], [0.0, 0.0]], [[1.0, -2.0], [1.0, 1.0]])
     second = part([[[2e-12]], [[-4e-12]]], [[[10.0]], [[8.0]]])
-    assert compare("code", first) == pytest.approx(1.5e-12, rel=1e-12)
-    assert compare("code", second) == pytest.approx(0.5e-12, rel=1e-12)
+    assert compare("code", first) == pytest.approx(1.5e-12, rel=1e-12, abs=0.0)
+    assert compare("code", second) == pytest.approx(0.5e-12, rel=1e-12, abs=0.0)
     assert compare("code", first, second) == compare("code", second, first) == 1.5e-12
 
 
@@ -198,7 +198,7 @@ def test_an_error_is_measured_by_the_torques_that_add_up(dynamics: Dynamics) -> 
         size = abs(M) @ abs(a) + abs(h) + abs(tau)
         shares.append(abs(M @ off).max() / size.max())
     error = check_forward(dynamics, lambda *state: dynamics.forward(*state) + off)
-    assert error == pytest.approx(max(shares), rel=1e-2)
+    assert error == pytest.approx(max(shares), rel=1e-2, abs=0.0)
 
 
 @pytest.mark.parametrize("along", [True, False])
@@ -229,4 +229,4 @@ def test_an_error_under_constraints_is_measured_by_what_adds_up(
             tied,
             lambda *state, q=q, off=off: constrained(tied, *state) + off * (state[0][0] == q[0]),
         )
-        assert error == pytest.approx(share, rel=1e-2)
+        assert error == pytest.approx(share, rel=1e-2, abs=0.0)
