@@ -7,7 +7,20 @@ import numpy as np
 import pytest
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.arrays import all_finite, any_beyond, each, finite_numbers, read_only, vector
+from arm_dynamics.arrays import (
+    all_finite,
+    any_beyond,
+    each,
+    finite_numbers,
+    numbers,
+    positive,
+    positive_limits,
+    read_only,
+    real_array,
+    unit_vector,
+    vector,
+    vectors,
+)
 
 BAD = (np.nan, np.inf, -np.inf)
 
@@ -28,14 +41,24 @@ def test_each_answers_a_vector_or_every_row() -> None:
     assert rows.tolist() == [[11.0], [12.0]]
 
 
-@pytest.mark.parametrize("value", [[1, 2], [[1, 2], [3, 4]], np.float32([1, 2])])
+def test_each_hands_over_row_by_row() -> None:
+    """A single vector is the whole second argument of every row, on either side of the batch."""
+    given = np.array([[1.0, 2.0], [3.0, 4.0], [5.0, 6.0]]), np.array([10.0, 20.0])
+    rows = each(lambda a, b: np.array([a.sum(), b.sum()]), *given)
+    assert rows.tolist() == [[3.0, 30.0], [7.0, 30.0], [11.0, 30.0]]
+    assert each(lambda a: a.sum(), given[0]).tolist() == [3.0, 7.0, 11.0]
+
+
+@pytest.mark.parametrize("value", [[1, 2], [[1, 2], [3, 4], [5, 6]], np.float32([1, 2])])
 def test_vectors_and_batches_become_float(value: object) -> None:
     found = vector("q", value, 2)
     assert found.dtype == np.float64
     assert found.tolist() == np.asarray(value).tolist()
 
 
-@pytest.mark.parametrize("value", [[1.0], [1.0, 2.0, 3.0], 1.0, [[[1.0, 2.0]]], np.zeros((0, 2))])
+@pytest.mark.parametrize(
+    "value", [[1.0], [1.0, 2.0, 3.0], 1.0, [[[1.0, 2.0]]], np.zeros((0, 2)), np.zeros((2, 3))]
+)
 def test_other_shapes_are_refused(value: object) -> None:
     with pytest.raises(InvalidInput, match=r"^q has shape .*; \(2,\) or \(k, 2\) is expected$"):
         vector("q", value, 2)
@@ -65,3 +88,108 @@ def test_beyond_a_limit_counts_on_both_sides_and_not_at_it() -> None:
     assert not any_beyond([1.0, -2.0], limits)
     assert any_beyond([1.0, -2.0001], limits)
     assert any_beyond([1.0001, 0.0], limits)
+
+
+@pytest.mark.parametrize("value", ["1", None, True, 1j, [1, "2"], [[1.0], [1.0, 2.0]], [object()]])
+def test_what_is_no_real_number_is_refused_with_what_was_given(value: object) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        real_array("q", value)
+    assert str(caught.value) == f"q = {value!r}: real numbers are expected"
+
+
+@pytest.mark.parametrize("value", [3, 2.5, np.uint8(7), [1, 2], np.float32([[1.0, 2.0]]), np.inf])
+def test_real_numbers_of_any_kind_and_shape_become_float(value: object) -> None:
+    found = real_array("q", value)
+    assert found.dtype == np.float64
+    assert found.tolist() == np.asarray(value).tolist()
+
+
+@pytest.mark.parametrize("value", [4.0, [1, 2], [[1.0], [2.0]], []])
+def test_finite_numbers_of_any_shape_are_taken(value: object) -> None:
+    assert numbers("gain", value).tolist() == np.asarray(value).tolist()
+
+
+@pytest.mark.parametrize("bad", BAD)
+def test_one_number_that_is_not_finite_is_too_many(bad: float) -> None:
+    for value in (bad, [1.0, bad], [[bad, 1.0], [1.0, 1.0]]):
+        with pytest.raises(InvalidInput, match=rf"^gain is [^;]*{bad}[^;]*; allowed are finite"):
+            numbers("gain", value)
+
+
+@pytest.mark.parametrize("value", [5e-324, 0.5, 1.0, 1.7e308, np.float32(2.0)])
+def test_any_positive_finite_number_is_taken(value: float) -> None:
+    found = positive("dt", value)
+    assert type(found) is float
+    assert found == value
+
+
+@pytest.mark.parametrize("value", [0.0, -0.0, -5e-324, -1.0, *BAD])
+def test_a_number_that_is_not_positive_and_finite_is_refused(value: float) -> None:
+    with pytest.raises(InvalidInput, match=f"^dt is {value}; a positive number is expected$"):
+        positive("dt", value)
+
+
+@pytest.mark.parametrize("limit", [0.5, [0.5, np.inf], np.inf, [1e-300, 2.0]])
+def test_limits_are_positive_and_one_for_each_joint(limit: object) -> None:
+    found = positive_limits("limit", limit, 2)
+    assert found.tolist() == np.broadcast_to(limit, 2).tolist()
+    found[0] = 7.0  # its own, not the caller's and not one number seen twice
+    assert found[1] != 7.0
+
+
+@pytest.mark.parametrize(
+    "limit", [0.0, -1.0, np.nan, [1.0, 0.0], [1.0, -1.0], [np.nan, 1.0], [1.0], [[1.0, 1.0]], []]
+)
+def test_limits_that_are_not_positive_or_not_one_for_each_joint_are_refused(limit: object) -> None:
+    with pytest.raises(InvalidInput) as caught:
+        positive_limits("limit", limit, 2)
+    assert str(caught.value) == f"limit is {limit!r}; allowed are positive numbers, one or (2,)"
+
+
+@pytest.mark.parametrize("length", [1e-12, 1e-9, 0.5, 1.0, 1e9])
+def test_a_direction_of_any_length_but_zero_gets_length_one(length: float) -> None:
+    found = unit_vector("direction", [0.6 * length, -0.8 * length], 2)
+    np.testing.assert_allclose(found, [0.6, -0.8], rtol=1e-15)
+
+
+@pytest.mark.parametrize("value", [[0.0, 0.0], [0.999e-12, 0.0], [[0.6, 0.8]]])
+def test_no_direction_is_refused(value: object) -> None:
+    with pytest.raises(InvalidInput, match=r"^u = \[.*; a vector of shape \(2,\) but zero is"):
+        unit_vector("u", value, 2)
+
+
+@pytest.mark.parametrize("value", [[1.0], [1.0, np.nan], "up"])
+def test_a_direction_is_a_vector(value: object) -> None:
+    with pytest.raises(InvalidInput, match="^u"):
+        unit_vector("u", value, 2)
+
+
+def test_arrays_of_float_are_handed_through_and_never_copied() -> None:
+    q, v, batch = np.ones(2), np.ones(2), np.ones((3, 2))
+    assert [a is b for a, b in zip(vectors(2, q=q, v=v), (q, v), strict=True)] == [True, True]
+    assert vectors(2, q=batch, v=v)[0] is batch
+
+
+def test_vectors_that_belong_together_stay_vectors() -> None:
+    q, v = vectors(2, q=[1, 2], v=[3.0, 4.0])
+    assert (q.tolist(), v.tolist()) == ([1.0, 2.0], [3.0, 4.0])
+    assert vectors(2) == []
+
+
+@pytest.mark.parametrize("k", [1, 2, 3])
+def test_beside_a_batch_all_are_of_its_length(k: int) -> None:
+    batch = np.arange(2.0 * k).reshape(k, 2)
+    for names in (("q", "v", "a"), ("v", "q", "a")):
+        given = {name: batch if name == "q" else [8.0, 9.0] for name in names}
+        for name, found in zip(names, vectors(2, **given), strict=True):
+            assert found.tolist() == (batch.tolist() if name == "q" else [[8.0, 9.0]] * k)
+    q, v = vectors(2, q=batch, v=2 * batch)
+    assert (q.tolist(), v.tolist()) == (batch.tolist(), (2 * batch).tolist())
+
+
+def test_batches_of_different_length_are_refused_with_their_lengths() -> None:
+    given = {"q": np.ones((3, 2)), "v": np.ones((1, 2)), "a": np.ones(2)}
+    with pytest.raises(InvalidInput, match=r"^batches must be of one length, got \[1, 3\]$"):
+        vectors(2, **given)
+    with pytest.raises(InvalidInput, match=r"^v has shape \(3,\); \(2,\) or \(k, 2\)"):
+        vectors(2, q=np.ones((3, 2)), v=np.ones(3))

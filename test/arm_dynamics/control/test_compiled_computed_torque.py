@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
 from arm_dynamics.control import (
     CompiledComputedTorque,
     ComputedTorque,
@@ -21,6 +21,7 @@ from arm_dynamics.control import (
     preparation,
 )
 from arm_dynamics.trajectory import Reference
+from models.rotor import rotor
 from tolerances import ALGEBRA, assert_close
 
 DRY = {
@@ -126,6 +127,28 @@ def test_a_law_that_differs_is_not_used(
     assert computed_torque.build(dynamics.model) is None
     assert "differs" in caplog.text
     assert "slower" in caplog.text
+
+
+@pytest.mark.parametrize(("off", "used"), [(5e-11, True), (2e-10, False)])
+def test_small_torques_are_compared_as_torques_of_one(
+    off: float, used: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """[N m]; of a motor's rotor on its own, which takes a thousandth of that."""
+    right = computed_torque.expression
+    monkeypatch.setattr(computed_torque, "expression", lambda *given: right(*given) + off)
+    model = ArmModel(load_scene(rotor(1e-7, viscous=0.0, coulomb=0.0)))
+    assert (computed_torque.build(model) is not None) == used
+
+
+@pytest.mark.parametrize(("off", "used"), [(5e-11, True), (2e-10, False)])
+def test_large_torques_are_compared_by_their_size(
+    off: float, used: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of a heavy wheel, in either direction."""
+    right = computed_torque.expression
+    monkeypatch.setattr(computed_torque, "expression", lambda *given: right(*given) * (1 + off))
+    model = ArmModel(load_scene(rotor(1e3, viscous=0.0, coulomb=0.0)))
+    assert (computed_torque.build(model) is not None) == used
 
 
 def test_its_answer_is_the_callers_own(rng: np.random.Generator) -> None:

@@ -264,6 +264,30 @@ def test_saturation_is_seen() -> None:
     assert control.saturated.tolist() == [False, False]  # at the limit nothing is cut
 
 
+@pytest.mark.parametrize(
+    ("asked", "cut"),
+    [(4.9, False), (5.0, False), (5.1, True), (-4.9, False), (-5.0, False), (-5.1, True)],
+)
+def test_torques_beyond_a_limit_are_cut_to_it_on_both_sides(asked: float, cut: bool) -> None:
+    control = Saturated(PD(2, 10.0, 0.0), 5.0, 2)
+    assert control.asked.tolist() == [0.0, 0.0]
+    assert not control.saturated.any()
+    tau = control.torque(Measured(np.zeros(2), np.zeros(2)), at_rest([0.1 * asked, 0.0]))
+    assert_close(tau, [np.sign(asked) * min(abs(asked), 5.0), 0.0], ALGEBRA)
+    assert control.saturated.tolist() == [cut, False]
+    control.asked[:] = 99.0  # the caller's own
+    assert_close(control.asked, [asked, 0.0], ALGEBRA)
+
+
+def test_a_restart_reaches_what_is_within_limits() -> None:
+    pid = PID(1, 1.0, 1.0, 0.0, 1e-3)
+    control = Saturated(pid, np.inf, 1)
+    control.torque(Measured(np.zeros(1), np.zeros(1)), at_rest([1.0]))
+    assert pid.integral[0] != 0.0
+    control.restart()
+    assert pid.integral[0] == 0.0
+
+
 def test_hand_over_has_no_jump_and_ends_with_the_new_one() -> None:
     sim = models.simulator("panda", dt=1e-3)
     dyn = sim.dynamics

@@ -230,6 +230,44 @@ def test_bad_multipliers_and_names_are_refused() -> None:
         dyn.contact_torque(q, [0, 0, 1])
 
 
+def test_multipliers_belong_to_one_state_or_to_each_of_a_batch(rng: np.random.Generator) -> None:
+    """A single row of them serves every state."""
+    dyn = Dynamics(models.SCENES / "four_bar.yaml")
+    q, v, a = (np.tile(x, (4, 1)) for x in (dyn.model.q0, dyn.model.v0, rng.normal(size=dyn.n)))
+    one = [1, -2, 3]  # whole numbers too
+    many = rng.normal(size=(4, 3))
+    single = dyn.constrained_inverse(q[0], v[0], a[0], one)
+    assert_close(dyn.constrained_inverse(q, v, a, one), np.tile(single, (4, 1)), ALGEBRA)
+    rows = [dyn.constrained_inverse(q[0], v[0], a[0], lam) for lam in many]
+    assert_close(dyn.constrained_inverse(q, v, a, many), rows, ALGEBRA)
+
+
+@pytest.mark.parametrize(
+    ("lam", "said"),
+    [
+        ([1.0, 2.0], r"lam has shape \(2,\); {} is expected"),
+        ([1.0, 2.0, 3.0, 4.0], r"lam has shape \(4,\); {} is expected"),
+        (np.ones((3, 3)), r"lam has shape \(3, 3\); {} is expected"),
+        (np.ones((1, 3)), r"lam has shape \(1, 3\); {} is expected"),
+        (np.ones((4, 2)), r"lam has shape \(4, 2\); {} is expected"),
+        (2.0, r"lam has shape \(\); {} is expected"),
+        ([1.0, np.nan, 3.0], "lam holds numbers that are not finite"),
+        ([1.0, -np.inf, 3.0], "lam holds numbers that are not finite"),
+        (["a", "b", "c"], "lam = .*: real numbers are expected"),
+    ],
+)
+@pytest.mark.parametrize("batch", [True, False])
+def test_other_multipliers_are_refused(lam: Any, said: str, *, batch: bool) -> None:
+    dyn = Dynamics(models.SCENES / "four_bar.yaml")
+    state = np.tile(dyn.model.q0, (4, 1)) if batch else dyn.model.q0
+    expected = said.format(r"\(3,\) or \(4, 3\)" if batch else r"\(3,\)")
+    with pytest.raises(InvalidInput, match=f"^{expected}$"):
+        dyn.constrained_inverse(state, 0.0 * state, 0.0 * state, lam)
+    if not batch:
+        with pytest.raises(InvalidInput, match="lam has shape"):
+            dyn.constrained_inverse(state, 0.0 * state, 0.0 * state, np.ones((4, 3)))
+
+
 def test_without_constraints_nothing_is_constrained() -> None:
     dyn = models.dynamics("two_link")
     a, lam = dyn.constrained_forward([0.1, 0.2], [1.0, 2.0], [3.0, 4.0])

@@ -93,6 +93,14 @@ def test_both_frames_on_one_body() -> None:
         Dynamics(robot(weld))
 
 
+@pytest.mark.parametrize("frames", [("upper_arm", "world"), ("world", "upper_arm")])
+def test_the_first_link_moves_against_the_world(frames: tuple[str, str]) -> None:
+    held = {"type": "plane", "frames": frames, "normal": [1, 0, 0]}
+    assert list(ArmModel(load_scene(robot(held))).constraint_rows) == [0]
+    geared = {"type": "coupling", "joints": ["elbow", "shoulder"], "ratio": 1.0}
+    assert ArmModel(load_scene(robot(geared))).constraint_rows == {0: (0,)}
+
+
 def test_a_locked_joint_leaves_nothing_to_move() -> None:
     held = {"type": "plane", "frames": ["upper_arm", "world"]}
     with pytest.raises(SceneError, match="locked"):

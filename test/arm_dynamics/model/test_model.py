@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import re
+
 import numpy as np
 import pinocchio as pin
 import pytest
@@ -39,6 +41,33 @@ def test_scene_replaces_limits() -> None:
     found = (model.effort_limit, model.velocity_limit, model.position_lower, model.position_upper)
     assert [float(x[2]) for x in found] == [5.0, 0.5, -0.1, 0.1]
     np.testing.assert_array_equal(model.effort_limit[[0, 1, 3]], [60.0, 30.0, np.inf])
+
+
+@pytest.mark.parametrize(
+    ("said", "kept"),
+    [("0", np.inf), ("1e-9", 1e-9), ("0.5", 0.5), ("9.9e299", 9.9e299), ("1e300", np.inf)],
+)
+def test_a_limit_of_zero_or_of_an_absurd_size_is_none(said: str, kept: float) -> None:
+    """Exporters write such numbers where they know of no limit."""
+    text = (models.FOLDER / "scara.urdf").read_text()
+    limit = re.search(r'<limit [^>]*effort="60"[^>]*>', text)
+    assert limit is not None
+    other = f'<limit lower="-2.6" upper="2.6" effort="{said}" velocity="{said}"/>'
+    model = ArmModel(load_scene(text.replace(limit[0], other)))
+    assert (model.effort_limit[0], model.velocity_limit[0], model.effort_limit[1]) == (
+        kept,
+        kept,
+        30.0,
+    )
+    zero = {"inner": {"limits": {"effort": 0.0, "velocity": 0.0}}}
+    model = ArmModel(load_scene({"robot": {"urdf": SCARA}, "joints": zero}))
+    assert (model.effort_limit[0], model.velocity_limit[0]) == (0.0, 0.0)  # the scene means it
+
+
+def test_without_drives_a_command_is_the_torque_or_force_of_the_joint() -> None:
+    model = ArmModel(load_scene(SCARA))
+    assert model.command_unit == ("N m", "N m", "N", "N m")
+    np.testing.assert_array_equal(model.command_limit, model.effort_limit)
 
 
 def test_frames_include_links_and_joints(robot: str) -> None:

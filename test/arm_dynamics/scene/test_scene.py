@@ -4,12 +4,15 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 
 import models
 from arm_dynamics import Dynamics, Scene, load_scene
+from arm_dynamics.scene.friction import Sides
+from arm_dynamics.scene.schema import Joint
 
 URDF = models.FOLDER / "planar_3r.urdf"
 
@@ -45,6 +48,16 @@ def test_defaults() -> None:
     scene = load_scene(URDF)
     assert tuple(scene.gravity) == (0.0, 0.0, -9.81)
     assert (scene.robot.lock, scene.payloads, scene.joints) == ((), (), {})
+    assert (scene.sim.integrator, scene.sim.dt, scene.sim.tolerance) == (None, 1e-3, None)
+    assert (scene.constraints, scene.tunable) == ((), ())
+
+
+def test_a_payload_of_which_only_the_mass_is_said_is_a_point_in_its_frame() -> None:
+    (load,) = load_scene({
+        "robot": {"urdf": str(URDF)},
+        "payloads": [{"frame": "link3", "mass": 1}],
+    }).payloads  # fmt: skip
+    assert (load.com, load.inertia) == ((0.0,) * 3, (0.0,) * 6)
 
 
 def test_urdf_is_found_beside_the_scene_file(tmp_path: Path) -> None:
@@ -93,6 +106,42 @@ def test_star_speaks_for_all_joints_and_gives_way_to_a_name() -> None:
     np.testing.assert_array_equal(model.viscous, [0.5, 9.0, 0.5])
     np.testing.assert_array_equal(model.friction.coulomb.mean, [0.1, 0.1, 0.1])
     np.testing.assert_array_equal(model.armature, [0.2, 0.2, 0.2])
+
+
+def joint1(common: dict[str, Any], own: dict[str, Any]) -> Joint:
+    joints = {"*": common, "joint1": own}
+    return load_scene({"robot": {"urdf": str(URDF)}, "joints": joints}).joint("joint1")
+
+
+def test_only_what_is_said_of_a_joint_takes_the_place_of_what_is_said_of_all() -> None:
+    """Not the defaults of keys that are not there, and not a key without a value."""
+    geared = {"gear_ratio": 50.0, "rotor_inertia": 1e-4}
+    actuator = joint1({"actuator": geared}, {"actuator": {"rotor_inertia": 2e-4}}).actuator
+    assert actuator is not None
+    assert (actuator.gear_ratio, actuator.rotor_inertia) == (50.0, 2e-4)
+    empty = {"armature": None, "limits": {"effort": None}}
+    found = joint1({"armature": 0.5, "limits": {"effort": 3.0}}, empty)
+    assert (found.armature, found.limits.effort) == (0.5, 3.0)
+
+
+def test_a_number_and_a_pair_of_numbers_take_each_others_place() -> None:
+    pair = {"positive": 1.0, "negative": 2.0}
+    for common, own in ((0.5, pair), (pair, 0.5), (pair, {"positive": 3.0, "negative": 4.0})):
+        found = joint1({"friction": {"viscous": common}}, {"friction": {"viscous": own}}).friction
+        kept = found.viscous.model_dump() if isinstance(found.viscous, Sides) else found.viscous
+        assert kept == own
+
+
+def test_a_joint_that_nobody_speaks_of_is_as_the_urdf_has_it() -> None:
+    assert load_scene(URDF).joint("joint1") == Joint()
+    scene = load_scene({"robot": {"urdf": str(URDF)}, "joints": {"joint1": {"armature": 1.0}}})
+    assert scene.joint("joint2") == Joint()
+    assert scene.joint("joint1") == Joint(armature=1.0)
+
+
+def test_a_file_may_have_a_name_of_one_letter(tmp_path: Path) -> None:
+    (tmp_path / "x").write_text(URDF.read_text())
+    assert load_scene(written(tmp_path, "robot: {urdf: x}")).robot.urdf == URDF.read_text()
 
 
 def test_numbers_in_yaml_that_yaml_takes_for_text(tmp_path: Path) -> None:

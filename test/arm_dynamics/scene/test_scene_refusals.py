@@ -61,6 +61,38 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("effort", "-3"),
     ),
     "effort limit NaN": ({"joints": {"joint1": {"limits": {"effort": NAN}}}}, ("effort", "nan")),
+    "negative speed limit": (
+        {"joints": {"joint1": {"limits": {"velocity": -1e-300}}}},
+        ("joint1.limits.velocity", "-1e-300", "greater than or equal to 0"),
+    ),
+    "effort limit a truth value": (
+        {"joints": {"joint1": {"limits": {"effort": True}}}},
+        ("effort", "not true or false"),
+    ),
+    "limits the wrong way round": (
+        {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.25}}}},
+        ("joints.*.limits", "lower = 0.5 is above upper = 0.25"),
+    ),
+    "limit of a position infinite": (
+        {"joints": {"*": {"limits": {"lower": -INF}}}},
+        ("lower", "-inf", "finite"),
+    ),
+    "inertia a little negative": (
+        payload(inertia=[-1.01e-12, 0, 0, 1, 0, 1]),
+        ("inertia", "must not be negative in any direction", "-1.01"),
+    ),
+    "a small inertia that is a little negative": (
+        payload(inertia=[-1.01e-12, 0, 0, 1e-3, 0, 1e-3]),
+        ("inertia", "negative"),
+    ),
+    "an inertia that is great in one direction and a little negative in another": (
+        payload(inertia=[-1.01e-10, 0, 0, 1, 0, 100]),
+        ("inertia", "negative"),
+    ),
+    "a great inertia that is a little negative": (
+        payload(inertia=[-1.01e-10, 0, 0, 100, 0, 100]),
+        ("inertia", "negative"),
+    ),
     "line without direction": (
         tied(type="line", direction=[0, 0, 0]),
         ("direction", "not be zero"),
@@ -125,6 +157,57 @@ def test_bad_key(part: dict[str, Any], words: tuple[str, ...]) -> None:
 @pytest.mark.parametrize(("scene", "words"), BAD_SCENES.values(), ids=BAD_SCENES)
 def test_bad_scene(scene: Any, words: tuple[str, ...]) -> None:
     refuses(scene, words)
+
+
+FINE_KEYS: dict[str, dict[str, Any]] = {
+    "limits that coincide": {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.5}}}},
+    "a lower limit alone": {"joints": {"*": {"limits": {"lower": 5}}}},
+    "an upper limit alone": {"joints": {"*": {"limits": {"upper": -5}}}},
+    "a limit of nothing": {"joints": {"*": {"limits": {"effort": 0, "velocity": 0.5}}}},
+    "no limit": {"joints": {"*": {"limits": {"effort": INF, "velocity": "1e9"}}}},
+    "rounding of an inertia": payload(inertia=[-1e-12, 0, 0, 1, 0, 1]),
+    "rounding of a small inertia": payload(inertia=[-1e-12, 0, 0, 1e-3, 0, 1e-3]),
+    "rounding of a great inertia": payload(inertia=[-1e-10, 0, 0, 100, 0, 100]),
+    "rounding of an inertia that is great in one direction": payload(
+        inertia=[-1e-10, 0, 0, 1, 0, 100]
+    ),
+    "a payload without weight": payload(mass=0),
+}
+
+
+@pytest.mark.parametrize("part", FINE_KEYS.values(), ids=FINE_KEYS)
+def test_what_is_just_allowed(part: dict[str, Any]) -> None:
+    assert load_scene({"robot": {"urdf": URDF}, **part})
+
+
+OWN_KEYS = {
+    "point": "name, switchable, active, frames, points, type",
+    "line": "name, switchable, active, frames, points, type, direction",
+    "distance": "name, switchable, active, frames, points, type, distance",
+    "coupling": "name, switchable, active, type, joints, ratio, offset",
+    "contact": "type, frame, point, plane, friction, restitution, name",
+}
+
+
+@pytest.mark.parametrize(("kind", "allowed"), OWN_KEYS.items())
+def test_an_unknown_key_of_a_constraint_is_answered_with_those_of_its_type(
+    kind: str, allowed: str
+) -> None:
+    said = rf"'constraints\.0\.{kind}\.slack' = 1; allowed here: {allowed}"
+    with pytest.raises(SceneError, match=f"unknown key {said}$"):
+        load_scene({"robot": {"urdf": URDF}, "constraints": [{"type": kind, "slack": 1}]})
+
+
+def test_an_unknown_key_of_a_part_is_answered_with_those_of_that_part() -> None:
+    refuses(
+        {"robot": {"urdf": URDF}, "joints": {"*": {"limits": {"speed": 1}}}},
+        ("'joints.*.limits.speed' = 1; allowed here: effort, velocity, lower, upper",),
+    )
+    touching = {"type": "contact", "frame": "link3", "plane": {"height": 1}}
+    refuses(
+        {"robot": {"urdf": URDF}, "constraints": [touching]},
+        ("plane.height' = 1; allowed here: point, normal",),
+    )
 
 
 @pytest.mark.parametrize("text", BAD_YAML.values(), ids=BAD_YAML)

@@ -7,6 +7,7 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics, ModelError
+from arm_dynamics.scene.urdf import read_urdf
 
 GOOD = (models.FOLDER / "planar_3r.urdf").read_text()
 JOINT2 = '<joint name="joint2" type="revolute">'
@@ -56,7 +57,10 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
     ),
     "no parent": (changed('<parent link="link1"/>', ""), ("joint2", "parent")),
     "loop": (changed('<parent link="base"/>', '<parent link="link3"/>'), ("link1",)),
-    "two parents": (changed('<child link="link3"/>', '<child link="link1"/>'), ("link1",)),
+    "two parents": (
+        changed('<child link="link3"/>', '<child link="link1"/>'),
+        ("joint3", "link1", "already hangs on another joint"),
+    ),
     "two roots": (
         changed('<link name="base"/>', '<link name="base"/><link name="floor"/>'),
         ("root", "floor"),
@@ -77,6 +81,10 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
         ("link2", "mass", "heavy", "one finite"),
     ),
     "mass missing": (changed(MASS2, ""), ("link2", "mass")),
+    "no inertia": (
+        changed('<inertia ixx="0" ixy="0" ixz="0" iyy="0.015" iyz="0" izz="0.015"/>', ""),
+        ("link2", "without <inertia>"),
+    ),
     "mass without value": (changed(MASS2, "<mass/>"), ("link2", "mass")),
     "origin infinite": (
         changed('<origin xyz="0.15 0 0"/>', '<origin xyz="inf 0 0"/>'),
@@ -121,9 +129,37 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
         changed('<parent link="link1"/>', '<parent link="link1"/><mimic multiplier="2"/>'),
         ("joint2", "mimic"),
     ),
+    "mimics what does not move": (
+        changed(
+            JOINT2,
+            '<joint name="pin" type="fixed"><parent link="base"/><child link="x"/>'
+            '</joint><link name="x"/>' + JOINT2,
+        ).replace('<parent link="link1"/>', '<parent link="link1"/><mimic joint="pin"/>'),
+        ("joint2", "mimics 'pin', which does not move; allowed: joint1, joint3"),
+    ),
     "upper below lower": (
         changed('lower="-3" upper="3"', 'lower="3" upper="-3"'),
-        ("joint1", "limit"),
+        ("joint1", "<limit lower=3.0 upper=-3.0>"),
+    ),
+    "lower above the upper limit that none is": (
+        changed('lower="-3" upper="3"', 'lower="0.5"'),
+        ("joint1", "<limit lower=0.5 upper=0.0>"),
+    ),
+    "speed negative": (
+        changed('effort="80" velocity="5"', 'effort="80" velocity="-5"'),
+        ("joint1", "limit", "velocity", "-5", "not be negative"),
+    ),
+    "inertia a little negative": (
+        changed('iyy="0.015"', 'iyy="-1.001e-12"'),
+        ("link2", "inertia iyy='-1.001e-12'", "negative"),
+    ),
+    "axis without length": (
+        changed('<axis xyz="0 -1 0"/>', '<axis xyz="0 0.999e-9 0"/>'),
+        ("joint1", "axis '0 0.999e-9 0' has no direction"),
+    ),
+    "three parents in a ring": (
+        changed('<parent link="base"/>', '<parent link="link3"/>'),
+        ("link1, link2, link3 hang on each other in a ring",),
     ),
 }
 
@@ -134,6 +170,43 @@ def test_bad_description(text: str, words: tuple[str, ...]) -> None:
         Dynamics(text)
     missing = [word for word in words if word not in str(caught.value)]
     assert not missing, f"{missing} not in: {caught.value}"
+
+
+FINE = {
+    "equal limits": changed('lower="-3" upper="3"', 'lower="0.5" upper="0.5"'),
+    "limits without a number": changed('lower="-3" upper="3"', ""),
+    "no limit of a continuous joint": changed(
+        '<limit lower="-3" upper="3" effort="80" velocity="5"/>', ""
+    ).replace('"joint1" type="revolute"', '"joint1" type="continuous"'),
+    "a continuous joint has no positions to limit": changed(
+        'lower="-3" upper="3"', 'lower="3" upper="-3"'
+    ).replace('"joint1" type="revolute"', '"joint1" type="continuous"'),
+    "a short axis": changed('<axis xyz="0 -1 0"/>', '<axis xyz="0 1e-9 0"/>'),
+    "no axis": changed('<axis xyz="0 -1 0"/>', ""),
+    "a fixed joint has no axis": changed(
+        JOINT2, JOINT2.replace("revolute", "fixed") + '<axis xyz="0 0 0"/>'
+    ),
+    "rounding of an inertia": changed('iyy="0.015"', 'iyy="-1e-12"'),
+    "no mass": changed(MASS2, '<mass value="0"/>'),
+    "no losses": changed('damping="0.4"', 'damping="0"'),
+    "no effort": changed('effort="40"', 'effort="0"'),
+    "a link without inertia": changed('<link name="base"/>', '<link name="base"><visual/></link>'),
+    "a link of one letter": GOOD.replace("link3", "x"),
+}
+
+
+@pytest.mark.parametrize("text", FINE.values(), ids=FINE)
+def test_what_is_unusual_but_sound_is_read(text: str) -> None:
+    assert list(read_urdf(text).joints) == ["joint1", "joint2", "joint3"]
+
+
+@pytest.mark.parametrize("kind", ["revolute", "prismatic"])
+@pytest.mark.parametrize("limit", ["", '<limit lower="3" upper="-3" effort="1" velocity="1"/>'])
+def test_limits_of_both_kinds_of_joints_are_looked_at(kind: str, limit: str) -> None:
+    text = changed('<limit lower="-3" upper="3" effort="80" velocity="5"/>', limit)
+    text = text.replace('"joint1" type="revolute"', f'"joint1" type="{kind}"')
+    with pytest.raises(ModelError, match="'joint1'.*limit"):
+        read_urdf(text)
 
 
 def test_mimic_ring() -> None:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -115,3 +117,36 @@ def test_few_axes(axes: tuple[str, ...], rng: np.random.Generator) -> None:
         assert_close(now.J, terms.jacobian, ALGEBRA)
         assert now.B.shape == (model.n, len(axes))
         assert_close(now.inertia, terms.inertia, 1e-6)
+
+
+def test_one_joint_without_mass_among_others_is_enough() -> None:
+    urdf = """<robot name="cross"><link name="base"/><link name="beam"><inertial>
+      <mass value="1"/><inertia ixx="1" ixy="0" ixz="0" iyy="1" iyz="0" izz="1"/></inertial></link>
+      <link name="cart"/>
+      <joint name="x" type="prismatic"><parent link="base"/><child link="beam"/>
+      <axis xyz="1 0 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint>
+      <joint name="y" type="prismatic"><parent link="beam"/><child link="cart"/>
+      <axis xyz="0 1 0"/><limit lower="-1" upper="1" effort="1" velocity="1"/></joint></robot>"""
+    with pytest.raises(ModelError, match="a joint that carries frame 'cart' moves no mass"):
+        TaskKernel(ArmModel(load_scene(urdf)), "cart", ("x", "y"), THRESHOLD)
+
+
+@pytest.mark.parametrize(("off", "used"), [(9e-11, True), (1.1e-10, False)])
+def test_small_numbers_are_compared_as_numbers_of_one(
+    off: float, used: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A position within 0.9 m, off by a little."""
+    right = task_kernel.placement
+
+    def wrong(*given: Any) -> Any:
+        position, rotation = right(*given)
+        return position + off, rotation
+
+    monkeypatch.setattr(task_kernel, "placement", wrong)
+    model = ArmModel(models.scene("two_link"))
+    if used:
+        assert task_kernel.build(model, "tip", ("x", "z"))
+    else:
+        with pytest.raises(KernelError, match="position of frame 'tip' differs"):
+            task_kernel.build(model, "tip", ("x", "z"))
+    assert task_kernel.is_built(model, "tip", ("x", "z")) == used

@@ -10,6 +10,7 @@ import pytest
 import models
 from arm_dynamics import ArmError, InvalidInput, Unreachable
 from arm_dynamics.task_space import InverseKinematics, Pose, TaskSpace
+from arm_dynamics.task_space.inverse_kinematics import checked_pose
 from arm_dynamics.trajectory import circle, joint_path, line, paced, timed
 from arm_dynamics.trajectory.time_scaling import torque_stretch
 
@@ -63,6 +64,57 @@ def test_out_of_reach_is_said_with_what_is_missing() -> None:
     with pytest.raises(Unreachable, match=r"frame 'panda_hand_tcp' cannot be brought .* m and"):
         solver.reach(goal)
     assert issubclass(Unreachable, ArmError)
+
+
+def sheared(by: float) -> np.ndarray:
+    """Off from a rotation by exactly this much."""
+    rotation = np.eye(3)
+    rotation[0, 1] = by
+    return rotation
+
+
+@pytest.mark.parametrize("by", [0.0, 1e-6, -1e-6])
+def test_a_rotation_may_be_off_by_rounding(by: float) -> None:
+    pose = checked_pose(Pose([1, 2, 3], sheared(by)))  # type: ignore[arg-type]
+    assert pose.position.tolist() == [1.0, 2.0, 3.0]
+    assert pose.rotation.tolist() == sheared(by).tolist()
+
+
+@pytest.mark.parametrize(
+    ("rotation", "off", "det"),
+    [
+        (sheared(1.001e-6), "1e-06", "1"),
+        (sheared(-1.001e-6), "1e-06", "1"),
+        (0.5 * np.eye(3), "0.75", "0.125"),
+        (2.0 * np.eye(3), "3", "8"),
+        (np.diag([1.0, 1.0, -1.0]), "0", "-1"),
+        (np.zeros((3, 3)), "1", "0"),
+        (np.ones((3, 3)), "3", "0"),
+    ],
+)
+def test_what_is_no_rotation_is_refused_with_how_far_it_is_off(
+    rotation: np.ndarray, off: str, det: str
+) -> None:
+    said = rf"is no rotation: R Rᵀ is off by {off}, det R = {det}; allowed is 1e-6"
+    with pytest.raises(InvalidInput, match=said):
+        checked_pose(Pose(np.zeros(3), rotation))
+
+
+@pytest.mark.parametrize(
+    ("position", "rotation", "said"),
+    [
+        (np.zeros((2, 3)), np.eye(3), r"pose has shapes \(2, 3\) and \(3, 3\); \(3,\) and"),
+        (np.zeros(3), np.zeros(3), r"pose has shapes \(3,\) and \(3,\)"),
+        (np.zeros(3), np.eye(4)[:, :3], r"pose has shapes \(3,\) and \(4, 3\)"),
+        (np.zeros((3, 3)), np.eye(3)[:2], r"pose has shapes \(3, 3\) and \(2, 3\)"),
+        (np.zeros(2), np.eye(3), r"pose.position has shape \(2,\)"),
+        (np.zeros(3), np.eye(2), r"pose.rotation has shape \(2, 2\)"),
+        (np.zeros(3), np.full((3, 3), np.inf), r"pose.rotation\[0, 0\] = inf"),
+    ],
+)
+def test_what_is_no_pose_is_refused(position: np.ndarray, rotation: np.ndarray, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        checked_pose(Pose(position, rotation))
 
 
 def test_bad_poses_and_seeds_are_refused() -> None:

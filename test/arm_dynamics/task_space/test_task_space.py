@@ -256,3 +256,12 @@ def test_bad_vectors_are_refused() -> None:
         task.effective_mass([0.0, 1.0], [0.0, 0.0])
     with pytest.raises(InvalidInput, match="mixes kg and kg m²"):
         task_of("panda").mass_ellipsoid(np.zeros(7))
+
+
+@pytest.mark.parametrize("reference", ["local", "world"])
+def test_who_asks_for_axes_of_the_world_gets_no_others(reference: str) -> None:
+    dyn = models.dynamics("two_link")
+    TaskSpace(dyn, "tip").require_world_axes()
+    TaskSpace(dyn, "tip", "local_world_aligned").require_world_axes()
+    with pytest.raises(InvalidInput, match=f"^reference = '{reference}' of the task; 'local_wo"):
+        TaskSpace(dyn, "tip", reference).require_world_axes()

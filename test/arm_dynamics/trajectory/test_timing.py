@@ -6,6 +6,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
+from arm_dynamics import InvalidInput
 from arm_dynamics.trajectory import Quintic, Trapezoid
 from tolerances import ALGEBRA, assert_close
 
@@ -34,3 +35,12 @@ def test_too_short_for_full_speed_it_is_a_triangle(length: float) -> None:
     ramp = np.sqrt(length / 2.0)
     assert_close([timing.ramp, timing.duration], [ramp, 2.0 * ramp], ALGEBRA)
     assert timing.at(ramp)[1] * length <= 0.5
+
+
+@pytest.mark.parametrize("law", [Quintic, Trapezoid])
+@pytest.mark.parametrize("name", ["length", "speed", "acceleration"])
+@pytest.mark.parametrize("bad", [0.0, -1.0, np.nan, np.inf])
+def test_ways_and_limits_are_positive(law: type, name: str, bad: float) -> None:
+    given = {"length": 1.0, "speed": 0.5, "acceleration": 2.0, name: bad}
+    with pytest.raises(InvalidInput, match=f"^{name} is {bad}; a positive number is expected$"):
+        law.within(**given)

@@ -282,6 +282,19 @@ def test_chosen_durations_use_limits_up(rng: np.random.Generator) -> None:
     assert_close([trajectory.sample(t).q for t in trajectory.times], positions, 1e-9)
 
 
+@pytest.mark.parametrize(("speed", "time"), [(0.0, 0.2), (0.3, 0.2), (4.0, 1.5 * 4.0 / 8.0)])
+def test_a_stop_takes_a_fifth_of_a_second_or_what_the_limit_asks_for(
+    speed: float, time: float
+) -> None:
+    """Speed falls as v (1 - 3 s² + 2 s³): a way of v T/2."""
+    v = np.array([speed, -0.5 * speed, 0.0])
+    here = Reference(np.array([1.0, 2.0, 3.0]), v, np.zeros(N))
+    end = stop(here, limits(acceleration=8.0))
+    assert_close(end.duration, time, 1e-12)
+    assert_close(end.sample(time).q, here.q + 0.5 * time * v, 1e-12)
+    assert stop(here, limits(acceleration=8.0), least=2.0).duration == 2.0
+
+
 @pytest.mark.parametrize(
     ("waypoints", "complaint"),
     [

@@ -16,7 +16,7 @@ import pinocchio as pin
 from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
-from arm_dynamics.arrays import Array, each
+from arm_dynamics.arrays import Array, each, real_array
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
@@ -133,7 +133,7 @@ class Constrained:
         return self.closure.rank(active, self.model.q0 if closed else near)
 
     def _checked(self, name: str, value: ArrayLike, size: int, like: Array) -> Array:
-        array = np.asarray(value, dtype=float)
+        array = real_array(name, value)
         if array.shape not in ((size,), (*like.shape[:-1], size)):
             required = f"({size},)" if like.ndim == 1 else f"({size},) or ({len(like)}, {size})"
             raise InvalidInput(f"{name} has shape {array.shape}; {required} is expected")

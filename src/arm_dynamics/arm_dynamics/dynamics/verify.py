@@ -95,7 +95,7 @@ def check_forward(dynamics: Expected, acceleration: Acceleration) -> float:
     """
     q, v, tau = random_states(dynamics.model.n)
     a = _accelerations(dynamics, acceleration, q, v, tau)
-    bias = dynamics.inverse(q, v, 0 * q)
+    bias = dynamics.inverse(q, v, np.zeros_like(q))
     size = torque_size(dynamics.mass_matrix(q), a, bias, tau)
     return compare("forward dynamics", (dynamics.inverse(q, v, a) - tau, size))
 
@@ -114,7 +114,7 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     A = np.array([row.jacobian[kept] for row in rows])
     drift = np.array([row.drift[kept] for row in rows])
     M, lacking = dynamics.mass_matrix(q), tau - dynamics.inverse(q, v, a)
-    free = np.linalg.solve(M, (tau - dynamics.inverse(q, v, 0 * q))[..., None])
+    free = np.linalg.solve(M, (tau - dynamics.inverse(q, v, np.zeros_like(q)))[..., None])
     terms = (abs(A) @ (abs(a)[..., None] + abs(free)))[..., 0] + abs(drift)
     basis = np.linalg.qr(np.swapaxes(A, 1, 2))[0]
     reaction = (basis @ (np.swapaxes(basis, 1, 2) @ lacking[..., None]))[..., 0]

@@ -284,9 +284,8 @@ def _check(joint: Given) -> None:
     for key in ("position", "load"):
         if law and getattr(own, key) is not None:
             raise refusal(joint.name, f"{key}': not together with '{law}'")
-    if own.static is None:
-        return
-    (fs, fs_skew), (fc, fc_skew) = _sides(own.static, 0.0), _sides(own.coulomb, joint.dry)
+    fc, fc_skew = _sides(own.coulomb, joint.dry)
+    fs, fs_skew = _sides(own.static, fc, fc_skew)
     if fs + fs_skew < fc + fc_skew or fs - fs_skew < fc - fc_skew:
         level = joint.dry if own.coulomb is None else own.coulomb
         text = f"static' = {own.static}: at least coulomb, {level}, is expected"

@@ -189,15 +189,16 @@ def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None
         and np.linalg.norm(_floats(axis.get("xyz", "1 0 0"))) < 1e-9
     ):
         raise ModelError(f"joint '{name}': axis {axis.get('xyz')!r} has no direction")
-    limit = joint.find("limit")
-    if kind in ("revolute", "prismatic") and limit is None:
+    if kind in ("revolute", "prismatic"):
+        _check_limit(name, kind, joint.find("limit"))
+
+
+def _check_limit(name: str, kind: str, limit: ElementTree.Element | None) -> None:
+    if limit is None:
         raise ModelError(f"joint '{name}': a {kind} joint needs <limit>; 'continuous' has none")
-    if kind in ("revolute", "prismatic") and limit is not None:
-        lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
-        if lower > upper:
-            raise ModelError(
-                f"joint '{name}': <limit lower={lower} upper={upper}>: lower is above"
-            )
+    lower, upper = float(limit.get("lower", "0")), float(limit.get("upper", "0"))
+    if lower > upper:
+        raise ModelError(f"joint '{name}': <limit lower={lower} upper={upper}>: lower is above")
 
 
 def _check_inertia(name: str, link: ElementTree.Element) -> None:

@@ -189,7 +189,7 @@ def check_limits(task: TaskSpace, q: Array, u: float) -> None:
     """
     model = task.model
     beyond = np.maximum(model.position_lower - q, q - model.position_upper)
-    joint = int(np.argmax(beyond))
+    joint = np.argmax(beyond)
     if beyond[joint] > 1e-9:
         raise Unreachable(
             f"at {u:.1%} of the path joint '{model.joint_names[joint]}' would be at "

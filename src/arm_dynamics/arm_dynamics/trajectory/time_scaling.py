@@ -66,7 +66,7 @@ def _first_crossing(two: Array, one: Array, zero: Array) -> Array:
 
 def _check_standing(dynamics: Dynamics, standing: Array, limit: Array) -> None:
     excess = abs(standing) - limit
-    i, joint = np.unravel_index(int(np.argmax(excess)), excess.shape)
+    i, joint = np.unravel_index(np.argmax(excess), excess.shape)
     if excess[i, joint] >= 0.0:
         raise Unreachable(
             f"weight and dry friction of joint '{dynamics.joint_names[joint]}' take "

@@ -1,0 +1,199 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Friction that cannot be gives one clear error: the key, the value and what is wanted."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+import models
+from arm_dynamics import ArmModel, SceneError, load_scene
+from arm_dynamics.actuation.lugre_joints import LugreFriction
+
+LUGRE = {"lugre": {"sigma0": 1e4}}
+LOAD = {"load": {"at": [0, 10], "factor": [1, 1.1]}}
+WAVY = {"position": {"at": [0, 1], "factor": [1, 2]}}
+UNEQUAL = {"positive": 1.0, "negative": 2.0}
+
+
+def build(
+    friction: dict[str, Any], name: str = "joint2", robot: str = "planar_3r", **more: Any
+) -> ArmModel:
+    urdf = str(models.FOLDER / f"{robot}.urdf")
+    joints = {name: {"friction": friction, **more}}
+    return ArmModel(load_scene({"robot": {"urdf": urdf}, "joints": joints}))
+
+
+def refusal(friction: dict[str, Any], *where: str, **more: Any) -> str:
+    with pytest.raises(SceneError) as caught:
+        LugreFriction.of(build(friction, *where, **more))
+    return str(caught.value).removeprefix("scene: 'joints.")
+
+
+@pytest.mark.parametrize("key", ["load", "lugre"])
+def test_a_gear_that_loses_power_is_the_only_friction_by_load(key: str) -> None:
+    friction = {"coulomb": 0.1, **(LOAD if key == "load" else LUGRE)}
+    for efficiency in (0.5, 0.999):
+        said = refusal(friction, actuator={"efficiency": efficiency})
+        assert said == (
+            f"joint2.friction.{key}' and 'actuator.efficiency' = {efficiency}: "
+            "one of them is allowed"
+        )
+    assert build(friction, actuator={"efficiency": 1.0}).friction.gears == ()
+    assert build({"coulomb": 0.1, **WAVY}, actuator={"efficiency": 0.5}).friction.gears == (1,)
+
+
+@pytest.mark.parametrize("key", ["coulomb", "static"])
+def test_bristles_know_no_sides(key: str) -> None:
+    levels = {"coulomb": 1.0, "static": 2.0, key: UNEQUAL}
+    assert refusal(levels | LUGRE) == (
+        f"joint2.friction.{key}': with 'lugre' one number for both directions is expected"
+    )
+    assert build(levels | {"coulomb": 1.0}).friction.has_dry
+
+
+@pytest.mark.parametrize(("key", "table"), [("position", WAVY), ("load", LOAD)])
+def test_bristles_know_no_factors(key: str, table: dict[str, Any]) -> None:
+    said = refusal({"coulomb": 1.0} | LUGRE | table)
+    assert said == f"joint2.friction.{key}': not together with 'lugre'"
+    assert build({"coulomb": 1.0} | table).friction.by_load == (key == "load")
+
+
+STATIC: dict[str, tuple[dict[str, Any], str | None]] = {
+    "equal": ({"coulomb": 0.5, "static": 0.5}, None),
+    "less": ({"coulomb": 0.5, "static": 0.499}, "static' = 0.499: at least coulomb, 0.5, is"),
+    "equal to the URDF's": ({"static": 0.2}, None),
+    "less than the URDF's": ({"static": 0.199}, "static' = 0.199: at least coulomb, 0.2, is"),
+    "less than the URDF's, which does not count": ({"coulomb": 0.1, "static": 0.15}, None),
+    "equal on both sides": ({"coulomb": UNEQUAL, "static": UNEQUAL}, None),
+    "a number above both sides": ({"coulomb": UNEQUAL, "static": 2.0}, None),
+    "a number below one side": ({"coulomb": UNEQUAL, "static": 1.9}, "static' = 1.9: at least"),
+    "sides above a number": ({"coulomb": 1.0, "static": UNEQUAL}, None),
+    "less in the positive direction": (
+        {"coulomb": 1.5, "static": {"positive": 1.25, "negative": 2}},
+        "static' = positive=1.25 negative=2.0: at least coulomb, 1.5, is",
+    ),
+    "less in the negative direction": (
+        {"coulomb": UNEQUAL, "static": {"positive": 3, "negative": 1.75}},
+        "at least coulomb, positive=1.0 negative=2.0, is",
+    ),
+}
+
+
+@pytest.mark.parametrize(("friction", "said"), STATIC.values(), ids=STATIC)
+def test_at_rest_a_joint_holds_as_much_as_in_motion(
+    friction: dict[str, Any], said: str | None
+) -> None:
+    if said is None:
+        assert build(friction).friction.has_dry
+    else:
+        assert said in refusal(friction)
+
+
+@pytest.mark.parametrize("key", ["static", "position", "load", "lugre"])
+def test_a_follower_has_no_law_of_its_own(key: str) -> None:
+    given = {"static": {"static": 1.0}, "position": WAVY, "load": LOAD, "lugre": LUGRE}[key]
+    assert refusal(given, "right_slide", "gripper") == (
+        f"right_slide.friction.{key}': a mimic joint has none of its own"
+    )
+    assert build(given | {"coulomb": 1.0}, "left_slide", "gripper")
+
+
+@pytest.mark.parametrize("key", ["viscous", "coulomb"])
+def test_a_follower_has_no_sides(key: str) -> None:
+    assert refusal({key: UNEQUAL}, "right_slide", "gripper") == (
+        f"right_slide.friction.{key}': a mimic joint has one number for both directions"
+    )
+    assert build({key: 1.0}, "right_slide", "gripper")
+    assert build({key: UNEQUAL}, "left_slide", "gripper")
+
+
+def growing(slope: float) -> dict[str, Any]:
+    """A factor whose steepest rise over the load is ``slope``: 3/2 of the mean between points."""
+    return {"load": {"at": [2, 5], "factor": [1, 1 + 2 * slope]}}
+
+
+@pytest.mark.parametrize(
+    "levels",
+    [
+        {"coulomb": 2.0},
+        {"coulomb": 1.0, "static": 2.0},
+        {"coulomb": {"positive": 1.0, "negative": 2.0}},
+        {"coulomb": {"positive": 2.0, "negative": 1.0}},
+        {"coulomb": 1.0, "position": {"at": [0, 1, 2], "factor": [1, 2, 0.5]}},
+    ],
+)
+@pytest.mark.parametrize("name", ["joint1", "joint3", "*"])
+def test_friction_by_load_grows_by_less_than_half_of_the_load(
+    levels: dict[str, Any], name: str
+) -> None:
+    """Of the largest level, 2 N m: 0.499 of the load may be, 0.501 not."""
+    assert build(levels | growing(0.2495), name).friction.by_load
+    first = "joint1" if name == "*" else name
+    assert refusal(levels | growing(0.2505), name) == (
+        f"{first}.friction.load': friction grows by 0.501 of the load that causes it; at most "
+        "0.5 is allowed, or the joint could lock itself"
+    )
+
+
+def test_friction_that_falls_with_the_load_is_no_trouble() -> None:
+    assert build({"coulomb": 2.0, "load": {"at": [2, 5], "factor": [9, 1]}}).friction.by_load
+
+
+def test_the_steepest_part_of_a_table_counts() -> None:
+    """Rises 0.1 over 10 N m, then 3 over 3 N m, then nothing."""
+    table = {"load": {"at": [0, 10, 13, 50], "factor": [1, 1.1, 4.1, 4.1]}}
+    assert "friction grows by 1." in refusal({"coulomb": 1.0} | table)
+    assert build({"coulomb": 0.25} | table).friction.by_load
+
+
+# --- bristles ----------------------------------------------------------------------------------
+
+
+def lugre(**changes: Any) -> dict[str, Any]:
+    own = {key: changes.pop(key) for key in ("sigma1", "sigma1_velocity") if key in changes}
+    return {"coulomb": 2.0, "viscous": 0.0, **changes, "lugre": {"sigma0": 1e4, **own}}
+
+
+@pytest.mark.parametrize("level", [0.0, 0])
+def test_bristles_carry_friction_above_zero(level: float) -> None:
+    said = refusal(lugre(coulomb=level))
+    assert said == "joint2.friction.lugre' needs coulomb above zero, got 0.0"
+    assert LugreFriction.of(build(lugre(coulomb=1e-9)))
+
+
+def test_bristles_with_a_stribeck_effect_have_its_speed() -> None:
+    assert refusal(lugre(static=2.001)) == (
+        "joint2.friction.lugre' with static above coulomb needs a 'stribeck_velocity'"
+    )
+    assert LugreFriction.of(build(lugre(static=2.0)))
+    assert LugreFriction.of(build(lugre(static=2.001, stribeck_velocity=0.1)))
+
+
+def test_bristles_are_passive_by_viscous_friction() -> None:
+    """sigma1 (static - coulomb) / coulomb = 8 · (3.5 - 2) / 2 = 6."""
+    given = {"static": 3.5, "stribeck_velocity": 0.1, "sigma1": 8.0}
+    assert LugreFriction.of(build(lugre(viscous=6.0, **given)))
+    said = refusal(lugre(viscous=5.999, **given))
+    assert "(static - coulomb) / coulomb = 6 is expected, got 5.999;" in said
+    assert "4 sqrt(2 e) coulomb / sigma1 = 2.332, got None" in said
+    sided = {"positive": 5.0, "negative": 3.0}
+    assert "is expected, got 3;" in refusal(lugre(viscous=sided, **given))
+    sided = {"positive": 3.0, "negative": 5.0}
+    assert "is expected, got 3;" in refusal(lugre(viscous=sided, **given))
+    assert LugreFriction.of(build(lugre(viscous={"positive": 6.0, "negative": 7.0}, **given)))
+
+
+def test_bristles_are_passive_by_damping_that_fades() -> None:
+    """4 sqrt(2 e) coulomb / sigma1 = 2.33164... for 2 and 8."""
+    given = {"static": 3.0, "stribeck_velocity": 0.1, "sigma1": 8.0}
+    assert LugreFriction.of(build(lugre(sigma1_velocity=2.3316, **given)))
+    said = refusal(lugre(sigma1_velocity=2.3317, **given))
+    assert "= 4 is expected, got 0;" in said
+    assert "= 2.332, got 2.3317" in said
+
+
+def test_bristles_without_damping_are_passive() -> None:
+    assert LugreFriction.of(build(lugre(static=9.0, stribeck_velocity=0.1)))
+    assert LugreFriction.of(build(lugre(sigma1=1e3)))

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joints and frames that a scene names must exist, and be free to do what is asked of them."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+
+from arm_dynamics import SceneError, load_scene
+
+# joint1 leads, joint2 follows it, joint3 is fixed, joint4 is on its own.
+URDF = """<robot name="r"><link name="base"/>
+  <link name="a"/><link name="b"/><link name="c"/><link name="d"/>
+  <joint name="joint1" type="continuous"><parent link="base"/><child link="a"/></joint>
+  <joint name="joint2" type="continuous"><parent link="a"/><child link="b"/>
+    <mimic joint="joint1" multiplier="2"/></joint>
+  <joint name="joint3" type="fixed"><parent link="b"/><child link="c"/></joint>
+  <joint name="joint4" type="continuous"><parent link="c"/><child link="d"/></joint>
+</robot>"""
+FRAMES = "base, a, b, c, d, joint1, joint2, joint3, joint4"
+
+
+def scene(*constraints: dict[str, Any], lock: tuple[str, ...] = (), **more: Any) -> dict[str, Any]:
+    robot = {"urdf": URDF, "lock": list(lock)}
+    return {"robot": robot, "constraints": list(constraints), **more}
+
+
+def refusal(source: dict[str, Any]) -> str:
+    with pytest.raises(SceneError) as caught:
+        load_scene(source)
+    return str(caught.value)
+
+
+def coupling(first: str, second: str) -> dict[str, Any]:
+    return {"type": "coupling", "joints": [first, second], "ratio": 1.0}
+
+
+@pytest.mark.parametrize("key", ["joints", "initial.position", "initial.velocity", "robot.lock"])
+@pytest.mark.parametrize(
+    ("name", "trouble"), [("joint3", "is fixed"), ("joint9", "does not exist")]
+)
+def test_a_joint_that_does_not_move_is_told_from_one_that_is_unknown(
+    key: str, name: str, trouble: str
+) -> None:
+    given: dict[str, Any] = {
+        "joints": scene(joints={"*": {}, name: {}}),
+        "initial.position": scene(initial={"position": {"joint1": 1, name: 0}}),
+        "initial.velocity": scene(initial={"velocity": {"joint1": 1, name: 0}}),
+        "robot.lock": scene(lock=(name,)),
+    }
+    assert refusal(given[key]) == (
+        f"scene: '{key}' names joint '{name}', which {trouble}; allowed: joint1, joint2, joint4"
+    )
+
+
+@pytest.mark.parametrize("frame", ["base", "d", "joint3", "joint4"])
+def test_a_payload_and_a_contact_may_be_on_every_link_and_joint(frame: str) -> None:
+    contact = {"type": "contact", "frame": frame}
+    loaded = load_scene(scene(contact, payloads=[{"frame": frame, "mass": 1}]))
+    assert loaded.payloads[0].frame == frame
+    assert [at.frame for _, at in loaded.contacts] == [frame]
+
+
+def test_a_frame_that_does_not_exist_is_named_with_its_place() -> None:
+    on = {"frame": "a", "mass": 1}
+    off = {"frame": "world", "mass": 1}
+    touching = {"type": "contact", "frame": "a"}
+    assert refusal(scene(payloads=[on, off])) == (
+        f"scene: 'payloads.1.frame' = 'world' does not exist; allowed: {FRAMES}"
+    )
+    assert refusal(scene(touching, {"type": "contact", "frame": "world"})) == (
+        f"scene: 'constraints.1.frame' = 'world' does not exist; allowed: {FRAMES}"
+    )
+
+
+@pytest.mark.parametrize("frames", [("d", "world"), ("world", "d"), ("a", "d"), ("joint4", "a")])
+def test_frames_that_exist_or_are_the_world_may_be_tied(frames: tuple[str, str]) -> None:
+    assert load_scene(scene({"type": "point", "frames": list(frames)})).bilateral[0]
+
+
+@pytest.mark.parametrize("frames", [("x", "world"), ("world", "x"), ("x", "a"), ("a", "x")])
+def test_either_frame_of_a_constraint_must_exist(frames: tuple[str, str]) -> None:
+    fine = {"type": "point", "frames": ["d", "world"]}
+    assert refusal(scene(fine, {"type": "frame", "frames": list(frames)})) == (
+        f"scene: 'constraints.1.frames' names 'x', which does not exist; allowed: world, {FRAMES}"
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "lock", "trouble", "allowed"),
+    [
+        ("joint9", (), "does not exist", "joint1, joint4"),
+        ("joint3", (), "is fixed", "joint1, joint4"),
+        ("joint2", (), "follows 'joint1'", "joint1, joint4"),
+        ("joint4", ("joint4",), "is locked", "joint1"),
+        ("joint2", ("joint1", "joint2"), "is locked", "joint4"),
+    ],
+)
+@pytest.mark.parametrize("first", [True, False])
+def test_a_coupling_is_of_two_free_joints(
+    name: str, lock: tuple[str, ...], trouble: str, allowed: str, *, first: bool
+) -> None:
+    free = allowed.split(", ")[0]
+    tie = coupling(name, free) if first else coupling(free, name)
+    assert refusal(scene(tie, lock=lock)) == (
+        f"scene: 'constraints.0.joints' names joint '{name}', which {trouble}; allowed: {allowed}"
+    )
+
+
+def test_a_coupling_of_free_joints_is_taken() -> None:
+    assert load_scene(scene(coupling("joint4", "joint1"))).constraints[0].switchable is False
+
+
+@pytest.mark.parametrize("place", [1, 2])
+def test_two_constraints_of_one_name_are_refused_wherever_they_stand(place: int) -> None:
+    ties = [{"type": "point", "frames": ["d", "world"], "name": name} for name in "abc"]
+    ties[place]["name"] = "a"
+    assert refusal(scene(*ties)) == "scene: two constraints are called 'a'; names must differ"
+
+
+def test_a_name_may_not_be_the_one_that_another_gets_by_its_place() -> None:
+    named = {"type": "plane", "frames": ["d", "world"], "name": "point_1"}
+    plain = {"type": "point", "frames": ["d", "world"]}
+    assert "two constraints are called 'point_1'" in refusal(scene(named, plain))
+    assert load_scene(scene(plain, named)).constraints[1].name == "point_1"
+
+
+def test_contacts_are_told_from_what_ties_both_ways() -> None:
+    tie, touch = {"type": "point", "frames": ["d", "world"]}, {"type": "contact", "frame": "d"}
+    loaded = load_scene(scene(touch, tie, {**touch, "name": "toe"}))
+    assert [(i, tied.type) for i, tied in loaded.bilateral.items()] == [(1, "point")]
+    assert [(name, at.type) for name, at in loaded.contacts] == [
+        ("contact_0", "contact"),
+        ("toe", "contact"),
+    ]
+
+
+def test_a_follower_is_locked_only_with_its_leader() -> None:
+    assert refusal(scene(lock=("joint2",))) == (
+        "scene: 'robot.lock' locks 'joint2', which follows 'joint1'; lock that one too"
+    )
+    for lock in (("joint1",), ("joint1", "joint2"), ("joint4",)):
+        assert load_scene(scene(lock=lock)).robot.lock == lock
+
+
+@pytest.mark.parametrize("key", ["position", "velocity"])
+def test_a_follower_starts_where_its_leader_takes_it(key: str) -> None:
+    own = {key: {"joint2": 0.5}}
+    assert refusal(scene(initial=own)) == (
+        f"scene: 'initial.{key}' names 'joint2', which follows 'joint1'; set that one"
+    )
+    locked = load_scene(scene(lock=("joint1", "joint2"), initial=own))
+    assert getattr(locked.initial, key) == {"joint2": 0.5}
+    assert load_scene(scene(initial={key: {"joint1": 0.5, "joint4": 1.0}}))
