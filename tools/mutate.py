@@ -6,8 +6,9 @@ the same seed and the same tree. It goes evenly through all files of ``src``, by
 their lines that a mistake can be made in, and chooses a kind of mistake and a place at random.
 
 Every mutation is made in a copy of the tree in a temporary folder, with a cache of compiled
-kernels of its own. The tests that have most to do with the file run first, then, with
-``--everything``, all others. A failure counts only if the test fails again alone, and passes in a
+kernels of its own. The tests that run the changed line come first, then others that run the same
+file, then, with ``--everything``, all. Which tests those are is recorded by running all of them
+once. A failure counts only if the test fails again alone, and passes in a
 copy without the mutation: tests that are flaky, or fail anyway, catch nothing. A test that hangs,
 or a process that crashes, is a failure like any other.
 """
@@ -39,6 +40,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass, replace
 from decimal import Decimal
 from functools import cached_property
+from itertools import accumulate, zip_longest
 from pathlib import Path
 from typing import NamedTuple
 
@@ -73,16 +75,21 @@ SAFETY_NAMES = re.compile(
 # --- how tests are run -------------------------------------------------------------------------
 
 PYTEST = (sys.executable, "-m", "pytest", "-p", "_hypothesis_pytestplugin")
-RELATED = 12  # test files that run first
+TRACING = ("-p", "sitecustomize", "-p", "xdist", "-n", "auto", "--dist", "loadscope")
+WATCH = Path(__file__).parent / "line_trace"  # holds that file
+TRACE_LIMIT = 1800.0  # [s] for all tests while their lines are recorded
+SLOWER = 4.0  # how much longer than recorded tests may take: kernels are compiled anew
 EVERYTHING = 4  # everything may take so many times as long as the related tests
 HANG = 150  # [s] for one test: the slowest takes a quarter of that
 MEMORY = 8 << 30  # bytes of its own that a process may have
 NO_TESTS, USAGE = 5, 4  # exit codes of pytest
 
+TRACE_HELP = "Folder that keeps which test runs which line, for the next draw at this commit."
+
 EXAMPLES = """\b
 Examples:
   ./arm python tools/mutate.py --count 60 --seed 1 --list
-  ./arm python tools/mutate.py --count 60 --seed 1 --only 7 --list     the diff and its tests
+  ./arm python tools/mutate.py --count 60 --seed 1 --only 7 --list     the diff
   ./arm python tools/mutate.py --count 60 --seed 1 --jobs 2 --write test/mutations.md
   ./arm python tools/mutate.py --count 60 --seed 1 --resume --everything --write test/mutations.md
   ./arm python tools/mutate.py --count 20 --seed 2 --safety
@@ -910,95 +917,79 @@ def draw(
     return drawn
 
 
-# --- which tests have to do with a file --------------------------------------------------------
+# --- which tests run a line --------------------------------------------------------------------
 
 
-class Relations:
-    """Which modules and tests speak of which module."""
+class Trace:
+    """Which tests run which line, and for how long.
 
-    def __init__(self, project: Project) -> None:
-        """Read all sources and tests."""
+    Recorded once by running all tests, ``line_trace/sitecustomize.py`` watching. A line of C
+    counts as run by the tests that run the Python files which name its file.
+    """
+
+    def __init__(self, project: Project, folder: Path) -> None:
+        """Read what was recorded in a folder."""
         self.project = project
-        self.modules = {_dotted(project.root, n): n for n in project.sources if n.endswith(".py")}
-        self.uses = {n: self._used(n) for n in (*project.sources, *project.tests)}
-        self.words = {t: set(re.findall(r"\w+", project.text(t))) for t in project.tests}
-        self.names = {n: _public(project.text(n)) for n in self.modules.values()}
-        mentions = (word for words in self.words.values() for word in words)
-        homes = (name for names in self.names.values() for name in names)
-        self.spread, self.homes = Counter(mentions), Counter(homes)
+        self.lines: dict[tuple[str, int], set[str]] = defaultdict(set)
+        self.files: dict[str, set[str]] = defaultdict(set)
+        self.seconds: dict[str, float] = {}
+        for found in map(_read, sorted(folder.glob("*.json"))):
+            self.seconds |= found["seconds"]
+            for test, files in found["lines"].items():
+                for name, numbers in files.items():
+                    self.files[f"{SOURCE}/{name}"].add(test)
+                    for number in numbers:
+                        self.lines[f"{SOURCE}/{name}", number].add(test)
 
-    def _used(self, name: str) -> set[str]:
-        """Files of ``src`` that a file imports, includes, or names in a string."""
-        text = self.project.text(name)
-        natives = {n for n in self.project.sources if not n.endswith(".py")}
-        named = set(re.findall(r'"[^"\n]*?([\w.]+\.(?:c|h|hpp))"', text))
-        used = {n for n in natives if Path(n).name in named}
-        if name.endswith(".py"):
-            used |= {self.modules[m] for m in _imported(text) if m in self.modules}
-        return used - {name}
+    def tests_of(self, mutation: Mutation, limit: float) -> list[str]:
+        """Tests that take ``limit`` seconds together: first those that run the line.
 
-    def tests_of(self, name: str) -> list[str]:
-        """The test files that have most to do with a file, those that have most first."""
-        scores: Counter[str] = Counter()
-        near = {name} if name in self.names else self._loaders(name)
-        seen = set(near)
-        for weight in (1.0, 0.25, 0.06):
-            for module in near:
-                for test in self.project.tests:
-                    scores[test] += weight * self._score(test, module) / len(near) ** 0.5
-            near = self._users(near) - seen
-            seen |= near
-            if not near:
-                break
-        return [test for test, score in scores.most_common(RELATED) if score > 0.0]
+        Then others in the same files, for what is built once and kept is run by the first of
+        them only; then all that run anything of the file that is changed.
+        """
+        users = self._users(mutation.path)
+        of_file = {test for name in users for test in self.files[name]}
+        of_line = self.lines[mutation.path, mutation.line]
+        neighbours = {_file(test) for test in of_line}
+        chosen: list[str] = []
+        for tests in (of_line, {t for t in of_file if _file(t) in neighbours}, of_file):
+            chosen += self._in_turns(mutation.path, tests - set(chosen))
+        times = accumulate(self.seconds.get(test, 1.0) for test in chosen)
+        affordable = [test for test, until in zip(chosen, times, strict=True) if until <= limit]
+        files = {_file(test): k for k, test in reversed(list(enumerate(affordable)))}
+        return sorted(affordable, key=lambda test: files[_file(test)])  # fixtures are made once
 
-    def _users(self, names: set[str]) -> set[str]:
-        return {user for user in self.project.sources if self.uses[user] & names}
+    def _in_turns(self, path: str, tests: set[str]) -> list[str]:
+        """One of each file in turn, quick ones first; files near the changed one come first."""
+        near = set(Path(path).parts)
+        queues = defaultdict(list)
+        for test in sorted(tests, key=lambda t: (self.seconds.get(t, 1.0), t)):
+            queues[_file(test)].append(test)
+        files = sorted(queues, key=lambda f: (-len(near & set(Path(f).parts)), f))
+        turns = zip_longest(*(queues[f] for f in files))
+        return [test for turn in turns for test in turn if test]
 
-    def _loaders(self, name: str) -> set[str]:
-        """Modules that use a file of C, itself or in another one: no test knows it by name."""
-        seen, natives = {name}, {name}
-        while natives:
-            users = self._users(natives) - seen
-            seen |= users
-            natives = users - set(self.names)
-        return seen & set(self.names)
+    def _users(self, name: str) -> set[str]:
+        """The file itself, or the Python files that name one of C or one that includes it."""
+        seen, todo = set[str](), {name}
+        while todo:
+            seen |= todo
+            natives = {Path(n).name for n in todo if not n.endswith(".py")}
+            named = {n for n in self.project.sources if self._names(n) & natives}
+            todo = named - seen
+        return {n for n in seen if n.endswith(".py")}
 
-    def _score(self, test: str, module: str) -> float:
-        score = 10.0 if module in self.uses[test] else 0.0
-        stem, folder = Path(module).stem, Path(module).parent.name
-        if Path(test).stem in (f"test_{stem}", f"test_{folder}_{stem}"):
-            score += 20.0
-        shared = self.names[module] & self.words[test]
-        return score + sum(10.0 / self.spread[word] / self.homes[word] for word in shared)
-
-
-def _public(text: str) -> set[str]:
-    """Public names that a Python file defines."""
-    pattern = r"^(?:class|def) ([A-Za-z]\w+)|^ {4}def ([a-z]\w+)|^([A-Z]\w+)(?: =|:)"
-    found = re.findall(pattern, text, re.MULTILINE)
-    return {word for words in found for word in words} - {""}
+    def _names(self, source: str) -> set[str]:
+        text = self.project.text(source)
+        return set(re.findall(r'"[^"\n]*?([\w.]+\.(?:c|h|hpp))"', text)) - {Path(source).name}
 
 
-def _dotted(root: Path, name: str) -> str:
-    """Name under which a module is imported."""
-    path = Path(name)
-    parts = [] if path.stem == "__init__" else [path.stem]
-    while (root / path.parent / "__init__.py").exists():
-        path = path.parent
-        parts.insert(0, path.name)
-    return ".".join(parts)
+def _read(file: Path) -> dict:
+    return json.loads(file.read_text(encoding="utf-8"))
 
 
-def _imported(text: str) -> set[str]:
-    """Dotted names that a Python file imports, with what it takes from them."""
-    found = set()
-    for node in ast.walk(ast.parse(text)):
-        if isinstance(node, ast.Import):
-            found |= {alias.name for alias in node.names}
-        elif isinstance(node, ast.ImportFrom) and node.module:
-            found |= {node.module, *(f"{node.module}.{alias.name}" for alias in node.names)}
-    return found
+def _file(test: str) -> str:
+    return test.partition("::")[0]
 
 
 # --- copies of the tree and what runs in them --------------------------------------------------
@@ -1019,14 +1010,16 @@ class Copy:
             shutil.copytree(kernels, self.cache, dirs_exist_ok=True, copy_function=os.link)
         self.runs = 0
 
-    def environment(self) -> dict[str, str]:
-        """Surroundings in which Python imports the sources of this copy."""
+    def environment(self, traces: Path | None = None) -> dict[str, str]:
+        """Surroundings in which Python imports the sources of this copy, and may be watched."""
         source, ours = str(ROOT / SOURCE), str(self.tree / SOURCE)
         path = os.environ.get("PYTHONPATH", "").split(os.pathsep)
         moved = [ours + p[len(source) :] if p.startswith(source + os.sep) else p for p in path]
+        watched = {"LINE_TRACE": str(traces), "LINE_TRACE_SOURCE": f"{ours}/"} if traces else {}
         return {
             **os.environ,
-            "PYTHONPATH": os.pathsep.join(moved),
+            **watched,
+            "PYTHONPATH": os.pathsep.join([str(WATCH), *moved] if traces else moved),
             "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
             "XDG_CACHE_HOME": str(self.cache),
             "TMPDIR": str(self.scratch),
@@ -1040,11 +1033,17 @@ class Stopped(Exception):
 class Ending(NamedTuple):
     """How a run of pytest ended: in words, and where; ``test`` is empty if nobody knows."""
 
-    words: str  # "passed", "failed", "hangs", "crashes" or "out of time"
+    words: str  # "passed", "failed", "not collected", "hangs", "crashes", "out of time"
     test: str = ""
 
 
-def run_pytest(copy: Copy, options: Iterable[str], limit: float, stop: threading.Event) -> Ending:
+def run_pytest(
+    copy: Copy,
+    options: Iterable[str],
+    limit: float,
+    stop: threading.Event,
+    traces: Path | None = None,
+) -> Ending:
     """Run tests in a copy until one fails."""
     copy.runs += 1
     memory = copy.scratch / f"pytest-{copy.runs}"
@@ -1052,7 +1051,7 @@ def run_pytest(copy: Copy, options: Iterable[str], limit: float, stop: threading
     hang = ("-o", f"faulthandler_timeout={HANG}", "-o", "faulthandler_exit_on_timeout=true")
     line = [*PYTEST, "-x", "-v", "--tb=no", "-o", f"cache_dir={memory}", *hang, *options]
     with told.open("wb") as out, errors.open("wb") as err:
-        code = run_alone(line, copy, out, err, limit, stop)
+        code = run_alone(line, copy, copy.environment(traces), out, err, limit, stop)
     if code is None:
         return Ending("out of time")
     if code in (0, NO_TESTS):
@@ -1061,19 +1060,19 @@ def run_pytest(copy: Copy, options: Iterable[str], limit: float, stop: threading
     if failed.exists() and (tests := list(json.loads(failed.read_text()))):
         return Ending("failed", tests[0])
     if code == USAGE:
-        return Ending("failed")
+        return Ending("not collected")
     pattern = r"^(\S+\.py::.*?) *(?:(?:PASSED|FAILED|ERROR|SKIPPED|XFAIL).*)?$"
     last = re.findall(pattern, told.read_text(errors="replace"), re.MULTILINE)
     words = "hangs" if "Timeout (" in errors.read_text(errors="replace") else "crashes"
     return Ending(words, last[-1] if last else "")
 
 
-def run_alone(line: list[str], copy: Copy, out, err, limit: float, stop: threading.Event):
+def run_alone(line: list[str], copy: Copy, env: dict, out, err, limit: float, stop):
     """Run a command in a session of its own and end all of it; None if it took too long."""
     process = subprocess.Popen(
         line,
         cwd=copy.tree,
-        env=copy.environment(),
+        env=env,
         stdin=subprocess.DEVNULL,
         stdout=out,
         stderr=err,
@@ -1146,13 +1145,27 @@ class Laboratory:
         self.project, self.folder = project, folder
         self.chosen, self.limit = options["tests"], options["limit"]
         self.everything, self.more = options["everything"], tuple(options["pytest"].split())
-        self.relations = Relations(project)
         self.stop = threading.Event()
         self.kernels = folder / "kernels"
         self._copy_kernels()
         self.sound = Copy(project, folder / "sound", self.kernels)
         self._passing: dict[str, bool] = {}
         self._one_at_a_time = threading.Lock()
+        self.traces: Path = (options["trace"] or folder / "trace").absolute()
+        self.trace: Trace | None = None
+
+    def prepare(self) -> None:
+        """Record which tests run which line, unless that is known or the tests are given."""
+        if self.chosen:
+            return
+        folder = self.traces
+        if not folder.exists():
+            folder.mkdir(parents=True)
+            all_tests = (*TRACING, "--maxfail=50", TESTS)  # those that fail will catch nothing
+            ending = run_pytest(self.sound, all_tests, TRACE_LIMIT, self.stop, folder)
+            if ending.words not in ("passed", "failed"):
+                raise click.ClickException(f"tests {ending.words} without a mutation")
+        self.trace = Trace(self.project, folder)
 
     def _copy_kernels(self) -> None:
         user = Path(os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache") / "arm_dynamics"
@@ -1160,17 +1173,11 @@ class Laboratory:
         for entry in user.glob("*.so"):
             shutil.copy2(entry, self.kernels / "arm_dynamics")
 
-    def check(self) -> None:
-        """Make sure that the tests can be collected before anything is changed."""
-        ending = run_pytest(self.sound, ("--collect-only",), self.limit, self.stop)
-        if ending.words != "passed":
-            raise click.ClickException(f"tests cannot be collected: {ending.test or ending.words}")
-
     def tests_of(self, mutation: Mutation) -> list[str]:
-        """Test files that run first."""
-        if self.chosen:
+        """Tests that run first."""
+        if self.trace is None:
             return fnmatch.filter(self.project.tests, self.chosen)
-        return self.relations.tests_of(mutation.path)
+        return self.trace.tests_of(mutation, self.limit / SLOWER)
 
     def examine(self, number: int, mutation: Mutation) -> Result:
         """Make a mutation and run tests."""
@@ -1194,9 +1201,11 @@ class Laboratory:
         ending = Ending("passed")
         if related:
             ending = self._first_failure(copy, related, self.limit)
+        if ending.words == "not collected":  # a mutation may rename tests, which catches nothing
+            files = sorted({_file(test) for test in related})
+            ending = self._first_failure(copy, files, self.limit)
         if ending.words == "passed" and self.everything:
-            rest = [test for test in self.project.tests if test not in related]
-            ending = self._first_failure(copy, rest, EVERYTHING * self.limit)
+            ending = self._first_failure(copy, self.project.tests, EVERYTHING * self.limit)
         return ending
 
     def _first_failure(self, copy: Copy, files: list[str], limit: float) -> Ending:
@@ -1206,7 +1215,9 @@ class Laboratory:
         while left:
             remaining = until - time.monotonic()
             ending = run_pytest(copy, (*self.more, *left, *without), remaining, self.stop)
-            if ending.words in ("passed", "out of time") or self._is_due(copy, ending):
+            if ending.words in ("passed", "out of time", "not collected"):
+                return ending
+            if self._is_due(copy, ending):
                 return ending
             if "::" in ending.test:
                 without.append(f"--deselect={ending.test}")
@@ -1335,8 +1346,8 @@ def examine_all(
     columns = (TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn())
     progress = Progress(*columns, TimeElapsedColumn(), console=console, transient=True)
     with progress, ThreadPoolExecutor(jobs) as pool:
-        bar = progress.add_task("collecting tests", total=len(todo))
-        laboratory.check()
+        bar = progress.add_task("recording which test runs which line", total=len(todo))
+        laboratory.prepare()
 
         def examine(k: int) -> tuple[int, Result]:
             progress.update(bar, description=f"{k}: {escape(todo[k].place)}")
@@ -1371,6 +1382,7 @@ def interrupted(number: int, _: object) -> None:
 @click.option("--only", type=int, help="Only the mutation of this number.")
 @click.option("--list", "only_list", is_flag=True, help="Only show what is drawn.")
 @click.option("--tests", help="Files that run first, as in 'test/unit/test_s*', for every one.")
+@click.option("--trace", type=click.Path(path_type=Path), help=TRACE_HELP)
 @click.option("--everything", is_flag=True, help="Then run all other tests.")
 @click.option("--pytest", default="", help="More options for pytest.")
 @click.option("--limit", default=600.0, show_default=True, help="Seconds for the tests run first.")
@@ -1399,11 +1411,10 @@ def main(**options) -> None:
 
 
 def list_drawn(console: Console, project: Project, todo: dict[int, Mutation]) -> None:
-    """Show what would be done; a single mutation with its diff and its tests."""
+    """Show what would be done; a single mutation with its diff."""
     if len(todo) == 1:
         ((_, mutation),) = todo.items()
         console.print(diff(project, mutation), markup=False, highlight=False, soft_wrap=True)
-        console.print(*Relations(project).tests_of(mutation.path), sep="\n", highlight=False)
         return
     console.width = max(console.width, 160)
     show(console, COLUMNS[:5], [row(k, Result(m, ""))[:5] for k, m in todo.items()])

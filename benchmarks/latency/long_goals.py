@@ -31,7 +31,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.ros.common.direct import Newest
-from arm_dynamics.ros.common.privileges import Privileges
+from arm_dynamics.ros.common.privileges import ThreadParams
 from arm_dynamics.ros.common.transport import as_usual
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_PATH,
@@ -182,7 +182,7 @@ def _measured(partner: Partner) -> dict[str, list[np.ndarray]]:
     }
     while not partner.found():
         time.sleep(0.05)
-    Privileges(priority=PRIORITY).claim()
+    ThreadParams(priority=PRIORITY).claim()
     partner.waits(WARM, lambda: None)
     found: dict[str, list[np.ndarray]] = {what: [] for what in ("none", *goals)}
     for _ in range(TRIALS):

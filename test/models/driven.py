@@ -38,14 +38,14 @@ def of_states(drives: Drives, n: int) -> dict[str, ca.Function]:
     """
     q, v, a, u = (ca.SX.sym(name, n) for name in "qvau")
     z = ca.SX.sym("z", len(drives.names))
-    flow, stored = drives.equations(q, v, z, u), drives.stored(q, v, z)
-    along = [ca.jtimes(stored, x, y) for x, y in ((q, v), (v, a), (z, flow.slope))]
+    flow = drives.equations(q, v, z, u)
+    along = [ca.jtimes(flow.stored, x, y) for x, y in ((q, v), (v, a), (z, flow.slope))]
     wanted = {
         "torque": flow.torque,
         "slope": flow.slope,
-        "stored": stored,
-        "supplied": drives.supplied(q, v, z, u),
-        "lost": drives.lost(q, v, z, u),
+        "stored": flow.stored,
+        "supplied": flow.supplied,
+        "lost": flow.lost,
         "rate": ca.substitute(sum(along), a, np.zeros(n)),
     }
     return {name: ca.Function(name, [q, v, z, u], [x]) for name, x in wanted.items()}

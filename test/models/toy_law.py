@@ -58,7 +58,7 @@ class Motor:
         return ca.vertcat(*[(u[i] - self.K * v[i]) / self.R for i in self._which])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """Kirchhoff and Lorentz."""
+        """Kirchhoff and Lorentz, magnetic energy and the heat in the resistance."""
         current = self._current(v, z, u)
         torque = ca.SX(len(self.joints), 1)
         slopes = []
@@ -66,17 +66,10 @@ class Motor:
             torque[i] = self.K * current[k]
             if self.L:
                 slopes.append((u[i] - self.R * z[k] - self.K * v[i]) / self.L)
-        return Flow(torque, ca.vertcat(ca.SX(0, 1), *slopes))
-
-    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
-        """Magnetic energy."""
-        return 0.5 * self.L * ca.sumsqr(z) if self.L else ca.SX(0.0)
-
-    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Voltage times current."""
-        current = self._current(v, z, u)
-        return sum((u[i] * current[k] for k, i in enumerate(self._which)), ca.SX(0.0))
-
-    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Heat in the resistance."""
-        return self.R * ca.sumsqr(self._current(v, z, u))
+        return Flow(
+            torque,
+            ca.vertcat(ca.SX(0, 1), *slopes),
+            stored=0.5 * self.L * ca.sumsqr(z) if self.L else 0.0,
+            supplied=sum((u[i] * current[k] for k, i in enumerate(self._which)), ca.SX(0.0)),
+            lost=self.R * ca.sumsqr(current),
+        )

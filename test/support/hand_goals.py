@@ -64,10 +64,10 @@ def path(*steps: Any, frame_id: str = "") -> Path:
 def planned(node: ControllerNode, stamp: int) -> None:
     """Show states at one instant until nothing is being planned any more."""
     end = time.monotonic() + 20.0
-    while node.goals.busy and time.monotonic() < end:
+    while node.goals.planner.busy and time.monotonic() < end:
         time.sleep(2e-3)
         see(node, stamp)
-    assert not node.goals.busy
+    assert not node.goals.planner.busy
 
 
 def hand(node: ControllerNode, stamp: int) -> np.ndarray:

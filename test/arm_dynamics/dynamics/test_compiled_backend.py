@@ -250,13 +250,13 @@ def test_on_a_full_disk_pinocchio_answers(
     same_as_pinocchio(Dynamics(models.scene("two_link")), rng)
 
 
-@pytest.mark.parametrize("term", BATCH_TERMS, ids=lambda term: term.name)
+@pytest.mark.parametrize("term", BATCH_TERMS, ids=lambda term: term.title)
 def test_code_that_differs_from_pinocchio_is_refused(
     term: BatchTerm, caplog: pytest.LogCaptureFixture
 ) -> None:
     model = models.dynamics("two_link").model
     points = RigidTerms(model)
-    right = compiled(term, model, points)
+    right = compiled(term, points)
     assert right is not None
     assert check(term, points, right) < ALGEBRA
     with pytest.raises(KernelError, match=rf"generated {term.title} differs from Pinocchio by "):
@@ -265,7 +265,7 @@ def test_code_that_differs_from_pinocchio_is_refused(
         check(term, points, lambda *x: np.where(np.arange(2) == 1, np.nan, right(*x)))
     wrong = replace(term, expression=lambda model: term.expression(_heavier(model)))
     with caplog.at_level(logging.WARNING):
-        assert compiled(wrong, model, points) is None
+        assert compiled(wrong, points) is None
     assert "batches are answered by Pinocchio, slower" in caplog.text
 
 

@@ -124,7 +124,7 @@ def test_friction_by_position_and_load(
 def test_rows_that_differ_from_pinocchio_are_refused() -> None:
     dyn = models.dynamics("four_bar")
     points, term = RigidTerms(dyn.model), batch_terms.constraint_rows(("loop",))
-    right = compiled(term, dyn.model, points)
+    right = compiled(term, points)
     assert right is not None
     assert check(term, points, right) < ALGEBRA
     for wrong in (1.0 + 1e-6, np.r_[np.ones(dyn.n), 1.0 + 1e-6]):

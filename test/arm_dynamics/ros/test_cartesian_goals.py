@@ -59,7 +59,7 @@ def test_the_hand_goes_straight_to_a_pose(ros: Ros, law: str) -> None:
     tick()
     way = np.array([0.05, 0.2, -0.1])
     node.on_cartesian_goal(pose(way))
-    while node.goals.busy:
+    while node.goals.planner.busy:
         time.sleep(1e-3)
         node.deliver()
     worst = 0.0
@@ -75,7 +75,7 @@ def test_planning_does_not_hold_up_the_loop(node: ControllerNode) -> None:
     """The answer to the goal itself takes no time, and states are answered meanwhile."""
     before = see(node, MS)
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
-    assert node.goals.busy
+    assert node.goals.planner.busy
     np.testing.assert_array_equal(see(node, MS), before)
     planned(node, 2 * MS)
     duration = node.follower.remaining(2 * MS)
@@ -139,7 +139,7 @@ def test_a_short_trajectory_takes_the_place_of_a_goal_that_is_being_planned(
 ) -> None:
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
     node.on_joint_trajectory(long_trajectory(2, 1.0))
-    assert not node.goals.busy
+    assert not node.goals.planner.busy
     time.sleep(0.3)
     see(node, MS)
     assert_close(node.follower.reference(5_000 * MS).q, HOME + 0.2, 1e-12)
@@ -208,7 +208,7 @@ def test_without_a_frame_or_a_state_goals_are_refused(
 def test_time_that_goes_backwards_gives_up_what_is_planned(node: ControllerNode) -> None:
     see(node, 5_000 * MS)
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
-    while not node.goals.ready:
+    while not node.goals.planner.ready:
         time.sleep(1e-3)
     see(node, MS)
     planned(node, 2 * MS)
@@ -222,14 +222,14 @@ def test_a_goal_over_the_wire_shows_in_the_state(ros: Ros) -> None:
     paths = ros.publisher(Path, "/controller/cartesian_path")
     see(node, 0)
     publisher.publish(pose([0.0, 0.1, 0.0]))
-    ros.spin_until(lambda: node.goals.busy)
+    ros.spin_until(lambda: node.goals.planner.busy)
     planned(node, MS)
     see(node, 5 * MS)
     ros.spin_until(lambda: heard and heard[-1].remaining > 0.0)
     assert heard[-1].goal.startswith("following a straight line for ")
     see(node, 60_000 * MS)
     paths.publish(path([9.0, 0.0, 0.0]))
-    ros.spin_until(lambda: node.goals.busy)
+    ros.spin_until(lambda: node.goals.planner.busy)
     planned(node, 60_001 * MS)
     see(node, 60_010 * MS)
     ros.spin_until(lambda: "Cartesian path refused" in heard[-1].goal)

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 from harness import Ros
 from rclpy.node import Node
-from rclpy.serialization import deserialize_message, serialize_message
+from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, by_hand, command, motion, ticks
 
@@ -55,15 +55,15 @@ def test_what_is_published_arrives(
     with monkeypatch.context() as patch:
         if publishes == "Python":
             patch.setattr(compiled, "native", lambda: None)
-        sink = compiled.make_sink(node, JOINT_STATES, writer, arrays)
+        sink = JointStateSink(node, JOINT_STATES, writer, arrays)
     with monkeypatch.context() as patch:
         if takes == "Python":
             patch.setattr(compiled, "native", lambda: None)
         fields = ("position", "effort")
         reader = compiled.make_reader(JOINTS, fields, partial=False, extra=False)
-    assert (type(sink) is not JointStateSink) == (publishes == "C")
+    assert (sink._compiled is not None) == (publishes == "C")
     assert (type(reader) is not JointStateReader) == (takes == "C")
-    source, bytes_of = compiled.make_source(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
+    source, bytes_of = JointStateSource(node, JOINT_STATES, reader), Newest(node, JOINT_STATES)
     matched(node, JOINT_STATES.name)
     assert source.take() is None
     for stamp in (0, 999_999_999, 12_345_678_901_234, -1):
@@ -90,7 +90,7 @@ def test_bad_messages_on_the_way_are_refused_and_good_ones_go_on(ros: Ros) -> No
     node = ros.add(Node, "both")
     publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
     reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
-    source = compiled.make_source(node, JOINT_COMMANDS, reader)
+    source = JointStateSource(node, JOINT_COMMANDS, reader)
     matched(node, JOINT_COMMANDS.name)
     for _ in range(2):
         publisher.publish(JointState(name=JOINTS, effort=[1.0, 2.0]))
@@ -112,37 +112,29 @@ class Message(ctypes.Structure):
     )  # fmt: skip
 
 
-def test_memory_of_a_giant_message_is_given_back() -> None:
-    """What fills the message here stands for ROS: it makes room for a message that needs more."""
-    functions = compiled.native()
-    assert functions is not None
+class Source(ctypes.Structure):
+    """``source_t`` of joint_state.c."""
+
+    _fields_ = (("subscription", ctypes.c_void_p), ("message", Message))
+
+
+def test_memory_of_a_giant_message_is_given_back(ros: Ros) -> None:
+    node = ros.add(Node, "both")
+    publisher = node.create_publisher(JointState, JOINT_COMMANDS.name, 10)
     reader = compiled.make_reader(JOINTS, ("effort",), partial=False, extra=False)
     assert isinstance(reader, compiled.CompiledReader)
-    good = bytes(serialize_message(JointState(name=JOINTS, effort=[1.0, 2.0])))
-    sizes, room = iter([len(good), len(good), 50_000_000, len(good), len(good)]), []
-    realloc = ctypes.CDLL(None).realloc
-    realloc.restype, realloc.argtypes = ctypes.c_void_p, [ctypes.c_void_p, ctypes.c_size_t]
-
-    def fill(_: int, message: ctypes.Array[Message], *__: int) -> int:
-        size, found = next(sizes), message[0]
-        room.append(found.capacity)
-        if found.capacity < size:
-            found.buffer, found.capacity = realloc(found.buffer, size), size
-        ctypes.memmove(found.buffer, good, len(good))
-        found.length = size
-        return 0
-
-    pointers = ctypes.c_void_p, ctypes.POINTER(Message), ctypes.c_void_p, ctypes.c_void_p
-    receive = ctypes.CFUNCTYPE(ctypes.c_int, *pointers)(fill)
-    where = ctypes.cast(receive, ctypes.c_void_p)
-    memory = functions.source(None, where, functions.forget, functions.allocator)
-    for _ in range(2):
-        assert functions.take(memory, reader.place) == compiled.OTHER
-        reader.other()
-    for _ in range(3):
-        assert functions.take(memory, reader.place) == compiled.KNOWN
-    functions.release(memory)
-    assert room == [0, len(good), len(good), 0, len(good)]
+    source = JointStateSource(node, JOINT_COMMANDS, reader)
+    matched(node, JOINT_COMMANDS.name)
+    room = []
+    for frame_id in ("", "", "x" * 200_000, "", ""):
+        message = JointState(name=JOINTS, effort=[1.0, 2.0])
+        message.header.frame_id = frame_id
+        publisher.publish(message)
+        assert next_of(source)[1][1] == [(1.0, 2.0)]
+        room.append(Source.from_address(reader._memory.value).message.capacity)
+    source.close()
+    assert room[2] >= 200_000
+    assert max(room[:2] + room[3:]) < 1000
 
 
 def test_without_a_compiler_the_node_moves_the_arm_to_the_same_bits(
@@ -159,7 +151,7 @@ def test_without_a_compiler_the_node_moves_the_arm_to_the_same_bits(
 
 def test_who_can_no_longer_publish_is_told_why(ros: Ros) -> None:
     node = ros.add(Node, "gone")
-    sink = compiled.make_sink(node, JOINT_STATES, JointStateWriter(JOINTS), [np.zeros(2)] * 3)
+    sink = JointStateSink(node, JOINT_STATES, JointStateWriter(JOINTS), [np.zeros(2)] * 3)
     sink.send(0)
     node.context.try_shutdown()
     with pytest.raises(Exception, match="publish"):

@@ -45,7 +45,7 @@ def node(ros: Ros) -> ControllerNode:
 
 def test_a_long_trajectory_is_planned_in_the_background(node: ControllerNode) -> None:
     node.on_joint_trajectory(long_trajectory(1000, 4.0))
-    assert node.goals.busy
+    assert node.goals.planner.busy
     planned(node, 3 * MS)
     assert node.follower.remaining(3 * MS) == pytest.approx(4.0)
     assert_close(node.follower.reference(3 * MS).q, HOME, 1e-12)
@@ -73,7 +73,7 @@ def test_a_plan_that_comes_too_late_is_made_again(node: ControllerNode) -> None:
     node.on_joint_trajectory(long_trajectory(500, 2.0))
     stamp = 300 * MS
     end = time.monotonic() + 20.0
-    while node.goals.busy and time.monotonic() < end:
+    while node.goals.planner.busy and time.monotonic() < end:
         stamp += 20 * MS
         time.sleep(2e-3)
         see(node, stamp)
@@ -109,7 +109,7 @@ def test_a_long_trajectory_over_the_wire_is_followed(
 ) -> None:
     publisher = ros.publisher(JointTrajectory, "/controller/joint_trajectory")
     publisher.publish(trajectory_bytes(long_trajectory(1000, 4.0), order))
-    ros.spin_until(lambda: node.goals.busy)
+    ros.spin_until(lambda: node.goals.planner.busy)
     planned(node, MS)
     assert_close(node.follower.reference(2001 * MS).q, HOME + 0.1, 1e-6)
     assert_close(node.follower.reference(5000 * MS).q, HOME + 0.2, 1e-12)
@@ -118,7 +118,7 @@ def test_a_long_trajectory_over_the_wire_is_followed(
 def test_a_path_over_the_wire_is_followed(ros: Ros, node: ControllerNode) -> None:
     publisher = ros.publisher(Path, "/controller/cartesian_path")
     publisher.publish(path([0, 0.1, 0], [0, 0.1, -0.1]))
-    ros.spin_until(lambda: node.goals.busy)
+    ros.spin_until(lambda: node.goals.planner.busy)
     planned(node, MS)
     assert_close(hand(node, 60_000 * MS), [0, 0.1, -0.1], 1e-8)
 
@@ -151,7 +151,7 @@ def test_as_many_points_as_are_allowed_are_followed_and_not_one_more(
     assert node.follower.remaining(MS) == pytest.approx(40.0)
     message.points.append(message.points[-1])
     node.on_joint_trajectory(message)
-    assert not node.goals.busy
+    assert not node.goals.planner.busy
     wanted = f"{MAX_GOAL_POINTS + 1} points; allowed are up to {MAX_GOAL_POINTS}"
     assert wanted in node.goals.outcome
     assert wanted in capfd.readouterr().err

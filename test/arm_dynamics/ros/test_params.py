@@ -38,7 +38,7 @@ class Holder(Node):
     def __init__(self, **node_kwargs: Any) -> None:
         super().__init__("holder", **node_kwargs)
         self.params = declare(self, Some)
-        watch(self, lambda: self.params, self.apply)
+        watch(self, self.params, self.apply)
 
     def apply(self, params: Some) -> None:
         if params.number == 1.5:
@@ -169,7 +169,7 @@ def test_a_setting_of_the_controllers_is_a_parameter_from_what_its_field_says(ro
     node = ros.add(Node, "tuned", leak=0.25, control_period=0.002)
     held = [declare(node, Tuning)]
     assert held[0] == Tuning(settings=Tuned(leak=0.25, dt=0.002))
-    watch(node, lambda: held[-1], held.append)
+    watch(node, held[0], held.append)
     given = {"bandwidth": [3.0, 4.0], "number": 2.0, "force_direction": [1.0, 0.0, 0.0]}
     changes = [Parameter(name, value=value) for name, value in given.items()]
     assert node.set_parameters_atomically(changes).successful

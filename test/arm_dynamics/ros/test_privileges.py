@@ -14,7 +14,7 @@ from harness import Ros
 from arm_dynamics import InvalidInput
 from arm_dynamics.ros.common import privileges
 from arm_dynamics.ros.common.privileges import (
-    Privileges,
+    ThreadParams,
     demote_timers,
     freeze_garbage,
     read_cpus,
@@ -23,7 +23,7 @@ from arm_dynamics.ros.common.privileges import (
 pytestmark = pytest.mark.ros
 
 
-def claimed(wanted: Privileges) -> tuple[list[str], set[int]]:
+def claimed(wanted: ThreadParams) -> tuple[list[str], set[int]]:
     """What a thread of its own is refused, and where it may run."""
     result: list[tuple[list[str], set[int]]] = []
     thread = threading.Thread(
@@ -36,12 +36,12 @@ def claimed(wanted: Privileges) -> tuple[list[str], set[int]]:
 
 def test_nothing_wanted_nothing_changed() -> None:
     here = os.sched_getaffinity(0)
-    assert claimed(Privileges()) == ([], here)
+    assert claimed(ThreadParams()) == ([], here)
 
 
 def test_a_processor_of_its_own() -> None:
     cpu = min(os.sched_getaffinity(0))
-    assert claimed(Privileges(cpus=(cpu,))) == ([], {cpu})
+    assert claimed(ThreadParams(cpus=str(cpu))) == ([], {cpu})
 
 
 def test_frozen_garbage() -> None:
@@ -72,7 +72,7 @@ def test_refusals_are_said_and_the_rest_is_done(monkeypatch: pytest.MonkeyPatch)
     monkeypatch.setattr(os, "sched_setscheduler", refuse)
     monkeypatch.setattr(privileges.ctypes, "CDLL", refuse)
     cpu = min(os.sched_getaffinity(0))
-    refused, cpus = claimed(Privileges(priority=50, cpus=(cpu,), lock_memory=True))
+    refused, cpus = claimed(ThreadParams(priority=50, cpus=str(cpu), lock_memory=True))
     assert len(refused) == 2
     assert "no real-time priority" in refused[0]
     assert "ulimit -l" in refused[1]
@@ -80,7 +80,7 @@ def test_refusals_are_said_and_the_rest_is_done(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_processors_that_do_not_exist_are_refused() -> None:
-    refused, _ = claimed(Privileges(cpus=(9999,)))
+    refused, _ = claimed(ThreadParams(cpus="9999"))
     assert "no processors of its own" in refused[0]
 
 
@@ -93,3 +93,5 @@ def test_lists_of_processors(text: str, cpus: tuple[int, ...]) -> None:
 def test_bad_lists_of_processors(text: str) -> None:
     with pytest.raises(InvalidInput, match="numbers of processors"):
         read_cpus(text)
+    with pytest.raises(InvalidInput, match="numbers of processors"):
+        ThreadParams(cpus=text)

@@ -28,10 +28,11 @@ class CommandMap:
     def __init__(self, model: ArmModel) -> None:
         drives = model.drives
         self._gain = np.array([_gain(drive) if drive else 1.0 for drive in drives])
-        self._back_emf = np.array([_back_emf(drive) if drive else 0.0 for drive in drives])
+        by_voltage = [d if d and d.motor.command == "voltage" else None for d in drives]
+        self._back_emf = np.array([d.back_emf_constant if d else 0.0 for d in by_voltage])
         self._poles = [(i, d.motor) for i, d in enumerate(drives) if d and d.motor.cogging]
-        self._idle = bool(np.all(self._gain == 1.0) and not self._back_emf.any())
-        self._idle = self._idle and not self._poles
+        scaled = bool((self._gain != 1.0).any())
+        self._idle = not (scaled or self._back_emf.any() or self._poles)
         soft = [drive if drive and drive.coupling else None for drive in drives]
         self.rotor_inertia: Array = np.array([d.rotor_inertia if d else 0.0 for d in soft])
         """Of rotors on flexible transmissions, which M does not hold, at the joint, shape (n,)."""
@@ -56,8 +57,7 @@ class CommandMap:
         for joint, m in self._poles:
             assert m.cogging is not None
             i = joint if symbolic else (..., joint)
-            wave = m.cogging.amplitude, m.cogging.order, m.cogging.phase
-            required[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], *wave)
+            required[i] -= m.gear_ratio * motor.cogging_torque(m.gear_ratio * q[i], m.cogging)
         like = ca.DM if symbolic else np.asarray
         return like(self._gain) * required + like(self._back_emf) * v
 
@@ -82,7 +82,3 @@ def _gain(drive: JointDrive) -> float:
         return 1.0
     resistance = drive.motor.resistance if drive.motor.command == "voltage" else None
     return (resistance or 1.0) / drive.torque_constant
-
-
-def _back_emf(drive: JointDrive) -> float:
-    return drive.back_emf_constant if drive.motor.command == "voltage" else 0.0

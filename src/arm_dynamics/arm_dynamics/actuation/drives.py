@@ -3,39 +3,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
-from arm_dynamics.actuation.internal_state import Flow
+from arm_dynamics.actuation.internal_state import Flow, total
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations import motor, transmission
 from arm_dynamics.equations.elementary import Quantity, within
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.drive import JointDrive
-from arm_dynamics.scene.drive import Wave
+from arm_dynamics.scene.drive import Transmission, Wave
 
-
-@dataclass(frozen=True)
-class DriveInstant:
-    """What a drive does at an instant; numbers or CasADi expressions.
-
-    Attributes:
-        torque: What it puts on the link in [N m] or [N].
-        slopes: Rates of its states.
-        stored: Energy that it stores in [J].
-        supplied: Power that it takes from outside in [W].
-        lost: Power that it turns into heat in [W].
-    """
-
-    torque: Quantity
-    slopes: tuple[Quantity, ...] = ()
-    stored: Quantity = 0.0
-    supplied: Quantity = 0.0
-    lost: Quantity = 0.0
+_NO_STATE = ca.SX(0, 1)
 
 
 def state_names(drive: JointDrive, turning: bool) -> dict[str, float]:
@@ -62,16 +44,14 @@ def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
     states = [0.0] if drive.has_current else []
     if drive.coupling is None:
         return states
-    error = drive.coupling.kinematic_error
-    position = _untwisted(q, drive) if error else q
-    states += [position, v / (1.0 + _error_slope(position, drive, error))]
+    error, ratio = drive.coupling.kinematic_error, drive.motor.gear_ratio
+    position = _untwisted(q, error, ratio) if error else q
+    states += [position, v / (1.0 + _error_slope(error, ratio, position))]
     return [*states, 0.0] if drive.coupling.hysteresis else states
 
 
-def instant(
-    drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity], u: Quantity
-) -> DriveInstant:
-    """What a drive does.
+def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
+    """What a drive does, its one joint taken for the whole arm.
 
     Args:
         drive: The drive.
@@ -82,45 +62,40 @@ def instant(
     """
     if drive.coupling is None:
         return _electric(drive, q, v, z, u)
-    first = int(drive.has_current)
+    first, ratio = int(drive.has_current), drive.motor.gear_ratio
     position, velocity = z[first], z[first + 1]
     source = _electric(drive, position, velocity, z, u)
-    link = _coupling(drive, q, v, z[first:])
-    error_slope = _error_slope(position, drive, drive.coupling.kinematic_error)
+    link = _coupling(drive.coupling, ratio, q, v, z[first:])
+    error_slope = _error_slope(drive.coupling.kinematic_error, ratio, position)
     damping = drive.rotor_damping * velocity
     push = source.torque - damping - link.torque * (1.0 + error_slope)
-    rotor = (velocity, push / drive.rotor_inertia)
-    return DriveInstant(
+    return Flow(
         link.torque,
-        (*source.slopes, *rotor, *link.slopes),
+        ca.vertcat(source.slope, velocity, push / drive.rotor_inertia, link.slope),
         source.stored + 0.5 * drive.rotor_inertia * velocity**2 + link.stored,
         source.supplied,
         source.lost + damping * velocity + link.lost,
     )
 
 
-def _electric(
-    drive: JointDrive, position: Quantity, velocity: Quantity, z: list[Quantity], u: Quantity
-) -> DriveInstant:
+def _electric(drive: JointDrive, position: ca.SX, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
     """The motor: torque of current and poles on the rotor, as seen at the joint."""
     m = drive.motor
     if m.command == "voltage":
         made = _under_voltage(drive, velocity, z, u)
     elif m.torque_constant is None:
-        made = DriveInstant(u, supplied=u * velocity)
+        made = Flow(u, _NO_STATE, supplied=u * velocity)
     else:
         made = _under_current(drive, velocity, u)
     if m.cogging is None:
         return made
-    rotor, wave = m.gear_ratio * position, _numbers(m.cogging)
-    poles = m.gear_ratio * motor.cogging_torque(rotor, *wave)
-    energy = motor.cogging_energy(rotor, *wave)
+    rotor = m.gear_ratio * position
+    poles = m.gear_ratio * motor.cogging_torque(rotor, m.cogging)
+    energy = motor.cogging_energy(rotor, m.cogging)
     return replace(made, torque=made.torque + poles, stored=made.stored + energy)
 
 
-def _under_voltage(
-    drive: JointDrive, velocity: Quantity, z: list[Quantity], voltage: Quantity
-) -> DriveInstant:
+def _under_voltage(drive: JointDrive, velocity: ca.SX, z: ca.SX, voltage: ca.SX) -> Flow:
     m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
     R = m.resistance or 0.0
     if not drive.has_current:
@@ -133,10 +108,10 @@ def _under_voltage(
         voltage = motor.limited_voltage(voltage, i, emf, m.current_limit, R)
     slope = motor.current_slope(voltage, i, emf, L, R)
     carrying = _carrying(drive, i, voltage, velocity)
-    return replace(carrying, slopes=(slope,), stored=0.5 * L * i**2)
+    return replace(carrying, slope=slope, stored=0.5 * L * i**2)
 
 
-def _under_current(drive: JointDrive, velocity: Quantity, u: Quantity) -> DriveInstant:
+def _under_current(drive: JointDrive, velocity: ca.SX, u: ca.SX) -> Flow:
     """An ideal current controller; its command is a current, or a torque divided by N K_t."""
     m, emf = drive.motor, motor.back_emf(velocity, drive.back_emf_constant)
     R, direct = m.resistance or 0.0, m.command == "torque"
@@ -150,27 +125,21 @@ def _under_current(drive: JointDrive, velocity: Quantity, u: Quantity) -> DriveI
     return replace(made, torque=u) if unlimited else made
 
 
-def _carrying(
-    drive: JointDrive, current: Quantity, voltage: Quantity, velocity: Quantity
-) -> DriveInstant:
+def _carrying(drive: JointDrive, current: ca.SX, voltage: ca.SX, velocity: ca.SX) -> Flow:
     torque = motor.torque(current, drive.torque_constant)
     lost = (drive.motor.resistance or 0.0) * current**2
     if drive.back_emf_constant != drive.torque_constant:
         lost = lost + (drive.back_emf_constant - drive.torque_constant) * velocity * current
-    return DriveInstant(torque, supplied=voltage * current, lost=lost)
+    return Flow(torque, _NO_STATE, supplied=voltage * current, lost=lost)
 
 
-def _coupling(drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity]) -> DriveInstant:
+def _coupling(c: Transmission, ratio: float, q: ca.SX, v: ca.SX, z: ca.SX) -> Flow:
     """The transmission: its torque on the link and its loss, and w' if it has a hysteresis."""
-    c = drive.coupling
-    assert c is not None
     position, velocity, error = z[0], z[1], c.kinematic_error
     twist, rate = position - q, velocity - v
     if error:
-        twist = twist + transmission.kinematic_error(
-            drive.motor.gear_ratio * position, *_numbers(error)
-        )
-        rate = rate + velocity * _error_slope(position, drive, error)
+        twist = twist + transmission.kinematic_error(ratio * position, error)
+        rate = rate + velocity * _error_slope(error, ratio, position)
     bent = transmission.engaged(twist, c.backlash) if c.backlash else twist
     elastic = transmission.elastic_torque(bent, c.stiffness, c.stiffening)
     torque = elastic + c.damping * rate
@@ -179,41 +148,33 @@ def _coupling(drive: JointDrive, q: Quantity, v: Quantity, z: list[Quantity]) ->
     lost = (torque - elastic) * rate
     energy = transmission.elastic_energy(bent, c.stiffness, c.stiffening)
     if c.hysteresis is None:
-        return DriveInstant(torque, (), energy, lost=lost)
+        return Flow(torque, _NO_STATE, energy, lost=lost)
     h, w = c.hysteresis, z[2]
     slope = transmission.hysteresis_slope(w, rate, h.deflection, h.sharpness)
-    return DriveInstant(
+    return Flow(
         torque + h.torque * w,
-        (slope,),
+        slope,
         energy + transmission.hysteresis_energy(w, h.torque, h.deflection),
         lost=lost + h.torque * w * (rate - h.deflection * slope),
     )
 
 
-def _error_slope(position: Quantity, drive: JointDrive, error: Wave | None) -> Quantity:
+def _error_slope(error: Wave | None, ratio: float, position: Quantity) -> Quantity:
     """de/dθ at a motor position as seen at the joint."""
     if error is None:
         return 0.0
-    ratio = drive.motor.gear_ratio
-    return ratio * transmission.kinematic_error_slope(ratio * position, *_numbers(error))
+    return ratio * transmission.kinematic_error_slope(ratio * position, error)
 
 
-def _untwisted(q: float, drive: JointDrive) -> float:
+def _untwisted(q: float, error: Wave, ratio: float) -> float:
     """The motor position θ with θ + e(θ) = q; between q - A and q + A there is exactly one."""
-    assert drive.coupling is not None and drive.coupling.kinematic_error is not None
-    wave = drive.coupling.kinematic_error
-    low, high = q - wave.amplitude, q + wave.amplitude
+    low, high = q - error.amplitude, q + error.amplitude
     while True:
         middle = 0.5 * (low + high)
         if not low < middle < high:
             return middle
-        rotor = drive.motor.gear_ratio * middle
-        ahead = middle + transmission.kinematic_error(rotor, *_numbers(wave)) > q
+        ahead = middle + transmission.kinematic_error(ratio * middle, error) > q
         low, high = (low, middle) if ahead else (middle, high)
-
-
-def _numbers(wave: Wave) -> tuple[float, float, float]:
-    return wave.amplitude, wave.order, wave.phase
 
 
 class Drives:
@@ -251,32 +212,21 @@ class Drives:
         return np.array([number for state in states for number in state], dtype=float)
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """Torques on the links and rates of the states under commands u, shape (n,)."""
-        torque, slopes = ca.SX(self._n, 1), ca.SX(0, 1)
-        for (i, _), now in zip(self._joints, self._instants(q, v, z, u), strict=True):
-            torque[i] = now.torque
-            slopes = ca.vertcat(slopes, *now.slopes)
-        return Flow(torque, slopes)
+        """What they do under commands u, shape (n,).
 
-    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
-        """Magnetic and elastic energy, and kinetic energy of rotors on flexible drives, in [J]."""
-        return _sum(now.stored for now in self._instants(q, v, z, ca.SX(self._n, 1)))
-
-    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Voltage times current in [W]; mechanical power of a motor without torque constant."""
-        return _sum(now.supplied for now in self._instants(q, v, z, u))
-
-    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Heat of windings, of transmissions, and of rotors on flexible drives, in [W]."""
-        return _sum(now.lost for now in self._instants(q, v, z, u))
-
-    def _instants(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> list[DriveInstant]:
+        They store magnetic and elastic energy, and kinetic energy of rotors on flexible drives.
+        Supplied is voltage times current; mechanical power of a motor without torque constant.
+        Lost is the heat of windings, of transmissions, and of rotors on flexible drives.
+        """
         parts = zip(self._joints, self._ends, self._ends[1:], strict=False)
-        return [
-            instant(drive, q[i], v[i], [z[k] for k in range(a, b)], u[i])
-            for (i, drive), a, b in parts
-        ]
-
-
-def _sum(terms: Iterable[ca.SX]) -> ca.SX:
-    return sum(terms, ca.SX(0.0))
+        flows = [instant(drive, q[i], v[i], z[a:b], u[i]) for (i, drive), a, b in parts]
+        torque = ca.SX(self._n, 1)
+        for (i, _), flow in zip(self._joints, flows, strict=True):
+            torque[i] = flow.torque
+        return Flow(
+            torque,
+            ca.vertcat(_NO_STATE, *(flow.slope for flow in flows)),
+            total(flow.stored for flow in flows),
+            total(flow.supplied for flow in flows),
+            total(flow.lost for flow in flows),
+        )

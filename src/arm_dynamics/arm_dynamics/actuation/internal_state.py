@@ -28,10 +28,17 @@ class Flow:
     Attributes:
         torque: What it adds on the link side of each joint in [N m] or [N], shape (n,).
         slope: Rate of change of its states, shape (nz,).
+        stored: Energy that it stores in [J]: elastic, magnetic, of rotors that M does not hold; it
+            follows from q, v and its states.
+        supplied: Power that it takes from outside in [W], such as voltage times current.
+        lost: Power that it turns into heat in [W].
     """
 
     torque: ca.SX
     slope: ca.SX
+    stored: ca.SX | float = 0.0
+    supplied: ca.SX | float = 0.0
+    lost: ca.SX | float = 0.0
 
 
 class StatefulLaw(Protocol):
@@ -46,32 +53,16 @@ class StatefulLaw(Protocol):
             others u acts directly.
     """
 
-    @property
-    def title(self) -> str: ...  # noqa: D102
-
-    @property
-    def names(self) -> tuple[str, ...]: ...  # noqa: D102
-
-    @property
-    def scale(self) -> Array: ...  # noqa: D102
-
-    @property
-    def replaces_command(self) -> NDArray[np.bool_]: ...  # noqa: D102
+    title: str
+    names: tuple[str, ...]
+    scale: Array
+    replaces_command: NDArray[np.bool_]
 
     def initial(self, q: Array, v: Array) -> Array:
         """Its states when the arm is put to q, v, shape (nz,)."""
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         """What it does under the command u, shape (n,)."""
-
-    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
-        """Energy that it stores in [J]: elastic, magnetic, of rotors that M does not hold."""
-
-    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Power that it takes from outside in [W], such as voltage times current."""
-
-    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Power that it turns into heat in [W]."""
 
 
 class FrictionLaw(StatefulLaw, Protocol):
@@ -82,11 +73,8 @@ class FrictionLaw(StatefulLaw, Protocol):
         summary: What of it a scene has, for display: "2 joints, as many states".
     """
 
-    title: str
     absent: str
-
-    @property
-    def summary(self) -> str: ...  # noqa: D102
+    summary: str
 
     @classmethod
     def of(cls, model: ArmModel) -> Self | None:
@@ -140,46 +128,38 @@ class Ensemble:
         return np.concatenate([np.zeros(0), *(law.initial(q, v) for law in self.laws)])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """Torque that acts on the links, friction of the laws included, and z'."""
+        """What the laws do together, and u where it acts directly, as torque and as power."""
         flows = [law.equations(q, v, part, u) for law, part in self._parts(z)]
-        torque = ca.sparsify(ca.SX(ca.DM(self._direct().astype(float)))) * u
-        for flow in flows:
-            torque = torque + flow.torque
-        return Flow(torque, ca.vertcat(ca.SX(0, 1), *(flow.slope for flow in flows)))
+        direct = ca.sparsify(self._direct()) * u
+        return Flow(
+            sum((flow.torque for flow in flows), direct),
+            ca.vertcat(ca.SX(0, 1), *(flow.slope for flow in flows)),
+            total(flow.stored for flow in flows),
+            ca.dot(direct, v) + total(flow.supplied for flow in flows),
+            total(flow.lost for flow in flows),
+        )
 
     def drive(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
         """Torque that the drives put on the links: u, or what a law has in its place."""
-        torque = ca.SX(ca.DM(self._direct().astype(float))) * u
+        torque = self._direct() * u
         for law, part in self._parts(z):
             if law.replaces_command.any():
                 chosen = ca.DM(law.replaces_command.astype(float))
                 torque = torque + chosen * law.equations(q, v, part, u).torque
         return torque
 
-    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
-        """Energy that the laws store in [J]."""
-        return _sum(law.stored(q, v, part) for law, part in self._parts(z))
-
-    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Power from outside in [W]: what the laws take, and u·v where it acts directly."""
-        direct = ca.dot(ca.DM(self._direct().astype(float)) * u, v)
-        return direct + _sum(law.supplied(q, v, part, u) for law, part in self._parts(z))
-
-    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Power that the laws turn into heat in [W]."""
-        return _sum(law.lost(q, v, part, u) for law, part in self._parts(z))
-
-    def _direct(self) -> NDArray[np.bool_]:
-        """Joints on which the command acts as a torque."""
+    def _direct(self) -> ca.SX:
+        """1 for joints on which the command acts as a torque, else 0."""
         replaced = np.zeros(self.n, dtype=bool)
         for law in self.laws:
             replaced |= law.replaces_command
-        return np.logical_not(replaced)
+        return ca.SX(ca.DM(np.logical_not(replaced).astype(float)))
 
     def _parts(self, z: ca.SX) -> list[tuple[StatefulLaw, ca.SX]]:
         ends = np.cumsum([0, *(len(law.names) for law in self.laws)])
         return [(law, z[a:b]) for law, a, b in zip(self.laws, ends, ends[1:], strict=False)]
 
 
-def _sum(terms: Iterable[ca.SX]) -> ca.SX:
+def total(terms: Iterable[ca.SX | float]) -> ca.SX:
+    """Their sum as an expression, zero without any."""
     return sum(terms, ca.SX(0.0))

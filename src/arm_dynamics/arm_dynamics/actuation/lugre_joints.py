@@ -8,7 +8,6 @@ from collections.abc import Mapping
 
 import casadi as ca
 import numpy as np
-from numpy.typing import NDArray
 
 from arm_dynamics.actuation.internal_state import Flow
 from arm_dynamics.arrays import Array
@@ -49,28 +48,13 @@ class LugreFriction:
             for i in asked
         )
         self._coulomb, self._static, self._fall = (x[self._joints] for x in self._levels)
-        laws = asked.values()
-        self._sigma0 = np.array([law.sigma0 for law in laws])
-        self._sigma1 = np.array([law.sigma1 for law in laws])
-        self._fades = np.array([law.sigma1_velocity is not None for law in laws])
-        self._fading = np.array([law.sigma1_velocity or 1.0 for law in laws])
+        self._laws = tuple(asked.values())
+        self._sigma0 = np.array([law.sigma0 for law in self._laws])
+        self.scale: Array = self._static / self._sigma0  # where bristles give way
+        self.replaces_command = np.zeros(model.n, dtype=bool)
+        self.summary = f"{len(self.names)} joints, as many states"
         for i, law in asked.items():
             _check(model, i, law)
-
-    @property
-    def scale(self) -> Array:
-        """Deflection at which bristles give way, Fs/σ0."""
-        return np.asarray(self._static / self._sigma0)
-
-    @property
-    def replaces_command(self) -> NDArray[np.bool_]:
-        """No joint's command."""
-        return np.zeros(self._n, dtype=bool)
-
-    @property
-    def summary(self) -> str:
-        """How many joints have bristles."""
-        return f"{len(self.names)} joints, as many states"
 
     def initial(self, q: Array, v: Array) -> Array:
         """Straight bristles."""
@@ -78,13 +62,19 @@ class LugreFriction:
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         """See ``equations.lugre``."""
-        w = self._speeds(v)
-        rate = lugre.bending(w, z, self._sigma0, self._level(w))
-        friction_torque = lugre.torque(z, rate, self._sigma0, self._damping(w))
+        w = ca.vertcat(*[v[i] for i in self._joints])
+        level = lugre.level(w, self._coulomb, self._static - self._coulomb, self._fall)
+        rate = lugre.bending(w, z, self._sigma0, level)
+        sigma1 = ca.vertcat(
+            *[lugre.faded(w[k], x.sigma1, x.sigma1_velocity) for k, x in enumerate(self._laws)]
+        )
+        held = lugre.torque(z, rate, self._sigma0, sigma1)
         torque = ca.SX(self._n, 1)
         for k, i in enumerate(self._joints):
-            torque[i] = -friction_torque[k]
-        return Flow(torque, rate)
+            torque[i] = -held[k]
+        stored = 0.5 * ca.dot(ca.DM(self._sigma0), z**2)
+        lost = ca.sum1(lugre.heat(w, z, rate, self._sigma0, sigma1, level))
+        return Flow(torque, rate, stored, lost=lost)
 
     def steady(self, v: Quantity, direction: Quantity) -> Quantity:
         """Friction of bristles that have bent, of the sign of ``direction``."""
@@ -103,32 +93,6 @@ class LugreFriction:
         bending = float(np.max(self._sigma0 * speed / self._coulomb))
         swinging = np.linalg.eigvals(np.linalg.solve(M, np.diag(stiffness))).real.max()
         return max(math.sqrt(max(0.0, float(swinging))), bending)
-
-    def stored(self, q: ca.SX, v: ca.SX, z: ca.SX) -> ca.SX:
-        """In bent bristles."""
-        return 0.5 * ca.dot(ca.DM(self._sigma0), z**2)
-
-    def supplied(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Nothing."""
-        return ca.SX(0.0)
-
-    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """See ``equations.lugre``."""
-        w = self._speeds(v)
-        level = self._level(w)
-        rate = lugre.bending(w, z, self._sigma0, level)
-        return ca.sum1(lugre.heat(w, z, rate, self._sigma0, self._damping(w), level))
-
-    def _speeds(self, v: ca.SX) -> ca.SX:
-        return ca.vertcat(*[v[i] for i in self._joints])
-
-    def _level(self, w: ca.SX) -> ca.SX:
-        return lugre.level(w, self._coulomb, self._static - self._coulomb, self._fall)
-
-    def _damping(self, w: ca.SX) -> ca.SX:
-        faded = lugre.faded(w, self._sigma1, self._fading)
-        kept = [faded[k] if fades else self._sigma1[k] for k, fades in enumerate(self._fades)]
-        return ca.vertcat(*kept)
 
 
 def _check(model: ArmModel, i: int, law: Lugre) -> None:

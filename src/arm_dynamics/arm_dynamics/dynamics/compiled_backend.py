@@ -16,22 +16,20 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Kernel, pointers
 from arm_dynamics.dynamics.compiled_terms import Answer, BatchTerm
-from arm_dynamics.dynamics.verify import compare
+from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
 _DRIVER = compiler.NATIVE / "rows.c"
 _log = logging.getLogger(__name__)
 
 
-def compiled(term: BatchTerm, model: ArmModel, points: RigidTerms) -> Answer | None:
+def compiled(term: BatchTerm, points: RigidTerms) -> Answer | None:
     """Compile a term of an arm for batches.
 
     Args:
         term: Which term.
-        model: The arm.
-        points: Pinocchio's terms of it, to check the code against.
+        points: Pinocchio's terms of the arm, to check the code against.
 
     Returns:
         A function of batches (k, n), and of vectors that serve every point, which agrees with
@@ -40,9 +38,9 @@ def compiled(term: BatchTerm, model: ArmModel, points: RigidTerms) -> Answer | N
     """
     if not compiler.may_build():
         return None
-    _log.info("building code for batches: %s of %d joints", term.title, model.n)
+    _log.info("building code for batches: %s of %d joints", term.title, points.robot.n)
     try:
-        answer = rows(term.expression(model), term.shape(model))
+        answer = rows(term.expression(points.robot), term.is_matrix)
         check(term, points, answer)
     except (KernelError, OSError) as error:
         _log.warning("%s; batches are answered by Pinocchio, slower", error)
@@ -53,16 +51,16 @@ def compiled(term: BatchTerm, model: ArmModel, points: RigidTerms) -> Answer | N
 def check(term: BatchTerm, points: RigidTerms, answer: Answer) -> float:
     """Check an answer at random states; returns and errors as those of ``compare``."""
     with np.errstate(all="ignore"):  # numbers that are not finite are refused
-        return compare(term.title, *term.compared(points, answer))
+        return compare(term.title, *term.compared(points, answer, *random_states(points.robot.n)))
 
 
-def rows(function: ca.Function, shape: tuple[int, ...]) -> Answer:
+def rows(function: ca.Function, is_matrix: bool) -> Answer:
     """A function of vectors, compiled to be evaluated for many points in one call.
 
     Args:
         function: Of dense vectors, with one dense result; a matrix transposed, for CasADi's memory
             goes down its columns.
-        shape: Shape of the result for display.
+        is_matrix: Whether the result for a point is a matrix, and no vector.
 
     Returns:
         Function of arrays of shape (k, …), the first of them, or of one vector for all points;
@@ -75,6 +73,7 @@ def rows(function: ca.Function, shape: tuple[int, ...]) -> Answer:
     kernel = Kernel([function], "native", _driver(function))
     entry = getattr(kernel.library, "answer_rows")  # noqa: B009 - the library's, not an attribute
     entry.restype = None
+    shape = function.size_out(0)[::-1] if is_matrix else (function.numel_out(0),)
 
     def answer(*given: Array) -> Array:
         count = len(given[0])

@@ -7,20 +7,18 @@ The expressions are those of ``equations``.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
-from functools import partial
-from operator import attrgetter
+from dataclasses import dataclass, replace
+from functools import cache, partial
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array, each
 from arm_dynamics.codegen.kernel import operations
-from arm_dynamics.dynamics.verify import random_states, torque_size
+from arm_dynamics.dynamics.verify import torque_size
 from arm_dynamics.equations import constraint, rigid_body
 from arm_dynamics.equations.forward_dynamics import algorithms
 from arm_dynamics.exceptions import known_names
-from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
@@ -35,32 +33,29 @@ class BatchTerm:
     """One term.
 
     Attributes:
-        name: Name of its function.
-        title: The same for display.
-        point: From Pinocchio's terms to the function that answers for one point.
-        shape: Of its answer.
+        title: What it is, for display.
+        point: Method of ``RigidTerms`` that answers for one point.
         expression: From an arm to the function of one point's vectors, a matrix transposed.
-        compared: Differences of an answer from Pinocchio's at random states, and sizes: see
-            ``verify.compare``.
+        compared: Differences of an answer from Pinocchio's at states q, v and accelerations or
+            torques, and sizes: see ``verify.compare``.
+        is_matrix: Whether the answer for a point is a matrix, and no vector.
     """
 
-    name: str
     title: str
-    point: Callable[[RigidTerms], Answer]
-    shape: Callable[[ArmModel], tuple[int, ...]]
-    expression: Callable[[ArmModel], ca.Function]
-    compared: Callable[[RigidTerms, Answer], Parts]
+    point: Answer
+    expression: Callable[[Robot], ca.Function]
+    compared: Callable[[RigidTerms, Answer, Array, Array, Array], Parts]
+    is_matrix: bool = False
 
 
-def _inverse(model: ArmModel) -> ca.Function:
-    q, v, a = _symbols(model.n, "qva")
+def _inverse(robot: Robot) -> ca.Function:
+    q, v, a = (ca.SX.sym(name, robot.n) for name in "qva")
     gravity = ca.SX.sym("gravity", 3)
-    return _function([q, v, a, gravity], rigid_body.inverse(tree_of(model), q, v, a, gravity))
+    return _function([q, v, a, gravity], rigid_body.inverse(tree_of(robot), q, v, a, gravity))
 
 
-def _inverse_parts(points: RigidTerms, answer: Answer) -> Parts:
-    q, v, a = random_states(points.robot.n)
-    still, none, weight = np.zeros_like(q), np.zeros(3), _weight(points.robot)
+def _inverse_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, a: Array) -> Parts:
+    still, none, weight = np.zeros_like(q), np.zeros(3), np.array(points.robot.scene.gravity)
     parts = (
         each(points.inverse, q, still, a, none),
         each(points.inverse, q, v, still, none),
@@ -70,152 +65,110 @@ def _inverse_parts(points: RigidTerms, answer: Answer) -> Parts:
     return [(answer(q, v, a, g) - each(points.inverse, q, v, a, g), size) for g in (weight, none)]
 
 
-def _forward(model: ArmModel) -> ca.Function:
-    q, v, tau = _symbols(model.n, ("q", "v", "tau"))
-    tree, gravity = tree_of(model), gravity_of(model)
+def _forward(robot: Robot) -> ca.Function:
+    q, v, tau = (ca.SX.sym(name, robot.n) for name in ("q", "v", "tau"))
+    tree, gravity = tree_of(robot), gravity_of(robot)
     ways = [
         _function([q, v, tau], forward(tree, q, v, tau, gravity))
-        for _, forward in algorithms(tree, model.n)
+        for _, forward in algorithms(tree, robot.n)
     ]
     return min(ways, key=operations)
 
 
-def _forward_parts(points: RigidTerms, answer: Answer) -> Parts:
-    q, v, tau = random_states(points.robot.n)
-    a, still, weight = answer(q, v, tau), np.zeros_like(q), _weight(points.robot)
-    bias = each(points.inverse, q, v, still, weight)
+def _forward_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, tau: Array) -> Parts:
+    a = answer(q, v, tau)
+    bias = each(points.inverse, q, v, np.zeros_like(q))
     size = torque_size(each(points.mass, q), a, bias, tau)
-    return [(each(points.inverse, q, v, a, weight) - tau, size)]
+    return [(each(points.inverse, q, v, a) - tau, size)]
 
 
-def _mass_matrix(model: ArmModel) -> ca.Function:
-    (q,) = _symbols(model.n, "q")
-    return _function([q], rigid_body.mass_matrix(tree_of(model), q))
+def _mass_matrix(robot: Robot) -> ca.Function:
+    q = ca.SX.sym("q", robot.n)
+    return _function([q], rigid_body.mass_matrix(tree_of(robot), q))
 
 
-def _mass_parts(points: RigidTerms, answer: Answer) -> Parts:
-    q, _, _ = random_states(points.robot.n)
+def _mass_parts(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> Parts:
     M = each(points.mass, q)
     return [(answer(q) - M, M)]
 
 
-def _coriolis_matrix(model: ArmModel) -> ca.Function:
-    q, v = _symbols(model.n, "qv")
-    return _function([q, v], rigid_body.coriolis_matrix(tree_of(model), q, v).T)
+def _coriolis_matrix(robot: Robot) -> ca.Function:
+    q, v = (ca.SX.sym(name, robot.n) for name in "qv")
+    return _function([q, v], rigid_body.coriolis_matrix(tree_of(robot), q, v).T)
 
 
-def _coriolis_parts(points: RigidTerms, answer: Answer) -> Parts:
-    q, v, _ = random_states(points.robot.n)
+def _coriolis_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Array) -> Parts:
     difference = answer(q, v) - each(points.coriolis, q, v)
     fastest = abs(v).max(axis=1)[:, None, None]
     return [(difference, each(points.mass, q) * fastest)]
 
 
-def _gravity(model: ArmModel) -> ca.Function:
-    (q,) = _symbols(model.n, "q")
-    return _function([q], rigid_body.gravity_torque(tree_of(model), q, gravity_of(model)))
+def _gravity(robot: Robot) -> ca.Function:
+    q = ca.SX.sym("q", robot.n)
+    return _function([q], rigid_body.gravity_torque(tree_of(robot), q, gravity_of(robot)))
 
 
-def _gravity_parts(points: RigidTerms, answer: Answer) -> Parts:
-    q, _, _ = random_states(points.robot.n)
+def _gravity_parts(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> Parts:
     G = each(points.gravity, q)
     inertia = abs(each(points.mass, q)).sum(axis=2)
     return [(answer(q) - G, abs(G) + inertia)]
 
 
-def _energies(model: ArmModel) -> ca.Function:
-    q, v = _symbols(model.n, "qv")
-    still, none = ca.SX(model.n, 1), ca.SX(3, 1)
-    momentum = rigid_body.inverse(tree_of(model), q, still, v, none)  # M v, without all of M
-    whole, gravity = tree_of(model, regroup=False), gravity_of(model)
+def _energies(robot: Robot) -> ca.Function:
+    q, v = (ca.SX.sym(name, robot.n) for name in "qv")
+    still, none = ca.SX(robot.n, 1), ca.SX(3, 1)
+    momentum = rigid_body.inverse(tree_of(robot), q, still, v, none)  # M v, without all of M
+    whole, gravity = tree_of(robot, regroup=False), gravity_of(robot)
     return _function(
         [q, v], ca.vertcat(ca.dot(v, momentum) / 2, rigid_body.potential_energy(whole, q, gravity))
     )
 
 
-def _energy_parts(points: RigidTerms, answer: Answer) -> Parts:
-    q, v, _ = random_states(points.robot.n)
+def _energy_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Array) -> Parts:
     expected = each(points.energies, q, v)
     kinetic, potential = abs(expected).T
     sizes = kinetic, kinetic + potential
     return list(zip((answer(q, v) - expected).T, sizes, strict=True))
 
 
+@cache
 def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
-    """A and γ side by side of the constraints of these names."""
+    """A and γ side by side of the constraints of these names, one object for the same names."""
+    point = partial(RigidTerms.constraint_rows, names=names)
 
-    def expression(model: ArmModel) -> ca.Function:
-        q, v = _symbols(model.n, "qv")
-        named = ConstraintRows(model)
-        places = [i for i, name in zip(named.places, named.names, strict=True) if name in names]
-        sides = constraint.complete_rows(
-            linkage_of(model, model.constraint_rows), tree_of(model), q, v, places
-        )
-        return _function([q, v], ca.horzcat(*sides).T)
+    def expression(robot: Robot) -> ca.Function:
+        q, v = (ca.SX.sym(name, robot.n) for name in "qv")
+        known = ConstraintRows(robot)
+        listed = zip(known.names, known.places, known.counts, strict=True)
+        every = {place: range(count) for name, place, count in listed if name in names}
+        tree, linkage = tree_of(robot), linkage_of(robot, every)
+        alone = [replace(linkage, constraints={i: linkage.constraints[i]}) for i in every]
+        rows = [constraint.rows(one, tree, q, v, lambda _: 1.0) for one in alone]
+        A = ca.vertcat(ca.SX(0, robot.n), *(row.jacobian for row in rows))
+        drift = ca.vertcat(ca.SX(0, 1), *(row.drift for row in rows))
+        return _function([q, v], ca.horzcat(A, drift).T)
 
-    def shape(model: ArmModel) -> tuple[int, ...]:
-        named = ConstraintRows(model)
-        pairs = zip(named.counts, named.names, strict=True)
-        return sum(count for count, name in pairs if name in names), model.n + 1
-
-    def compared(points: RigidTerms, answer: Answer) -> Parts:
-        q, v, _ = random_states(points.robot.n)
-        expected = each(point(points), q, v)
+    def compared(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Array) -> Parts:
+        expected = each(partial(point, points), q, v)
         size = abs(expected)
         fastest = abs(v).max(axis=1)[:, None] ** 2
         size[..., -1] += size[..., :-1].max(axis=2, initial=0.0) * fastest
         difference = answer(q, v) - expected
         return [(difference[..., :-1], size[..., :-1]), (difference[..., -1], size[..., -1])]
 
-    def point(points: RigidTerms) -> Answer:
-        return partial(points.constraint_rows, names=names)
-
     title = f"rows of constraints {known_names(names)}"
-    return BatchTerm(f"constraint_rows {names}", title, point, shape, expression, compared)
+    return BatchTerm(title, point, expression, compared, True)
 
 
-def _vector(model: ArmModel) -> tuple[int, ...]:
-    return (model.n,)
-
-
-def _square(model: ArmModel) -> tuple[int, ...]:
-    return (model.n, model.n)
-
-
-def _pair(_: ArmModel) -> tuple[int, ...]:
-    return (2,)
-
-
-INVERSE = BatchTerm(
-    "inverse", "inverse dynamics", attrgetter("inverse"), _vector, _inverse, _inverse_parts
-)
-FORWARD = BatchTerm(
-    "forward", "forward dynamics", attrgetter("forward"), _vector, _forward, _forward_parts
-)
-MASS_MATRIX = BatchTerm(
-    "mass_matrix", "mass matrix", attrgetter("mass"), _square, _mass_matrix, _mass_parts
-)
+INVERSE = BatchTerm("inverse dynamics", RigidTerms.inverse, _inverse, _inverse_parts)
+FORWARD = BatchTerm("forward dynamics", RigidTerms.forward, _forward, _forward_parts)
+MASS_MATRIX = BatchTerm("mass matrix", RigidTerms.mass, _mass_matrix, _mass_parts, is_matrix=True)
 CORIOLIS_MATRIX = BatchTerm(
-    "coriolis_matrix",
-    "Coriolis matrix",
-    attrgetter("coriolis"),
-    _square,
-    _coriolis_matrix,
-    _coriolis_parts,
+    "Coriolis matrix", RigidTerms.coriolis, _coriolis_matrix, _coriolis_parts, is_matrix=True
 )
-GRAVITY = BatchTerm("gravity", "gravity", attrgetter("gravity"), _vector, _gravity, _gravity_parts)
-ENERGIES = BatchTerm(
-    "energies", "energies", attrgetter("energies"), _pair, _energies, _energy_parts
-)
-
-
-def _symbols(n: int, names: str | tuple[str, ...]) -> list[ca.SX]:
-    return [ca.SX.sym(name, n) for name in names]
+GRAVITY = BatchTerm("gravity", RigidTerms.gravity, _gravity, _gravity_parts)
+ENERGIES = BatchTerm("energies", RigidTerms.energies, _energies, _energy_parts)
 
 
 def _function(arguments: list[ca.SX], result: ca.SX) -> ca.Function:
     return ca.Function("point", arguments, [ca.densify(result)], {"cse": True})
-
-
-def _weight(model: Robot) -> Array:
-    return np.array(model.scene.gravity, dtype=float)

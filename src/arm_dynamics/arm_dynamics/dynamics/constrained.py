@@ -183,8 +183,7 @@ def _contact_place(model: ArmModel, frame: str | None) -> tuple[str, Array]:
     """The frame that touches, and the point of it."""
     if frame is not None:
         return frame, np.zeros(3)
-    places = [constraint.at_world for constraint in model.scene.constraints]
-    touching = [place for place in places if place is not None]
+    touching = [c.at_world for c in model.scene.constraints if c.at_world is not None]
     if len(touching) != 1:
         raise InvalidInput(
             f"frame is expected: the scene has {len(touching)} places that touch the world; "

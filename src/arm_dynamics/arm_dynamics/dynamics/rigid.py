@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from functools import partial
+
 import numpy as np
 
 from arm_dynamics.arrays import Array, each
@@ -28,8 +30,8 @@ class RigidDynamics:
     """
 
     def __init__(self, model: ArmModel) -> None:
-        self._model, self._points = model, RigidTerms(model)
-        self._built: dict[str, Answer | None] = {}
+        self._points = RigidTerms(model)
+        self._built: dict[BatchTerm, Answer | None] = {}
 
     def inverse(self, q: Array, v: Array, a: Array, gravity: Array) -> Array:
         """M a + C v + G in [N m] or [N], shape (…, n); ``gravity``: the scene's, or zeros."""
@@ -54,7 +56,7 @@ class RigidDynamics:
 
     def coriolis_matrix(self, q: Array, v: Array) -> Array:
         """C, with dM/dt - 2 C skew-symmetric, shape (…, n, n)."""
-        if self._model.n > DENSE_AT_MOST:  # an expression of the size of n³
+        if self._points.robot.n > DENSE_AT_MOST:  # an expression of the size of n³
             return each(self._points.coriolis, q, v)
         return self._answer(terms.CORIOLIS_MATRIX, q, v)
 
@@ -73,7 +75,9 @@ class RigidDynamics:
     def _answer(self, term: BatchTerm, *given: Array) -> Array:
         answer = None
         if given[0].ndim == 2 and len(given[0]) >= MANY:
-            if term.name not in self._built:
-                self._built[term.name] = compiled(term, self._model, self._points)
-            answer = self._built[term.name]
-        return each(term.point(self._points), *given) if answer is None else answer(*given)
+            if term not in self._built:
+                self._built[term] = compiled(term, self._points)
+            answer = self._built[term]
+        if answer is None:
+            return each(partial(term.point, self._points), *given)
+        return answer(*given)

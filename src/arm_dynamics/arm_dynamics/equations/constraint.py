@@ -20,6 +20,7 @@ import casadi as ca
 import numpy as np
 import pinocchio as pin
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.rigid_body import Rotation, placements
 from arm_dynamics.equations.tree import Tree, constant, cross, sparse
@@ -100,42 +101,11 @@ def rows(
             every.append(whole)
             holonomic.append(whole[kept])
     residual = ca.sparsify(ca.vertcat(ca.SX(0, 1), *holonomic))
-    speed = ca.vertcat(ca.jtimes(residual, q, v), ca.SX(0, 1), *rolling)
-    J = ca.jacobian(residual, q)
-    if rolling:
-        J = ca.vertcat(J, ca.jacobian(ca.vertcat(*rolling), v))
+    slip = ca.vertcat(ca.SX(0, 1), *rolling)
+    speed = ca.vertcat(ca.jtimes(residual, q, v), slip)
+    J = ca.vertcat(ca.jacobian(residual, q), ca.jacobian(slip, v))
     whole = ca.vertcat(ca.SX(0, 1), *every)
     return Rows(whole, residual, ca.sparsify(J), ca.jtimes(speed, q, v))
-
-
-def complete_rows(
-    linkage: Linkage, tree: Tree, q: ca.SX, v: ca.SX, places: Sequence[int]
-) -> tuple[ca.SX, ca.SX]:
-    """A and γ of all rows of some constraints, also of those that others imply.
-
-    Args:
-        linkage: The constraints.
-        tree: The links.
-        q: Joint positions in [rad] or [m], shape (n,).
-        v: Joint velocities, shape (n,).
-        places: Places of the constraints in the scene's list.
-
-    Returns:
-        Shapes (m, n) and (m,), in the order of ``places``.
-    """
-    kinematics = Kinematics(linkage, tree, q, v)
-    jacobians, drifts = [ca.SX(0, q.shape[0])], [ca.SX(0, 1)]
-    for place in places:
-        constraint = linkage.constraints[place]
-        if isinstance(constraint, RollingConstraint):
-            speed = _slip(constraint, kinematics)
-            jacobians.append(ca.jacobian(speed, v))
-        else:
-            residual = _residual(constraint, kinematics)
-            speed = ca.jtimes(residual, q, v)
-            jacobians.append(ca.jacobian(residual, q))
-        drifts.append(ca.jtimes(speed, q, v))
-    return ca.vertcat(*jacobians), ca.vertcat(*drifts)
 
 
 class Kinematics:
@@ -250,9 +220,11 @@ def _slip(constraint: RollingConstraint, kinematics: Kinematics) -> ca.SX:
     return sparse(across(constraint.normal)) @ touching
 
 
-def across(direction: Sequence[float]) -> np.ndarray:
+def across(direction: Sequence[float] | Array) -> Array:
     """Two unit vectors that complete a direction to a right-handed triad, shape (2, 3)."""
     z = np.array(direction)
+    # x starts from the basis vector after the largest entry: then a coordinate axis gives a cyclic
+    # permutation of the axes.
     x = np.roll(np.eye(3)[np.argmax(abs(z))], 1)
     x = x - (x @ z) * z
     x /= np.linalg.norm(x)

@@ -49,7 +49,7 @@ def jacobian(tree: Tree, frame: Frame, q: ca.SX) -> ca.SX:
         if not link.prismatic:
             J[3:, i] = z
         i = link.parent
-    return J @ spread_map(tree) if tree.has_followers else J
+    return J @ spread_map(tree)
 
 
 def drift(J: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:

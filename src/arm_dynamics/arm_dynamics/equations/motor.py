@@ -9,6 +9,7 @@ numpy arrays and CasADi expressions; angles, speeds and torques are those of the
 from __future__ import annotations
 
 from arm_dynamics.equations.elementary import Quantity, choose, cos, larger, sin, smaller, within
+from arm_dynamics.scene.drive import Wave
 
 
 def torque(current: Quantity, constant: Quantity) -> Quantity:
@@ -66,19 +67,15 @@ def limited_voltage(
     return choose(current <= -current_limit, larger(voltage, steady), below)
 
 
-def cogging_torque(
-    angle: Quantity, amplitude: Quantity, order: Quantity, phase: Quantity
-) -> Quantity:
+def cogging_torque(angle: Quantity, wave: Wave) -> Quantity:
     """Torque on the rotor from its poles, -A sin(m θ + φ) in [N m], for an angle θ in [rad].
 
     It has a potential, hence takes no energy in a turn (Hanselman, Brushless Permanent Magnet
     Motor Design, 2003, chapter 5). It is stable where m θ + φ is a whole number of turns.
     """
-    return -amplitude * sin(order * angle + phase)
+    return -wave.amplitude * sin(wave.order * angle + wave.phase)
 
 
-def cogging_energy(
-    angle: Quantity, amplitude: Quantity, order: Quantity, phase: Quantity
-) -> Quantity:
+def cogging_energy(angle: Quantity, wave: Wave) -> Quantity:
     """The potential of ``cogging_torque`` in [J], zero in its stable positions."""
-    return amplitude / order * (1.0 - cos(order * angle + phase))
+    return wave.amplitude / wave.order * (1.0 - cos(wave.order * angle + wave.phase))

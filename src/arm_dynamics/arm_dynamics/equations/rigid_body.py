@@ -34,7 +34,7 @@ class Rotation:
 
 def placements(tree: Tree, q: ca.SX) -> list[Rotation]:
     """Placements of all links for independent joint positions ``q`` of shape (n,)."""
-    full = _spread(tree, q) + ca.sparsify(ca.SX(ca.DM(tree.offsets)))
+    full = spread_map(tree) @ q + ca.sparsify(ca.SX(ca.DM(tree.offsets)))
     return [Rotation(link, full[i]) for i, link in enumerate(tree.links)]
 
 
@@ -52,7 +52,7 @@ def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
         Joint torques in [N m] or [N], shape (n,).
     """
     pose = placements(tree, q)
-    v_full, a_full = _spread(tree, v), _spread(tree, a)
+    v_full, a_full = spread_map(tree) @ v, spread_map(tree) @ a
     omega, alpha, acc = _motion(tree, pose, v_full, a_full, gravity)
     tau = ca.SX(len(tree.links), 1)
     force = [ca.SX(3, 1) for _ in tree.links]
@@ -71,7 +71,7 @@ def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
             f = pose[i].R @ f
             force[link.parent] += f
             moment[link.parent] += pose[i].R @ n + cross(pose[i].p, f)
-    return _gather(tree, tau)
+    return spread_map(tree).T @ tau
 
 
 def mass_matrix(tree: Tree, q: ca.SX) -> ca.SX:
@@ -98,7 +98,7 @@ def mass_matrix(tree: Tree, q: ca.SX) -> ca.SX:
             f, n = ca.vertcat(-h[i][1], h[i][0], 0), inertia[i][:, 2]
         M[i, i] = (f if link.prismatic else n)[2] + float(tree.armature[i])
         _project(tree, pose, M, i, ca.sparsify(f), ca.sparsify(n))
-    return spread_map(tree).T @ M @ spread_map(tree) if tree.has_followers else M
+    return spread_map(tree).T @ M @ spread_map(tree)
 
 
 def coriolis_matrix(tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
@@ -239,11 +239,3 @@ def _project(tree: Tree, pose: list[Rotation], M: ca.SX, i: int, f: ca.SX, n: ca
         n = pose[j].R @ n + cross(pose[j].p, f)
         j = tree.links[j].parent
         M[i, j] = M[j, i] = (f if tree.links[j].prismatic else n)[2]
-
-
-def _spread(tree: Tree, x: ca.SX) -> ca.SX:
-    return spread_map(tree) @ x if tree.has_followers else x
-
-
-def _gather(tree: Tree, tau: ca.SX) -> ca.SX:
-    return spread_map(tree).T @ tau if tree.has_followers else tau

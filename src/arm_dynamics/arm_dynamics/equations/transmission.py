@@ -25,6 +25,7 @@ from arm_dynamics.equations.elementary import (
     smaller,
     within,
 )
+from arm_dynamics.scene.drive import Wave
 
 
 def engaged(twist: Quantity, backlash: Quantity) -> Quantity:
@@ -99,23 +100,19 @@ def hysteresis_energy(state: Quantity, torque: Quantity, deflection: Quantity) -
     return 0.5 * torque * deflection * state**2
 
 
-def kinematic_error(
-    angle: Quantity, amplitude: Quantity, order: Quantity, phase: Quantity
-) -> Quantity:
+def kinematic_error(angle: Quantity, wave: Wave) -> Quantity:
     """How far the gear's output is ahead of the motor: e = A sin(m θ_motor + φ) in [rad] or [m].
 
     A property of the geometry, not a torque: the transmission bends by it, and by virtual work its
     torque acts on the motor times 1 + de/dθ. Source: Tuttle and Seering, as above; a harmonic
     drive's main component repeats twice in a turn of the wave generator, m = 2.
     """
-    return amplitude * sin(order * angle + phase)
+    return wave.amplitude * sin(wave.order * angle + wave.phase)
 
 
-def kinematic_error_slope(
-    angle: Quantity, amplitude: Quantity, order: Quantity, phase: Quantity
-) -> Quantity:
+def kinematic_error_slope(angle: Quantity, wave: Wave) -> Quantity:
     """de/dθ_motor."""
-    return amplitude * order * cos(order * angle + phase)
+    return wave.amplitude * wave.order * cos(wave.order * angle + wave.phase)
 
 
 def gear_loss(direction: Quantity, torque: Quantity, efficiency: Quantity) -> Quantity:

@@ -108,37 +108,27 @@ def moved(R: ca.SX, p: ca.SX, m: ca.SX, h: ca.SX, inertia: ca.SX) -> tuple[ca.SX
 
 def regrouped(links: list[Link]) -> None:
     """Move, from the leaves down, what a joint cannot tell from its parent's inertia."""
-    for i in reversed(range(len(links))):
-        _regroup(links, i)
+    for link in reversed(links):
+        if link.prismatic:
+            m, h, inertia = ca.SX(0), ca.SX(3, 1), ca.SX(link.I)
+            link.I = ca.SX(3, 3)
+        else:
+            round_part = link.I[1, 1]
+            m, h = link.m, ca.vertcat(0, 0, link.h[2])
+            inertia = ca.diag(ca.vertcat(round_part, round_part, 0))
+            link.m, link.h = ca.SX(0), ca.sparsify(ca.vertcat(link.h[0], link.h[1], 0))
+            link.I = ca.sparsify(link.I - inertia)
+        if link.parent >= 0:
+            parent = links[link.parent]
+            h_moved, inertia_moved = moved(sparse(link.R), sparse(link.p), m, h, inertia)
+            parent.m = parent.m + m
+            parent.h = ca.sparsify(parent.h + h_moved)
+            parent.I = ca.sparsify(parent.I + inertia_moved)
 
 
 def spread_map(tree: Tree) -> ca.SX:
-    """The map E from independent joints to links."""
+    """The map E from independent joints to links; the identity where no link follows another."""
     return sparse(tree.followers)
-
-
-def _regroup(links: list[Link], i: int) -> None:
-    """Move to the parent what joint ``i`` cannot tell from the parent's inertia."""
-    link = links[i]
-    if link.prismatic:
-        m, h, inertia = ca.SX(0), ca.SX(3, 1), ca.SX(link.I)
-        link.I = ca.SX(3, 3)
-    else:
-        round_part = link.I[1, 1]
-        m, h = link.m, ca.vertcat(0, 0, link.h[2])
-        inertia = ca.diag(ca.vertcat(round_part, round_part, 0))
-        link.m, link.h = ca.SX(0), ca.sparsify(ca.vertcat(link.h[0], link.h[1], 0))
-        link.I = ca.sparsify(link.I - inertia)
-    if link.parent >= 0:
-        _add(links[link.parent], link, m, h, inertia)
-
-
-def _add(parent: Link, child: Link, m: ca.SX, h: ca.SX, inertia: ca.SX) -> None:
-    """Add an inertia given in the child's frame at q = 0 to the parent (parallel axes)."""
-    h_moved, inertia_moved = moved(sparse(child.R), sparse(child.p), m, h, inertia)
-    parent.m = parent.m + m
-    parent.h = ca.sparsify(parent.h + h_moved)
-    parent.I = ca.sparsify(parent.I + inertia_moved)
 
 
 def clean(values: Array) -> Array:

@@ -134,20 +134,13 @@ class ConstraintRows:
         self, name: str, point: tuple[float, float, float]
     ) -> tuple[_Derivatives, _Derivatives, Array]:
         """A point of a frame, the frame's spin, in world axes, and its rotation."""
-        model, data = self._robot, self._data
-        nothing = np.zeros((3, model.n))
-        index = None if name == WORLD else model.pin.getFrameId(name)
-        if index is None or model.pin.frames[index].parentJoint == 0:
-            M = pin.SE3.Identity() if index is None else data.oMf[index]
-            place = _Derivatives(M.act(np.array(point)), nothing, np.zeros(3), np.zeros(3))
-            return (
-                place,
-                _Derivatives(np.zeros(3), nothing, np.zeros(3), np.zeros(3)),
-                M.rotation.copy(),
-            )
-        M = data.oMf[index]
-        J = pin.getFrameJacobian(model.pin, data, index, _ALIGNED).reshape(6, -1)
-        J = J @ model.followers if model.has_followers else J
+        model, data, index = self._robot, self._data, self._index(name)
+        M, still = data.oMf[index], np.zeros(3)
+        if model.pin.frames[index].parentJoint == 0:
+            nothing = np.zeros((3, model.n))
+            place = _Derivatives(M.act(np.array(point)), nothing, still, still)
+            return place, _Derivatives(still, nothing, still, still), M.rotation.copy()
+        J = model.gather(pin.getFrameJacobian(model.pin, data, index, _ALIGNED).reshape(6, -1))
         v = pin.getFrameVelocity(model.pin, data, index, _ALIGNED)
         a = pin.getFrameClassicalAcceleration(model.pin, data, index, _ALIGNED)
         r = M.rotation @ np.array(point)
@@ -158,15 +151,17 @@ class ConstraintRows:
             v.linear + np.cross(w, r),
             a.linear + np.cross(alpha, r) + np.cross(w, np.cross(w, r)),
         )
-        return moved, _Derivatives(np.zeros(3), J[3:], w, alpha), M.rotation.copy()
+        return moved, _Derivatives(still, J[3:], w, alpha), M.rotation.copy()
+
+    def _index(self, frame: str) -> int:
+        """Pinocchio's number of a frame; that of the world is 0."""
+        return 0 if frame == WORLD else int(self._robot.pin.getFrameId(frame))
 
     def _check_mobile(self, name: str, constraint: FrameBased | CouplingConstraint) -> None:
         if isinstance(constraint, CouplingConstraint):
             return
-        bodies = self._robot.pin
-        joints = [0 if frame == WORLD else bodies.frames[bodies.getFrameId(frame)].parentJoint
-                  for frame in constraint.frames]  # fmt: skip
-        if joints[0] == joints[1]:
+        first, second = (self._robot.pin.frames[self._index(f)] for f in constraint.frames)
+        if first.parentJoint == second.parentJoint:
             raise SceneError(
                 f"scene: constraint '{name}' ties '{constraint.frames[0]}' to "
                 f"'{constraint.frames[1]}', which cannot move against each other: no joint is "

@@ -67,15 +67,9 @@ class JointDrive:
         """What is between motor and link, for display."""
         if self.coupling is None:
             return "rigid"
-        c = self.coupling
-        details = {
-            "stiffening": c.stiffening,
-            "backlash": c.backlash,
-            "hysteresis": c.hysteresis,
-            "kinematic error": c.kinematic_error,
-        }
-        flexible = f"flexible, {c.stiffness:g}"
-        return ", ".join([flexible, *(name for name, given in details.items() if given)])
+        details = ("stiffening", "backlash", "hysteresis", "kinematic_error")
+        given = [key.replace("_", " ") for key in details if getattr(self.coupling, key)]
+        return ", ".join([f"flexible, {self.coupling.stiffness:g}", *given])
 
     @property
     def torque_limit(self) -> float:
@@ -149,21 +143,16 @@ def _drive(where: str, joint: Joint) -> JointDrive | None:
 
 
 def _check_motor(where: str, motor: Actuator) -> None:
-    if motor.command != "torque" or motor.current_limit or motor.voltage_limit:
-        _want(where, "torque_constant", motor.torque_constant, _why(motor, "current_limit"))
-    if motor.command == "voltage" or motor.voltage_limit:
-        _want(where, "resistance", motor.resistance, _why(motor, "voltage_limit"))
-
-
-def _why(motor: Actuator, limit: str) -> str:
-    return f"command: {motor.command}" if motor.command != "torque" else limit
-
-
-def _want(where: str, key: str, value: float | None, reason: str) -> None:
-    if value is None:
-        raise SceneError(
-            f"{where}.actuator.{key}' is missing: '{reason}' needs it, a positive number"
-        )
+    direct, limit = motor.command == "torque", motor.voltage_limit
+    for key, needed, by in (
+        ("torque_constant", not direct or motor.current_limit or limit, "current_limit"),
+        ("resistance", motor.command == "voltage" or limit, "voltage_limit"),
+    ):
+        if needed and getattr(motor, key) is None:
+            reason = by if direct else f"command: {motor.command}"
+            raise SceneError(
+                f"{where}.actuator.{key}' is missing: '{reason}' needs it, a positive number"
+            )
 
 
 def _check_coupling(where: str, coupling: Transmission, motor: Actuator) -> None:

@@ -136,16 +136,11 @@ class Closure:
 
     def kept(
         self, names: tuple[str, ...], constraint_rows: Mapping[int, tuple[int, ...]]
-    ) -> list[int]:
-        """Which rows of the named constraints, stacked, are among ``constraint_rows``."""
-        kept, first = list[int](), 0
-        for name, place, count in zip(
-            self.rows.names, self.rows.places, self.rows.counts, strict=True
-        ):
-            if name in names:
-                kept += [first + k for k in constraint_rows[place]]
-                first += count
-        return kept
+    ) -> list[bool]:
+        """Whether each row of the named constraints, stacked, is among ``constraint_rows``."""
+        whole = zip(self.rows.names, self.rows.places, self.rows.counts, strict=True)
+        named = [(place, count) for name, place, count in whole if name in names]
+        return [k in constraint_rows[place] for place, count in named for k in range(count)]
 
     def independent_rows(self, near: Array) -> dict[int, tuple[int, ...]]:
         """Rows that imply all others wherever the constraints are closed.

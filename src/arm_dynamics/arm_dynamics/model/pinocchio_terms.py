@@ -151,7 +151,10 @@ class FrameMotion:
         self._model, self._pin = model, model.pin
         self._data = model.pin.createData()
         self._frame = _frame_index(model, frame)
-        self._reference = _reference(reference)
+        if reference not in _REFERENCES:
+            allowed = known_names(_REFERENCES)
+            raise InvalidInput(f"reference = {reference!r}; allowed: {allowed}")
+        self._reference = _REFERENCES[reference]
 
     def placement(self, q: Array) -> tuple[Array, Array]:
         """Position in [m], shape (3,), and rotation, shape (3, 3), of the frame in the world."""
@@ -195,22 +198,15 @@ class FrameMotion:
 
     def _gathered(self, J: Array) -> Array:
         # Pinocchio hands a single column out as a vector.
-        J = J.reshape(6, -1)
-        return J @ self._model.followers if self._model.has_followers else J
+        return self._model.gather(J.reshape(6, -1))
 
 
 _ALIGNED = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
 _REFERENCES = {
     "local": pin.ReferenceFrame.LOCAL,
     "world": pin.ReferenceFrame.WORLD,
-    "local_world_aligned": pin.ReferenceFrame.LOCAL_WORLD_ALIGNED,
+    "local_world_aligned": _ALIGNED,
 }
-
-
-def _reference(name: str) -> pin.ReferenceFrame:
-    if name not in _REFERENCES:
-        raise InvalidInput(f"reference = {name!r}; allowed: {known_names(_REFERENCES)}")
-    return _REFERENCES[name]
 
 
 def _frame_index(model: Robot, frame: str) -> int:

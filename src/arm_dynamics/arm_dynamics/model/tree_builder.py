@@ -101,12 +101,7 @@ def _turn(model: pin.Model, i: int) -> tuple[Array, bool]:
     S = np.array(model.joints[i].createData().S).ravel()
     prismatic = bool(np.linalg.norm(S[:3]) > 0.5)
     z = S[:3] if prismatic else S[3:]
-    # Start x from the basis vector after the axis' largest entry: then a coordinate axis gives a
-    # cyclic permutation of the axes.
-    x = np.roll(np.eye(3)[np.argmax(abs(z))], 1)
-    x = x - (x @ z) * z
-    x /= np.linalg.norm(x)
-    return np.column_stack([x, np.cross(z, x), z]), prismatic
+    return np.column_stack([*across(z), z]), prismatic
 
 
 def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
@@ -115,7 +110,7 @@ def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
     T_parent = turns[parent][0] if parent >= 0 else np.eye(3)
     place, body = model.jointPlacements[i], model.inertias[i]
     c = T.T @ body.lever
-    inertia = T.T @ body.inertia @ T - body.mass * _hat(c) @ _hat(c)
+    inertia = T.T @ body.inertia @ T - body.mass * pin.skew(c) @ pin.skew(c)
     return Link(
         parent,
         prismatic,
@@ -137,7 +132,3 @@ def _load(links: list[Link], frame: Frame, payload: ca.SX) -> None:
     h, inertia = moved(constant(frame.R), constant(frame.p), m, m * com, about_origin)
     link = links[frame.link]
     link.m, link.h, link.I = link.m + m, link.h + h, link.I + inertia
-
-
-def _hat(x: Array) -> Array:
-    return np.array([[0, -x[2], x[1]], [x[2], 0, -x[0]], [-x[1], x[0], 0]])

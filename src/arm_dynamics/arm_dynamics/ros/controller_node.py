@@ -31,9 +31,9 @@ from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
-from arm_dynamics.ros.common.direct import sender
+from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import run, subscribe
-from arm_dynamics.ros.common.params import declare, privileges, watch
+from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.controller import AnswerLog, ControllerParams, Goals, tracking_state
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
@@ -99,16 +99,14 @@ class ControllerNode(Node):
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._log = AnswerLog()
         self._connect()
-        watch(self, lambda: self.params, self._apply)
+        watch(self, self.params, self._apply)
         self._diagnosis = Diagnosis(self, self.diagnostics)
-        for refusal in privileges(self.params).claim():
+        for refusal in self.params.claim():
             self.get_logger().warning(f"not granted: {refusal}")
 
     def _connect(self) -> None:
-        self.send = sender(self, JOINT_COMMANDS)
-        self._report = self.create_publisher(
-            CONTROLLER_STATE.type, CONTROLLER_STATE.name, CONTROLLER_STATE.publish
-        )
+        self.send = advertise(self, JOINT_COMMANDS).handle.publish_raw
+        self._report = advertise(self, CONTROLLER_STATE)
         for topic, callback, raw in (
             (JOINT_TRAJECTORY, self.on_joint_trajectory, True),
             (CARTESIAN_GOAL, self.on_cartesian_goal, False),
@@ -125,16 +123,16 @@ class ControllerNode(Node):
     @property
     def busy(self) -> bool:
         """Whether a goal is being planned or a controller prepared in the background."""
-        return self.goals.busy or self._builder.busy
+        return self.goals.planner.busy or self._builder.busy
 
     def deliver(self) -> None:
         """Take what the background has finished; done before every answer to a joint state."""
         self._builder.deliver()
-        self.goals.deliver()
+        self.goals.planner.deliver()
 
     def destroy_node(self) -> None:
         """End the threads, and the node."""
-        self.goals.close()
+        self.goals.planner.close()
         self._builder.close()
         super().destroy_node()
 

@@ -52,15 +52,15 @@ class DynamicsNode(Node):
         super().__init__("dynamics", **node_kwargs)
         self._dynamics: Dynamics | None = None
         self._counts = RequestCounts()
-        self._params = declare(self, DynamicsParams)
-        scene = scene if scene is not None else self._params.scene or None
+        params = declare(self, DynamicsParams)
+        scene = scene if scene is not None else params.scene or None
         if scene is not None:
             self.load(scene)
         else:
-            if self._params.robot_description:
-                self.load_description(self._params.robot_description)
+            if params.robot_description:
+                self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self.on_robot_description)
-            watch(self, lambda: self._params, self._apply)
+            watch(self, params, lambda new: self.load_description(new.robot_description))
         for service in ANSWERS:
             callback = self._counts.counted(partial(self.answer, service))
             self.create_service(service.type, service.name, callback)
@@ -108,10 +108,6 @@ class DynamicsNode(Node):
         with answering(response, self.get_logger()):
             ANSWERS[service](self.dynamics, request, response)
         return response
-
-    def _apply(self, params: DynamicsParams) -> None:
-        self.load_description(params.robot_description)
-        self._params = params
 
 
 def main(args: list[str] | None = None) -> None:

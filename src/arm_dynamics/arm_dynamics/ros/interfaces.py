@@ -19,7 +19,6 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
-PUBLISH = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Of several sources: all that come within a tick, so that one does not displace another.
 SOURCES = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -39,7 +38,7 @@ class Topic(NamedTuple):
 
     name: str
     type: Any
-    publish: QoSProfile = PUBLISH
+    publish: QoSProfile = EVERY
     subscribe: QoSProfile = EVERY
 
 

@@ -7,7 +7,8 @@ of the *second* frame.
 
 from __future__ import annotations
 
-from typing import Annotated, ClassVar, Literal
+from collections.abc import Collection, Iterable
+from typing import Annotated, ClassVar, Literal, get_args
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -169,7 +170,8 @@ class CouplingConstraint(_Constraint):
 
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
         """Refuse joints that are not free; arguments as of ``check_constraints``."""
-        _check_joints(f"constraints.{place}.joints", self.joints, urdf, locked)
+        free = [name for name in urdf.moving if name not in urdf.mimics and name not in locked]
+        check_joints(f"constraints.{place}.joints", self.joints, free, urdf, locked)
 
 
 class Plane(Part):
@@ -214,11 +216,7 @@ class Contact(Part):
 
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
         """Refuse a frame that the robot does not have; arguments as of ``check_constraints``."""
-        if self.frame not in urdf.frames:
-            raise SceneError(
-                f"scene: 'constraints.{place}.frame' = '{self.frame}' does not exist; "
-                f"allowed: {known_names(urdf.frames)}"
-            )
+        check_frame(f"constraints.{place}.frame", self.frame, urdf)
 
 
 FrameBased = (
@@ -232,15 +230,10 @@ FrameBased = (
 Bilateral = FrameBased | CouplingConstraint
 Constraint = Annotated[Bilateral | Contact, Field(discriminator="type")]
 SCHEMAS: dict[str, type[Part]] = {
-    "point": PointConstraint,
-    "frame": FrameConstraint,
-    "line": LineConstraint,
-    "plane": PlaneConstraint,
-    "distance": DistanceConstraint,
-    "rolling": RollingConstraint,
-    "coupling": CouplingConstraint,
-    "contact": Contact,
+    get_args(kind.model_fields["type"].annotation)[0]: kind
+    for kind in get_args(Bilateral | Contact)
 }
+"""The types of constraints by the word that a scene has for them."""
 
 
 def switchable(constraints: tuple[Constraint, ...]) -> list[int]:
@@ -276,10 +269,20 @@ def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: s
         constraint.check_names(i, urdf, locked)
 
 
-def _check_joints(key: str, joints: tuple[str, str], urdf: Urdf, locked: set[str]) -> None:
-    free = [name for name in urdf.moving if name not in urdf.mimics and name not in locked]
+def check_frame(key: str, frame: str, urdf: Urdf) -> None:
+    """Refuse a frame that the robot does not have; ``key`` is the one that names it."""
+    if frame not in urdf.frames:
+        raise SceneError(
+            f"scene: '{key}' = '{frame}' does not exist; allowed: {known_names(urdf.frames)}"
+        )
+
+
+def check_joints(
+    key: str, joints: Iterable[str], allowed: list[str], urdf: Urdf, locked: Collection[str] = ()
+) -> None:
+    """Refuse joints that are not among the allowed ones; ``key`` is the one that names them."""
     for name in joints:
-        if name in free:
+        if name in allowed:
             continue
         trouble = (
             "is locked"
@@ -291,5 +294,6 @@ def _check_joints(key: str, joints: tuple[str, str], urdf: Urdf, locked: set[str
             else "does not exist"
         )
         raise SceneError(
-            f"scene: '{key}' names joint '{name}', which {trouble}; allowed: {known_names(free)}"
+            f"scene: '{key}' names joint '{name}', which {trouble}; "
+            f"allowed: {known_names(allowed)}"
         )

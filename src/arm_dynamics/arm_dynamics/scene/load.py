@@ -12,7 +12,7 @@ from typing import Any
 import yaml
 
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene.constraint import check_constraints
+from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf import Urdf, read_urdf
 
@@ -145,26 +145,15 @@ def _complete(data: dict[str, Any], folder: Path) -> Scene:
 
 def _check_names(scene: Scene, urdf: Urdf) -> None:
     """Every joint and frame that the scene names must exist."""
-    moving = urdf.moving
     for key, names in {
         "robot.lock": scene.robot.lock,
         "joints": [name for name in scene.joints if name != "*"],
         "initial.position": list(scene.initial.position),
         "initial.velocity": list(scene.initial.velocity),
     }.items():
-        for name in names:
-            if name not in moving:
-                trouble = "is fixed" if name in urdf.joints else "does not exist"
-                raise SceneError(
-                    f"scene: '{key}' names joint '{name}', which {trouble}; "
-                    f"allowed: {known_names(moving)}"
-                )
+        check_joints(key, names, urdf.moving, urdf)
     for i, payload in enumerate(scene.payloads):
-        if payload.frame not in urdf.frames:
-            raise SceneError(
-                f"scene: 'payloads.{i}.frame' = '{payload.frame}' does not exist; "
-                f"allowed: {known_names(urdf.frames)}"
-            )
+        check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))
     _check_followers(scene, urdf)
 
@@ -176,11 +165,8 @@ def _check_followers(scene: Scene, urdf: Urdf) -> None:
                 f"scene: 'robot.lock' locks '{name}', which follows '{rule.leader}'; "
                 "lock that one too"
             )
-        for key, given in (
-            ("position", scene.initial.position),
-            ("velocity", scene.initial.velocity),
-        ):
-            if name in given and name not in scene.robot.lock:
+        for key in ("position", "velocity"):
+            if name in getattr(scene.initial, key) and name not in scene.robot.lock:
                 raise SceneError(
                     f"scene: 'initial.{key}' names '{name}', which follows '{rule.leader}'; "
                     "set that one"

@@ -51,13 +51,11 @@ class Urdf:
     """What must be known of a URDF besides what Pinocchio reads from it.
 
     Attributes:
-        text: The XML.
         joints: Type of every joint by name.
         links: Names of the links.
         mimics: Follower rules by joint name.
     """
 
-    text: str
     joints: dict[str, str]
     links: tuple[str, ...]
     mimics: dict[str, Mimic]
@@ -99,7 +97,7 @@ def read_urdf(text: str) -> Urdf:
         _check_inertia(name, link)
     _check_tree(joints, links)
     kinds = {name: joint.get("type", "") for name, joint in joints.items()}
-    return Urdf(text, kinds, tuple(links), _mimics(joints, kinds))
+    return Urdf(kinds, tuple(links), _mimics(joints, kinds))
 
 
 def _root(text: str) -> ElementTree.Element:

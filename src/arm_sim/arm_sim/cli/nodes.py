@@ -55,7 +55,7 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
 
     made = _run(SimNode, scene, rest, with_parent)
     if report is not None and made is not None:
-        loop = {**asdict(made.loop.report()), "bars": made.loop.bars()}
+        loop = {**asdict(made.loop.report()), "bars": made.loop.lateness.bars()}
         trip = asdict(made.inputs.round_trip.percentiles())
         report.write_text(json.dumps({"loop": loop, "round_trip": trip}))
 

@@ -50,18 +50,13 @@ class Ledger(Ensemble):
         return np.concatenate([super().initial(q, v), [0.0, 0.0]])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What the laws do, and the powers."""
-        flow = super().equations(q, v, z, u)
-        powers = self.supplied(q, v, z, u), self.lost(q, v, z, u)
-        return Flow(flow.torque, ca.vertcat(flow.slope, *powers))
-
-    def lost(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """By the laws, and by friction without states, in [W]."""
-        law, torque = self.friction, self.friction.smooth(v)
+        """What the laws do, and the powers: heat by friction without states is one of them."""
+        flow, law = super().equations(q, v, z, u), self.friction
+        torque = law.smooth(v)
         if law.has_dry:
-            load = super().equations(q, v, z, u).torque
-            torque = torque + law.dry(v, ca.sign(v), q, load)
-        return super().lost(q, v, z, u) + ca.dot(torque, v)
+            torque = torque + law.dry(v, ca.sign(v), q, flow.torque)
+        lost = flow.lost + ca.dot(torque, v)
+        return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, lost))
 
 
 class EnergyAccount:
@@ -146,8 +141,9 @@ class EnergyAccount:
 
     @cached_property
     def _stored(self) -> ca.Function:
-        x = ca.SX.sym("x", self._plant.nx)
-        return ca.Function("stored", [x], [self._laws.stored(*split(x, self._plant.model.n))])
+        x, n = ca.SX.sym("x", self._plant.nx), self._plant.model.n
+        flow = self._laws.equations(*split(x, n), ca.SX(n, 1))
+        return ca.Function("stored", [x], [flow.stored])
 
     @cached_property
     def _plain(self) -> Stepper:

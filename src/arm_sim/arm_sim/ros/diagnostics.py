@@ -4,12 +4,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass, field
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_dynamics.ros.joint_state.topics import native
+from arm_dynamics.ros.joint_state import native
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.params import SimParams
@@ -17,43 +18,27 @@ from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.tick_engine import TickEngine
 
 
+@dataclass
 class SimDiagnostics:
     """Looks at the parts of a sim node; counts that grew since the last look are reported."""
 
-    def __init__(
-        self,
-        node: Node,
-        params: SimParams,
-        engine: TickEngine,
-        loop: RealtimeLoop,
-        inputs: Inputs,
-        lockstep: Lockstep | None,
-        refused_privileges: Sequence[str],
-    ) -> None:
-        """Prepare to look at these parts."""
-        self._node, self._params, self._engine, self._loop = node, params, engine, loop
-        self._inputs, self._lockstep = inputs, lockstep
-        self._refused_privileges = refused_privileges
-        self._before: dict[str, int] = {}
+    node: Node
+    params: SimParams
+    engine: TickEngine
+    loop: RealtimeLoop
+    inputs: Inputs
+    lockstep: Lockstep | None
+    refused_privileges: Sequence[str]
+    growth: Growth = field(default_factory=Growth)
 
     def __call__(self) -> list[Finding]:
         """Look at every part."""
         found = [self._look_at_loop(), self._look_at_commands(), self._look_at_simulation()]
-        return found if self._lockstep is None else [*found, self._look_at(self._lockstep)]
-
-    def _grown(self, name: str, count: int) -> int:
-        """How much a counter has grown since the last look; it may have been reset meanwhile."""
-        before, self._before[name] = self._before.get(name, 0), count
-        return count - before if count >= before else count
-
-    def _warn(self, found: Finding, count: int, what: str) -> None:
-        """Complain if a counter has grown."""
-        if grown := self._grown(what, count):
-            found.complain(WARN, f"{grown} {what}")
+        return found if self.lockstep is None else [*found, self._look_at(self.lockstep)]
 
     def _look_at_loop(self) -> Finding:
-        report, params, found = self._loop.report(), self._params, Finding("loop")
-        executor = self._node.executor
+        report, params, found = self.loop.report(), self.params, Finding("loop")
+        executor = self.node.executor
         found.values = {
             "rate [Hz]": report.rate, "ticks": report.ticks, "missed": report.missed,
             "dropped": report.dropped, "lateness p50 [s]": report.lateness.p50,
@@ -63,18 +48,18 @@ class SimDiagnostics:
             "executor": "none" if executor is None else type(executor).__name__,
             "messages": "in C" if native() is not None else "in Python",
         }  # fmt: skip
-        self._warn(found, report.missed, "ticks began after the next one was due")
-        self._warn(found, report.dropped, "ticks dropped")
-        for refusal in self._refused_privileges:
+        self.growth.warn(found, report.missed, "ticks began after the next one was due")
+        self.growth.warn(found, report.dropped, "ticks dropped")
+        for refusal in self.refused_privileges:
             found.complain(WARN, refusal)
         return found
 
     def _look_at_commands(self) -> Finding:
-        engine, found = self._engine, Finding("commands")
+        engine, found = self.engine, Finding("commands")
         arbiter, slot, policy = engine.arbiter, engine.commands, engine.stale_policy
-        inputs, trip = self._inputs, self._inputs.round_trip.percentiles()
-        topic = self._node.resolve_topic_name(JOINT_COMMANDS.name)
-        publishers = self._node.count_publishers(topic)
+        inputs, trip = self.inputs, self.inputs.round_trip.percentiles()
+        topic = self.node.resolve_topic_name(JOINT_COMMANDS.name)
+        publishers = self.node.count_publishers(topic)
         found.values = {
             "age [s]": slot.age * engine.simulator.dt, "stale": slot.stale,
             "stale count": slot.stale_count, "policy": policy, "passed over": inputs.refused,
@@ -83,21 +68,21 @@ class SimDiagnostics:
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
             "wrenches passed over": inputs.refused_wrenches,
         }  # fmt: skip
-        stopped = self._grown("stale", slot.stale_count)
+        stopped = self.growth.of("stale", slot.stale_count)
         if slot.stale:
             found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
         elif stopped:
             found.complain(WARN, "commands stopped, and are back")
-        self._warn(found, inputs.refused, "commands passed over")
-        self._warn(found, inputs.refused_wrenches, "wrenches passed over")
-        if self._grown("conflicts", arbiter.refused) or arbiter.conflict:
+        self.growth.warn(found, inputs.refused, "commands passed over")
+        self.growth.warn(found, inputs.refused_wrenches, "wrenches passed over")
+        if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
             found.complain(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:
             found.complain(WARN, f"{publishers} publishers on {topic}")
         return found
 
     def _look_at_simulation(self) -> Finding:
-        engine, found = self._engine, Finding("simulation")
+        engine, found = self.engine, Finding("simulation")
         state, account = engine.queue.run(lambda: (engine.simulator.state, engine.account()))
         found.values = {
             "time [s]": state.time, "paused": engine.paused, "diverged": bool(engine.failure),
@@ -115,7 +100,7 @@ class SimDiagnostics:
             "asked again": lockstep.asked_again, "ignored": lockstep.ignored,
             "partner gone": lockstep.gone,
         }  # fmt: skip
-        self._warn(found, lockstep.asked_again, "states had to be published again")
+        self.growth.warn(found, lockstep.asked_again, "states had to be published again")
         if lockstep.gone:
             found.complain(ERROR, "the partner gives no answer; time stands still")
         return found

@@ -11,8 +11,7 @@ from std_msgs.msg import Float64MultiArray
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
-from arm_dynamics.ros.joint_state.serialization import Numbers
-from arm_dynamics.ros.joint_state.topics import JointStateSource, make_reader, make_source
+from arm_dynamics.ros.joint_state import JointStateSource, Numbers, make_reader
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -45,7 +44,7 @@ class Inputs:
 
     def open(self, node: Node) -> None:
         """Subscribe to efforts by joint name, to be read before each tick."""
-        self.source = make_source(node, JOINT_COMMANDS, self.reader)
+        self.source = JointStateSource(node, JOINT_COMMANDS, self.reader)
 
     def close(self) -> None:
         """End the subscription."""

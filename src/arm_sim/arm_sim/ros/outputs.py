@@ -8,14 +8,12 @@ from collections.abc import Callable
 import numpy as np
 from arm_msgs.msg import Energy, Multipliers
 from rclpy.node import Node
-from rclpy.serialization import serialize_message
 
-from arm_dynamics.ros.common.cdr import HEADER, time_bytes
+from arm_dynamics.ros.common.cdr import NATIVE, time_bytes
 from arm_dynamics.ros.common.convert import to_time
-from arm_dynamics.ros.common.direct import sender
+from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES
-from arm_dynamics.ros.joint_state.serialization import JointStateWriter
-from arm_dynamics.ros.joint_state.topics import make_sink
+from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
 from arm_sim.ros.interfaces import CLOCK, ENERGY, MULTIPLIERS
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.params import SimParams
@@ -42,25 +40,21 @@ class Outputs:
 
         ``account_wanted`` tells whether something besides ``~/energy`` needs the energy account.
         """
-        self._engine, self._simulator = engine, engine.simulator
-        self._round_trip, self._account_wanted = round_trip, account_wanted
-        simulator = engine.simulator
+        self._engine, self._round_trip, self._account_wanted = engine, round_trip, account_wanted
+        self._simulator = simulator = engine.simulator
         self._every = params.publish_every
         self._energy_every = max(1, round(params.energy_period / simulator.dt))
         n, x = simulator.n, simulator.x
         self._driven = np.zeros(n) if simulator.plant.torques is not None else None
         effort = simulator.acted if self._driven is None else self._driven
         writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
-        self._states = make_sink(node, JOINT_STATES, writer, (x[:n], x[n : 2 * n], effort))
-        self._energy = node.create_publisher(ENERGY.type, ENERGY.name, ENERGY.publish)
+        self._states = JointStateSink(node, JOINT_STATES, writer, (x[:n], x[n : 2 * n], effort))
+        self._energy = advertise(node, ENERGY)
         self._multipliers = None
         if simulator.model.scene.bilateral:
-            self._multipliers = node.create_publisher(
-                MULTIPLIERS.type, MULTIPLIERS.name, MULTIPLIERS.publish
-            )
+            self._multipliers = advertise(node, MULTIPLIERS)
             simulator.multipliers()  # builds what the loop should not have to wait for
-        self._send_clock = sender(node, CLOCK) if params.publish_clock else None
-        self._clock_header = bytes(serialize_message(CLOCK.type()))[:HEADER]
+        self._clock = advertise(node, CLOCK).handle if params.publish_clock else None
         simulator.energy_account.prepare()
         self._idle = 0.0
         engine.on_tick.append(self._after_tick)
@@ -75,8 +69,8 @@ class Outputs:
         if self._driven is not None:
             self._driven[:] = self._simulator.effort
         self._states.send(stamp)
-        if self._send_clock is not None:
-            self._send_clock(self._clock_header + time_bytes(stamp))
+        if self._clock is not None:
+            self._clock.publish_raw(NATIVE + time_bytes(stamp))
 
     def repeat(self, elapsed: float) -> None:
         """Publish the present state now and then; ``elapsed`` in [s] since the last call."""

@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from arm_dynamics import InvalidInput
-from arm_dynamics.ros.common.params import SCENE, ThreadParams, parameter
+from arm_dynamics.ros.common.params import SCENE, parameter
+from arm_dynamics.ros.common.privileges import ThreadParams
 from arm_sim.ros.commands.latest import POLICIES, ZERO
 from arm_sim.ros.realtime_loop import CATCH_UP, OVERRUN
 from arm_sim.simulator import Simulator

@@ -62,6 +62,9 @@ class RealtimeLoop:
         give_up: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
         clock: What tells the time and sleeps; the module ``time`` or the like.
+
+    Attributes:
+        lateness: How long after their deadline ticks began.
     """
 
     _until: int | None
@@ -103,19 +106,15 @@ class RealtimeLoop:
 
     def reset(self) -> None:
         """Begin counting anew."""
-        self._lateness = Histogram()
+        self.lateness = Histogram()
         self._missed = self._dropped = 0
         self._since, self._until = self._clock.monotonic_ns(), None
 
     def report(self) -> LoopReport:
         """How well deadlines were kept."""
-        lateness = self._lateness.percentiles()
+        lateness = self.lateness.percentiles()
         elapsed = 1e-9 * ((self._until or self._clock.monotonic_ns()) - self._since)
         return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness)
-
-    def bars(self) -> tuple[tuple[float, int], ...]:
-        """Upper edge in [s] and number of the ticks of every length of lateness that came."""
-        return self._lateness.bars()
 
     def _run(self) -> None:
         _ask_for_exact_timers()
@@ -124,7 +123,7 @@ class RealtimeLoop:
         if self._period:
             self._by_the_clock()
         while self._running:
-            self._lateness.add(0)
+            self.lateness.add(0)
             self._tick()
 
     def _by_the_clock(self) -> None:
@@ -136,7 +135,7 @@ class RealtimeLoop:
                 self._clock.sleep(1e-9 * (wake - now))
                 now = self._clock.monotonic_ns()
             late = now - deadline
-            self._lateness.add(late)
+            self.lateness.add(late)
             self._missed += late > self._period
             earliest = now + self._closest
             self._tick()

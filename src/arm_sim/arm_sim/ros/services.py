@@ -38,13 +38,11 @@ class SimServices:
             interfaces.RESET_COUNTERS: lambda *_: reset_counters,
         }
         for service in self._orders:
-            node.create_service(service.type, service.name, partial(self._answer, service))
+            node.create_service(service.type, service.name, partial(self.answer, service))
 
-    def answer(self, service: Service, request: Any = None) -> Any:
+    def answer(self, service: Service, request: Any = None, response: Any = None) -> Any:
         """The response to a request, by default an empty one."""
-        return self._answer(service, request or service.type.Request(), service.type.Response())
-
-    def _answer(self, service: Service, request: Any, response: Any) -> Any:
+        request, response = request or service.type.Request(), response or service.type.Response()
         with answering(response, self._log):
             self._engine.queue.run(self._orders[service](request, response))
         return response

@@ -10,7 +10,7 @@ from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import Diagnosis
 from arm_dynamics.ros.common.executor import run, subscribe
-from arm_dynamics.ros.common.params import declare, privileges, watch
+from arm_dynamics.ros.common.params import declare, watch
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
@@ -53,7 +53,6 @@ class SimNode(Node):
         """
         super().__init__("sim", **node_kwargs)
         self.params = params = declare(self, SimParams)
-        self._privileges = privileges(params)
         self._refused_privileges: list[str] = []
         self.simulator = simulator_of(scene, params)
         self.engine = engine = TickEngine(
@@ -90,7 +89,7 @@ class SimNode(Node):
             self, params, engine, self.loop, inputs, self.lockstep, self._refused_privileges
         )
         self.diagnosis = Diagnosis(self, self.diagnostics)
-        watch(self, lambda: self.params, self._apply)
+        watch(self, params, self._apply)
         self._start()
 
     def _start(self) -> None:
@@ -108,7 +107,7 @@ class SimNode(Node):
 
     def _claim_privileges(self) -> None:
         """Ask the system for what the ticking thread should have."""
-        self._refused_privileges += self._privileges.claim()
+        self._refused_privileges += self.params.claim()
         for refusal in self._refused_privileges:
             self.get_logger().warning(f"not granted: {refusal}")
 

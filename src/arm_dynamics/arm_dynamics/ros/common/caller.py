@@ -123,7 +123,11 @@ class Caller:
         response = self._response(asker, request, patience if repeatable else None)
         if response is None:
             self._answered.discard(asker)
-            raise NoAnswer(self._silence(asker.name, repeatable))
+            doubt = "" if repeatable else " The request may have been carried out all the same"
+            raise NoAnswer(
+                f"{asker.name} is there but gave no answer within {self._timeout:g} s; is its "
+                f"node busy or stopped?{doubt}"
+            )
         self._answered.add(asker)
         return response
 
@@ -179,13 +183,6 @@ class Caller:
         domain = self._context.get_domain_id()
         lines.append(f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}")
         return "\n  ".join(lines)
-
-    def _silence(self, name: str, repeatable: bool) -> str:
-        return (
-            f"{name} is there but gave no answer within {self._timeout:g} s; is its node busy or "
-            "stopped?"
-            + ("" if repeatable else " The request may have been carried out all the same")
-        )
 
 
 def _until(condition: Callable[[], bool], timeout: float) -> bool:

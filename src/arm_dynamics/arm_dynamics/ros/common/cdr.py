@@ -9,6 +9,7 @@ aligned to its size, counted from after the header.
 from __future__ import annotations
 
 import struct
+import sys
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,7 @@ from arm_dynamics.exceptions import InvalidInput
 HEADER = 4  # bytes that say how the others are encoded
 COUNT = 4  # bytes of a length, and the alignment of a Time
 GIGA = 1_000_000_000
+NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
 TIME = struct.Struct("=iI")  # a Time in the byte order of this machine
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
 _LONGEST = 1000  # bytes of a name

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 PERIOD = 1.0  # [s]
@@ -45,6 +46,23 @@ class Finding:
         )
 
 
+class Growth:
+    """How much counters have grown since they were last looked at."""
+
+    def __init__(self) -> None:
+        self._before: dict[str, int] = {}
+
+    def of(self, name: str, count: int) -> int:
+        """How much one has grown; it may have been reset meanwhile."""
+        before, self._before[name] = self._before.get(name, 0), count
+        return count - before if count >= before else count
+
+    def warn(self, found: Finding, count: int, what: str) -> None:
+        """Complain if a count of ``what`` has grown."""
+        if grown := self.of(what, count):
+            found.complain(WARN, f"{grown} {what}")
+
+
 class Diagnosis:
     """A timer that asks for findings and publishes them."""
 
@@ -56,9 +74,7 @@ class Diagnosis:
             find: Gives the findings; called once a second while there are subscribers.
         """
         self._node, self._find = node, find
-        self._publisher = node.create_publisher(
-            DIAGNOSTICS.type, DIAGNOSTICS.name, DIAGNOSTICS.publish
-        )
+        self._publisher = advertise(node, DIAGNOSTICS)
         self._timer = node.create_timer(PERIOD, self.publish)
 
     @property

@@ -7,7 +7,6 @@ a microsecond when there is none and a few when there is one, far less than a ca
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from typing import Any
 
 from rclpy.impl.implementation_singleton import rclpy_implementation
@@ -47,11 +46,9 @@ class Newest:
             self._handle = None
 
 
-def sender(node: Node, topic: Topic) -> Callable[[bytes], None]:
-    """Advertise a topic and return what publishes serialized messages on it.
+def advertise(node: Node, topic: Topic) -> Any:
+    """Make a publisher of a topic; its ``handle.publish_raw`` publishes serialized messages.
 
-    No other thread may be using it when the node is destroyed.
+    No other thread may be using that when the node is destroyed.
     """
-    publisher = node.create_publisher(topic.type, topic.name, topic.publish)
-    send: Callable[[bytes], None] = publisher.handle.publish_raw
-    return send
+    return node.create_publisher(topic.type, topic.name, topic.publish)

@@ -40,17 +40,14 @@ def make_executor(node: Node) -> Executor:
     try:
         from rclpy.experimental.events_executor import EventsExecutor
     except ImportError:
-        return _single_threaded(node)
-    executor = EventsExecutor(context=node.context)
-    executor.add_node(node)
-    if _dispatches(executor, node):
-        return executor
-    executor.remove_node(node)
-    executor.shutdown()
-    return _single_threaded(node)
-
-
-def _single_threaded(node: Node) -> Executor:
+        pass
+    else:
+        events = EventsExecutor(context=node.context)
+        events.add_node(node)
+        if _dispatches(events, node):
+            return events
+        events.remove_node(node)
+        events.shutdown()
     executor = SingleThreadedExecutor(context=node.context)
     executor.add_node(node)
     return executor
@@ -102,7 +99,6 @@ class NodeHandler(logging.Handler):
     """Hands records to a node's logger, as information or as warnings."""
 
     def __init__(self, node: Node) -> None:
-        """Speak for ``node``."""
         super().__init__(logging.INFO)
         self._log = node.get_logger()
 

@@ -7,8 +7,8 @@ a group of parameters.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import Field, dataclass, field, fields, is_dataclass, replace
+from collections.abc import Callable, Mapping
+from dataclasses import field, fields, is_dataclass, replace
 from typing import Any
 
 from rcl_interfaces.msg import (
@@ -22,7 +22,6 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
-from arm_dynamics.ros.common.privileges import Privileges, read_cpus
 
 SCENE = "Scene file or URDF: a path, a package:// URI or URDF text"
 
@@ -54,49 +53,44 @@ def parameter(
     return field(default=default, metadata=about)
 
 
-def one_or_all(values: Sequence[Any]) -> Any:
-    """Give the value of a list of one, else all of them, as the core takes them."""
-    return values[0] if len(values) == 1 else list(values)
-
-
 def declare[P](node: Node, kind: type[P]) -> P:
     """Declare the parameters of ``kind`` and read their values.
 
     Raises:
         InvalidInput: If a value given at start is of a wrong type or not allowed.
     """
-    defaults = kind()
-    values = {}
-    for name, item, default in _parameters(defaults):
-        about = item.metadata
+
+    def declared(name: str, default: Any, about: Mapping[str, Any]) -> Any:
         if about.get("each_joint"):
             default = [default]
         if isinstance(default, tuple):
             default = list(default)
         try:
-            declared = node.declare_parameter(name, default, _descriptor(about, default))
+            return node.declare_parameter(name, default, _descriptor(about, default)).value
         except (InvalidParameterValueException, InvalidParameterTypeException) as error:
             raise InvalidInput(f"parameter '{name}': {error}") from error
-        values[name] = declared.value
-    return _with(defaults, values)
+
+    return _with(kind(), declared)
 
 
-def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -> None:
+def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
     """Take changes at run time: all parameters of one request together, or none of them.
 
     Args:
         node: The node that declared the parameters.
-        current: Gives the dataclass in force.
+        present: The dataclass in force, until another one is.
         apply: Puts a new one in force; an ``ArmError`` refuses the request, and must leave the old
             one in force.
     """
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
-        present = current()
+        nonlocal present
+        values = {p.name: p.value for p in parameters}
         try:
-            wanted = _with(present, {p.name: p.value for p in parameters})
+            wanted = _with(present, lambda name, value, about: values.get(name, value))
             if wanted != present:
                 apply(wanted)
+                present = wanted
         except ArmError as error:
             return SetParametersResult(successful=False, reason=str(error))
         return SetParametersResult(successful=True)
@@ -104,26 +98,16 @@ def watch[P](node: Node, current: Callable[[], P], apply: Callable[[P], None]) -
     node.add_on_set_parameters_callback(on_set)
 
 
-def _parameters(params: Any) -> Iterator[tuple[str, Field[Any], Any]]:
-    """Name, field and value of every parameter, those of groups included."""
-    for item in fields(params):
-        value = getattr(params, item.name)
-        if is_dataclass(value):
-            yield from _parameters(value)
-        elif "description" in item.metadata:
-            yield item.metadata.get("parameter", item.name), item, value
-
-
-def _with[P](params: P, values: Mapping[str, Any]) -> P:
-    """The same with other values of some parameters, by their names; checked."""
+def _with[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
+    """The same with other values, checked; they depend on name, present value and metadata."""
     changes: dict[str, Any] = {}
     for item in fields(params):  # type: ignore[arg-type]
-        value, about = getattr(params, item.name), item.metadata
-        name = about.get("parameter", item.name)
-        if is_dataclass(value):
-            changes[item.name] = _with(value, values)
-        elif name in values and "description" in about:
-            changes[item.name] = _plain(name, values[name], value, about)
+        present, about = getattr(params, item.name), item.metadata
+        if is_dataclass(present):
+            changes[item.name] = _with(present, value_of)
+        elif "description" in about:
+            name = about.get("parameter", item.name)
+            changes[item.name] = _plain(name, value_of(name, present, about), present, about)
     return replace(params, **changes)  # type: ignore[type-var]
 
 
@@ -140,7 +124,9 @@ def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
     if not several:
         return value
     listed = [value] if isinstance(value, bool | int | float | str) else list(value)
-    return one_or_all(listed) if about.get("each_joint") else type(like)(listed)
+    if about.get("each_joint"):  # as the core takes them
+        return listed[0] if len(listed) == 1 else listed
+    return type(like)(listed)
 
 
 def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
@@ -158,29 +144,3 @@ def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
         else:
             descriptor.floating_point_range = [FloatingPointRange(from_value=low, to_value=high)]
     return descriptor
-
-
-@dataclass(frozen=True)
-class ThreadParams:
-    """Parameters of the thread that keeps a node's deadlines."""
-
-    priority: int = parameter(
-        0, "Real-time priority of the loop (SCHED_FIFO); 0: an ordinary thread", low=0, high=99
-    )
-    cpus: str = parameter("", "Processors that the loop may run on, such as '0, 2'; empty: all")
-    lock_memory: bool = parameter(False, "Keep the process's memory from being swapped")
-    freeze_garbage: bool = parameter(
-        True,
-        "Take what exists at the start out of the garbage collector's rounds, where the node has "
-        "a process of its own",
-    )
-
-
-def privileges(params: ThreadParams) -> Privileges:
-    """What these parameters ask of the system.
-
-    Raises:
-        InvalidInput: If ``cpus`` cannot be read.
-    """
-    cpus = read_cpus(params.cpus)
-    return Privileges(params.priority, cpus, params.lock_memory)

@@ -11,37 +11,44 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.ros.common.params import parameter
 
 _MCL_CURRENT_AND_FUTURE = 3
 _TIMERS = "dds.ev"  # what Fast DDS calls these threads
 
 
 @dataclass(frozen=True)
-class Privileges:
-    """What to ask for.
+class ThreadParams:
+    """Parameters of the thread that keeps a node's deadlines."""
 
-    Attributes:
-        priority: Real-time priority of the thread (SCHED_FIFO), 1 to 99, the process's other
-            threads one below; 0: ordinary threads.
-        cpus: Processors that the thread may run on; none: all.
-        lock_memory: Keep the process's memory from being swapped.
-    """
+    priority: int = parameter(
+        0, "Real-time priority of the loop (SCHED_FIFO); 0: an ordinary thread", low=0, high=99
+    )
+    cpus: str = parameter("", "Processors that the loop may run on, such as '0, 2'; empty: all")
+    lock_memory: bool = parameter(False, "Keep the process's memory from being swapped")
+    freeze_garbage: bool = parameter(
+        True,
+        "Take what exists at the start out of the garbage collector's rounds, where the node has "
+        "a process of its own",
+    )
 
-    priority: int = 0
-    cpus: tuple[int, ...] = ()
-    lock_memory: bool = False
+    def __post_init__(self) -> None:
+        """Refuse processors that cannot be read."""
+        read_cpus(self.cpus)
 
     def claim(self) -> list[str]:
         """Ask for all of it, for the calling thread and its process; nothing else stops working.
 
+        The process's other threads get a priority one below.
+
         Returns:
             For each thing that was not granted, what it was and why.
         """
-        refused = []
+        refused, cpus = [], read_cpus(self.cpus)
         for wanted, ask, missing in (
             (self.priority, self._raise_priority,
              "no real-time priority (allow it by ulimit -r or CAP_SYS_NICE)"),
-            (self.cpus, lambda: os.sched_setaffinity(0, self.cpus), "no processors of its own"),
+            (cpus, lambda: os.sched_setaffinity(0, cpus), "no processors of its own"),
             (self.lock_memory, _lock_memory,
              "memory is not locked (allow it by ulimit -l or CAP_IPC_LOCK)"),
         ):  # fmt: skip

@@ -58,12 +58,9 @@ def clear_dead(folder: Path = FOLDER) -> int:
     Returns:
         How many segments were removed.
     """
-    names = {_stem(path.name) for path in folder.glob("fastrtps_*")}
+    paths = folder.glob("fastrtps_*")
+    names = {path.name.removesuffix("_el").removesuffix("_sl") for path in paths}
     return sum(_removed(folder, name) for name in sorted(names))
-
-
-def _stem(name: str) -> str:
-    return name[:-3] if name.endswith(_LOCKS) else name
 
 
 def _removed(folder: Path, name: str) -> bool:

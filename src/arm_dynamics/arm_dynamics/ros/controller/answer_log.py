@@ -7,7 +7,7 @@ import time
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding
+from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 
 SILENCE = 1.0  # [s] without a joint state after which it is reported
 
@@ -24,11 +24,10 @@ class AnswerLog:
     """
 
     def __init__(self) -> None:
-        """Start without any."""
         self._raw, self._command = b"", b""
         self._seen = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0
-        self._before = (0, 0, 0)
+        self._growth = Growth()
 
     def again(self, raw: bytes) -> bytes | None:
         """The answer that this state got if it is the last one, else None."""
@@ -64,16 +63,11 @@ class AnswerLog:
         }  # fmt: skip
         if now - self._seen > SILENCE:
             found.complain(ERROR, f"no joint state for {now - self._seen:.1f} s")
-        refused = int(goals["goals refused"])
-        states, refusals, jumps = self._before
-        if self.passed_over > states:
-            found.complain(WARN, f"{self.passed_over - states} joint states passed over")
-        if refused > refusals:
-            found.complain(WARN, f"{refused - refusals} goals refused")
-        if self.jumps > jumps:
+        self._growth.warn(found, self.passed_over, "joint states passed over")
+        self._growth.warn(found, int(goals["goals refused"]), "goals refused")
+        if self._growth.of("jumps", self.jumps):
             found.complain(WARN, "time jumped; held where the arm was")
         if cut:
             found.complain(WARN, f"torque cut at the effort limit: {', '.join(cut)}")
-        self._before = self.passed_over, refused, self.jumps
         self._answers, self._since = 0, now
         return found

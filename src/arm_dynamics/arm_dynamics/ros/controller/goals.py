@@ -19,10 +19,10 @@ from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.convert import in_world
 from arm_dynamics.ros.controller.messages import (
     PathBytes,
     TrajectoryBytes,
-    goal_of,
     path_of,
     waypoints,
 )
@@ -58,6 +58,7 @@ class Goals:
         stamp: Stamp of the newest state in [ns].
         outcome: What became of the newest goal, in words; empty before the first.
         refused: How many goals were refused.
+        planner: Where they are planned; what is ready is to be delivered between two ticks.
     """
 
     def __init__(self, model: ArmModel, limits: Limits, log: RcutilsLogger) -> None:
@@ -67,30 +68,12 @@ class Goals:
         self.outcome = ""
         self.refused = 0
         self._model, self._limits, self._log = model, limits, log
-        self._background = Background("planner")
-
-    @property
-    def busy(self) -> bool:
-        """Whether a goal is being planned."""
-        return self._background.busy
-
-    @property
-    def ready(self) -> bool:
-        """Whether a plan is done, and waits for the next tick."""
-        return self._background.ready
-
-    def close(self) -> None:
-        """End the planner's thread."""
-        self._background.close()
-
-    def deliver(self) -> None:
-        """Take what has been planned, if anything."""
-        self._background.deliver()
+        self.planner = Background("planner")
 
     def hold(self, q: Array) -> None:
         """Stand still at ``q``, shape (n,); what is being planned is given up."""
         self.follower = Follower(q, self._limits)
-        if self._background.give_up():
+        if self.planner.give_up():
             self.outcome = "given up, the arm is held where it is"
 
     def reference(self, stamp: int) -> Reference:
@@ -101,7 +84,7 @@ class Goals:
     def trajectory(self, raw: bytes) -> None:
         """Follow a serialized JointTrajectory from the present reference on, or say why not."""
         n = self._model.n
-        if (message := self._result("trajectory", lambda: TrajectoryBytes.of(raw, n))) is None:
+        if (message := self._result("trajectory", lambda: TrajectoryBytes(raw, n))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
@@ -118,23 +101,25 @@ class Goals:
         """Lead the task's frame straight to a pose, or say why not."""
 
         def plan(outset: Outset) -> Motion:
-            goal = goal_of(message, self._model)
-            return self._planner(params).line(outset.here, goal)
+            at, turn = message.pose.position, message.pose.orientation
+            numbers = at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w
+            goal = in_world(numbers, message.header.frame_id, self._model)
+            return self._cartesian(params).line(outset.here, goal)
 
         self._follow(_Goal("Cartesian goal", "a straight line", None, plan))
 
     def path(self, raw: bytes, params: ControllerParams) -> None:
         """Lead the task's frame through the poses of a serialized Path, or say why not."""
-        if (message := self._result("Cartesian path", lambda: PathBytes.of(raw))) is None:
+        if (message := self._result("Cartesian path", lambda: PathBytes(raw))) is None:
             return
 
         def plan(outset: Outset) -> Motion:
             poses = path_of(message, self._model)
-            return self._planner(params).through(outset.here, poses)
+            return self._cartesian(params).through(outset.here, poses)
 
         self._follow(_Goal("Cartesian path", f"{message.count} poses", None, plan))
 
-    def _planner(self, params: ControllerParams) -> CartesianGoals:
+    def _cartesian(self, params: ControllerParams) -> CartesianGoals:
         """One of its own for every plan: it works on the planner's thread."""
         frame, axes = params.settings.frame, params.settings.axes
         if not frame:
@@ -157,7 +142,7 @@ class Goals:
             self._take(goal, follower, outset, _TRIES, plan)
             return
         self.outcome = f"planning {goal.kind}: {goal.about}"
-        if self._background.start(plan, partial(self._take, goal, follower, outset, tries)):
+        if self.planner.start(plan, partial(self._take, goal, follower, outset, tries)):
             self._log.info("a newer goal takes the place of one that was being planned")
 
     def _take(
@@ -173,28 +158,23 @@ class Goals:
         if motion is None:
             return
         if follower.take(outset, motion, self.stamp):
-            self._background.give_up()
-            self._accept(goal, motion)
+            self.planner.give_up()
+            stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
+            slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
+            self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
+            self._log.info(self.outcome)
         elif tries < _TRIES:
             self._follow(goal, tries=tries + 1)
         else:
             self._refuse(goal.kind, ": the arm's reference changed faster than it was planned")
 
     def _result[T](self, kind: str, result: Callable[[], T]) -> T | None:
-        kept = ", the one before goes on: "
         try:
             return result()
-        except ArmError as error:
-            self._refuse(kind, f"{kept}{error}")
         except Exception as error:
-            self._refuse(kind, f"{kept}unexpected failure: {error!r}")
-        return None
-
-    def _accept(self, goal: _Goal, motion: Motion) -> None:
-        stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
-        slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
-        self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
-        self._log.info(self.outcome)
+            why = error if isinstance(error, ArmError) else f"unexpected failure: {error!r}"
+            self._refuse(kind, f", the one before goes on: {why}")
+            return None
 
     def _refuse(self, kind: str, why: str) -> None:
         self.outcome = f"{kind} refused{why}"

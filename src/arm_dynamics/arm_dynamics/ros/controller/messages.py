@@ -7,12 +7,9 @@ Long goals stay bytes: their heads are read at once, their points where there is
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
-from typing import NamedTuple
 
 import numpy as np
 from arm_msgs.msg import TrackingState
-from geometry_msgs.msg import PoseStamped
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Moving
@@ -25,35 +22,6 @@ from arm_dynamics.task_space.task_space import Pose
 from arm_dynamics.trajectory.reference import Reference, Waypoint
 
 
-class Point(NamedTuple):
-    """A JointTrajectoryPoint without its effort.
-
-    Attributes:
-        time: ``time_from_start`` in [ns].
-        positions: As in the message, any length.
-        velocities: Likewise.
-        accelerations: Likewise.
-    """
-
-    time: int
-    positions: Array
-    velocities: Array
-    accelerations: Array
-
-
-class Placed(NamedTuple):
-    """A PoseStamped without its stamp.
-
-    Attributes:
-        frame_id: Its frame, perhaps empty.
-        pose: Position and quaternion x y z w, shape (7,).
-    """
-
-    frame_id: str
-    pose: Array
-
-
-@dataclass(frozen=True)
 class TrajectoryBytes:
     """A serialized JointTrajectory.
 
@@ -63,14 +31,7 @@ class TrajectoryBytes:
         count: Number of points.
     """
 
-    stamp: int
-    joint_names: tuple[str, ...]
-    count: int
-    _raw: bytes = field(repr=False)
-    _begin: int = field(repr=False)
-
-    @classmethod
-    def of(cls, raw: bytes, most_names: int) -> TrajectoryBytes:
+    def __init__(self, raw: bytes, most_names: int) -> None:
         """Read the head.
 
         Args:
@@ -81,14 +42,18 @@ class TrajectoryBytes:
             InvalidInput: If these bytes are no such message, or one beyond limits.
         """
         cdr = CdrReader(raw)
-        stamp = cdr.nanoseconds()
+        self.stamp = cdr.nanoseconds()
         cdr.skip(cdr.count(), 1)  # frame_id, which says nothing
-        names = tuple(cdr.text() for _ in range(cdr.count_of("joint names", most_names)))
-        count = cdr.count_of("points", MAX_GOAL_POINTS)
-        return cls(stamp, names, count, raw, cdr.at)
+        named = cdr.count_of("joint names", most_names)
+        self.joint_names = tuple(cdr.text() for _ in range(named))
+        self.count = cdr.count_of("points", MAX_GOAL_POINTS)
+        self._raw, self._begin = raw, cdr.at
 
-    def points(self) -> Iterator[Point]:
-        """Read one point after another.
+    def points(self) -> Iterator[tuple[int, Array, Array, Array]]:
+        """Read one point after another, without its effort.
+
+        Yields:
+            ``time_from_start`` in [ns], positions, velocities and accelerations of any length.
 
         Raises:
             InvalidInput: If the message ends too early.
@@ -97,10 +62,9 @@ class TrajectoryBytes:
         for _ in range(self.count):
             positions, velocities, accelerations = cdr.doubles(), cdr.doubles(), cdr.doubles()
             cdr.doubles()  # effort
-            yield Point(cdr.nanoseconds(), positions, velocities, accelerations)
+            yield cdr.nanoseconds(), positions, velocities, accelerations
 
 
-@dataclass(frozen=True)
 class PathBytes:
     """A serialized nav_msgs/Path.
 
@@ -109,13 +73,7 @@ class PathBytes:
         count: Number of poses.
     """
 
-    frame_id: str
-    count: int
-    _raw: bytes = field(repr=False)
-    _begin: int = field(repr=False)
-
-    @classmethod
-    def of(cls, raw: bytes) -> PathBytes:
+    def __init__(self, raw: bytes) -> None:
         """Read the head.
 
         Raises:
@@ -123,11 +81,14 @@ class PathBytes:
         """
         cdr = CdrReader(raw)
         cdr.nanoseconds()
-        frame_id, count = cdr.text(), cdr.count_of("poses", MAX_GOAL_POINTS)
-        return cls(frame_id, count, raw, cdr.at)
+        self.frame_id, self.count = cdr.text(), cdr.count_of("poses", MAX_GOAL_POINTS)
+        self._raw, self._begin = raw, cdr.at
 
-    def poses(self) -> Iterator[Placed]:
-        """Read one pose after another.
+    def poses(self) -> Iterator[tuple[str, Array]]:
+        """Read one pose after another, without its stamp.
+
+        Yields:
+            The pose's frame, perhaps empty, and its position and quaternion x y z w, shape (7,).
 
         Raises:
             InvalidInput: If the message ends too early.
@@ -135,7 +96,7 @@ class PathBytes:
         cdr = CdrReader(self._raw, self._begin)
         for _ in range(self.count):
             cdr.nanoseconds()
-            yield Placed(cdr.text(), cdr.array(7))
+            yield cdr.text(), cdr.array(7)
 
 
 def waypoints(
@@ -165,24 +126,13 @@ def waypoints(
 
     return [
         Waypoint(
-            1e-9 * point.time,
-            spread(f"positions of point {i}", point.positions, joints, here.q),
-            derivative(f"velocities of point {i}", point.velocities),
-            derivative(f"accelerations of point {i}", point.accelerations),
+            1e-9 * time,
+            spread(f"positions of point {i}", positions, joints, here.q),
+            derivative(f"velocities of point {i}", velocities),
+            derivative(f"accelerations of point {i}", accelerations),
         )
-        for i, point in enumerate(message.points())
+        for i, (time, positions, velocities, accelerations) in enumerate(message.points())
     ]
-
-
-def goal_of(message: PoseStamped, model: ArmModel) -> Pose:
-    """Read a pose that stands alone; its stamp says nothing.
-
-    Raises:
-        InvalidInput: As ``in_world``.
-    """
-    at, turn = message.pose.position, message.pose.orientation
-    numbers = (at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w)
-    return in_world(numbers, message.header.frame_id, model)
 
 
 def path_of(message: PathBytes, model: ArmModel) -> list[Pose]:

@@ -6,7 +6,8 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from arm_dynamics.control.factory import NAMES, Settings
-from arm_dynamics.ros.common.params import SCENE, ThreadParams, parameter
+from arm_dynamics.ros.common.params import SCENE, parameter
+from arm_dynamics.ros.common.privileges import ThreadParams
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ from typing import Any
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.diagnostics import WARN, Finding
+from arm_dynamics.ros.common.diagnostics import WARN, Finding, Growth
 
 Answer = Callable[[Any, Any], Any]
 
@@ -22,12 +22,11 @@ class RequestCounts:
     """
 
     def __init__(self) -> None:
-        """Start at zero."""
         self.descriptions_refused = 0
         self._asked = self._refused = 0
         self._busy = 0.0
         self._since = time.monotonic()
-        self._before = (0, 0)
+        self._growth = Growth()
 
     def counted(self, answer: Answer) -> Answer:
         """The callback ``answer``, counted."""
@@ -46,16 +45,13 @@ class RequestCounts:
         """What was counted, for ``/diagnostics``."""
         now, found = time.monotonic(), Finding("services")
         executor = type(node.executor).__name__ if node.executor is not None else "none"
-        refused, descriptions = self._before
         found.values = {
             "requests": self._asked, "refused": self._refused,
             "busy": self._busy / max(now - self._since, 1e-9),
             "descriptions refused": self.descriptions_refused, "executor": executor,
         }  # fmt: skip
-        if self._refused > refused:
-            found.complain(WARN, f"{self._refused - refused} requests refused")
-        if self.descriptions_refused > descriptions:
+        self._growth.warn(found, self._refused, "requests refused")
+        if self._growth.of("descriptions", self.descriptions_refused):
             found.complain(WARN, "a robot description was refused")
-        self._before = self._refused, self.descriptions_refused
         self._busy, self._since = 0.0, now
         return found

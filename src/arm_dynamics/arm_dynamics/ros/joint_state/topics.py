@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from ctypes import c_int64, c_void_p
 from functools import cache, partial
 from pathlib import Path
@@ -24,18 +24,21 @@ from rclpy.node import Node
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import FLAGS, build, may_build
 from arm_dynamics.exceptions import KernelError
-from arm_dynamics.ros.common.cdr import HEADER
-from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.cdr import NATIVE
+from arm_dynamics.ros.common.direct import Newest, advertise
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.serialization import (
+    FIELDS,
     JointStateReader,
     JointStateWriter,
-    Layout,
+    Numbers,
     Read,
     layout_of,
+    parsed,
 )
 
 NONE, KNOWN, BEYOND, OTHER, FAILED = range(5)  # as in joint_state.c
+_KINDS = 4  # likewise
 _SOURCE = Path(__file__).with_name("native") / "joint_state.c"
 # Whose headers rcl's headers include.
 _PACKAGES = (
@@ -47,11 +50,19 @@ _log = logging.getLogger(__name__)
 
 
 class _Kind(ctypes.Structure):
-    """``joint_state_t`` of joint_state.c."""
+    """``kind_t`` of joint_state.c."""
 
     _fields_ = (
         ("fixed", ctypes.c_char_p), ("expected", ctypes.c_char_p), ("size", c_int64),
-        ("stamp", c_int64), ("fields", c_int64), ("joints", c_int64), ("at", c_int64 * 3),
+        ("at", c_int64 * 3), ("place", c_void_p),
+    )  # fmt: skip
+
+
+class _State(ctypes.Structure):
+    """``joint_state_t`` of joint_state.c."""
+
+    _fields_ = (
+        ("kinds", _Kind * _KINDS), ("fields", c_int64), ("joints", c_int64),
         ("limit", c_void_p), ("found", c_void_p), ("raw", c_void_p), ("length", c_int64),
     )  # fmt: skip
 
@@ -60,118 +71,131 @@ class _Sink(ctypes.Structure):
     """``sink_t`` of joint_state.c."""
 
     _fields_ = (
-        ("raw", c_void_p), ("size", c_int64), ("stamp", c_int64), ("fields", c_int64),
-        ("joints", c_int64), ("at", c_int64 * 3), ("numbers", c_void_p * 3),
-        ("publisher", c_void_p), ("publish", c_void_p), ("forget", c_void_p),
+        ("raw", c_void_p), ("size", c_int64), ("fields", c_int64), ("joints", c_int64),
+        ("at", c_int64 * 3), ("numbers", c_void_p * 3), ("publisher", c_void_p),
     )  # fmt: skip
 
 
-class _Native:
-    """The compiled functions, and those of ROS that they call."""
-
-    def __init__(self, library: ctypes.CDLL, rcl: ctypes.CDLL, rcutils: ctypes.CDLL) -> None:
-        """Say what the functions take and return."""
-        self.look, self.take = library.look, library.take
-        self.source, self.release, self.send = library.source, library.release, library.send
-        self.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
-        self.take.argtypes = [c_void_p, c_void_p]
-        self.source.argtypes, self.source.restype = [c_void_p] * 4, c_void_p
-        self.release.argtypes, self.release.restype = [c_void_p], None
-        self.send.argtypes = [c_void_p, c_int64]
-        for function in (self.look, self.take, self.send):
-            function.restype = c_int64
-        self.receive = _address(rcl.rcl_take_serialized_message)
-        self.publish = _address(rcl.rcl_publish_serialized_message)
-        self.forget = _address(rcutils.rcutils_reset_error)
-        self.allocator = _address(rcutils.rcutils_get_default_allocator)
-
-
 @cache
-def native() -> _Native | None:
+def native() -> ctypes.CDLL | None:
     """The compiled functions; None where they cannot be had."""
     if not may_build():
         return None
     try:
         prefixes = {name: Path(get_package_prefix(name)) for name in _PACKAGES}
-        folders = (prefix / "include" / name for name, prefix in prefixes.items())
-        flags = (*FLAGS, *(f"-I{folder}" for folder in folders))
+        folders = [f"-I{prefix / 'include' / name}" for name, prefix in prefixes.items()]
+        called = [str(prefixes[name] / f"lib/lib{name}.so") for name in ("rcl", "rcutils")]
+        flags = (*FLAGS, *folders, "-Wl,--no-as-needed", *called)
         library = build(_SOURCE.read_text(), flags=flags).library
-        loaded = (ctypes.CDLL(str(prefixes[n] / f"lib/lib{n}.so")) for n in ("rcl", "rcutils"))
-        return _Native(library, *loaded)
     except (KernelError, PackageNotFoundError, OSError) as error:
         _log.debug("messages are read and written in Python: %s", error)
         return None
+    library.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
+    library.take.argtypes = [c_void_p, c_void_p]
+    library.source.argtypes, library.source.restype = [c_void_p], c_void_p
+    library.release.argtypes, library.release.restype = [c_void_p], None
+    library.send.argtypes = [c_void_p, c_int64]
+    for function in (library.look, library.take, library.send):
+        function.restype = c_int64
+    return library
 
 
 class CompiledReader(JointStateReader):
-    """A ``JointStateReader`` that reads a message like the one before in C."""
+    """A ``JointStateReader`` that reads messages like those before in C."""
 
     def __init__(
-        self, native: _Native, names: Sequence[str], fields: Sequence[str], **options: Any
+        self, native: ctypes.CDLL, names: Sequence[str], fields: Sequence[str], **options: Any
     ) -> None:
-        """See ``JointStateReader``."""
         super().__init__(names, fields, **options)
         n, count = len(names), len(fields)
-        self._found = bytearray(16 + 8 * n * count)
-        self._unpack = Struct(f"=qq{n * count}d").unpack_from
-        self._numbers = [slice(2 + n * k, 2 + n * (k + 1)) for k in range(count)]
-        place = ctypes.addressof(ctypes.c_char.from_buffer(self._found))
-        self._kind = _Kind(stamp=HEADER, fields=count, joints=n, found=place)
-        if self._limit:
-            self._limits = np.array(self._limit)
-            self._kind.limit = self._limits.ctypes.data
-        self.native, self.place = native, c_void_p(ctypes.addressof(self._kind))
-        self._look = partial(native.look, self.place)
-        self._layout: Layout | None = None
-        self._before: Layout | None = None
+        self._found = bytearray(24 + 8 * n * count)
+        self._unpack = Struct(f"=qqq{n * count}d").unpack_from
+        self._numbers = [slice(3 + n * k, 3 + n * (k + 1)) for k in range(count)]
+        self._limits = np.array(self._limit)
+        self._state = _State(
+            fields=count, joints=n, found=_address(self._found),
+            limit=self._limits.ctypes.data if self._limit else None,
+        )  # fmt: skip
+        # Of each kind its source, the joints that it names, and the array that C looks at.
+        self._kinds: list[tuple[str, frozenset[int], Any]] = []
+        self._learned = 0
+        self._native, self._place = native, c_void_p(ctypes.addressof(self._state))
+        self._look = partial(native.look, self._place)
 
     def read(self, raw: bytes) -> Read:
         """See ``JointStateReader.read``."""
         if (outcome := self._look(raw, len(raw))) <= BEYOND:
-            return self.accepted(outcome)[1]
-        return self.learn(raw)
+            return self._accepted(outcome)[1]
+        return self._learn(raw)
 
-    def learn(self, raw: bytes) -> Read:
-        """Read a message the long way; of two alike, know the next one."""
-        try:
-            return super().read(raw)
-        finally:
-            self._tell()
+    def open(self, subscription: int) -> None:
+        """Get ready to take messages of an ``rcl_subscription_t``; ``close`` before it ends."""
+        self._memory = c_void_p(self._native.source(subscription))
+        self.take = partial(self._native.take, self._memory, self._place)
 
-    def accepted(self, outcome: int) -> tuple[int, Read]:
+    def close(self) -> None:
+        """Give the memory for messages back."""
+        self.take = partial(int, NONE)
+        if self._memory:
+            self._native.release(self._memory)
+            self._memory = c_void_p(None)
+
+    def taken(self, outcome: int) -> tuple[int, Read] | None:
+        """Arrival in [ns] and content of a message, after ``take`` with that outcome."""
+        if outcome == NONE:
+            return None
+        if outcome == OTHER:
+            arrival, state = self._unpack(self._found)[1], self._state
+            return arrival, self._learn(ctypes.string_at(state.raw, state.length))
+        return self._accepted(outcome)
+
+    def _accepted(self, outcome: int) -> tuple[int, Read]:
         """Arrival in [ns], and what C has just read with that outcome."""
         found = self._unpack(self._found)
-        self._admit(self._speaker, self._joints)
-        self._values = values = [found[place] for place in self._numbers]
+        source, joints, _ = self._kinds[found[2]]
+        self._admit(source, joints)
+        values: list[Numbers] = [found[place] for place in self._numbers]
+        if len(joints) < len(self._names):
+            values = [
+                tuple(new[i] if i in joints else old for i, old in enumerate(before))
+                for new, before in zip(values, self._values, strict=True)
+            ]
+        self._values = values
         if outcome == BEYOND:
             values[0] = self._beyond(values[0])
         return found[1], (found[0], values)
 
-    def other(self) -> tuple[int, Read]:
-        """Arrival in [ns], and what is in the message that C has just taken but does not know."""
-        arrival, kind = self._unpack(self._found)[1], self._kind
-        return arrival, self.learn(ctypes.string_at(kind.raw, kind.length))
-
-    def _tell(self) -> None:
-        """Tell C the layout of the last two messages; of publishers in turn, it knows none."""
-        known, before = self.latest, self._before
-        self._before = known.layout if known else None
-        if known is None or known.layout is not before or known.layout is self._layout:
-            return
-        self._layout, kind = known.layout, self._kind
-        self._speaker, self._joints = known.source, known.joints
-        kind.size = known.layout.size if known.places is None else 0
-        kind.fixed, kind.expected = known.layout.masks()
-        for k, field in enumerate(self.fields):
-            kind.at[k] = known.layout.arrays[field][0]
+    def _learn(self, raw: bytes) -> Read:
+        """Read a message the long way; C knows the next one of its kind."""
+        message = parsed(raw)
+        read = self._checked(message)
+        if not raw.startswith(NATIVE):
+            return read
+        source, places = message.header.frame_id, self._places(message)
+        layout = layout_of(source, message.name, [len(getattr(message, f)) for f in FIELDS])
+        order = np.array([-1 if place is None else place for place in places], np.int64)
+        oldest, joints = self._learned % _KINDS, frozenset(np.flatnonzero(order >= 0).tolist())
+        self._kinds[oldest : oldest + 1] = [(source, joints, order)]
+        self._learned += 1
+        kind = self._state.kinds[oldest]
+        kind.size, kind.fixed, kind.expected = len(layout.fixed), layout.fixed, layout.expected
+        kind.at[: len(self._fields)] = [layout.places[FIELDS.index(f)] for f in self._fields]
+        kind.place = order.ctypes.data
+        return read
 
 
 class JointStateSource:
-    """JointStates of a topic for a loop that polls; no executor is needed."""
+    """JointStates of a topic for a loop that polls; no executor is needed.
+
+    With a ``CompiledReader`` a message is taken and read in one call.
+    """
 
     def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
         """Subscribe; ``close`` before the node is destroyed."""
-        self.newest, self._reader = Newest(node, topic), reader
+        self._newest, self._reader = Newest(node, topic), reader
+        self._compiled = reader if isinstance(reader, CompiledReader) else None
+        if self._compiled is not None:
+            self._compiled.open(self._newest.pointer)
 
     def take(self) -> tuple[int, Read] | None:
         """Take the next message; None if there is none.
@@ -182,12 +206,16 @@ class JointStateSource:
         Raises:
             InvalidInput: As ``JointStateReader.read``.
         """
-        taken = self.newest.take()
+        if self._compiled is not None and (outcome := self._compiled.take()) != FAILED:
+            return self._compiled.taken(outcome)
+        taken = self._newest.take()  # of a failure, it says why
         return None if taken is None else (taken[1], self._reader.read(taken[0]))
 
     def close(self) -> None:
         """End the subscription."""
-        self.newest.close()
+        if self._compiled is not None:
+            self._compiled.close()
+        self._newest.close()
 
 
 class JointStateSink:
@@ -206,71 +234,26 @@ class JointStateSink:
             writer: Of the messages.
             arrays: One for each of the writer's fields, contiguous, shape (n,).
         """
-        publisher = node.create_publisher(topic.type, topic.name, topic.publish)
-        self.handle, self.writer, self.arrays = publisher.handle, writer, tuple(arrays)
+        self._handle = advertise(node, topic).handle
+        self._writer, self._arrays = writer, tuple(arrays)
+        compiled = native()
+        self._compiled = None if compiled is None else self._in_c(compiled.send)
 
     def send(self, stamp: int) -> None:
         """Publish what the arrays hold now, with this time in [ns]."""
-        self.handle.publish_raw(self.writer.write(stamp, *self.arrays))
+        if self._compiled is None or self._compiled(stamp):  # of a failure, this says why
+            self._handle.publish_raw(self._writer.write(stamp, *self._arrays))
 
-
-class CompiledSource(JointStateSource):
-    """A ``JointStateSource`` that takes and reads in one call."""
-
-    def __init__(self, node: Node, topic: Topic, reader: CompiledReader) -> None:
-        """See ``JointStateSource``."""
-        super().__init__(node, topic, reader)
-        self._compiled, ros = reader, reader.native
-        self._memory = c_void_p(
-            ros.source(self.newest.pointer, ros.receive, ros.forget, ros.allocator)
-        )
-        self._take = partial(ros.take, self._memory, reader.place)
-
-    def take(self) -> tuple[int, Read] | None:
-        """See ``JointStateSource.take``."""
-        outcome = self._take()
-        if outcome == NONE:
-            return None
-        if outcome <= BEYOND:
-            return self._compiled.accepted(outcome)
-        return self._compiled.other() if outcome == OTHER else super().take()  # which says why
-
-    def close(self) -> None:
-        """End the subscription."""
-        self._take = partial(int, NONE)
-        if self._memory:
-            self._compiled.native.release(self._memory)
-            self._memory = c_void_p(None)
-        super().close()
-
-
-class CompiledSink(JointStateSink):
-    """A ``JointStateSink`` that writes and publishes in one call."""
-
-    def __init__(
-        self, native: _Native, node: Node, topic: Topic, writer: JointStateWriter,
-        arrays: Sequence[Array],
-    ) -> None:  # fmt: skip
-        """See ``JointStateSink``."""
-        super().__init__(node, topic, writer, arrays)
-        raw = writer.write(0, *self.arrays)
-        layout = layout_of(raw)
-        self._raw = ctypes.create_string_buffer(raw, len(raw))
-        places = [offset for offset, length in layout.arrays if length]
-        sink = _Sink(
-            raw=ctypes.addressof(self._raw), size=len(raw), stamp=HEADER, fields=len(places),
-            joints=self.arrays[0].size, publisher=self.handle.pointer, publish=native.publish,
-            forget=native.forget,
+    def _in_c(self, send: Callable[[c_void_p, int], int]) -> Callable[[int], int]:
+        """What writes and publishes in one call, and returns zero unless that failed."""
+        writer = self._writer
+        self._sink = sink = _Sink(
+            raw=_address(writer.raw), size=len(writer.raw), fields=len(writer.places),
+            joints=self._arrays[0].size, publisher=self._handle.pointer,
         )  # fmt: skip
-        for k, (place, array) in enumerate(zip(places, self.arrays, strict=True)):
+        for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
             sink.at[k], sink.numbers[k] = place, array.ctypes.data
-        self._sink = sink
-        self._send = partial(native.send, c_void_p(ctypes.addressof(sink)))
-
-    def send(self, stamp: int) -> None:
-        """See ``JointStateSink.send``."""
-        if self._send(stamp):
-            super().send(stamp)  # which says why it cannot be
+        return partial(send, c_void_p(ctypes.addressof(sink)))
 
 
 def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> JointStateReader:
@@ -280,22 +263,6 @@ def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> 
     return CompiledReader(compiled, names, fields, **options)
 
 
-def make_source(node: Node, topic: Topic, reader: JointStateReader) -> JointStateSource:
-    """The fastest source for a reader, see ``JointStateSource``."""
-    if isinstance(reader, CompiledReader):
-        return CompiledSource(node, topic, reader)
-    return JointStateSource(node, topic, reader)
-
-
-def make_sink(
-    node: Node, topic: Topic, writer: JointStateWriter, arrays: Sequence[Array]
-) -> JointStateSink:
-    """The fastest sink that can be had here, see ``JointStateSink``."""
-    if (compiled := native()) is None:
-        return JointStateSink(node, topic, writer, arrays)
-    return CompiledSink(compiled, node, topic, writer, arrays)
-
-
-def _address(function: Any) -> int:
-    """Where a function of C begins."""
-    return ctypes.cast(function, c_void_p).value or 0
+def _address(buffer: bytearray) -> int:
+    """Where the bytes of a buffer are."""
+    return ctypes.addressof(ctypes.c_char.from_buffer(buffer))

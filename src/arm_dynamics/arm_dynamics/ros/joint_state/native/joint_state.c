@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * JointStates in and out in one call each: what a loop of 1 kHz does with every message. Where numbers stand, and which
- * bytes are the same in all messages of a kind, is told by joint_state_layout.py.
+ * bytes are the same in all messages of a kind, is told by topics.py.
  */
 #include <math.h>
 #include <stdint.h>
@@ -10,75 +10,79 @@
 
 #include <rcl/publisher.h>
 #include <rcl/subscription.h>
+#include <rcutils/error_handling.h>
 
 #define EXPORT __attribute__((visibility("default")))
 #define ROOM 65536 /* bytes kept for messages; a larger one gives its memory back before the next is taken */
 #define GIGA 1000000000LL
+#define KINDS 4 /* known at once, for several publishers on one topic */
+#define STAMP 4 /* where the stamp is: after the header */
 
 enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 
-/* A kind of message, and the one looked at last. */
+/* A kind of message: those of one sender that name the same joints. */
 typedef struct {
   const uint8_t *fixed, *expected; /* bits that are the same in every message of this kind, and what they are */
-  int64_t size;                    /* bytes up to the last number; 0: no kind is known yet */
-  int64_t stamp;                   /* where the stamp is */
-  int64_t fields, joints;          /* arrays to be read, and the numbers of each */
-  int64_t at[3];                   /* where they are */
-  const double* limit;             /* how large the numbers of the first array may be; NULL: as large as they like */
-  uint8_t* found;                  /* receives stamp and arrival in [ns], then the numbers */
-  const uint8_t* raw;              /* the message itself, and its length */
+  int64_t size;                    /* bytes up to the last number; 0: no kind is here */
+  int64_t at[3];                   /* where the arrays to be read begin */
+  const int64_t* place;            /* of each joint in them; negative: it is absent */
+} kind_t;
+
+/* The kinds that are known, and the message looked at last. */
+typedef struct {
+  kind_t kinds[KINDS];
+  int64_t fields, joints; /* arrays to be read, and the numbers of each */
+  const double* limit;    /* how large the numbers of the first array may be; NULL: as large as they like */
+  uint8_t* found;         /* receives stamp and arrival in [ns] and which kind it is, then the numbers */
+  const uint8_t* raw;     /* the message itself, and its length */
   int64_t length;
 } joint_state_t;
 
-static int is_finite(const uint8_t* numbers, int64_t count) {
-  uint64_t bits;
-  for (int64_t i = 0; i < count; ++i) {
-    memcpy(&bits, numbers + 8 * i, 8);
-    if ((~bits & 0x7ff0000000000000ULL) == 0) return 0;
-  }
-  return 1;
-}
-
 static void put(joint_state_t* s, int64_t place, int64_t value) { memcpy(s->found + 8 * place, &value, 8); }
 
-/* Read a message that is here. KNOWN: it is of the kind, finite, and `found` has been written; BEYOND: likewise, and a
+static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
+  uint8_t differs = 0;
+  if (!kind->size || length < kind->size) return 0;
+  for (int64_t i = 0; i < kind->size; ++i) differs |= (raw[i] ^ kind->expected[i]) & kind->fixed[i];
+  return !differs;
+}
+
+/* Read a message that is here. KNOWN: its kind is, it is finite, and `found` has been written; BEYOND: likewise, and a
  * number is beyond its limit; else OTHER. */
 EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
-  uint8_t differs = 0;
-  if (!s->size || length < s->size) return OTHER;
-  for (int64_t i = 0; i < s->size; ++i) differs |= (raw[i] ^ s->expected[i]) & s->fixed[i];
-  if (differs) return OTHER;
-  for (int64_t f = 0; f < s->fields; ++f)
-    if (!is_finite(raw + s->at[f], s->joints)) return OTHER;
+  const kind_t* kind = s->kinds;
+  while (!is_of(kind, raw, length))
+    if (++kind == s->kinds + KINDS) return OTHER;
+  put(s, 2, kind - s->kinds);
   int32_t seconds;
   uint32_t nanoseconds;
-  memcpy(&seconds, raw + s->stamp, 4);
-  memcpy(&nanoseconds, raw + s->stamp + 4, 4);
+  memcpy(&seconds, raw + STAMP, 4);
+  memcpy(&nanoseconds, raw + STAMP + 4, 4);
   put(s, 0, GIGA * seconds + nanoseconds);
-  for (int64_t f = 0; f < s->fields; ++f) memcpy(s->found + 16 + 8 * f * s->joints, raw + s->at[f], 8 * s->joints);
-  for (int64_t i = 0; s->limit && i < s->joints; ++i) {
-    double number;
-    memcpy(&number, raw + s->at[0] + 8 * i, 8);
-    if (fabs(number) > s->limit[i]) return BEYOND;
-  }
-  return KNOWN;
+  int beyond = 0;
+  for (int64_t f = 0; f < s->fields; ++f)
+    for (int64_t i = 0; i < s->joints; ++i) {
+      double number;
+      if (kind->place[i] < 0) continue;
+      memcpy(&number, raw + kind->at[f] + 8 * kind->place[i], 8);
+      if (!isfinite(number)) return OTHER;
+      memcpy(s->found + 24 + 8 * (f * s->joints + i), &number, 8);
+      beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];
+    }
+  return beyond ? BEYOND : KNOWN;
 }
 
 typedef struct {
   const rcl_subscription_t* subscription;
-  __typeof__(&rcl_take_serialized_message) receive;
-  __typeof__(&rcutils_reset_error) forget;
   rcl_serialized_message_t message;
 } source_t;
 
 /* Memory for messages of a subscription; NULL if there is none. `release` gives it back. */
-EXPORT source_t* source(const void* subscription, const void* receive, const void* forget, const void* allocator) {
+EXPORT source_t* source(const rcl_subscription_t* subscription) {
   source_t* s = calloc(1, sizeof *s);
   if (!s) return NULL;
   s->subscription = subscription;
-  s->receive = (__typeof__(s->receive))receive;
-  s->forget = (__typeof__(s->forget))forget;
-  s->message.allocator = ((__typeof__(&rcutils_get_default_allocator))allocator)();
+  s->message.allocator = rcutils_get_default_allocator();
   return s;
 }
 
@@ -97,9 +101,9 @@ EXPORT int64_t take(source_t* from, joint_state_t* s) {
     m->buffer_capacity = 0;
   }
   m->buffer_length = 0;
-  rcl_ret_t done = from->receive(from->subscription, m, &about, NULL);
+  rcl_ret_t done = rcl_take_serialized_message(from->subscription, m, &about, NULL);
   if (done != RCL_RET_OK) {
-    from->forget();
+    rcutils_reset_error();
     return done == RCL_RET_SUBSCRIPTION_TAKE_FAILED ? NONE : FAILED;
   }
   s->raw = m->buffer;
@@ -111,11 +115,9 @@ EXPORT int64_t take(source_t* from, joint_state_t* s) {
 /* A message of which only the stamp and some arrays change. */
 typedef struct {
   uint8_t* raw;
-  int64_t size, stamp, fields, joints, at[3];
+  int64_t size, fields, joints, at[3];
   const uint8_t* numbers[3]; /* what the arrays are written from */
   const rcl_publisher_t* publisher;
-  __typeof__(&rcl_publish_serialized_message) publish;
-  __typeof__(&rcutils_reset_error) forget;
 } sink_t;
 
 /* Publish the message with this stamp in [ns] and the numbers of now; 0, or why it was not published. */
@@ -123,11 +125,11 @@ EXPORT int64_t send(sink_t* s, int64_t stamp) {
   int64_t rest = (stamp % GIGA + GIGA) % GIGA;
   int32_t seconds = (int32_t)((stamp - rest) / GIGA);
   uint32_t nanoseconds = (uint32_t)rest;
-  memcpy(s->raw + s->stamp, &seconds, 4);
-  memcpy(s->raw + s->stamp + 4, &nanoseconds, 4);
+  memcpy(s->raw + STAMP, &seconds, 4);
+  memcpy(s->raw + STAMP + 4, &nanoseconds, 4);
   for (int64_t f = 0; f < s->fields; ++f) memcpy(s->raw + s->at[f], s->numbers[f], 8 * s->joints);
   rcl_serialized_message_t message = {.buffer = s->raw, .buffer_length = s->size, .buffer_capacity = s->size};
-  rcl_ret_t done = s->publish(s->publisher, &message, NULL);
-  if (done != RCL_RET_OK) s->forget();
+  rcl_ret_t done = rcl_publish_serialized_message(s->publisher, &message, NULL);
+  if (done != RCL_RET_OK) rcutils_reset_error();
   return done;
 }
