@@ -28,7 +28,8 @@ case $4 in
     silent*) exit 1;;
 esac
 echo ready
-while :; do sleep 0.02; done
+i=0
+while [ $i -lt 500 ]; do i=$((i+1)); sleep 0.02; done  # ten seconds, whatever fails
 """
 
 
