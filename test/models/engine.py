@@ -109,6 +109,12 @@ EXPORTED double hit(real* x, int rebounds) {
   return impact(x, &segment, rebounds);
 }
 EXPORTED int rank_found(double* W) { return rank_of(W); }
+EXPORTED int stop_at(real* x, const double* direction) {
+  segment_t segment = {.u = still};
+  for (int i = 0; i < ND; ++i) segment.p.direction[i] = direction[i];
+  return stop_joints(x, &segment);
+}
+EXPORTED void round_at(real* x) { stop_rounding(x); }
 EXPORTED int held_at(const real* x, const real* u) {
   segment_t segment = {.u = u};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
@@ -245,6 +251,20 @@ class Engine:
     def rank(self, W: np.ndarray) -> int:
         """Rank of a symmetric matrix of the size of the scene's contacts, shape (3 nc, 3 nc)."""
         return int(self._library.rank_found(_address(np.array(W, order="F"))))
+
+    def stop(self, x: np.ndarray, direction: np.ndarray) -> np.ndarray | None:
+        """State with joints at rest that moved in such directions and do not any more.
+
+        None if one of them was too fast for that.
+        """
+        after = np.array(x, float)
+        return after if self._library.stop_at(_address(after), _address(direction)) else None
+
+    def rounded(self, x: np.ndarray) -> np.ndarray:
+        """State with joints at rest that contacts keep there but for rounding."""
+        after = np.array(x, float)
+        self._library.round_at(_address(after))
+        return after
 
     def is_held(self, x: np.ndarray, u: np.ndarray) -> bool:
         """Whether friction and contacts leave no joint any motion under the torque ``u``."""

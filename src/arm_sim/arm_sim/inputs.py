@@ -76,7 +76,7 @@ class SaturationNotice:
             return
         if not np.not_equal(command, effort).any():
             return
-        joint = int(np.argmax(np.any(np.atleast_2d(command) != effort, axis=0)))
+        joint = np.argmax(np.any(np.atleast_2d(command) != effort, axis=0))
         asked = np.atleast_2d(command)[:, joint]
         name, limit = self._model.joint_names[joint], self._model.command_limit[joint]
         text = "command %.6g at joint '%s' is beyond its limit of %.6g and was cut; said once"

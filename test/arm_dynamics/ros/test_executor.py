@@ -11,6 +11,7 @@ from harness import Ros
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 
+from arm_dynamics.ros.common import executor as module
 from arm_dynamics.ros.common.executor import make_executor, spin, subscribe
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
@@ -18,10 +19,14 @@ pytestmark = pytest.mark.ros
 
 
 class Deaf:
-    """An executor that dispatches nothing."""
+    """An executor that dispatches nothing, by a clock of its own."""
 
     def __init__(self, context: Any) -> None:
         self.closed = False
+        self.waits = list[float]()
+
+    def monotonic(self) -> float:
+        return sum(self.waits)
 
     def add_node(self, node: Node) -> None:
         pass
@@ -30,7 +35,7 @@ class Deaf:
         pass
 
     def spin_once(self, timeout_sec: float) -> None:
-        pass
+        self.waits.append(timeout_sec)
 
     def shutdown(self) -> None:
         self.closed = True
@@ -60,12 +65,25 @@ def test_falls_back_when_the_events_executor_dispatches_nothing(
 ) -> None:
     deaf = Deaf(None)
     monkeypatch.setattr(events_executor, "EventsExecutor", lambda context: deaf)
-    executor = make_executor(node)
+    with monkeypatch.context() as patched:
+        patched.setattr(module, "time", deaf)
+        executor = make_executor(node)
     assert isinstance(executor, SingleThreadedExecutor)
     assert deaf.closed
+    assert sum(deaf.waits) == 0.5  # [s] that a start may lose
     executor.remove_node(node)
     executor.shutdown()
     assert ticks_of(node) >= 3
+
+
+def test_an_idle_node_looks_ten_times_a_second_whether_to_end(
+    node: Node, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    deaf = Deaf(None)
+    monkeypatch.setattr(module, "make_executor", lambda node: deaf)
+    spin(node, lambda: len(deaf.waits) == 3)
+    assert deaf.waits == [0.1] * 3
+    assert deaf.closed
 
 
 def test_the_events_executor_is_taken_although_there_is_other_work(node: Node) -> None:

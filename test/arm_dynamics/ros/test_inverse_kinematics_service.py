@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import re
 from typing import Any
 
 import numpy as np
@@ -99,6 +100,22 @@ def test_what_is_not_reached_is_flagged_with_the_nearest_found(node: DynamicsNod
     assert answer.distance[1] > 1.0
     assert len(answer.position) == 21
     assert np.isfinite(answer.position).all()
+
+
+@pytest.mark.parametrize(
+    ("offset", "ending"),
+    [([3.0, 0.0, 0.0], r"rad$"), ([0.0, 0.0, -3.0], r"rad; at a limit: panda_joint2$")],
+)
+def test_of_the_first_pose_that_is_missed_it_is_said_by_how_much_and_at_which_limits(
+    node: DynamicsNode, offset: list[float], ending: str
+) -> None:
+    good, other = flat(MODEL.q0[None]), flat(MODEL.q0[None])
+    missed = good + [*offset, 0, 0, 0, 0]
+    other[:3] += 9.0
+    answer = ask(node, pose=[*good, *missed, *other], axes=["position"], seed=MODEL.q0)
+    assert re.search(ending, answer.message)
+    assert f"2 of 3 poses of frame '{FRAME}' cannot be reached; pose 1 misses" in answer.message
+    assert f"{answer.distance[1]:.3g} m and {answer.angle[1]:.3g} rad" in answer.message
 
 
 @pytest.mark.parametrize(

@@ -182,6 +182,93 @@ def test_a_setting_of_the_controllers_is_a_parameter_from_what_its_field_says(ro
     assert not node.has_parameter("limit")  # is what the model says
 
 
+BOUNDS: dict[Any, dict[str, tuple[float, float, float, bool]]] = {
+    SimParams: {  # default, least, greatest, whether it may be changed while the node runs
+        "dt": (0.0, 0.0, 1.0, False),
+        "tolerance": (0.0, 0.0, 1.0, False),
+        "realtime_factor": (1.0, 0.0, 1000.0, False),
+        "lockstep_retry": (0.02, 0.001, 10.0, False),
+        "lockstep_timeout": (1.0, 0.01, 1e4, False),
+        "publish_every": (1, 1, 100_000, False),
+        "energy_period": (0.02, 0.001, 10.0, False),
+        "wrench_timeout": (0.1, 0.0, 3600.0, False),
+        "command_timeout": (0.1, 0.0, 3600.0, True),
+    },
+    ControllerParams: {
+        "cartesian_speed": (0.25, 1e-6, 100.0, True),
+        "cartesian_acceleration": (1.0, 1e-6, 1e4, True),
+        "switch_time": (0.2, 0.0, 60.0, False),
+        "acceleration_limit": (0.0, 0.0, 1e6, False),
+        "gap_limit": (1.0, 0.0, 1e6, True),
+        "state_period": (0.02, 0.0, 10.0, False),
+    },
+}
+
+
+@pytest.mark.parametrize("kind", BOUNDS)
+def test_numbers_of_the_nodes_have_these_defaults_and_ranges(ros: Ros, kind: Any) -> None:
+    node = ros.add(Node, "bounded")
+    params = declare(node, kind)
+    found = {}
+    for name in BOUNDS[kind]:
+        about = node.describe_parameter(name)
+        (bounds,) = [*about.floating_point_range, *about.integer_range]
+        ends = bounds.from_value, bounds.to_value
+        found[name] = (getattr(params, name), *ends, not about.read_only)
+    assert found == BOUNDS[kind]
+
+
+CHOICES: dict[Any, dict[str, tuple[str, tuple[str, ...], bool]]] = {
+    SimParams: {  # default, what else is allowed, whether it may be changed while the node runs
+        "overrun": ("catch_up", ("skip", "slow_down"), False),
+        "wrench_reference": ("local", ("local_world_aligned",), False),
+        "stale_policy": ("zero", ("hold", "gravity"), True),
+    },
+    ControllerParams: {"cartesian_timing": ("smooth", ("time_optimal",), True)},
+}
+
+
+@pytest.mark.parametrize("kind", CHOICES)
+def test_texts_of_the_nodes_have_these_defaults_and_choices(ros: Ros, kind: Any) -> None:
+    node = ros.add(Node, "bounded")
+    params = declare(node, kind)
+    for name, (default, others, changeable) in CHOICES[kind].items():
+        assert getattr(params, name) == default
+        about = node.describe_parameter(name)
+        assert about.additional_constraints == f"one of {', '.join((default, *others))}"
+        assert about.read_only is not changeable
+
+
+def test_the_policy_and_its_time_may_be_changed_up_to_their_limits_only(ros: Ros) -> None:
+    node = ros.add(Node, "bounded")
+    held = [declare(node, SimParams)]
+    watch(node, held[0], held.append)
+    for name, value in (
+        ("command_timeout", 3600.0), ("command_timeout", 0.0), ("stale_policy", "gravity"),
+        ("stale_policy", "hold"),
+    ):  # fmt: skip
+        assert node.set_parameters([Parameter(name, value=value)])[0].successful
+        assert getattr(held[-1], name) == value
+    for name, value in (
+        ("command_timeout", 3600.1), ("command_timeout", -1e-9), ("stale_policy", "prayer"),
+        ("wrench_timeout", 1.0), ("overrun", "skip"),
+    ):  # fmt: skip
+        result = node.set_parameters([Parameter(name, value=value)])[0]
+        assert not result.successful
+        assert result.reason
+    assert len(held) == 5
+
+
+def test_only_what_changes_something_is_put_in_force(ros: Ros) -> None:
+    holder = ros.add(Holder)
+    applied = list[Some]()
+    watch(holder, holder.params, applied.append)
+    for value in (1.0, 0.5, 0.5, 0.25, 1.0):
+        assert holder.change(number=value).successful
+    assert [params.number for params in applied] == [0.5, 0.25, 1.0]
+    assert not holder.change(number=1.5).successful
+
+
 @pytest.mark.parametrize(
     ("name", "bound", "beyond"), [("force", -1e4, -1.1e4), ("force", 1e4, 1.1e4)]
 )

@@ -95,6 +95,56 @@ def test_forgotten_sources_keep_nothing() -> None:
     assert arbiter.alone
 
 
+def test_alone_is_a_source_beside_which_none_is_remembered() -> None:
+    arbiter = Arbiter(5)
+    assert not arbiter.alone
+    arbiter.admit("left", FIRST)
+    assert arbiter.alone
+    arbiter.admit("right", SECOND)
+    assert not arbiter.alone
+    for _ in range(6):
+        arbiter.tick()
+    arbiter.admit("left", FIRST)
+    assert arbiter.alone
+
+
+def test_a_stream_owns_the_joints_of_its_newest_command() -> None:
+    arbiter = Arbiter(100)
+    streaming("left", FIRST, arbiter)
+    arbiter.admit("left", SECOND)
+    arbiter.admit("right", FIRST)
+    with pytest.raises(InvalidInput, match="'right' is refused"):
+        arbiter.admit("right", BOTH)
+
+
+def test_each_refusal_is_counted_and_the_newest_one_told() -> None:
+    arbiter = Arbiter(5)
+    assert (arbiter.refused, arbiter.last_refusal) == (0, "")
+    streaming("left", BOTH, arbiter)
+    for count, source in enumerate(("right", "middle"), 1):
+        with pytest.raises(InvalidInput, match="allowed is one stream for each joint"):
+            arbiter.admit(source, FIRST)
+        assert arbiter.refused == count
+        assert f"'{source}' is refused while 'left'" in arbiter.last_refusal
+    assert arbiter.sources == ("left",)
+
+
+def test_a_new_refusal_prolongs_a_conflict() -> None:
+    arbiter = Arbiter(5)
+    streaming("left", BOTH, arbiter)
+    for _ in range(2):
+        for _ in range(4):
+            arbiter.tick()
+        arbiter.admit("left", BOTH)
+        with pytest.raises(InvalidInput):
+            arbiter.admit("right", BOTH)
+    for _ in range(5):
+        arbiter.tick()
+    assert arbiter.conflict
+    arbiter.tick()
+    assert not arbiter.conflict
+
+
 def test_single_commands_own_nothing() -> None:
     arbiter = Arbiter(100)
     for source in ("a", "b", "c", "a"):

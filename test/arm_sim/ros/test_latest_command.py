@@ -83,9 +83,66 @@ def test_held_does_not_make_it_older(commands: LatestCommand) -> None:
     np.testing.assert_array_equal(commands.take(Q), TAU)
 
 
-def test_clear_forgets(commands: LatestCommand) -> None:
+@pytest.mark.parametrize("taken", [0, 1, 3, 4])
+def test_clear_forgets(commands: LatestCommand, taken: int) -> None:
+    commands.configure(3, "hold")
+    assert commands.empty
     commands.put(TAU)
-    commands.take(Q)
+    assert not commands.empty
+    for _ in range(taken):
+        commands.take(Q)
+    assert commands.stale is (taken == 4)
     commands.clear()
+    assert commands.empty
+    assert not commands.stale
+    assert commands.age == 0
     np.testing.assert_array_equal(commands.take(Q), [0.0, 0.0])
     assert not commands.stale
+    assert commands.age == 0
+
+
+def test_age_counts_the_ticks_since_a_command_was_first_used(commands: LatestCommand) -> None:
+    assert commands.age == 0
+    commands.take(Q)
+    assert commands.age == 0
+    commands.put(TAU)
+    assert commands.age == 0
+    ages = []
+    for _ in range(5):
+        commands.take(Q)
+        commands.held(Q)
+        ages.append(commands.age)
+    assert ages == [1, 2, 3, 4, 5]
+    commands.put(TAU.copy())
+    commands.take(Q)
+    assert commands.age == 1
+
+
+def test_each_time_that_commands_stop_is_counted_once(commands: LatestCommand) -> None:
+    counts = []
+    for _ in range(3):
+        commands.put(TAU.copy())
+        for _ in range(6):
+            commands.take(Q)
+        counts.append(commands.stale_count)
+    assert counts == [1, 2, 3]
+
+
+def test_unless_told_otherwise_a_command_acts_for_ever_and_nothing_before_it() -> None:
+    slot = LatestCommand(models.dynamics("two_link"))
+    np.testing.assert_array_equal(slot.take(Q), [0.0, 0.0])
+    np.testing.assert_array_equal(slot.held(Q), [0.0, 0.0])
+    slot.put(TAU)
+    for _ in range(20):
+        np.testing.assert_array_equal(slot.take(Q), TAU)
+    assert (slot.stale, slot.stale_count) == (False, 0)
+
+
+def test_an_unknown_policy_is_refused_and_the_old_one_stays(commands: LatestCommand) -> None:
+    commands.configure(1, "hold")
+    with pytest.raises(KeyError):
+        commands.configure(5, "brake")
+    commands.put(TAU)
+    taken = [commands.take(Q) for _ in range(3)]
+    np.testing.assert_array_equal(taken, [TAU] * 3)
+    assert commands.stale

@@ -11,6 +11,7 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, SceneError
 from arm_sim import SimulationDiverged, Simulator, contact_history
+from arm_sim.contact_forces import trouble
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 
@@ -183,3 +184,26 @@ def test_states_inside_a_plane_are_refused_and_nothing_is_lost() -> None:
 def test_plan_says_so() -> None:
     assert "computed    contact" in str(block(0.1).plan)
     assert "skipped     contact" in str(models.simulator("pendulum").plan)
+
+
+@pytest.mark.parametrize(
+    ("height", "speed", "good", "said"),
+    [
+        (0.1, 0.0, 1, ""),
+        (-0.5e-9, 0.0, 1, ""),  # a nanometre is rounding
+        (-2e-9, 0.0, 0, "; a contact point is inside its plane"),
+        (0.1, 1e160, 0, ""),  # beyond all bounds, but by no contact's fault
+    ],
+)
+def test_why_a_tick_failed_is_told_where_contacts_are_to_blame(
+    height: float, speed: float, good: int, said: str
+) -> None:
+    sim = Simulator({**rails("z"), "constraints": [contact("body")]})
+    stepper, x = sim.compiled.stepper, np.array([height, speed])
+    assert trouble(stepper) == ""
+    trace, effort, errors = np.zeros((1, 2)), np.zeros((1, 1)), np.zeros(1)
+    assert stepper.roll(x, np.zeros(1), trace, effort, errors) == good
+    assert trouble(stepper) == said
+    assert good or (x == [height, speed]).all()
+    stepper.restart()
+    assert trouble(stepper) == ""

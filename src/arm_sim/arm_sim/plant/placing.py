@@ -106,7 +106,7 @@ def _check_outside(plant: Plant, x: Array) -> None:
     if plant.contact is None:
         return
     gaps = np.array(plant.contact.geometry(x[: 2 * plant.model.n])[0]).ravel()[::3]
-    k = int(np.argmin(gaps))
+    k = np.argmin(gaps)
     if gaps[k] < -INSIDE:
         depths = {point.name: float(gap) for point, gap in zip(plant.points, gaps, strict=True)}
         raise ConstraintError(

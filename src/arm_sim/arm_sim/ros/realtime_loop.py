@@ -100,7 +100,6 @@ class RealtimeLoop:
         self._running = False
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
-            self._thread = None
         if self._until is None:
             self._until = self._clock.monotonic_ns()
 

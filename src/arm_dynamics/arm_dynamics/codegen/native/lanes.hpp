@@ -42,9 +42,9 @@ static inline real AS_REAL(bits b) { return (lanes_t)b; }
 
 static inline bool BEYOND(real x, double limit) {
   const bits inside = fabs(x).v <= limit;
-  long long all = -1;
-  for (int i = 0; i < LANES; ++i) all &= inside[i];
-  return !all;
+  long long outside = 0;
+  for (int i = 0; i < LANES; ++i) outside |= ~inside[i];
+  return outside;
 }
 
 static inline real sin_shifted(real x, const long long quarters);

@@ -145,28 +145,31 @@ class Caller:
             asked.add(asker.ask(request))
             if patience is None:
                 return asker.answer(asked, left)
-            response, changed = self._watched(asker, asked, min(patience, left))
+            servers = partial(self._node.count_services, asker.name)
+            if asker not in self._offering:
+                self._offering[asker] = servers()
+            before = self._offering[asker]
+            response = self._watched(asker, asked, min(patience, left), servers)
             # Later each time, but three times at least.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
-            patience = _RETRY if changed else longer
+            patience = longer if self._offering[asker] == before else _RETRY
         return response
 
-    def _watched(self, asker: Asker, asked: set[int], patience: float) -> tuple[Any | None, bool]:
-        """Wait for an answer; say whether the number of servers changed before it came.
+    def _watched(
+        self, asker: Asker, asked: set[int], patience: float, servers: Callable[[], int]
+    ) -> Any | None:
+        """Wait for an answer, but only until the number of servers changes.
 
         A server that was killed still counts for up to 20 s: what was asked of it is lost.
         """
-        count = partial(self._node.count_services, asker.name)
-        if asker not in self._offering:
-            self._offering[asker] = count()
         end = time.monotonic() + patience
         while (left := end - time.monotonic()) > 0.0:
             if (response := asker.answer(asked, min(_GLANCE, left))) is not None:
-                return response, False
-            if (now := count()) != self._offering[asker]:
+                return response
+            if (now := servers()) != self._offering[asker]:
                 self._offering[asker] = now
-                return None, True
-        return None, False
+                break
+        return None
 
     def _not_offered(self, name: str) -> str:
         lines = [f"no node offers {name} (waited {self._timeout:g} s)"]

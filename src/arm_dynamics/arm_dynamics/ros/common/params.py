@@ -92,7 +92,7 @@ def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
                 apply(wanted)
                 present = wanted
         except ArmError as error:
-            return SetParametersResult(successful=False, reason=str(error))
+            return SetParametersResult(reason=str(error))  # not successful
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(on_set)

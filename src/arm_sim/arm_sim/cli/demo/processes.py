@@ -69,8 +69,7 @@ class Processes:
         """Ask processes to end, together, and end those for good that do not."""
         asked = [self._running[name] for name in names if name in self._running]
         for process in asked:
-            if process.poll() is None:
-                process.send_signal(signal.SIGINT)
+            process.send_signal(signal.SIGINT)  # passes over one that has ended
         for process in asked:
             try:
                 process.wait(_PATIENCE)

@@ -65,7 +65,7 @@ class Arbiter:
         Raises:
             InvalidInput: If the stream of another source commands one of these joints.
         """
-        if len(self._heard) > 1 or source not in self._heard:
+        if not self.alone or source not in self._heard:
             self._contest(source, joints)
         heard = self._heard.get(source)
         if heard is None or not self._fresh(heard):

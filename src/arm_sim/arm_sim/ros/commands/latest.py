@@ -20,6 +20,7 @@ class LatestCommand:
     Age is counted in ticks since a command was first used, so a run by hand is repeatable.
 
     Attributes:
+        age: Ticks since the newest command was first used; 0 without one.
         stale: Whether the policy is in force because commands have stopped.
         stale_count: How often commands have stopped.
     """
@@ -34,7 +35,7 @@ class LatestCommand:
         }
         self._newest: Sequence[float] | None = None
         self._used: Sequence[float] | None = None
-        self._age = 0
+        self.age = 0
         self.stale = False
         self.stale_count = 0
         self.configure(0, ZERO)
@@ -49,11 +50,6 @@ class LatestCommand:
         """
         self._timeout, self._policy = timeout, self._policies[policy]
 
-    @property
-    def age(self) -> int:
-        """Ticks since the newest command was first used; 0 without one."""
-        return self._age if self._used is not None else 0
-
     def put(self, tau: Sequence[float]) -> None:
         """Make ``tau``, n numbers, the newest command; it must not be changed afterwards."""
         self._newest = tau
@@ -61,7 +57,7 @@ class LatestCommand:
     def clear(self) -> None:
         """Forget all commands."""
         self._newest = self._used = None
-        self._age, self.stale = 0, False
+        self.age, self.stale = 0, False
 
     @property
     def empty(self) -> bool:
@@ -75,12 +71,12 @@ class LatestCommand:
             q: Present positions in [rad], shape (n,).
         """
         newest = self._newest
-        if newest is not self._used:
-            self._used, self._age, self.stale = newest, 0, False
-        self._age += 1
         if newest is None:
             return self._policy(q)
-        if not self._timeout or self._age <= self._timeout:
+        if newest is not self._used:
+            self._used, self.age, self.stale = newest, 0, False
+        self.age += 1
+        if not self._timeout or self.age <= self._timeout:
             return newest
         self.stale_count += not self.stale
         self.stale = True

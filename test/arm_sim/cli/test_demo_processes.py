@@ -1,0 +1,179 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Children of the demo: asked to end together, ended for good if they do not, and told of."""
+
+from __future__ import annotations
+
+import signal
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+from arm_sim.cli.demo import processes
+from arm_sim.cli.demo.processes import DemoFailed, Processes
+
+pytestmark = pytest.mark.ros
+
+PATIENCE = processes._PATIENCE  # of users; tests have less
+CHILD = """#!/bin/sh
+# In place of Python: -P -m arm_sim.cli NAME --with-parent ...
+case $4 in
+    polite*) trap 'echo asked; exit 0' INT; trap 'echo forced' TERM;;
+    deaf*) trap '' INT TERM;;
+    gone*) echo "arguments $*"; exit 3;;
+    talker*) i=0; while [ $i -lt 20 ]; do i=$((i+1)); echo line $i; done; exit 0;;
+    silent*) exit 1;;
+esac
+echo ready
+i=0
+while [ $i -lt 500 ]; do i=$((i+1)); sleep 0.02; done  # ten seconds, whatever fails
+"""
+
+
+@pytest.fixture
+def cleared(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
+    """Filled when shared memory of killed processes is cleared."""
+    found = list[bool]()
+    monkeypatch.setattr(processes, "clear_dead", lambda: found.append(True))
+    return found
+
+
+@pytest.fixture
+def children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cleared: list[bool]) -> Processes:
+    """Starts children by the name of what they do; they have little time for an orderly end."""
+    script = tmp_path / "child"
+    script.write_text(CHILD)
+    script.chmod(script.stat().st_mode | stat.S_IXUSR)
+    monkeypatch.setattr(sys, "executable", str(script))
+    monkeypatch.setattr(processes, "_PATIENCE", 0.3)
+    return Processes(tmp_path)
+
+
+def start(children: Processes, *names: str) -> list[subprocess.Popen[bytes]]:
+    """Start children and wait until they listen to signals."""
+    started = [children.start(name) for name in names]
+    for name in names:
+        while "ready" not in children.log(name).read_text():
+            time.sleep(1e-3)
+    return started
+
+
+def ended(children: Processes, name: str) -> subprocess.Popen[bytes]:
+    process = children.start(name, "--more")
+    process.wait()
+    return process
+
+
+def test_children_are_asked_to_end_and_may_do_so_in_order(
+    children: Processes, cleared: list[bool]
+) -> None:
+    with children:
+        left, right = start(children, "polite-left", "polite-right")
+        children.stop("polite-left", "nobody")
+        assert left.returncode == 0
+        assert right.poll() is None
+    assert right.returncode == 0
+    for name in ("polite-left", "polite-right"):
+        assert children.log(name).read_text().split() == ["ready", "asked"]
+    assert not cleared
+
+
+def test_one_that_does_not_end_is_killed_and_what_it_left_is_cleared(
+    children: Processes, cleared: list[bool]
+) -> None:
+    with children:
+        deaf, polite = start(children, "deaf", "polite")
+        children.stop("deaf", "polite")
+        assert deaf.returncode == -signal.SIGKILL
+        assert polite.returncode == 0
+        assert cleared == [True]
+
+
+def test_one_that_was_asked_is_given_five_seconds_before_it_is_killed(
+    children: Processes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    waits, wait = list[float | None](), subprocess.Popen.wait
+
+    def passing(process: subprocess.Popen[bytes], timeout: float | None = None) -> int:
+        waits.append(timeout)
+        if timeout is not None:
+            assert process.poll() is None
+            raise subprocess.TimeoutExpired("child", timeout)
+        return wait(process)
+
+    monkeypatch.setattr(processes, "_PATIENCE", PATIENCE)
+    monkeypatch.setattr(subprocess.Popen, "wait", passing)
+    with children:
+        (process,) = start(children, "deaf")
+        children.stop("deaf")
+    assert waits == [5.0, None]
+    assert process.returncode == -signal.SIGKILL
+
+
+def test_stopping_one_that_has_ended_or_never_was_does_no_harm(
+    children: Processes, cleared: list[bool]
+) -> None:
+    with children:
+        process = ended(children, "gone")
+        children.stop("gone", "nobody")
+        children.stop("gone")
+        assert process.returncode == 3
+    assert not cleared
+
+
+def test_one_that_has_ended_by_itself_is_told_of_until_it_is_stopped(children: Processes) -> None:
+    with children:
+        start(children, "polite")
+        children.check()
+        ended(children, "gone")
+        with pytest.raises(DemoFailed) as caught:
+            children.check()
+        said = caught.value.message
+        assert said.startswith("the gone process ended by itself with status 3:\n    arguments ")
+        assert "-m arm_sim.cli gone --with-parent --more" in said
+        children.stop("gone")
+        children.check()
+
+
+def test_one_that_was_killed_is_told_of_by_the_name_of_the_signal(children: Processes) -> None:
+    with children:
+        (process,) = start(children, "deaf")
+        process.send_signal(signal.SIGKILL)
+        process.wait()
+        with pytest.raises(DemoFailed, match=r"deaf process .* \(killed by SIGKILL\)"):
+            children.check()
+
+
+def test_what_it_said_last_is_shown(children: Processes) -> None:
+    with children:
+        ended(children, "talker")
+        lines = children.tail("talker").splitlines()
+        assert lines == [f"    line {k}" for k in range(9, 21)]
+        children.stop("talker")
+        ended(children, "silent")
+        with pytest.raises(DemoFailed, match="with status 1:\nit said nothing"):
+            children.check()
+
+
+def test_nothing_that_is_pressed_keeps_children_from_being_ended(
+    children: Processes, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    stop = children.stop
+    order = list[str]()
+
+    def pressed(*names: str) -> None:
+        order.extend(names)
+        for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+            signal.raise_signal(number)
+        stop(*names)
+
+    monkeypatch.setattr(children, "stop", pressed)
+    with children:
+        running = start(children, "polite-old", "polite-young")
+    assert order == ["polite-young", "polite-old"]
+    assert [process.returncode for process in running] == [0, 0]
+    assert signal.getsignal(signal.SIGINT) is before

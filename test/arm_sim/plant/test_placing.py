@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""States that a scene with contacts allows, to the nanometre, and what is said of the others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+from arm_dynamics import InvalidInput, load_scene
+from arm_dynamics.exceptions import ConstraintError
+from arm_dynamics.model import ArmModel
+from arm_sim.plant.placing import INSIDE, placed
+from arm_sim.plant.plant import Plant
+from models.touching import contact, rails
+
+
+def plant(axes: str, *contacts: dict[str, Any]) -> Plant:
+    scene = {**rails(axes), "constraints": contacts}
+    return Plant(ArmModel(load_scene(scene)))
+
+
+def above(height: float, name: str) -> dict[str, Any]:
+    """A contact with a plane at such a height."""
+    return contact("body", plane={"point": [0.0, 0.0, height]}, name=name)
+
+
+@pytest.mark.parametrize("z", [0.3, 0.0, -INSIDE, np.nextafter(-INSIDE, 0.0)])
+def test_a_point_may_be_above_its_plane_or_a_nanometre_inside(z: float) -> None:
+    made = plant("z", contact("body"))
+    np.testing.assert_array_equal(placed(made, [z], [0.5], None, ()), [z, 0.5])
+
+
+@pytest.mark.parametrize("z", [np.nextafter(-INSIDE, -1.0), -2e-9, -0.25])
+def test_a_point_deeper_inside_is_refused_with_its_depth(z: float) -> None:
+    made = plant("z", above(0.0, "foot"))
+    with pytest.raises(ConstraintError, match=f"contact 'foot' is {-z:.6g} m inside") as caught:
+        placed(made, [z], [0.0], None, ())
+    assert caught.value.residuals == {"foot": z}
+
+
+@pytest.mark.parametrize("x", [0.0, -5.0, 5.0])
+@pytest.mark.parametrize(
+    ("heights", "deepest"),
+    [((-1.0, 0.5, 0.2), 1), ((0.5, 0.2, -1.0), 0), ((-1.0, 0.2, 0.5), 2), ((0.2, 0.4, 0.5), 2)],
+)
+def test_of_several_points_the_deepest_is_named_and_all_gaps_are_told(
+    heights: tuple[float, ...], deepest: int, x: float
+) -> None:
+    made = plant("xz", *(above(height, f"foot{k}") for k, height in enumerate(heights)))
+    np.testing.assert_array_equal(placed(made, [x, 0.6], [0, 0], None, ())[:2], [x, 0.6])
+    with pytest.raises(ConstraintError, match=f"'foot{deepest}' is {heights[deepest]} m") as told:
+        placed(made, [x, 0.0], [0.0, 0.0], None, ())
+    assert told.value.residuals == {f"foot{k}": -height for k, height in enumerate(heights)}
+
+
+def test_without_contacts_every_position_is_allowed() -> None:
+    np.testing.assert_array_equal(placed(plant("z"), [-5.0], [0.0], None, ()), [-5.0, 0.0])
+
+
+@pytest.mark.parametrize(
+    ("q", "v", "z", "said"),
+    [
+        ([0.0], [0.0, 0.0], None, "q has shape"),
+        ([0.0, 1.0], [0.0], None, "v has shape"),
+        ([0.0, np.nan], [0.0, 0.0], None, r"q\[1\] = nan"),
+        ([0.0, 1.0], [np.inf, 0.0], None, r"v\[0\] = inf"),
+        ([0.0, 1.0], [0.0, 0.0], [1.0], "z has shape"),
+    ],
+)
+def test_states_of_another_shape_are_refused(q: Any, v: Any, z: Any, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        placed(plant("xz", contact("body")), q, v, z, ())

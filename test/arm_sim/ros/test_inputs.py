@@ -1,0 +1,330 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands and wrenches from topics, without a graph: taken, cut, refused, counted, and said."""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from typing import Any
+
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from std_msgs.msg import Float64MultiArray
+
+import models
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros.common.convert import to_time
+from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.tick_engine import TickEngine
+
+pytestmark = pytest.mark.ros
+
+NAMES = list(models.dynamics("panda").joint_names)
+LIMIT = models.dynamics("panda").model.command_limit.tolist()
+ZERO = [0.0] * 7
+NAN, INF = float("nan"), float("inf")
+
+
+class Log:
+    """Takes the place of a node of which nothing is needed but its log."""
+
+    def __init__(self) -> None:
+        self.warnings: list[str] = []
+        self.throttles: set[float] = set()
+
+    def get_logger(self) -> Log:
+        return self
+
+    def warning(self, text: str, throttle_duration_sec: float) -> None:
+        self.warnings.append(text)
+        self.throttles.add(throttle_duration_sec)
+
+
+class Waiting:
+    """Messages that have come since the last tick, in place of the middleware."""
+
+    def __init__(self, inputs: Inputs, messages: Iterable[bytes]) -> None:
+        self.messages, self._inputs, self.closed, self.looks = deque(messages), inputs, 0, 0
+        inputs.source = self
+
+    def take(self) -> Any:
+        self.looks += 1
+        arrival = 100 + self.looks
+        read = self._inputs.reader.read
+        return (arrival, read(self.messages.popleft())) if self.messages else None
+
+    def close(self) -> None:
+        self.closed += 1
+
+
+@pytest.fixture
+def log() -> Log:
+    return Log()
+
+
+@pytest.fixture
+def engine() -> TickEngine:
+    return TickEngine(models.simulator("panda"), wrench_timeout=0.1, wrench_reference="local")
+
+
+@pytest.fixture
+def inputs(log: Log, engine: TickEngine) -> Inputs:
+    return Inputs(log, engine)
+
+
+def command(stamp: int = 0, source: str = "", **joints: float) -> bytes:
+    message = JointState(name=[f"panda_{j}" for j in joints], effort=list(joints.values()))
+    message.header.frame_id, message.header.stamp = source, to_time(stamp)
+    return serialize_message(message)
+
+
+def acting(engine: TickEngine) -> list[float]:
+    return list(engine.commands.held(engine.simulator.state.q))
+
+
+def lead(inputs: Inputs, source: str = "leader") -> None:
+    """Make a stream that owns the first joint."""
+    for _ in range(10):
+        inputs.on_joint_commands(command(source=source, joint1=1.0))
+
+
+def test_a_command_by_name_acts_and_its_stamp_is_returned(
+    inputs: Inputs, engine: TickEngine, log: Log
+) -> None:
+    assert inputs.on_joint_commands(command(7, joint2=2.0)) == 7
+    assert acting(engine) == [0.0, 2.0, *ZERO[2:]]
+    assert (inputs.refused, log.warnings) == (0, [])
+
+
+def test_a_refused_command_changes_nothing_and_is_counted(
+    inputs: Inputs, engine: TickEngine, log: Log
+) -> None:
+    inputs.on_joint_commands(command(joint2=2.0))
+    for count in (1, 2):
+        assert inputs.on_joint_commands(command(8, joint2=NAN)) is None
+        assert inputs.refused == count
+        assert len(log.warnings) == count
+    assert acting(engine)[1] == 2.0
+    assert inputs.refused_wrenches == 0
+
+
+def test_who_is_refused_by_the_arbiter_commands_nothing(
+    inputs: Inputs, engine: TickEngine
+) -> None:
+    lead(inputs)
+    assert inputs.on_joint_commands(command(1, "other", joint1=9.0)) is None
+    inputs.on_commands(Float64MultiArray(data=[9.0] * 7))
+    assert acting(engine)[0] == 1.0
+    assert (inputs.refused, engine.arbiter.refused) == (2, 2)
+
+
+def test_bare_commands_claim_all_joints_under_a_name_of_their_own(
+    inputs: Inputs, engine: TickEngine
+) -> None:
+    for _ in range(10):
+        inputs.on_commands(Float64MultiArray(data=[1.0] * 7))
+    for joint in ("joint1", "joint7"):
+        assert inputs.on_joint_commands(command(1, "other", **{joint: 9.0})) is None
+    assert "refused while '~/commands' commands" in engine.arbiter.last_refusal
+    assert acting(engine) == [1.0] * 7
+
+
+@pytest.mark.parametrize(
+    "data",
+    [[], [1.0] * 6, [1.0] * 8, [NAN, *ZERO[1:]], [*ZERO[1:], INF], [-INF] * 7, [0.0] * 1000],
+)
+def test_bare_commands_must_be_a_finite_number_for_each_joint(
+    inputs: Inputs, engine: TickEngine, log: Log, data: list[float]
+) -> None:
+    inputs.on_commands(Float64MultiArray(data=[3.0] * 7))
+    inputs.on_commands(Float64MultiArray(data=data))
+    assert acting(engine) == [3.0] * 7
+    assert inputs.refused == 1
+    (said,) = log.warnings
+    assert f"{len(data)} numbers" in said
+    assert "allowed are 7 finite numbers" in said
+    assert len(said) < 200
+
+
+def test_the_first_ten_of_many_numbers_are_shown(inputs: Inputs, log: Log) -> None:
+    inputs.on_commands(Float64MultiArray(data=[*range(100, 120)]))
+    assert "100. 101. 102. 103. 104. 105. 106. 107. 108. 109.]" in log.warnings[0]
+
+
+@pytest.mark.parametrize("by_name", [True, False])
+@pytest.mark.parametrize("joint", [0, 1, 6])
+@pytest.mark.parametrize(("factor", "acts"), [(1.0, 1.0), (-1.0, -1.0), (1.5, 1.0), (-1.5, -1.0)])
+def test_efforts_act_up_to_their_limit_and_are_cut_beyond_it(
+    inputs: Inputs, engine: TickEngine, log: Log, by_name: bool, joint: int, factor: float,
+    acts: float,
+) -> None:  # fmt: skip
+    effort, expected = [1.0] * 7, [1.0] * 7
+    effort[joint], expected[joint] = factor * LIMIT[joint], acts * LIMIT[joint]
+    if by_name:
+        inputs.on_joint_commands(command(**{f"joint{i + 1}": x for i, x in enumerate(effort)}))
+    else:
+        inputs.on_commands(Float64MultiArray(data=effort))
+    assert acting(engine) == expected
+    assert inputs.refused == 0
+    told = (
+        f"effort {effort[joint]:g} of joint '{NAMES[joint]}' is beyond its limit "
+        f"{LIMIT[joint]:g} N m and is cut to it"
+    )
+    assert log.warnings == ([told] if abs(factor) > 1.0 else [])
+
+
+def test_all_efforts_beyond_are_cut_and_the_first_is_told(
+    inputs: Inputs, engine: TickEngine, log: Log
+) -> None:
+    inputs.on_commands(Float64MultiArray(data=[LIMIT[0], 2.0, 1e3, -1e3, 3.0, 1e3, -1e3]))
+    assert acting(engine) == [LIMIT[0], 2.0, LIMIT[2], -LIMIT[3], 3.0, LIMIT[5], -LIMIT[6]]
+    (said,) = log.warnings
+    assert "'panda_joint3'" in said
+
+
+def wrench(frame: str, *numbers: float) -> WrenchStamped:
+    message = WrenchStamped()
+    message.header.frame_id = frame
+    force, moment = message.wrench.force, message.wrench.torque
+    force.x, force.y, force.z, moment.x, moment.y, moment.z = numbers
+    return message
+
+
+def test_a_wrench_goes_to_the_frame_that_it_names(
+    inputs: Inputs, engine: TickEngine, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    pushed = list[Any]()
+    monkeypatch.setattr(engine, "push", lambda frame, six: pushed.append((frame, list(six))))
+    inputs.on_wrench(wrench("panda_link7", 1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    assert pushed == [("panda_link7", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])]
+    assert inputs.refused_wrenches == 0
+
+
+@pytest.mark.parametrize(
+    "message", [wrench("nowhere", *ZERO[1:]), wrench("panda_link7", NAN, *ZERO[2:])]
+)
+def test_a_bad_wrench_is_passed_over_and_counted_apart_from_commands(
+    inputs: Inputs, engine: TickEngine, log: Log, message: WrenchStamped
+) -> None:
+    for count in (1, 2):
+        inputs.on_wrench(message)
+        assert (inputs.refused_wrenches, inputs.refused) == (count, 0)
+        assert len(log.warnings) == count
+    engine.queue.serve()
+    assert engine.pushed_frames == ()
+
+
+def test_warnings_of_a_kind_are_two_seconds_apart(inputs: Inputs, log: Log) -> None:
+    inputs.on_commands(Float64MultiArray(data=[]))
+    inputs.on_commands(Float64MultiArray(data=[1e3] * 7))
+    inputs.on_wrench(wrench("nowhere", *ZERO[1:]))
+    assert len(log.warnings) == 3
+    assert log.throttles == {2.0}
+
+
+# --- before a tick -----------------------------------------------------------------------------
+
+
+def test_of_what_waits_the_newest_that_is_admitted_acts(
+    inputs: Inputs, engine: TickEngine
+) -> None:
+    lead(inputs)
+    bad = command(source="leader", joint1=NAN)
+    other = command(source="other", joint1=9.0)
+    good = [command(source="leader", joint1=x) for x in (2.0, 3.0)]
+    waiting = Waiting(inputs, [bad, good[0], other, good[1], bad, other])
+    engine.read_commands()
+    assert not waiting.messages
+    assert acting(engine)[0] == 3.0
+    assert inputs.refused == 4
+
+
+def test_as_many_as_the_topic_holds_are_read_at_once(inputs: Inputs, engine: TickEngine) -> None:
+    waiting = Waiting(inputs, [command(joint1=float(k)) for k in range(1, 41)])
+    engine.read_commands()
+    assert acting(engine)[0] == 16.0
+    engine.read_commands()
+    assert acting(engine)[0] == 32.0
+    assert len(waiting.messages) == 8
+
+
+def test_where_nothing_waits_the_command_stays(inputs: Inputs, engine: TickEngine) -> None:
+    inputs.on_joint_commands(command(joint1=1.0))
+    engine.read_commands()
+    waiting = Waiting(inputs, [])
+    engine.read_commands()
+    assert waiting.looks == 1
+    assert acting(engine)[0] == 1.0
+
+
+@pytest.mark.parametrize(
+    ("stamp", "sent", "alone", "acts"),
+    [
+        (5, 5, True, 1.0),  # nothing can be newer than the answer to the newest state
+        (5, 5, False, 2.0),  # but others may have something to say, too
+        (4, 5, True, 2.0),
+        (6, 5, True, 2.0),
+        (0, 0, True, 2.0),  # no stamp answers nothing
+        (0, 5, True, 2.0),
+    ],
+)
+def test_behind_the_answer_to_the_newest_state_of_a_lone_source_none_is_sought(
+    inputs: Inputs, engine: TickEngine, stamp: int, sent: int, alone: bool, acts: float
+) -> None:
+    inputs.round_trip.sent(sent)
+    if not alone:
+        engine.arbiter.admit("other", frozenset({6}))
+    Waiting(inputs, [command(stamp, "one", joint1=1.0), command(3, "one", joint1=2.0)])
+    engine.read_commands()
+    assert acting(engine)[0] == acts
+
+
+@pytest.mark.parametrize("waits", [True, False])
+def test_answers_are_timed_from_state_to_arrival(
+    inputs: Inputs, engine: TickEngine, waits: bool, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    answered = list[tuple[int, int]]()
+    monkeypatch.setattr(inputs.round_trip, "answered", lambda *given: answered.append(given))
+    if waits:
+        Waiting(inputs, [command(5, joint1=1.0), command(6, joint1=NAN)])
+        engine.read_commands()
+    else:
+        inputs.on_joint_commands(command(5, joint1=1.0), 101)
+        inputs.on_joint_commands(command(6, joint1=NAN), 102)
+        inputs.on_joint_commands(command(7, joint1=1.0))
+    assert answered == [(5, 101)] + [(7, 0)] * (not waits)
+
+
+def test_close_ends_the_subscription_once(inputs: Inputs, engine: TickEngine) -> None:
+    inputs.close()
+    waiting = Waiting(inputs, [command(joint1=1.0)])
+    inputs.close()
+    inputs.close()
+    assert waiting.closed == 1
+    assert inputs.source is None
+    engine.read_commands()
+    assert acting(engine) == ZERO
+
+
+def test_counters_begin_anew(inputs: Inputs) -> None:
+    inputs.round_trip.sent(5)
+    inputs.on_joint_commands(command(5, joint1=1.0), 10**18)
+    inputs.on_joint_commands(command(joint1=NAN))
+    inputs.on_wrench(wrench("nowhere", *ZERO[1:]))
+    assert (inputs.refused, inputs.refused_wrenches) == (1, 1)
+    assert inputs.round_trip.percentiles().count == 1
+    inputs.reset_counters()
+    assert (inputs.refused, inputs.refused_wrenches) == (0, 0)
+    assert inputs.round_trip.percentiles().count == 0
+
+
+@pytest.mark.parametrize(
+    "names", [["nobody"], ["panda_joint1", "nobody"], ["panda_joint1", "panda_joint1"]]
+)
+def test_joints_of_others_are_refused(inputs: Inputs, names: list[str]) -> None:
+    message = JointState(name=names, effort=[1.0] * len(names))
+    assert inputs.on_joint_commands(serialize_message(message)) is None
+    with pytest.raises(InvalidInput):
+        inputs.reader.read(serialize_message(message))

@@ -1,0 +1,77 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Code of a scene is held against Pinocchio before anyone uses it, whatever acts on the joints."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import pytest
+
+import models
+from arm_dynamics import ArmModel, KernelError, load_scene
+from arm_sim.integrators.selection import choose
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.stepper import Stepper
+from models.touching import contact
+
+BRISTLES = {
+    "viscous": 0.2,
+    "coulomb": 0.3,
+    "lugre": {"sigma0": 1e4, "sigma1": 20.0},
+}
+DRY = {"viscous": 0.2, "coulomb": 0.3}
+TWO_LINK = {"robot": {"urdf": str(models.SCENES / "two_link.urdf")}}
+FLOOR = contact("tip", plane={"point": [0.0, 0.0, -5.0]})
+LOOP = load_scene(models.SCENES / "four_bar.yaml").model_dump(exclude_unset=True)
+
+
+def every(**settings: Any) -> dict[str, Any]:
+    return {"joints": {"*": settings}}
+
+
+SCENES: dict[str, tuple[dict[str, Any], str]] = {
+    "plain": (TWO_LINK, "vm"),
+    "friction with states": ({**TWO_LINK, **every(friction=BRISTLES)}, "vm"),
+    "bilateral constraints": (LOOP, "vm"),
+    "friction with states and bilateral constraints": (
+        {**LOOP, **every(friction=BRISTLES)},
+        "vm",
+    ),
+    "dry friction": ({**TWO_LINK, **every(friction=DRY)}, "native"),
+    "contacts": ({**TWO_LINK, "constraints": [FLOOR]}, "native"),
+}
+
+
+def plant(name: str) -> tuple[Plant, str]:
+    scene, backend = SCENES[name]
+    return Plant(ArmModel(load_scene(scene))), backend
+
+
+def stepper(made: Plant, backend: str) -> Stepper:
+    return Stepper(made, choose(made, "rk4", None, None), backend)
+
+
+def falsify(rhs: ca.Function, number: int, factor: float) -> ca.Function:
+    """The same function, one number of its first result a little off."""
+    inputs = [ca.SX.sym(rhs.name_in(i), rhs.sparsity_in(i)) for i in range(rhs.n_in())]
+    first, *more = rhs.call(inputs)
+    first[number] *= factor
+    return ca.Function(rhs.name(), inputs, [first, *more], rhs.name_in(), rhs.name_out())
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_right_code_is_taken(name: str) -> None:
+    stepper(*plant(name))
+
+
+@pytest.mark.parametrize("joint", [0, -1])
+@pytest.mark.parametrize(
+    "name", [name for name, (_, backend) in SCENES.items() if backend == "vm"]
+)
+def test_code_that_is_a_little_wrong_is_refused(name: str, joint: int) -> None:
+    made, backend = plant(name)
+    n = made.model.n
+    made.rhs = falsify(made.rhs, n + joint % n, 1.001)
+    with pytest.raises(KernelError, match="differs from Pinocchio"):
+        stepper(made, backend)

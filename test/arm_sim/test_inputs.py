@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a caller hands over is taken at its limits, refused beyond them, and said what is wrong."""
+
+from __future__ import annotations
+
+import logging
+from copy import copy
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, InvalidInput
+from arm_sim.inputs import SaturationNotice, row, tick_count, torque, torque_table, whole
+
+NAN, INF = float("nan"), float("inf")
+
+
+@pytest.mark.parametrize(
+    "given", [[1.0, 2.5], (1, 2.5), np.array([1.0, 2.5]), np.array([1.0, 2.5], np.float32)]
+)
+def test_a_torque_becomes_plain_numbers(given: Any) -> None:
+    numbers = torque(given, 2)
+    assert numbers == [1.0, 2.5]
+    assert all(type(x) is float for x in numbers)
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ([1.0], r"tau has shape \(1,\); expected \(2,\)"),
+        ([1.0, 2.0, 3.0], r"tau has shape \(3,\); expected \(2,\)"),
+        (1.0, r"tau has shape \(\); expected \(2,\)"),
+        ([[1.0, 2.0]], r"tau has shape \(1, 2\); expected \(2,\)"),
+        (np.zeros((2, 1)), r"tau has shape \(2, 1\); expected \(2,\)"),
+        ([NAN, 0.0], r"tau\[0\] = nan"),
+        (np.array([0.0, INF]), r"tau\[1\] = inf"),
+        (np.array([0.0, -INF]), r"tau\[1\] = -inf"),
+        (["a", "b"], "tau"),
+        (None, "tau"),
+        (np.array([1, 2j]), "tau"),
+    ],
+)
+def test_anything_else_is_no_torque(given: Any, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        torque(given, 2)
+
+
+def test_torques_of_a_run_are_zero_held_or_a_row_for_each_tick() -> None:
+    np.testing.assert_array_equal(torque_table(None, 3, 2, 1e-3), [0.0, 0.0])
+    np.testing.assert_array_equal(torque_table([1, 2], 3, 2, 1e-3), [1.0, 2.0])
+    rows = np.arange(6.0).reshape(3, 2)
+    np.testing.assert_array_equal(torque_table(rows, 3, 2, 1e-3), rows)
+    np.testing.assert_array_equal(torque_table([[1, 2]], 1, 2, 1e-3), [[1.0, 2.0]])
+
+
+def test_torques_of_a_run_lie_in_one_piece() -> None:
+    table = torque_table(np.arange(6.0).reshape(2, 3).T, 3, 2, 1e-3)
+    np.testing.assert_array_equal(table, [[0.0, 3.0], [1.0, 4.0], [2.0, 5.0]])
+    assert table.flags.c_contiguous
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        (np.zeros((2, 2)), "control has 2 rows; the run has 3 ticks of 0.001 s"),
+        (np.zeros((4, 2)), "control has 4 rows; the run has 3 ticks of 0.001 s"),
+        (np.zeros(3), "control has shape"),
+        (np.zeros((3, 3)), "control has shape"),
+        (np.zeros((1, 3, 2)), "control has shape"),
+        ([[0, 0], [0, NAN], [0, 0]], r"control\[1, 1\] = nan"),
+    ],
+)
+def test_other_tables_are_refused(given: Any, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        torque_table(given, 3, 2, 1e-3)
+
+
+@pytest.mark.parametrize(("given", "n"), [([], 0), (np.zeros(0), 0), ([1.5], 1), ([1, 2], 2)])
+def test_a_row_may_be_empty_only_where_nothing_is_expected(given: Any, n: int) -> None:
+    taken = row("q", given, n)
+    np.testing.assert_array_equal(taken, given)
+    assert taken.shape == (n,)
+    assert taken.dtype == float
+
+
+@pytest.mark.parametrize(
+    ("given", "n", "said"),
+    [
+        ([], 2, "q has shape"),
+        ([1.0], 0, "q has shape"),
+        (1.0, 1, "q has shape"),
+        ([1.0, 2.0], 1, "q has shape"),
+        ([1.0], 2, "q has shape"),
+        ([[1.0, 2.0]], 2, r"q has shape \(1, 2\); expected \(2,\)"),
+        ([[1.0], [2.0]], 1, r"q has shape \(2, 1\); expected \(1,\)"),
+        ([1.0, NAN], 2, r"q\[1\] = nan"),
+    ],
+)
+def test_other_rows_are_refused(given: Any, n: int, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        row("q", given, n)
+
+
+@pytest.mark.parametrize("value", [3, 4, np.int64(3), np.uint8(200)])
+def test_whole_numbers_from_the_least_one_on_are_taken(value: Any) -> None:
+    whole("ticks", value, 3)
+
+
+@pytest.mark.parametrize("value", [2, 0, -3, np.int32(2), 3.0, np.float64(4.0), "3", None, NAN])
+def test_smaller_ones_and_other_things_are_refused(value: Any) -> None:
+    with pytest.raises(InvalidInput, match="ticks = .*; expected a whole number of at least 3"):
+        whole("ticks", value, 3)
+
+
+@pytest.mark.parametrize(
+    ("duration", "ticks"),
+    [(0, 0), (0.0, 0), (0.0004, 0), (0.0006, 1), (0.0104, 10), (0.0106, 11), ("1e-2", 10)],
+)
+def test_a_duration_is_rounded_to_whole_ticks(duration: Any, ticks: int) -> None:
+    assert tick_count(duration, 1e-3) == ticks
+
+
+@pytest.mark.parametrize("duration", [-1e-9, -1.0, -INF, INF, NAN, "long", None, [1.0, 2.0]])
+def test_other_durations_are_refused(duration: Any) -> None:
+    with pytest.raises(InvalidInput, match="duration = .*; expected a finite time of at least"):
+        tick_count(duration, 1e-3)
+
+
+def limited(*limits: float) -> ArmModel:
+    """An arm of three joints with such limits of its commands."""
+    model = copy(models.dynamics("planar_3r").model)
+    model.command_limit = np.array(limits)
+    return model
+
+
+def said(caplog: pytest.LogCaptureFixture) -> list[str]:
+    return [r.getMessage() for r in caplog.records if r.levelno == logging.WARNING]
+
+
+@pytest.mark.parametrize(
+    ("command", "effort", "words"),
+    [
+        ([1.0, 5.5, 0.0], [1.0, 5.0, 0.0], "5.5 at joint 'joint2' is beyond its limit of 5 "),
+        ([1.0, -5.5, 0.0], [1.0, -5.0, 0.0], "-5.5 at joint 'joint2' is beyond its limit of 5 "),
+        ([3.0, 9.0, 0.0], [2.0, 5.0, 0.0], "3 at joint 'joint1' is beyond its limit of 2 "),
+        (
+            [[1, 1, 1], [1, 1, 8.5], [1, 1, 1]],
+            [[1, 1, 1], [1, 1, 7], [1, 1, 1]],
+            "8.5 at joint 'joint3' is beyond its limit of 7 ",
+        ),
+        (
+            [[0, 6, 0], [0, -9, 0], [0, 8, 0]],
+            [[0, 5, 0], [0, -5, 0], [0, 5, 0]],
+            "-9 at joint 'joint2' is beyond its limit of 5 ",
+        ),
+    ],
+)  # fmt: skip
+def test_a_cut_is_told_once_with_the_joint_and_its_farthest_command(
+    caplog: pytest.LogCaptureFixture, command: Any, effort: Any, words: str
+) -> None:
+    notice = SaturationNotice(limited(2.0, 5.0, 7.0))
+    notice.look(np.array(command, float), np.array(effort, float))
+    (text,) = said(caplog)
+    assert text.startswith(f"command {words}")
+    notice.look(np.array(command, float), np.array(effort, float))
+    assert len(said(caplog)) == 1
+
+
+def test_where_nothing_was_cut_nothing_is_said_and_the_first_cut_still_is(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    notice = SaturationNotice(limited(2.0, INF, INF))
+    notice.look(np.array([2.0, 1e9, -1.0]), np.array([2.0, 1e9, -1.0]))
+    notice.look(np.array([-0.0, 0.0, 1.0]), np.array([0.0, -0.0, 1.0]))
+    notice.look(np.zeros((4, 3)), np.zeros((4, 3)))
+    assert not said(caplog)
+    notice.look(np.array([-2.5, 0.0, 0.0]), np.array([-2.0, 0.0, 0.0]))
+    assert len(said(caplog)) == 1
+
+
+def test_an_arm_without_limits_never_tells_of_a_cut(caplog: pytest.LogCaptureFixture) -> None:
+    SaturationNotice(limited(INF, INF, INF)).look(np.ones(3), np.zeros(3))
+    assert not said(caplog)
