@@ -18,14 +18,16 @@ MOTOR = {"torque_constant": 0.05, "rotor_inertia": 3e-5, "gear_ratio": 50.0}
 BELT = {"stiffness": 800.0, "damping": 2.0}
 TABLE = {"at": [-1.0, 0.0, 1.0], "factor": [0.6, 1.0, 1.5]}
 
+BRISTLES = {"coulomb": 0.4, "viscous": 0.2, "lugre": {"sigma0": 3e3, "sigma1": 5.0}}
+COIL = {"command": "voltage", "resistance": 0.8, "inductance": 1e-3}
 JOINT: Mapping[str, tuple[int, dict[str, Any]]] = {
     "viscous": (0, {"friction": {"viscous": 1.5}}),
     "coulomb": (0, {"friction": {"coulomb": 0.8, "static": 1.0, "stribeck_velocity": 0.2}}),
-    "lugre": (1, {"friction": {"coulomb": 0.4, "viscous": 0.2, "lugre": {"sigma0": 3e3, "sigma1": 5.0}}}),
+    "lugre": (1, {"friction": BRISTLES}),
     "table": (2, {"friction": {"coulomb": 0.3, "position": TABLE}}),
     "armature": (1, {"armature": 0.3}),
     "current": (0, {"actuator": {"command": "current", **MOTOR}}),
-    "voltage": (2, {"actuator": {"command": "voltage", "resistance": 0.8, "inductance": 1e-3, **MOTOR}}),
+    "voltage": (2, {"actuator": {**COIL, **MOTOR}}),
     "lossy gear": (1, {"actuator": {"efficiency": 0.8, **MOTOR}}),
     "flexible": (1, {"actuator": {"command": "current", **MOTOR}, "transmission": BELT}),
     "harmonic": (2, {
@@ -36,7 +38,7 @@ JOINT: Mapping[str, tuple[int, dict[str, Any]]] = {
         },
     }),
 }  # fmt: skip
-"""Features of a joint, with the number of the joint: 0 near the base, 1 in the middle, 2 outside."""
+"""Features of a joint, with the joint's number: 0 near the base, 1 in the middle, 2 outside."""
 
 OTHERS = ("bilateral", "contact", "mimic", "payload")
 ALL = (*JOINT, *OTHERS)

@@ -167,12 +167,13 @@ def test_it_ends_its_processes_whatever_happens(
 
 
 def test_a_motion_that_does_not_come_is_waited_for_in_vain(start: Start) -> None:
-    demo = start("--duration", "2", "--robot", str(models.FOLDER / "gantry.urdf"))
+    demo = start("--duration", "4", "--robot", str(models.FOLDER / "gantry.urdf"))
     demo.until("following the trajectory")
     ids = demo.children()
+    time.sleep(1.5)  # until it moves
     os.kill(ids["sim"], signal.SIGSTOP)
     assert demo.end() == 1, demo.said
-    assert "s of the motion of 2 s were seen within 13 s" in demo.said
+    assert "s of the motion of 4 s were seen within 16 s" in demo.said
     assert gone(ids, timeout=0.0)
 
 

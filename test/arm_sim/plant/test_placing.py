@@ -72,3 +72,16 @@ def test_without_contacts_every_position_is_allowed() -> None:
 def test_states_of_another_shape_are_refused(q: Any, v: Any, z: Any, said: str) -> None:
     with pytest.raises(InvalidInput, match=said):
         placed(plant("xz", contact("body")), q, v, z, ())
+
+
+def test_a_point_inside_its_plane_is_refused_whatever_states_drives_have() -> None:
+    """The laws' states come after positions and velocities and say nothing of gaps."""
+    bristles = {"coulomb": 0.5, "viscous": 1.0, "lugre": {"sigma0": 1e3, "sigma1": 1.0}}
+    made = Plant(
+        ArmModel(load_scene({**rails("xz", friction=bristles), "constraints": [contact("body")]}))
+    )
+    assert made.nz == 2
+    x = placed(made, [0.0, 0.5], [0.0, 0.0], [-3.0, -3.0], ())
+    assert x.tolist() == [0.0, 0.5, 0.0, 0.0, -3.0, -3.0]
+    with pytest.raises(ConstraintError, match="0.5 m inside"):
+        placed(made, [0.0, -0.5], [9.0, 9.0], [3.0, 3.0], ())

@@ -21,6 +21,15 @@ BRISTLES = {
     "lugre": {"sigma0": 1e4, "sigma1": 20.0},
 }
 DRY = {"viscous": 0.2, "coulomb": 0.3}
+BY_LOAD = {"coulomb": 0.3, "load": {"at": [0.0, 5.0], "factor": [1.0, 1.4]}}
+MOTOR = {
+    "command": "voltage",
+    "resistance": 0.8,
+    "inductance": 1e-3,
+    "torque_constant": 0.05,
+    "gear_ratio": 50,
+}
+BELOW = contact("coupler", plane={"point": [0.0, 0.0, -5.0]})
 TWO_LINK = {"robot": {"urdf": str(models.SCENES / "two_link.urdf")}}
 FLOOR = contact("tip", plane={"point": [0.0, 0.0, -5.0]})
 LOOP = load_scene(models.SCENES / "four_bar.yaml").model_dump(exclude_unset=True)
@@ -39,6 +48,14 @@ SCENES: dict[str, tuple[dict[str, Any], str]] = {
         "vm",
     ),
     "dry friction": ({**TWO_LINK, **every(friction=DRY)}, "native"),
+    "friction by the load of a motor with a current": (
+        {**TWO_LINK, **every(friction=BY_LOAD, actuator=MOTOR)},
+        "native",
+    ),
+    "friction with states, bilateral constraints and a contact": (
+        {**LOOP, **every(friction=BRISTLES), "constraints": [*LOOP["constraints"], BELOW]},
+        "native",
+    ),
     "contacts": ({**TWO_LINK, "constraints": [FLOOR]}, "native"),
 }
 

@@ -27,7 +27,6 @@ from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.response import Response
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
-
 Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 """Function (q, v, tau, p) -> power in [W]."""
 
