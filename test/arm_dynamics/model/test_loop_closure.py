@@ -140,22 +140,6 @@ def test_names_must_differ() -> None:
         )
 
 
-@pytest.mark.parametrize(
-    ("more", "said"),
-    [
-        ({"joints": {"elbow": {"friction": {"coulomb": 1.0}}}}, "dry friction"),
-        (
-            {"contact": {"type": "contact", "frame": "tip", "plane": {"point": [0, 0, -2]}}},
-            "contact",
-        ),
-    ],
-)
-def test_what_cannot_be_combined_is_refused(more: dict[str, Any], said: str) -> None:
-    held = [{"type": "plane", **TIP}, *([more.pop("contact")] if "contact" in more else [])]
-    with pytest.raises(SceneError, match=said):
-        Simulator(robot(*held, **more))
-
-
 OVERCONSTRAINED = {"bricard": 4, "slider_crank": 2, "parallel_gripper": 5, "panda_pen": 1}
 
 

@@ -200,7 +200,7 @@ def test_sliding_that_turns(
 def test_friction_of_a_turning_slide_takes_what_it_should() -> None:
     """The account over a tick: heat is µ N times the way, in whatever direction."""
     mu, m = 0.4, 2.0
-    sim = Simulator({**rails("xyz", m), "constraints": [contact("body", friction=mu)]}, dt=1e-2)
+    sim = Simulator({**rails("xyz", m), "constraints": [contact("body", friction=mu)]}, dt=2e-3)
     sim.reset(v=[1.0, 0.5, 0.0])
     run = sim.run(0.1, [-2.0, 6.0, 0.0])
     way = np.hypot(*np.diff(run.q[:, :2], axis=0).T).sum()

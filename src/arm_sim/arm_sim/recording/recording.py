@@ -95,7 +95,7 @@ class Recording:
     @cached_property
     def multipliers(self) -> Array:
         """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
-        tau = self.tau
+        tau = self.plant.joint_torque(self._x, self.command)
         if self.plant.events and self.plant.project:
             stepper = self.account.stepper
             stepper.p[:] = self.p
