@@ -31,7 +31,7 @@ __attribute__((visibility("default")))
 int solve_cones(const double* W, const double* c, const double* mu, const double* given,
                 const int* slides, const int* allowed, int* state, double* force,
                 double* direction) {
-  cones_t cones = {.W = W, .c = c, .friction = mu};
+  cones_t cones = {.W = W, .c = c, .friction = mu, .holding = mu};
   answer_t answers[NC];
   for (int k = 0; k < NC; ++k) {
     cones.slides[k] = slides[k];
@@ -50,7 +50,7 @@ __attribute__((visibility("default")))
 int solve_cone(const double* W, const double* c, double mu, const double* given, double* force) {
   double block[3][3];
   own_block(W, 0, block);
-  const answer_t answer = single(block, c, mu, given);
+  const answer_t answer = single(block, c, mu, mu, given);
   for (int i = 0; i < 3; ++i) force[i] = answer.force[i];
   return answer.state;
 }

@@ -10,6 +10,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import models
+from arm_dynamics import SceneError
 from arm_sim import Simulator
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, CONTACT_EVENTS, FINITE_DIFF, assert_close
@@ -262,3 +263,36 @@ def jacobian(q: np.ndarray) -> np.ndarray:
             [L1 * np.cos(a) + L2 * np.cos(b), L2 * np.cos(b)],
         ]
     )
+
+
+def test_a_block_sticks_up_to_its_static_coefficient_and_then_slides_with_the_lower_one() -> None:
+    """µs m g holds; a little more, and it leaves with F/m - µ g. Stopped, it sticks again."""
+    foot = contact("body", friction=0.3, static_friction=0.5)
+    sim = Simulator({**rails("xyz", 2.0), "constraints": [foot]})
+    level = 2.0 * G * np.array([np.cos(0.7), np.sin(0.7), 0.0])
+    held = sim.run(0.2, 0.499 * level)
+    assert (held.q == held.q[0]).all()
+    gone = sim.run(0.2, 0.501 * level)
+    assert_close(np.hypot(*gone.q[-1, :2]), 0.5 * (0.501 - 0.3) * G * 0.04, CLOSED_FORM)
+    slows = sim.run(0.2, 0.31 * level)
+    assert slows.v[-1, 0] > gone.v[-1, 0]  # between the two coefficients a sliding block goes on
+    rests = sim.run(2.0, 0.0 * level)
+    assert (rests.v[-1] == 0.0).all()
+    again = sim.run(0.2, -0.499 * level)
+    assert (again.q == rests.q[-1]).all()
+
+
+def test_a_block_pulled_ever_harder_breaks_away_at_its_static_coefficient() -> None:
+    sim = Simulator(
+        {**rails("xz", 1.0), "constraints": [contact("body", friction=0.2, static_friction=0.6)]}
+    )
+    run = sim.run(1.0, lambda state: [8.0 * state.time, 0.0])
+    first = np.flatnonzero(run.v[:, 0])[0] - 1
+    assert_close(run.time[first] * 8.0, 0.6 * G, 0.01)
+    assert_close(run.balance, np.zeros(len(run)), 1e-10)
+
+
+def test_a_static_coefficient_below_the_other_is_refused() -> None:
+    foot = contact("body", friction=0.3, static_friction=0.2)
+    with pytest.raises(SceneError, match=r"static_friction = 0\.2 is less than friction = 0\.3"):
+        Simulator({**rails("xz"), "constraints": [foot]})

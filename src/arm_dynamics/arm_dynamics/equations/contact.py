@@ -41,7 +41,8 @@ class ContactPoint:
         place: The point in the link's frame in [m], shape (3,).
         axes: Rows: normal and two tangents of the plane in the world frame, shape (3, 3).
         offset: The plane's distance from the world's origin along the normal in [m].
-        friction: Coulomb's coefficient.
+        friction: Coulomb's coefficient of sliding.
+        static_friction: The one up to which it sticks.
         restitution: Newton's coefficient.
     """
 
@@ -51,6 +52,7 @@ class ContactPoint:
     axes: Array
     offset: float
     friction: float
+    static_friction: float
     restitution: float
 
 

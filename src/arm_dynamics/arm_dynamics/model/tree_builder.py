@@ -91,9 +91,8 @@ def _contact_point(robot: Robot, name: str, contact: Contact) -> ContactPoint:
     place = frame.R @ np.array(contact.point) + frame.p
     axes = np.vstack([contact.plane.normal, across(contact.plane.normal)])
     offset = float(axes[0] @ np.array(contact.plane.point))
-    return ContactPoint(
-        name, frame.link, place, axes, offset, contact.friction, contact.restitution
-    )
+    levels = contact.friction, contact.sticking, contact.restitution
+    return ContactPoint(name, frame.link, place, axes, offset, *levels)
 
 
 def _turn(model: pin.Model, i: int) -> tuple[Array, bool]:

@@ -193,7 +193,8 @@ class Contact(Part):
         frame: Link or joint frame of the URDF that carries the point.
         point: Where it is in that frame in [m].
         plane: What it may touch.
-        friction: Coulomb's coefficient µ: tangential force at most µ times the normal one.
+        friction: Coulomb's coefficient µ of sliding: tangential force over the normal one.
+        static_friction: The coefficient up to which a contact at rest sticks, µ or more; None: µ.
         restitution: Newton's coefficient e: speed of rebound over speed of approach, 0 to 1.
         name: What messages call it; by default type and place in the list.
     """
@@ -206,8 +207,23 @@ class Contact(Part):
     point: Vector3 = ORIGIN
     plane: Plane = Plane()
     friction: NonNegative = 0.0
+    static_friction: NonNegative | None = None
     restitution: Fraction = 0.0
     name: str | None = Field(default=None, min_length=1)
+
+    @model_validator(mode="after")
+    def _static_is_more(self) -> Contact:
+        if self.sticking < self.friction:
+            raise ValueError(
+                f"static_friction = {self.sticking:g} is less than friction = {self.friction:g}; "
+                "at least as much is expected"
+            )
+        return self
+
+    @property
+    def sticking(self) -> float:
+        """The coefficient up to which it sticks."""
+        return self.friction if self.static_friction is None else self.static_friction
 
     @property
     def at_world(self) -> tuple[str, Vector3]:

@@ -217,6 +217,7 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
         "ND": str(model.n if dry else 0),
         "STATIC": _braces(model.friction.level if dry else np.zeros(model.n)),
         "FRICTION": _braces([point.friction for point in points]),
+        "HOLDING": _braces([point.static_friction for point in points]),
         "RESTITUTION": _braces([point.restitution for point in points]),
         "SLOWEST": repr(AT_REST),
         "DEEP": repr(INSIDE),

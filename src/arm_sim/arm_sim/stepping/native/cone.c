@@ -152,8 +152,8 @@ static void start_to_slide(const double W[3][3], const double* c, double mu, ans
   }
 }
 
-/* Solve for one contact; `given` is the direction of one that slides already, else null. */
-static answer_t single(const double W[3][3], const double* c, double mu, const double* given) {
+/* Solve for one contact, which sticks up to `held`; `given` is the direction of one that slides already, else null. */
+static answer_t single(const double W[3][3], const double* c, double mu, double held, const double* given) {
   answer_t answer = apart;
   if (c[0] >= 0.0) return answer;
   if (given) {
@@ -162,11 +162,11 @@ static answer_t single(const double W[3][3], const double* c, double mu, const d
     else answer.state = UNSOLVABLE;
     return answer;
   }
-  double held[3];
-  hold(W, c, held);
-  if (hypot(held[1], held[2]) <= mu * held[0]) {
+  double r[3];
+  hold(W, c, r);
+  if (hypot(r[1], r[2]) <= held * r[0]) {
     answer.state = STICKS;
-    for (int i = 0; i < 3; ++i) answer.force[i] = held[i];
+    for (int i = 0; i < 3; ++i) answer.force[i] = r[i];
     return answer;
   }
   start_to_slide(W, c, mu, &answer);
@@ -175,8 +175,8 @@ static answer_t single(const double W[3][3], const double* c, double mu, const d
 
 typedef struct {
   const double *W, *c; /* motion per force, and without */
-  const double* friction; /* coefficients ... */
-  double mu[NC];          /* ... and the part of them that is being solved for */
+  const double *friction, *holding; /* coefficients of sliding and of sticking ... */
+  double mu[NC], held[NC];          /* ... and the part of them that is being solved for */
   double given[NC][2]; /* direction of one that slides already ... */
   int slides[NC];      /* ... where it does */
   int allowed[NC];     /* whether a contact may carry at all */
@@ -203,7 +203,7 @@ static int sweep(const cones_t* cones, double* r, int sweeps, answer_t* answers)
         for (int j = 0; j < MC; ++j)
           if (j / 3 != k) others[i] += AT(cones->W, MC, 3 * k + i, j) * r[j];
       }
-      answers[k] = single(block, others, cones->mu[k], cones->slides[k] ? cones->given[k] : 0);
+      answers[k] = single(block, others, cones->mu[k], cones->held[k], cones->slides[k] ? cones->given[k] : 0);
       for (int i = 0; i < 3; ++i) {
         change = fmax(change, fabs(answers[k].force[i] - r[3 * k + i]));
         r[3 * k + i] = answers[k].force[i];
@@ -259,7 +259,7 @@ static double equations(const cones_t* cones, const double* r, double* F, double
     const double rho = 3.0 / own_trace(cones->W, k), mu = cones->mu[k], pressed = r[n] - rho * w[n];
     if (pressed <= 0.0) continue;
     const double z[2] = {r[n + 1] - rho * w[n + 1], r[n + 2] - rho * w[n + 2]}, size = hypot(z[0], z[1]);
-    const int holds = !cones->slides[k] && size <= mu * pressed;
+    const int holds = !cones->slides[k] && size <= cones->held[k] * pressed;
     for (int i = n; i < (holds ? n + 3 : n + 1); ++i) {
       F[i] = rho * w[i];
       for (int j = 0; j < MC; ++j) J[i][j] = rho * (AT(cones->W, MC, i, j) + (i == j ? regular : 0.0));
@@ -288,7 +288,7 @@ static void read_answers(const cones_t* cones, const double* r, answer_t* answer
     answers[k] = apart;
     if (!cones->allowed[k] || pressed <= 0.0) continue;
     for (int i = 0; i < 3; ++i) answers[k].force[i] = r[n + i];
-    answers[k].state = !cones->slides[k] && size <= cones->mu[k] * pressed ? STICKS : SLIDES;
+    answers[k].state = !cones->slides[k] && size <= cones->held[k] * pressed ? STICKS : SLIDES;
     for (int i = 0; i < 2 && answers[k].state == SLIDES; ++i)
       answers[k].direction[i] = cones->slides[k] ? cones->given[k][i] : -z[i] / size;
   }
@@ -324,18 +324,25 @@ static int newton(const cones_t* cones, double* r, answer_t* answers) {
   return 0;
 }
 
+static void take_part(cones_t* cones, double part) {
+  for (int k = 0; k < NC; ++k) {
+    cones->mu[k] = cones->friction[k] * part;
+    cones->held[k] = cones->holding[k] * part;
+  }
+}
+
 /* Solve for several contacts: 0 if no answer is found. */
 static int several(cones_t* cones, answer_t* answers) {
   static const int sweeps[2] = {20, 200}; /* before Newton's method is tried, and tried again */
   double r[MC];
   int found = 0;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
-  for (int k = 0; k < NC; ++k) cones->mu[k] = cones->friction[k];
+  take_part(cones, 1.0);
   for (int k = 0; k < 2; ++k)
     if (sweep(cones, r, sweeps[k], answers) || newton(cones, r, answers)) return 1;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;
   for (int part = 0; part <= CONTINUED; ++part) {
-    for (int k = 0; k < NC; ++k) cones->mu[k] = cones->friction[k] * part / CONTINUED;
+    take_part(cones, (double)part / CONTINUED);
     found = sweep(cones, r, sweeps[0], answers) || newton(cones, r, answers);
   }
   return found;

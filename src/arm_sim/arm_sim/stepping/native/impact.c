@@ -17,7 +17,7 @@ static double find_impulse(const inertia_t* inertia, const real* before, const d
                            const contact_t* contact, double* impulse) {
   double c[MC], gain = 0.0;
   answer_t answers[NC];
-  cones_t cones = {.W = inertia->W, .c = c, .friction = friction};
+  cones_t cones = {.W = inertia->W, .c = c, .friction = friction, .holding = friction};
   for (int i = 0; i < MC; ++i) c[i] = before[i];
   for (int k = 0; k < NC; ++k) {
     c[3 * k] -= part * rebound[k];

@@ -10,7 +10,7 @@
  * and contacts are solved together by cone.c.
  *
  * Before this file: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
- * RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`;
+ * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`;
  * SLOWEST (tangential speed up to which a contact rests); NB (whether there are bilateral constraints) and with them
  * the generated `bilateral`.
  */
@@ -81,7 +81,8 @@ typedef struct { real place[MC], speed[MC], size[NC]; } geometry_t; /* contact p
 typedef struct { real load[NU], force[MC], rate[MC], grip[NC]; } loads_t;
 typedef struct { real W[MC * MC], B[NU * MC], free[MC]; } inertia_t;
 static const double static_level[NU] = STATIC;
-static const double friction[NC] = FRICTION;
+static const double friction[NC] = FRICTION; /* coefficients of sliding ... */
+static const double holding[NC] = HOLDING;   /* ... and up to which a contact sticks */
 static const double restitution[NC] = RESTITUTION;
 
 static void find_geometry(const real* x, geometry_t* geometry) {
@@ -128,6 +129,11 @@ static double speed_rounding(const real* x) { return SPEED_ROUNDING * (1.0 + lar
 /* Whether dry friction may hold a joint, and whether it is at rest. */
 static int may_stick(int joint) { return ND && static_level[joint] > 0.0; }
 static int rests(const real* x, int joint) { return may_stick(joint) && x[NU + joint] == 0.0; }
+
+/* Up to which part of its normal force a contact sticks: one that creeps has broken away already. */
+static double stick_limit(const segment_t* segment, int k) {
+  return segment->contact[k].slow ? friction[k] : holding[k];
+}
 
 static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }
 
@@ -185,7 +191,7 @@ static void guess(const real* x, segment_t* segment) {
     contact_t* contact = segment->contact + k;
     const real* s = geometry.speed + 3 * k + 1;
     const double size = hypot(s[0], s[1]);
-    const int still = friction[k] > 0.0 && (size <= SLOWEST || contact->slow), turns = friction[k] > 0.0 && !still;
+    const int still = holding[k] > 0.0 && (size <= SLOWEST || contact->slow), turns = friction[k] > 0.0 && !still;
     contact->slides = !still;
     contact->given[0] = turns ? s[0] / size : 1.0;
     contact->given[1] = turns ? s[1] / size : 0.0;
@@ -217,7 +223,7 @@ static double contact_excess(const segment_t* segment, const loads_t* found, int
   const contact_mode_t* mode = segment->p.contact + k;
   if (mode->closed == 0.0) return segment->contact[k].touching ? -a[0] / fastest - SLACK : 0.0;
   if (r[0] < 0.0) return -r[0] / heaviest;
-  if (mode->sticks != 0.0) return (hypot(r[1], r[2]) - friction[k] * r[0]) / heaviest;
+  if (mode->sticks != 0.0) return (hypot(r[1], r[2]) - stick_limit(segment, k) * r[0]) / heaviest;
   if (segment->contact[k].slides) return 0.0;
   const double ahead = mode->along[0] * a[1] + mode->along[1] * a[2], astray = mode->along[0] * a[2] - mode->along[1] * a[1];
   return fmax(-ahead, fabs(astray)) / fastest - SLACK;
@@ -286,7 +292,7 @@ static int pivot(const real* x, segment_t* segment, const loads_t* found, int en
   own_block(inertia.W, entry, block);
   for (int i = 0; i < 3; ++i)
     c[i] = found->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
-  answer_t answer = single(block, c, friction[entry], contact->slides ? contact->given : 0);
+  answer_t answer = single(block, c, friction[entry], stick_limit(segment, entry), contact->slides ? contact->given : 0);
   if (answer.state == UNSOLVABLE) return 0;
   if (answer.state == STICKS && mode->closed != 0.0 && mode->sticks != 0.0) let_slip(&answer, r); /* at the very edge */
   put_mode(mode, &answer);
@@ -296,10 +302,12 @@ static int pivot(const real* x, segment_t* segment, const loads_t* found, int en
 /* Solve all contacts together, where one after another goes in circles; the modes stay where no answer is found. */
 static void solve_together(const real* x, segment_t* segment) {
   inertia_t inertia;
+  double limit[NC];
   answer_t answers[NC];
-  cones_t cones = {.W = inertia.W, .c = inertia.free, .friction = friction};
+  cones_t cones = {.W = inertia.W, .c = inertia.free, .friction = friction, .holding = limit};
   find_inertia(x, segment, &inertia);
   for (int k = 0; k < NC; ++k) {
+    limit[k] = stick_limit(segment, k);
     cones.slides[k] = segment->contact[k].slides;
     cones.allowed[k] = segment->contact[k].touching;
     for (int i = 0; i < 2; ++i) cones.given[k][i] = segment->contact[k].given[i];
@@ -308,7 +316,7 @@ static void solve_together(const real* x, segment_t* segment) {
   for (int k = 0; k < NC; ++k) {
     const double *r = answers[k].force, size = hypot(r[1], r[2]);
     /* On the very edge of its cone: where contacts are redundant, the forces of least norm would leave it. */
-    if (answers[k].state == STICKS && size >= (1.0 - EDGE) * friction[k] * r[0] && size > 0.0)
+    if (answers[k].state == STICKS && size >= (1.0 - EDGE) * limit[k] * r[0] && size > 0.0)
       let_slip(answers + k, r);
     put_mode(segment->p.contact + k, answers + k);
   }

@@ -44,8 +44,8 @@ static double disobedience(const real* x, const segment_t* segment, const double
       continue;
     }
     worst = fmax(worst, -r[0]);
-    if (mode->sticks != 0.0) worst = fmax(worst, hypot(r[1], r[2]) - friction[k] * r[0]);
-    else if (friction[k] > 0.0) worst = fmax(worst, -(mode->along[0] * s[1] + mode->along[1] * s[2]) - rounding);
+    if (mode->sticks != 0.0) worst = fmax(worst, hypot(r[1], r[2]) - stick_limit(segment, k) * r[0]);
+    else if (holding[k] > 0.0) worst = fmax(worst, -(mode->along[0] * s[1] + mode->along[1] * s[2]) - rounding);
   }
   for (int i = 0; i < ND; ++i)
     if (may_stick(i))
@@ -164,7 +164,7 @@ static void find_ended(const real* x, segment_t* segment, int calm) {
     if (calm || mode->closed == 0.0) continue;
     const double size = hypot(r[1], r[2]);
     if (r[0] <= 0.0) contact->ended = APART;
-    else if (mode->sticks != 0.0 && size >= friction[k] * r[0] && friction[k] > 0.0) {
+    else if (mode->sticks != 0.0 && size >= stick_limit(segment, k) * r[0] && holding[k] > 0.0) {
       contact->ended = SLIDES;
       for (int i = 0; i < 2; ++i) contact->slips[i] = -r[1 + i] / size;
     }
