@@ -48,7 +48,7 @@ def children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cleared: list[bool
     script.write_text(CHILD)
     script.chmod(script.stat().st_mode | stat.S_IXUSR)
     monkeypatch.setattr(sys, "executable", str(script))
-    monkeypatch.setattr(processes, "_PATIENCE", 0.3)
+    monkeypatch.setattr(processes, "_PATIENCE", 1.5)
     return Processes(tmp_path)
 
 
