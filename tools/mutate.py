@@ -947,25 +947,31 @@ class Trace:
         Then others in the same files, for what is built once and kept is run by the first of
         them only; then all that run anything of the file that is changed.
         """
-        users = self._users(mutation.path)
-        of_file = {test for name in users for test in self.files[name]}
-        of_line = self.lines[mutation.path, mutation.line]
+        near = self._users(mutation.path)
+        of_file = {test for name in near for test in self.files[name]}
+        if not of_file:  # nothing but declarations, which work where they are imported
+            of_file = {test for name in self._importers(near) for test in self.files[name]}
+        of_line = self.lines[mutation.path, mutation.line] | self._named_in(mutation.path)
         neighbours = {_file(test) for test in of_line}
         chosen: list[str] = []
         for tests in (of_line, {t for t in of_file if _file(t) in neighbours}, of_file):
-            chosen += self._in_turns(mutation.path, tests - set(chosen))
+            chosen += self._in_turns(mutation, tests - set(chosen))
         times = accumulate(self.seconds.get(test, 1.0) for test in chosen)
         affordable = [test for test, until in zip(chosen, times, strict=True) if until <= limit]
         files = {_file(test): k for k, test in reversed(list(enumerate(affordable)))}
         return sorted(affordable, key=lambda test: files[_file(test)])  # fixtures are made once
 
-    def _in_turns(self, path: str, tests: set[str]) -> list[str]:
-        """One of each file in turn, quick ones first; files near the changed one come first."""
-        near = set(Path(path).parts)
+    def _in_turns(self, mutation: Mutation, tests: set[str]) -> list[str]:
+        """One of each file in turn, quick ones first.
+
+        Files that name what is changed come first, then those in a folder of the same name.
+        """
+        near, owner = set(Path(mutation.path).parts), mutation.owner.rpartition(".")[2]
         queues = defaultdict(list)
         for test in sorted(tests, key=lambda t: (self.seconds.get(t, 1.0), t)):
             queues[_file(test)].append(test)
-        files = sorted(queues, key=lambda f: (-len(near & set(Path(f).parts)), f))
+        strange = {f: not (owner and owner in self.project.text(f)) for f in queues}
+        files = sorted(queues, key=lambda f: (strange[f], -len(near & set(Path(f).parts)), f))
         turns = zip_longest(*(queues[f] for f in files))
         return [test for turn in turns for test in turn if test]
 
@@ -978,6 +984,19 @@ class Trace:
             named = {n for n in self.project.sources if self._names(n) & natives}
             todo = named - seen
         return {n for n in seen if n.endswith(".py")}
+
+    def _importers(self, names: set[str]) -> set[str]:
+        """Files of ``src`` that import one of these."""
+        stems = "|".join(Path(name).stem for name in names)
+        pattern = re.compile(rf"import .*\b({stems})\b|from [\w.]*\b({stems}) import")
+        return {n for n in self.project.sources if pattern.search(self.project.text(n))}
+
+    def _named_in(self, name: str) -> set[str]:
+        """Tests in files that speak of a file of C by its name: they compile it themselves."""
+        if name.endswith(".py"):
+            return set()
+        files = {t for t in self.project.tests if Path(name).name in self.project.text(t)}
+        return {test for test in self.seconds if _file(test) in files}
 
     def _names(self, source: str) -> set[str]:
         text = self.project.text(source)
