@@ -261,6 +261,8 @@ def test_absent_joints_keep_their_numbers_when_allowed(reader: Readers) -> None:
     read = reader(partial=True)
     whole = state(position=[1.0, 2.0, 3.0], velocity=[4.0, 5.0, 6.0])
     part = JointState(name=NAMES[1:2], position=[7.0], velocity=[8.0])
+    first = reader(partial=True).read(serialize_message(part))
+    np.testing.assert_array_equal(first[1], [[0, 7, 0], [0, 8, 0]])
     read.read(serialize_message(whole))
     np.testing.assert_array_equal(read.read(serialize_message(part))[1], [[1, 7, 3], [4, 8, 6]])
     with pytest.raises(InvalidInput, match="joints base, wrist_é are missing"):

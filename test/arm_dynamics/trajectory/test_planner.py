@@ -47,6 +47,15 @@ def table(motion: Motion, count: int = 301) -> list[Reference]:
     return [motion.sample(t) for t in np.linspace(0.0, motion.duration, count)]
 
 
+def test_an_arm_that_one_joint_has_just_begun_to_move_is_braked_first() -> None:
+    """No speed yet, but an acceleration: the motion goes on from it without a jump."""
+    here = resting("panda")
+    starting = Reference(here.q, here.v, np.eye(len(here.q))[2])
+    goal = moved(task("panda").pose(here.q), [0.05, 0.0, -0.05])
+    motion = goals("panda").line(starting, goal)
+    assert_close(motion.sample(0.0).a, starting.a, 1e-9)
+
+
 @pytest.mark.parametrize("robot_name", sorted(FRAMES))
 def test_a_goal_is_reached_on_a_straight_line(robot_name: str) -> None:
     hand, here = task(robot_name), resting(robot_name)
