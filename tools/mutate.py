@@ -961,19 +961,22 @@ class Trace:
         files = {_file(test): k for k, test in reversed(list(enumerate(affordable)))}
         return sorted(affordable, key=lambda test: files[_file(test)])  # fixtures are made once
 
-    def _in_turns(self, mutation: Mutation, tests: set[str]) -> list[str]:
-        """One of each file in turn, quick ones first.
+    def _in_turns(self, mutation: Mutation, tests: set[str]) -> Iterator[str]:
+        """Tests in files that name what is changed, then in folders of the same name, then others.
 
-        Files that name what is changed come first, then those in a folder of the same name.
+        Among files that are equally near one test of each in turn, quick ones first.
         """
-        near, owner = set(Path(mutation.path).parts), mutation.owner.rpartition(".")[2]
+        place, owner = set(Path(mutation.path).parts), mutation.owner.rpartition(".")[2]
         queues = defaultdict(list)
         for test in sorted(tests, key=lambda t: (self.seconds.get(t, 1.0), t)):
             queues[_file(test)].append(test)
-        strange = {f: not (owner and owner in self.project.text(f)) for f in queues}
-        files = sorted(queues, key=lambda f: (strange[f], -len(near & set(Path(f).parts)), f))
-        turns = zip_longest(*(queues[f] for f in files))
-        return [test for turn in turns for test in turn if test]
+        groups = defaultdict(list)
+        for file in sorted(queues):
+            strange = not (owner and owner in self.project.text(file))
+            groups[strange, -len(place & set(Path(file).parts))].append(queues[file])
+        for group in sorted(groups):
+            for turn in zip_longest(*groups[group]):
+                yield from filter(None, turn)
 
     def _users(self, name: str) -> set[str]:
         """The file itself, or the Python files that name one of C or one that includes it."""

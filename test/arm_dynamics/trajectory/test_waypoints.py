@@ -236,6 +236,14 @@ def test_start_that_cannot_be_kept_within_limits_is_refused() -> None:
         quintic([start, Waypoint(1.0, np.ones(N))], limits(velocity=1.0))
 
 
+def test_an_acceleration_that_is_open_between_given_velocities_is_chosen_for_least_jerk() -> None:
+    """By symmetry none where the middle is passed; without the choice it would be no number."""
+    ends = Waypoint(0.0, -np.ones(N)), Waypoint(2.0, np.ones(N))
+    trajectory = quintic([ends[0], Waypoint(1.0, np.zeros(N), np.ones(N)), ends[1]])
+    middle = trajectory.sample(1.0)
+    assert_close([middle.q, middle.v, middle.a], [np.zeros(N), np.ones(N), np.zeros(N)], ALGEBRA)
+
+
 def test_waypoint_beyond_position_limits_is_refused() -> None:
     with pytest.raises(InvalidInput, match=r"elbow to 1\.2; allowed is -1 to 1"):
         quintic([Waypoint(0.0, np.zeros(N)), Waypoint(1.0, [0.5, 1.2, 0.5])], limits(position=1.0))

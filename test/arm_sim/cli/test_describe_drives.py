@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import re
+from pathlib import Path
 
 from click.testing import CliRunner
 
@@ -34,6 +35,14 @@ def test_describe_says_what_a_gear_costs() -> None:
     text = described("motor_pendulum.yaml")
     assert "swing voltage [V] 24 50 0.075 0.85 rigid" in text
     assert "gear losses 1 joints, friction by load solved by events" in text
+
+
+def test_describe_gives_four_digits_of_a_gear(tmp_path: Path) -> None:
+    scene = (models.SCENES / "motor_pendulum.yaml").read_text()
+    urdf = str(models.SCENES / "pendulum.urdf")
+    file = tmp_path / "scene.yaml"
+    file.write_text(scene.replace("pendulum.urdf", urdf).replace("50", "50.1234"))
+    assert "swing voltage [V] 24 50.12 " in described(str(file))
 
 
 def test_plan_of_an_arm_without_drives_says_so() -> None:
