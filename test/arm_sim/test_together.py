@@ -159,6 +159,20 @@ def _first_states(sim: Simulator, z: np.ndarray) -> tuple[float, float]:
     return states["current"], states.get("z", 0.0)
 
 
+def test_many_sledges_with_loads_of_their_own_move_as_one_does() -> None:
+    """Rollouts: a loop, a contact, dry friction and a tunable payload, bit for bit."""
+    load = {"payloads": [{"frame": "weight", "mass": 0.5}], "tunable": ["payload"]}
+    rails = {"along": {"friction": {"coulomb": 1.0}}}
+    sim = Simulator(sledge(table(0.2), joints=rails, **load))
+    loads = np.zeros((3, 10))
+    loads[:, 0] = [0.0, 0.5, 1.0]
+    start = np.zeros((3, 3))
+    ends = sim.rollout(start, start, np.zeros(3), 200, parameters={"payload": loads})[:, -1]
+    run = sim.run(0.2)
+    assert ends[1].tolist() == [*run.q[-1], *run.v[-1]]
+    assert ends[0, 0] < ends[1, 0] < ends[2, 0]
+
+
 def test_a_four_bar_comes_to_rest_on_the_floor() -> None:
     """Hinges with dry friction, a loop and a contact: it falls, bounces, and rests to the bit."""
     floor = contact(

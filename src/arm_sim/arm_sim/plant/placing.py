@@ -71,7 +71,8 @@ def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
     if plant.project is None:
         return x
     n = plant.model.n
-    _, gap, gap_v = plant.project(x[:, : 2 * n].T, x[:, : 2 * n].T, p.T)
+    modes = np.zeros((len(p), plant.project.size1_in(2) - p.shape[1]))  # gaps know none
+    _, gap, gap_v = plant.project(x[:, : 2 * n].T, x[:, : 2 * n].T, np.hstack([p, modes]).T)
     off = np.maximum(np.array(gap), np.array(gap_v)).ravel() > OPEN
     rows = [closed(plant, x[i], holding(plant, p[i])) if off[i] else x[i] for i in range(len(x))]
     return np.array(rows)

@@ -184,7 +184,10 @@ static void begin_as_ended(contact_mode_t* mode, const contact_t* contact) {
 /* Take it that moving joints slide and those at rest stick, that contacts that touch carry and those at rest stick. */
 static void guess(const real* x, segment_t* segment) {
   geometry_t geometry;
-  for (int i = 0; i < ND; ++i) segment->p.direction[i] = may_stick(i) ? sign_of(x[NU + i]) : 1.0;
+  for (int i = 0; i < ND; ++i) {
+    segment->p.direction[i] = may_stick(i) ? sign_of(x[NU + i]) : 1.0;
+    segment->turned[i] = 0;
+  }
   find_geometry(x, &geometry);
   find_touching(x, segment, &geometry);
   for (int k = 0; k < NC; ++k) {
@@ -206,7 +209,6 @@ static void guess_turning(const real* x, segment_t* segment) {
   real slope[NX];
   int resting = 0;
   for (int i = 0; i < ND; ++i) {
-    segment->turned[i] = 0;
     if (!rests(x, i)) continue;
     segment->p.direction[i] = 1.0;
     resting = 1;
