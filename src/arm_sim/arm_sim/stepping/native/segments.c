@@ -74,7 +74,9 @@ static double value_at(const void* asked, double t) {
 /* A time before `length` at which a contact is below its plane, on its way up again; 0 if there is none. */
 static double dip_before(search_t* search, double length, const real* end, double* depth) {
   geometry_t before, back;
-  if (NC == 0) return 0.0;
+  int any = 0;
+  for (int k = 0; k < NC; ++k) any |= search->segment->p.contact[k].closed == 0.0;
+  if (!any) return 0.0;
   find_geometry(search->x, &before);
   find_geometry(end, &back);
   for (int k = 0; k < NC; ++k) {
