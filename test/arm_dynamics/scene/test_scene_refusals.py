@@ -185,7 +185,7 @@ OWN_KEYS = {
     "line": "name, switchable, active, frames, points, type, direction",
     "distance": "name, switchable, active, frames, points, type, distance",
     "coupling": "name, switchable, active, type, joints, ratio, offset",
-    "contact": "type, frame, point, plane, friction, restitution, name",
+    "contact": "type, frame, point, plane, friction, static_friction, restitution, name",
 }
 
 

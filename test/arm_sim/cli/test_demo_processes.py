@@ -8,6 +8,7 @@ import stat
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -42,7 +43,17 @@ def cleared(monkeypatch: pytest.MonkeyPatch) -> list[bool]:
 
 
 @pytest.fixture
-def children(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cleared: list[bool]) -> Processes:
+def heard() -> Iterator[None]:
+    """Children hear SIGINT, even where a shell has started the tests without it."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+@pytest.fixture
+def children(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, cleared: list[bool], heard: None
+) -> Processes:
     """Starts children by the name of what they do; they have little time for an orderly end."""
     script = tmp_path / "child"
     script.write_text(CHILD)
