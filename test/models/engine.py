@@ -106,7 +106,8 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
 }
 EXPORTED double hit(real* x, int rebounds) {
   segment_t segment = {.u = still};
-  return impact(x, &segment, rebounds);
+  geometry_t geometry;
+  return impact(x, &segment, rebounds, &geometry);
 }
 EXPORTED int rank_found(double* W) { return rank_of(W); }
 EXPORTED int stop_at(real* x, const double* direction) {
@@ -118,7 +119,9 @@ EXPORTED void round_at(real* x) { stop_rounding(x); }
 EXPORTED int held_at(const real* x, const real* u) {
   segment_t segment = {.u = u};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
-  return settle(x, &segment) && is_held(x, &segment);
+  geometry_t geometry;
+  find_geometry(x, &geometry);
+  return settle(x, &segment, &geometry) && is_held(x, &segment);
 }
 """
 

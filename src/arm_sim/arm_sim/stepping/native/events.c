@@ -25,18 +25,20 @@ static int is_inside(const real* x) {
 /* Choose the modes at x, with impacts first, and set x right for them; `anchor` receives where points stick. */
 static enum trouble begin_segment(real* x, segment_t* segment, double tick, long long impacts, report_t* report,
                                   real* anchor) {
-  const double lost = impact(x, segment, impacts < MOST_REBOUNDS);
-  stop_rounding(x);
+  geometry_t geometry;
+  const double lost = impact(x, segment, impacts < MOST_REBOUNDS, &geometry);
+  if (stop_rounding(x)) find_geometry(x, &geometry);
   for (int k = 0; k < NC; ++k) segment->contact[k].slow = 0;
-  if (lost < 0.0 || !settle(x, segment)) return UNDETERMINED;
+  if (lost < 0.0 || !settle(x, segment, &geometry)) return UNDETERMINED;
   if (find_slow(x, segment, tick)) {
-    if (!settle(x, segment)) return UNDETERMINED;
+    if (!settle(x, segment, &geometry)) return UNDETERMINED;
     align(x, segment);
+    find_geometry(x, &geometry);
   }
   report->impact_loss += lost;
   report->impacts += lost > 0.0;
-  find_anchors(x, anchor);
-  if (is_off(x, segment)) close_contacts(x, segment, anchor);
+  find_anchors(&geometry, anchor);
+  if (is_off(x, segment, &geometry)) close_contacts(x, segment, anchor);
   return NONE;
 }
 

@@ -40,40 +40,40 @@ static double find_impulse(const inertia_t* inertia, const real* before, const d
  *
  * A contact that opens just then takes part too, for the blow may push it back.
  * A rebound that would not rise above the rounding of the gap is none, and without `rebounds` there are none at all: the
- * contact closes.
+ * contact closes. `geometry` is that of x, before and after.
  */
-static double impact(real* x, segment_t* segment, int rebounds) {
-  geometry_t geometry;
+static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geometry) {
   inertia_t inertia;
   double rebound[NC], impulse[MC], hop[NC], gain;
   int any = 0, any_rebound = 0;
   for (int k = 0; k < NC; ++k) segment->p.contact[k].closed = segment->p.contact[k].sticks = 0.0;
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
-  find_geometry(x, &geometry);
-  find_closed_gaps(segment, &geometry);
+  find_geometry(x, geometry);
+  find_closed_gaps(segment, geometry);
   const double calm = speed_rounding(x);
-  for (int k = 0; k < NC; ++k) any |= segment->contact[k].touching && geometry.speed[3 * k] < -calm;
+  for (int k = 0; k < NC; ++k) any |= segment->contact[k].touching && geometry->speed[3 * k] < -calm;
   if (!any) return 0.0;
   find_inertia(x, segment, &inertia);
-  find_hops(x, segment, &geometry, hop);
+  find_hops(x, segment, geometry, hop);
   for (int k = 0; k < NC; ++k) {
-    const int hits = segment->contact[k].touching && geometry.speed[3 * k] < -calm;
-    rebound[k] = hits ? -restitution[k] * geometry.speed[3 * k] : 0.0;
+    const int hits = segment->contact[k].touching && geometry->speed[3 * k] < -calm;
+    rebound[k] = hits ? -restitution[k] * geometry->speed[3 * k] : 0.0;
     if (rebound[k] <= hop[k] || !rebounds) rebound[k] = 0.0;
     any_rebound |= rebound[k] > 0.0;
   }
-  gain = find_impulse(&inertia, geometry.speed, rebound, 1.0, segment->contact, impulse);
+  gain = find_impulse(&inertia, geometry->speed, rebound, 1.0, segment->contact, impulse);
   if (gain > 0.0 && any_rebound) {
     double low = 0.0, high = 1.0;
     for (int k = 0; k < REBOUND_HALVINGS; ++k) {
       const double middle = 0.5 * (low + high);
-      if (find_impulse(&inertia, geometry.speed, rebound, middle, segment->contact, impulse) > 0.0) high = middle;
+      if (find_impulse(&inertia, geometry->speed, rebound, middle, segment->contact, impulse) > 0.0) high = middle;
       else low = middle;
     }
-    gain = find_impulse(&inertia, geometry.speed, rebound, low, segment->contact, impulse);
+    gain = find_impulse(&inertia, geometry->speed, rebound, low, segment->contact, impulse);
   }
   if (gain == INFINITY) return -1.0;
   for (int i = 0; i < NU; ++i)
     for (int j = 0; j < MC; ++j) x[NU + i] += AT(inertia.B, NU, i, j) * impulse[j];
+  find_geometry(x, geometry);
   return gain < 0.0 ? -gain : 0.0;
 }

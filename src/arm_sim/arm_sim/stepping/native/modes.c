@@ -137,11 +137,16 @@ static double stick_limit(const segment_t* segment, int k) {
 
 static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }
 
-/* Put joints with dry friction at rest that constraints or closed contacts keep there but for rounding. */
-static void stop_rounding(real* x) {
+/* Put joints with dry friction at rest that constraints or closed contacts keep there but for rounding: 1 if any moved. */
+static int stop_rounding(real* x) {
   const double limit = speed_rounding(x);
-  for (int i = 0; (NB || NC) && i < ND; ++i)
-    if (may_stick(i) && fabs(x[NU + i]) <= limit) x[NU + i] = 0.0;
+  int any = 0;
+  for (int i = 0; (NB || NC) && i < ND; ++i) {
+    if (!may_stick(i) || x[NU + i] == 0.0 || fabs(x[NU + i]) > limit) continue;
+    x[NU + i] = 0.0;
+    any = 1;
+  }
+  return any;
 }
 
 /* Speeds of hops that would not rise above the rounding of the gap. */
@@ -182,17 +187,15 @@ static void begin_as_ended(contact_mode_t* mode, const contact_t* contact) {
 }
 
 /* Take it that moving joints slide and those at rest stick, that contacts that touch carry and those at rest stick. */
-static void guess(const real* x, segment_t* segment) {
-  geometry_t geometry;
+static void guess(const real* x, segment_t* segment, const geometry_t* geometry) {
   for (int i = 0; i < ND; ++i) {
     segment->p.direction[i] = may_stick(i) ? sign_of(x[NU + i]) : 1.0;
     segment->turned[i] = 0;
   }
-  find_geometry(x, &geometry);
-  find_touching(x, segment, &geometry);
+  find_touching(x, segment, geometry);
   for (int k = 0; k < NC; ++k) {
     contact_t* contact = segment->contact + k;
-    const real* s = geometry.speed + 3 * k + 1;
+    const real* s = geometry->speed + 3 * k + 1;
     const double size = hypot(s[0], s[1]);
     const int still = holding[k] > 0.0 && (size <= SLOWEST || contact->slow), turns = friction[k] > 0.0 && !still;
     contact->slides = !still;
@@ -333,9 +336,9 @@ static int anything_rests(const real* x, const segment_t* segment) {
 }
 
 /* Find what every contact and joint does: 0 if nothing obeys, or there is no single motion (Painlevé 1895). */
-static int settle(const real* x, segment_t* segment) {
+static int settle(const real* x, segment_t* segment, const geometry_t* geometry) {
   loads_t found;
-  guess(x, segment);
+  guess(x, segment, geometry);
   if (NB && largest_of(x + NU, NU) > 0.0) guess_turning(x, segment);
   if (!anything_rests(x, segment)) return 1;
   for (int attempt = 0; attempt < 3; ++attempt) {
@@ -359,7 +362,9 @@ static int settle(const real* x, segment_t* segment) {
 EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
   segment_t segment = {.u = u, .p = *p};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
-  const int settled = settle(x, &segment);
+  geometry_t geometry;
+  find_geometry(x, &geometry);
+  const int settled = settle(x, &segment, &geometry);
   *p = segment.p;
   return settled ? NONE : UNDETERMINED;
 }

@@ -119,15 +119,13 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
 }
 
 /* Whether a closed contact is not quite closed, or does not quite rest. */
-static int is_off(const real* x, const segment_t* segment) {
+static int is_off(const real* x, const segment_t* segment, const geometry_t* geometry) {
   const double limit = speed_rounding(x) / 10.0;
-  geometry_t geometry;
-  find_geometry(x, &geometry);
   for (int k = 0; k < NC; ++k) {
     const contact_mode_t* mode = segment->p.contact + k;
-    const real* s = geometry.speed + 3 * k;
+    const real* s = geometry->speed + 3 * k;
     if (mode->closed == 0.0) continue;
-    if (fabs(geometry.place[3 * k]) > GAP_ROUNDING * geometry.size[k] || fabs(s[0]) > limit) return 1;
+    if (fabs(geometry->place[3 * k]) > GAP_ROUNDING * geometry->size[k] || fabs(s[0]) > limit) return 1;
     if (mode->sticks != 0.0 && (fabs(s[1]) > limit || fabs(s[2]) > limit)) return 1;
   }
   return 0;
@@ -148,10 +146,8 @@ static void close_contacts(real* x, const segment_t* segment, const real* anchor
 }
 
 /* Where each point is in its plane's tangents. */
-static void find_anchors(const real* x, real* anchor) {
-  geometry_t geometry;
-  find_geometry(x, &geometry);
-  for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry.place[3 * (i / 2) + 1 + i % 2];
+static void find_anchors(const geometry_t* geometry, real* anchor) {
+  for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry->place[3 * (i / 2) + 1 + i % 2];
 }
 
 /* What contacts will do whose mode has just come to its end: lift off, or slip. */
@@ -293,7 +289,7 @@ static void align(real* x, const segment_t* segment) {
   segment_t stopped = *segment;
   int any = 0;
   find_geometry(x, &geometry);
-  find_anchors(x, anchor);
+  find_anchors(&geometry, anchor);
   for (int k = 0; k < NC; ++k) {
     const real* s = geometry.speed + 3 * k + 1;
     contact_mode_t* mode = stopped.p.contact + k;
