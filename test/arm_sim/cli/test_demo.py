@@ -119,9 +119,9 @@ def test_shared_memory_of_one_that_was_killed_is_cleared(
     cleared: list[bool] = []
     monkeypatch.setattr(processes, "clear_dead", lambda: cleared.append(True))
     with Processes(tmp_path) as children:
-        children.start("sim", "--help").kill()
-        children.start("dynamics", "--help")
-        children.stop("sim", "dynamics")
+        children.start("killed", "sim", "--help").kill()
+        children.start("asked", "dynamics", "--help")
+        children.stop("killed", "asked")
         assert cleared == [True]
     assert cleared == [True]
 

@@ -65,7 +65,7 @@ def children(
 
 def start(children: Processes, *names: str) -> list[subprocess.Popen[bytes]]:
     """Start children and wait until they listen to signals."""
-    started = [children.start(name) for name in names]
+    started = [children.start(name, name, "--with-parent") for name in names]
     for name in names:
         while "ready" not in children.log(name).read_text():
             time.sleep(1e-3)
@@ -73,7 +73,7 @@ def start(children: Processes, *names: str) -> list[subprocess.Popen[bytes]]:
 
 
 def ended(children: Processes, name: str) -> subprocess.Popen[bytes]:
-    process = children.start(name, "--more")
+    process = children.start(name, name, "--with-parent", "--more")
     process.wait()
     return process
 

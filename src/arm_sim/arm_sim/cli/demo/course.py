@@ -70,11 +70,13 @@ def _run(
         Observer(motion.model.joint_names, domain, glance) as observer,
     ):
         say(f"starting the nodes (ROS domain {domain}, this machine only)")
-        processes.start("dynamics", str(scene))
-        processes.start("controller", str(scene), *_ROS_CONTROLLER)
+        processes.start("dynamics", "dynamics", str(scene), "--with-parent")
+        processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
         observer.wait_for_partners()
         # Last and alone, so that no other start-up disturbs its clock.
-        processes.start("sim", str(scene), "--report", str(report), *_ROS_SIM)
+        processes.start(
+            "sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM
+        )
         observer.wait_for_motion()
         say("following the trajectory")
         if not observer.send(motion.waypoints):

@@ -45,14 +45,24 @@ class Processes:
             self.stop(*reversed(self._running))
 
     def start(self, name: str, *arguments: str) -> subprocess.Popen[bytes]:
-        """Run a command of the suite, which ends with this process at the latest."""
+        """Run a command of the suite.
+
+        Args:
+            name: Of the process and its log.
+            arguments: The command line after ``./arm``.
+        """
         with self.log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
-                [sys.executable, "-P", "-m", "arm_sim.cli", name, "--with-parent", *arguments],
+                [sys.executable, "-P", "-m", "arm_sim.cli", *arguments],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log,
                 start_new_session=True,  # Ctrl-C reaches them in order, through us
             )  # fmt: skip
         return self._running[name]
+
+    @property
+    def ids(self) -> dict[str, int]:
+        """Process ids by name."""
+        return {name: process.pid for name, process in self._running.items()}
 
     def check(self) -> None:
         """See that all run.
