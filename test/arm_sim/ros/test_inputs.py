@@ -9,6 +9,7 @@ from typing import Any
 
 import pytest
 from geometry_msgs.msg import WrenchStamped
+from pushes import pushed
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
@@ -184,26 +185,18 @@ def test_all_efforts_beyond_are_cut_and_the_first_is_told(
     assert "'panda_joint3'" in said
 
 
-def wrench(frame: str, *numbers: float) -> WrenchStamped:
-    message = WrenchStamped()
-    message.header.frame_id = frame
-    force, moment = message.wrench.force, message.wrench.torque
-    force.x, force.y, force.z, moment.x, moment.y, moment.z = numbers
-    return message
-
-
 def test_a_wrench_goes_to_the_frame_that_it_names(
     inputs: Inputs, engine: TickEngine, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    pushed = list[Any]()
-    monkeypatch.setattr(engine, "push", lambda frame, six: pushed.append((frame, list(six))))
-    inputs.on_wrench(wrench("panda_link7", 1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
-    assert pushed == [("panda_link7", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])]
+    received = list[Any]()
+    monkeypatch.setattr(engine, "push", lambda frame, six: received.append((frame, list(six))))
+    inputs.on_wrench(pushed("panda_link7", 1.0, 2.0, 3.0, 4.0, 5.0, 6.0))
+    assert received == [("panda_link7", [1.0, 2.0, 3.0, 4.0, 5.0, 6.0])]
     assert inputs.refused_wrenches == 0
 
 
 @pytest.mark.parametrize(
-    "message", [wrench("nowhere", *ZERO[1:]), wrench("panda_link7", NAN, *ZERO[2:])]
+    "message", [pushed("nowhere", *ZERO[1:]), pushed("panda_link7", NAN, *ZERO[2:])]
 )
 def test_a_bad_wrench_is_passed_over_and_counted_apart_from_commands(
     inputs: Inputs, engine: TickEngine, log: Log, message: WrenchStamped
@@ -219,7 +212,7 @@ def test_a_bad_wrench_is_passed_over_and_counted_apart_from_commands(
 def test_warnings_of_a_kind_are_two_seconds_apart(inputs: Inputs, log: Log) -> None:
     inputs.on_commands(Float64MultiArray(data=[]))
     inputs.on_commands(Float64MultiArray(data=[1e3] * 7))
-    inputs.on_wrench(wrench("nowhere", *ZERO[1:]))
+    inputs.on_wrench(pushed("nowhere", *ZERO[1:]))
     assert len(log.warnings) == 3
     assert log.throttles == {2.0}
 
@@ -312,7 +305,7 @@ def test_counters_begin_anew(inputs: Inputs) -> None:
     inputs.round_trip.sent(5)
     inputs.on_joint_commands(command(5, joint1=1.0), 10**18)
     inputs.on_joint_commands(command(joint1=NAN))
-    inputs.on_wrench(wrench("nowhere", *ZERO[1:]))
+    inputs.on_wrench(pushed("nowhere", *ZERO[1:]))
     assert (inputs.refused, inputs.refused_wrenches) == (1, 1)
     assert inputs.round_trip.percentiles().count == 1
     inputs.reset_counters()

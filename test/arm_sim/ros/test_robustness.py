@@ -15,10 +15,10 @@ from arm_msgs.srv import (
     SetPayload,
     Step,
 )
-from geometry_msgs.msg import WrenchStamped
 from harness import Ros
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from pushes import pushed
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray, String
@@ -177,11 +177,7 @@ def test_trajectories_of_any_content(nodes: Nodes, name: list[str], points: Any)
 @given(st.sampled_from(["tip", "", "paw", "elbow", "x" * 1000]), st.lists(numbers, min_size=6,
                                                                         max_size=6))  # fmt: skip
 def test_wrenches_of_any_content(nodes: Nodes, frame: str, values: list[float]) -> None:
-    message = WrenchStamped()
-    message.header.frame_id = frame
-    force, torque = message.wrench.force, message.wrench.torque
-    force.x, force.y, force.z, torque.x, torque.y, torque.z = values
-    nodes.sim.inputs.on_wrench(message)
+    nodes.sim.inputs.on_wrench(pushed(frame, *values))
     nodes.sim.tick()
     assert np.isfinite(nodes.sim.simulator.state.q).all()
     alive(nodes)

@@ -11,6 +11,7 @@ from arm_msgs.srv import SetFriction, SetPayload
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
 from harness import Ros
+from pushes import pushed
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, TAU, Waiting, by_hand, ticks
@@ -25,14 +26,6 @@ from arm_sim.ros.commands.arbiter import STREAM
 from arm_sim.ros.sim_node import SimNode
 
 pytestmark = pytest.mark.ros
-
-
-def pushed(frame: str, *values: float) -> WrenchStamped:
-    message = WrenchStamped()
-    message.header.frame_id = frame
-    force, torque = message.wrench.force, message.wrench.torque
-    force.x, force.y, force.z, torque.x, torque.y, torque.z = values
-    return message
 
 
 def finding(node: SimNode, part: str) -> DiagnosticStatus:
