@@ -21,6 +21,7 @@ import stat
 import subprocess
 import tempfile
 from collections.abc import Iterator
+from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
 from contextvars import ContextVar
 from dataclasses import dataclass
@@ -29,6 +30,7 @@ from pathlib import Path
 
 from arm_dynamics.codegen import compiled_scenes, processor
 from arm_dynamics.codegen.compiled_scenes import Code, Manifest
+from arm_dynamics.codegen.split_functions import units
 from arm_dynamics.exceptions import CompilerMissing, KernelError
 
 NATIVE = Path(__file__).parent / "native"
@@ -272,15 +274,32 @@ def _sound(entry: Path) -> bool:
 def _compiled(
     source: str, language: str, command: tuple[str, ...], flags: tuple[str, ...], target: str
 ) -> bytes:
+    suffix = "c" if language == "c" else "cpp"
+    chosen = [*command, f"-march={target}", *flags, f"-I{NATIVE}"]
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
-        suffix = "c" if language == "c" else "cpp"
-        code, library = Path(scratch) / f"kernel.{suffix}", Path(scratch) / "kernel.so"
-        code.write_text(source)
-        chosen = [f"-march={target}", *flags, f"-I{NATIVE}"]
-        done = subprocess.run(
-            [*command, *chosen, "-o", str(library), str(code), "-lm"],
-            capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False,
-        )  # fmt: skip
-        if done.returncode != 0:
-            raise KernelError(f"{command[0]} refused generated code:\n{done.stderr[-2000:]}")
+        library, names = Path(scratch) / "kernel.so", list[str]()
+        for number, text in enumerate(units(source, len(os.sched_getaffinity(0)))):
+            code = Path(scratch) / f"kernel{number or ''}.{suffix}"
+            code.write_text(text)
+            names.append(str(code))
+        objects = names if len(names) == 1 else [f"{name}.o" for name in names]
+        if objects != names:
+            pairs = zip(names, objects, strict=True)
+            _run(*([*chosen, "-c", "-o", made, name] for name, made in pairs))
+        _run([*chosen, "-o", str(library), *objects, "-lm"])
         return library.read_bytes()
+
+
+def _run(*commands: list[str]) -> None:
+    """Run the compiler, all commands at once."""
+    with ThreadPoolExecutor(len(commands)) as pool:
+        done = list(pool.map(_finished, commands))
+    for one in done:
+        if one.returncode != 0:
+            raise KernelError(f"{one.args[0]} refused generated code:\n{one.stderr[-2000:]}")
+
+
+def _finished(command: list[str]) -> subprocess.CompletedProcess[str]:
+    return subprocess.run(
+        command, capture_output=True, text=True, stdin=subprocess.DEVNULL, check=False
+    )

@@ -4,12 +4,13 @@
 A compiler shares registers out to all of a function at once, which takes more time for each
 operation the longer the function is. In pieces a chain of 50 joints compiles in half the time; it
 runs some percent slower, since what a later piece needs goes through memory. The operations and
-their order stay the same, and so do the bits.
+their order stay the same, and so do the bits. Pieces may be compiled apart, on several cores.
 """
 
 from __future__ import annotations
 
 import re
+from dataclasses import dataclass
 
 # Lines of a piece, and up to how many a function stays whole: an arm of ten joints has 2000.
 # Pieces of half the length compile no faster, and longer ones run no faster.
@@ -24,6 +25,26 @@ _FUNCTION = re.compile(
 _PLAIN = re.compile(r"  (?:if \(res\[\d+\]!=0\) res\[\d+\]\[\d+\]|a\d+)=[^;{}]*;")
 _VARIABLE = re.compile(r"\ba\d+\b")
 _WRITTEN = re.compile(r"  (a\d+)=")
+
+# Where what every piece needs ends, and where a piece begins and ends.
+_HEAD_ENDS = "/* end of what every piece needs */\n"
+_AFTER_HELPERS = "/* Configuration this file was compiled with */\n"  # as CasADi writes it
+_PIECE = re.compile(r"/\* piece \*/\n(.*?)/\* end of piece \*/\n", re.DOTALL)
+_SIGNATURE = re.compile(r".*?\)(?= \{$)", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class _Line:
+    """A line, the variable that it writes, empty for a result, and those that it reads."""
+
+    text: str
+    target: str
+    sources: list[str]
+
+    @staticmethod
+    def of(text: str) -> _Line:
+        target, names = _WRITTEN.match(text), _VARIABLE.findall(text)
+        return _Line(text, target.group(1), names[1:]) if target else _Line(text, "", names)
 
 
 def divided(source: str, whole: int = WHOLE, piece: int = PIECE) -> str:
@@ -43,61 +64,95 @@ def divided(source: str, whole: int = WHOLE, piece: int = PIECE) -> str:
         lines = body.splitlines()
         if len(lines) <= whole or not all(map(_PLAIN.fullmatch, lines)):
             return match.group()
-        parts = [lines[k : k + piece] for k in range(0, len(lines), piece)]
+        known = list(map(_Line.of, lines))
+        parts = [known[k : k + piece] for k in range(0, len(known), piece)]
         places = {a: k for k, a in enumerate(_VARIABLE.findall(declarations))}
         return _pieces(name, parts, places) + _caller(name, parameters, len(parts), len(places))
 
-    return _FUNCTION.sub(division, source)
+    text = _FUNCTION.sub(division, source)
+    return text if text == source else text.replace(_AFTER_HELPERS, _HEAD_ENDS + _AFTER_HELPERS, 1)
 
 
-def _pieces(name: str, parts: list[list[str]], places: dict[str, int]) -> str:
+def units(source: str, count: int) -> list[str]:
+    """Source files that make up source together, about as long as one another.
+
+    Args:
+        source: As ``divided`` makes it, with anything before and after.
+        count: How many files at most.
+
+    Returns:
+        The files; the source alone if it has no pieces.
+    """
+    head, found, rest = source.partition(_HEAD_ENDS)
+    if not found or count < 2:
+        return [source]
+    others: list[list[str]] = [[] for _ in range(count - 1)]
+    lengths = [len(_PIECE.sub("", source)), *(0 for _ in others)]
+
+    def place(match: re.Match[str]) -> str:
+        shortest = min(range(count), key=lengths.__getitem__)
+        lengths[shortest] += len(match.group())
+        if not shortest:
+            return match.group()
+        others[shortest - 1].append(match.group())
+        signature = _SIGNATURE.match(match.group(1))
+        assert signature is not None
+        return f"{signature.group()};\n"
+
+    main = head + _PIECE.sub(place, rest)
+    return [main, *(_apart(k, head, pieces) for k, pieces in enumerate(others) if pieces)]
+
+
+def _apart(number: int, head: str, pieces: list[str]) -> str:
+    """A file of pieces, in which the helpers that CasADi writes have names of their own."""
+    names = f"#define CASADI_CODEGEN_PREFIX\n#define CODEGEN_PREFIX unit{number}_\n"
+    return names + head + "".join(pieces)
+
+
+def _pieces(name: str, parts: list[list[_Line]], places: dict[str, int]) -> str:
     """C functions of all pieces; ``live`` hands on the variables that later pieces read."""
     needed: set[str] = set()
     text: list[str] = []
     for number, lines in reversed(list(enumerate(parts))):
         read, written = _use(lines)
-        head = f"static __attribute__((noinline)) void {name}_{number}"
+        head = f"/* piece */\n__attribute__((noinline)) void {name}_{number}"
         arguments = "(const casadi_real** arg, casadi_real** res, casadi_real* live)"
         declaration = f"  casadi_real {', '.join(sorted(read | written))};"
         body = _with_moves(lines, read, needed & written, places)
-        text.insert(0, "\n".join([f"{head}{arguments} {{", declaration, *body, "}\n"]))
+        end = "}\n/* end of piece */\n"
+        text.insert(0, "\n".join([f"{head}{arguments} {{", declaration, *body, end]))
         needed = read | (needed - written)
     return "".join(text)
 
 
-def _use(lines: list[str]) -> tuple[set[str], set[str]]:
+def _use(lines: list[_Line]) -> tuple[set[str], set[str]]:
     """Variables that are read before they are written, and all that are written."""
     read, written = set[str](), set[str]()
     for line in lines:
-        target, sources = _target_and_sources(line)
-        read |= set(sources) - written
-        written |= {target} - {""}
-    return read, written
+        read.update(a for a in line.sources if a not in written)
+        written.add(line.target)
+    return read, written - {""}
 
 
 def _with_moves(
-    lines: list[str], read: set[str], kept: set[str], places: dict[str, int]
+    lines: list[_Line], read: set[str], kept: set[str], places: dict[str, int]
 ) -> list[str]:
     """Lines with ``read`` loaded right before the first use and ``kept`` stored when final.
 
     Loads and stores that all stand at the ends would fill the registers twice.
     """
-    last = {_target_and_sources(line)[0]: k for k, line in enumerate(lines)}
+    last = {line.target: k for k, line in enumerate(lines)}
     missing, moved = set(read), list[str]()
     for k, line in enumerate(lines):
-        target, sources = _target_and_sources(line)
-        moved += [f"  {a}=live[{places[a]}];" for a in dict.fromkeys(sources) if a in missing]
-        missing -= {target, *sources}
-        moved.append(line)
-        if target in kept and last[target] == k:
-            moved.append(f"  live[{places[target]}]={target};")
+        for a in dict.fromkeys(line.sources):
+            if a in missing:
+                moved.append(f"  {a}=live[{places[a]}];")
+        missing.difference_update(line.sources)
+        missing.discard(line.target)
+        moved.append(line.text)
+        if line.target in kept and last[line.target] == k:
+            moved.append(f"  live[{places[line.target]}]={line.target};")
     return moved
-
-
-def _target_and_sources(line: str) -> tuple[str, list[str]]:
-    """Variable that a line writes, empty for a result, and those that it reads."""
-    target, names = _WRITTEN.match(line), _VARIABLE.findall(line)
-    return (target.group(1), names[1:]) if target else ("", names)
 
 
 def _caller(name: str, parameters: str, count: int, variables: int) -> str:

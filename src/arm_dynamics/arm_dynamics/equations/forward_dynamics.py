@@ -34,7 +34,8 @@ class _Body:
 class _Joint:
     """What the outward pass needs of the inward one.
 
-    Column U of the articulated inertia, pivot D, free torque u and bias acceleration c.
+    Column U of the articulated inertia, pivot D, free torque u and bias acceleration c, in which a
+    given acceleration is counted; and whether the joint is free.
     """
 
     U_f: ca.SX
@@ -43,6 +44,7 @@ class _Joint:
     u: ca.SX
     c_f: ca.SX
     c_n: ca.SX
+    free: ca.SX
 
 
 def articulated_bodies(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX) -> ca.SX:
@@ -58,16 +60,42 @@ def articulated_bodies(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.S
     Returns:
         Joint accelerations, shape (n,).
     """
+    n = len(tree.links)
+    return hybrid(tree, q, v, tau, gravity, ca.SX.ones(n), ca.SX(n, 1))[0]
+
+
+def hybrid(
+    tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX, free: ca.SX, given: ca.SX
+) -> tuple[ca.SX, ca.SX]:
+    """Articulated bodies where the accelerations of some joints are given.
+
+    Such a joint hands down all of its body's inertia, as if it were welded (Featherstone, Rigid
+    Body Dynamics Algorithms, 2008, section 9.2).
+
+    Args:
+        tree: The robot, without followers.
+        q: Joint positions in [rad] or [m], shape (n,).
+        v: Joint velocities, shape (n,).
+        tau: Joint torques in [N m] or [N], shape (n,).
+        gravity: Gravity in the world frame in [m/s²], shape (3,).
+        free: 1 for a joint that torques accelerate, 0 for one whose acceleration is given.
+        given: Those accelerations, zero for free joints, shape (n,).
+
+    Returns:
+        Joint accelerations, and the torques that must be taken from ``tau`` where they are given,
+        zero for free joints, each of shape (n,).
+    """
     pose = placements(tree, q)
     velocity = _velocities(tree, pose, v)
     bodies = [_free_body(link, *velocity[i]) for i, link in enumerate(tree.links)]
     joints: dict[int, _Joint] = {}
     for i in reversed(range(len(tree.links))):
         link = tree.links[i]
-        joints[i] = _joint(tree, i, bodies[i], velocity[i], v[i], tau[i])
+        joints[i] = _joint(tree, i, bodies[i], velocity[i], v[i], tau[i], free[i], given[i])
         if link.parent >= 0:
             _hand_down(bodies[link.parent], bodies[i], joints[i], pose[i])
-    return _accelerations(tree, pose, joints, gravity)
+    a, lacking = _accelerations(tree, pose, joints, gravity)
+    return a + given, (1 - free) * lacking
 
 
 def _velocities(tree: Tree, pose: list[Rotation], v: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
@@ -97,24 +125,33 @@ def _free_body(link: Link, lin: ca.SX, ang: ca.SX) -> _Body:
 
 
 def _joint(
-    tree: Tree, i: int, body: _Body, velocity: tuple[ca.SX, ca.SX], v: ca.SX, tau: ca.SX
+    tree: Tree,
+    i: int,
+    body: _Body,
+    velocity: tuple[ca.SX, ca.SX],
+    v: ca.SX,
+    tau: ca.SX,
+    free: ca.SX,
+    given: ca.SX,
 ) -> _Joint:
     z = ca.sparsify(ca.SX([0, 0, 1]))
     lin, ang = velocity
     if tree.links[i].prismatic:
         U_f, U_n = body.A[:, 2], body.H[2, :].T
         D, u = U_f[2], tau - body.f[2]
-        c_f, c_n = v * cross(ang, z), ca.SX(3, 1)
+        c_f, c_n = v * cross(ang, z) + given * z, ca.SX(3, 1)
     else:
         U_f, U_n = body.H[:, 2], body.I[:, 2]
         D, u = U_n[2], tau - body.n[2]
-        c_f, c_n = v * cross(lin, z), v * cross(ang, z)
-    return _Joint(U_f, U_n, D + float(tree.armature[i]), u, ca.sparsify(c_f), ca.sparsify(c_n))
+        c_f, c_n = v * cross(lin, z), v * cross(ang, z) + given * z
+    armature = float(tree.armature[i])
+    u = u - armature * given
+    return _Joint(U_f, U_n, D + armature, u, ca.sparsify(c_f), ca.sparsify(c_n), free)
 
 
 def _hand_down(parent: _Body, body: _Body, joint: _Joint, pose: Rotation) -> None:
     """Add to the parent what it feels of the body through the joint."""
-    s_f, s_n = joint.U_f / joint.D, joint.U_n / joint.D
+    s_f, s_n = joint.free * (joint.U_f / joint.D), joint.free * (joint.U_n / joint.D)
     A = symmetric(body.A - s_f @ joint.U_f.T)
     H = ca.sparsify(body.H - s_f @ joint.U_n.T)
     inertia = symmetric(body.I - s_n @ joint.U_n.T)
@@ -133,19 +170,21 @@ def _hand_down(parent: _Body, body: _Body, joint: _Joint, pose: Rotation) -> Non
 
 def _accelerations(
     tree: Tree, pose: list[Rotation], joints: dict[int, _Joint], gravity: ca.SX
-) -> ca.SX:
+) -> tuple[ca.SX, ca.SX]:
     z = ca.sparsify(ca.SX([0, 0, 1]))
-    a = ca.SX(len(tree.links), 1)
+    """Accelerations of free joints, and what each joint's torque lacks or exceeds before them."""
+    a, lacking = ca.SX(len(tree.links), 1), ca.SX(len(tree.links), 1)
     spatial: list[tuple[ca.SX, ca.SX]] = []
     for i, link in enumerate(tree.links):
         R, p, joint = pose[i].R, pose[i].p, joints[i]
         lin, ang = spatial[link.parent] if link.parent >= 0 else (-gravity, ca.SX(3, 1))
         lin = R.T @ (lin + cross(ang, p)) + joint.c_f
         ang = R.T @ ang + joint.c_n
-        a[i] = (joint.u - joint.U_f.T @ lin - joint.U_n.T @ ang) / joint.D
+        lacking[i] = joint.u - joint.U_f.T @ lin - joint.U_n.T @ ang
+        a[i] = joint.free * (lacking[i] / joint.D)
         lin, ang = (lin + a[i] * z, ang) if link.prismatic else (lin, ang + a[i] * z)
         spatial.append((lin, ang))
-    return a
+    return a, lacking
 
 
 Law = Callable[[Tree, ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]

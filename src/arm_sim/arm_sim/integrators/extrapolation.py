@@ -10,6 +10,7 @@ others lead to.
 
 With x = (q, w), w = (v, z) and f = (v, g) the system reduces to the order of w:
 (I - h ∂g/∂w - h² [∂g/∂q, 0]) Δw = h (g + h ∂g/∂q v), Δq = h (v + Δv).
+For a long arm both sides are multiplied by a matrix H, with which few entries are left.
 """
 
 from __future__ import annotations
@@ -22,13 +23,21 @@ SOURCE = "Deuflhard, SIAM Review 27(4), 1985"
 
 
 def extrapolated_step(
-    rhs: ca.Function, n: int, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX
+    rhs: ca.Function,
+    n: int,
+    x: ca.MX,
+    u: ca.MX,
+    p: ca.MX,
+    h: ca.MX,
+    scaled: ca.Function | None = None,
 ) -> tuple[ca.MX, ca.MX]:
     """Compose one step.
 
     Args:
         rhs: Function (x, u, p) -> x' with x = (q, v, z).
         n: Degrees of freedom.
+        scaled: Function (x, u, p, x') -> H ∂g/∂q, H ∂g/∂w, H of an invertible H, see
+            ``Plant.scaled_jacobian``; None for H = 1.
         x: State, shape (nx,).
         u: Torque, shape (n,).
         p: Parameters.
@@ -37,19 +46,21 @@ def extrapolated_step(
     Returns:
         State at the end, and an estimate of its error, both of shape (nx,).
     """
-    jacobian = _jacobian(rhs, n)
-    J_q, J_w = jacobian(x, u, p)
-    patterns = jacobian.sparsity_out(0), jacobian.sparsity_out(1)
-    factor = _factor(n, *patterns)
-    solve = _solve(n, patterns[0], factor.sparsity_out(0))
+    if scaled is None:
+        J_q, J_w, *H = _jacobian(rhs, n).call([x, u, p])
+    else:
+        J_q, J_w, *H = scaled.call([x, u, p, rhs(x, u, p)])
+    patterns = J_q.sparsity(), *(matrix.sparsity() for matrix in H)
+    factor = _factor(n, J_w.sparsity(), *patterns)
+    solve = _solve(n, factor.sparsity_out(0), *patterns)
     row: list[ca.MX] = []
     for j, parts in enumerate(PARTS):
         length, moved, slopes = h / parts, ca.MX.zeros(x.shape[0]), list[ca.MX]()
-        factors = factor(J_q, J_w, length)
+        factors = factor(J_q, J_w, length, *H)
         for _ in range(parts):
             y = x + moved
             slopes.append(rhs(y, u, p))
-            moved = moved + solve(factors, J_q, y, slopes[-1], length)
+            moved = moved + solve(factors, J_q, y, slopes[-1], length, *H)
         above, row = row, [moved]
         for k in range(j):
             ratio = parts / PARTS[j - k - 1]
@@ -57,7 +68,8 @@ def extrapolated_step(
     estimate = row[-1] - row[-2]
     if x.shape[0] > 2 * n:
         surprise = _surprise(rhs(x + row[0], u, p), slopes)
-        error = solve(factor(J_q, J_w, h), J_q, ca.MX.zeros(x.shape[0]), surprise, h)
+        still = ca.MX.zeros(x.shape[0])
+        error = solve(factor(J_q, J_w, h, *H), J_q, still, surprise, h, *H)
         estimate = ca.fmax(ca.fabs(estimate), ca.fabs(error))
     return x + row[-1], estimate
 
@@ -80,24 +92,29 @@ def _jacobian(rhs: ca.Function, n: int) -> ca.Function:
     return ca.Function("jacobian", [x, u, p], [J[:, :n], J[:, n:]], {"cse": True})
 
 
-def _order(n: int, m: int) -> list[int]:
-    """Pivots: states of laws first, since each touches few others, then velocities."""
-    return [*range(n, m), *range(n)]
+def _order(n: int, m: int, scaled: bool) -> list[int]:
+    """Pivots: states of laws first, since each touches few others, then velocities.
+
+    Those of a scaled system begin at the tips, which keeps the zeros that branches leave in it.
+    """
+    return [*range(n, m), *(reversed(range(n)) if scaled else range(n))]
 
 
-def _factor(n: int, J_q: ca.Sparsity, J_w: ca.Sparsity) -> ca.Function:
-    """LU factors of I - h ∂g/∂w - h² [∂g/∂q, 0] in one matrix.
+def _factor(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
+    """LU factors of H - h ∂g/∂w - h² [∂g/∂q, 0] in one matrix, H = 1 unless its pattern is given.
 
     No pivoting: for a passive law J = (S - D) H with S skew, D and H positive, so that
     I - h J = (1/H + h D - h S) H has a positive symmetric part up to the factor H, and so has
     every leading block: no pivot vanishes, in whatever order, at any h (Golub, Van Loan, Matrix
-    Computations, 4th edition, section 4.4.2). Where a law feeds energy, h is small.
+    Computations, 4th edition, section 4.4.2). So it is with M + h D - h S, the scaled system.
+    Where a law feeds energy, h is small.
     """
     m = J_w.size1()
     Q, W, h = ca.SX.sym("J_q", J_q), ca.SX.sym("J_w", J_w), ca.SX.sym("h")
+    H = [ca.SX.sym("H", pattern) for pattern in scale]
     wide = Q if m == n else ca.horzcat(Q, ca.SX(m, m - n))
-    A = ca.SX.eye(m) - h * (W + h * wide)
-    order = _order(n, m)
+    A = (*H, ca.SX.eye(m))[0] - h * (W + h * wide)
+    order = _order(n, m, bool(H))
     for step, k in enumerate(order):
         rest = [j for j in order[step + 1 :] if A.sparsity().has_nz(k, j)]
         for i in order[step + 1 :]:
@@ -105,16 +122,17 @@ def _factor(n: int, J_q: ca.Sparsity, J_w: ca.Sparsity) -> ca.Function:
                 A[i, k] = A[i, k] / A[k, k]
                 for j in rest:
                     A[i, j] = A[i, j] - A[i, k] * A[k, j]
-    return ca.Function("factor", [Q, W, h], [A], {"cse": True})
+    return ca.Function("factor", [Q, W, h, *H], [A], {"cse": True})
 
 
-def _solve(n: int, J_q: ca.Sparsity, factors: ca.Sparsity) -> ca.Function:
+def _solve(n: int, factors: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
     """What one linearly implicit Euler step adds to x; small, so nothing is rounded off."""
     m = factors.size1()
     LU, Q, h = ca.SX.sym("LU", factors), ca.SX.sym("J_q", J_q), ca.SX.sym("h")
     x, slope = ca.SX.sym("x", n + m), ca.SX.sym("f", n + m)
-    v, order = x[n : 2 * n], _order(n, m)
-    d = h * (slope[n:] + h * (Q @ v))
+    H = [ca.SX.sym("H", pattern) for pattern in scale]
+    v, order = x[n : 2 * n], _order(n, m, bool(H))
+    d = h * ((H[0] @ slope[n:] if H else slope[n:]) + h * (Q @ v))
 
     def known(i: int, others: list[int]) -> ca.SX:
         return sum((LU[i, j] * d[j] for j in others if factors.has_nz(i, j)), ca.SX(0.0))
@@ -123,5 +141,5 @@ def _solve(n: int, J_q: ca.Sparsity, factors: ca.Sparsity) -> ca.Function:
         d[i] = d[i] - known(i, order[:step])
     for step, i in reversed(list(enumerate(order))):
         d[i] = (d[i] - known(i, order[step + 1 :])) / LU[i, i]
-    arguments, moved = [LU, Q, x, slope, h], ca.vertcat(h * (v + d[:n]), d)
+    arguments, moved = [LU, Q, x, slope, h, *H], ca.vertcat(h * (v + d[:n]), d)
     return ca.Function("solve", arguments, [moved], {"cse": True})

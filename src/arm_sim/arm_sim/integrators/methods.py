@@ -21,6 +21,8 @@ from arm_sim.integrators.tableaux import (
 )
 
 Rhs = Callable[[ca.MX], ca.MX]
+Scaled = Callable[[], ca.Function | None]
+"""Makes what an implicit method may use in place of the Jacobian, see ``extrapolated_step``."""
 
 
 @dataclass(frozen=True)
@@ -66,7 +68,11 @@ METHODS = {
 
 
 def build_step(
-    method: Method, rhs: ca.Function, n: int, project: ca.Function | None = None
+    method: Method,
+    rhs: ca.Function,
+    n: int,
+    project: ca.Function | None = None,
+    scaled: Scaled | None = None,
 ) -> ca.Function:
     """Compose one step of fixed length.
 
@@ -75,19 +81,25 @@ def build_step(
         rhs: Function (x, u, p) -> x'.
         n: Degrees of freedom; x starts with q and v of n each.
         project: What brings (q, v) back to the constraints, see ``Plant.project``.
+        scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
 
     Returns:
         Function ``step`` (x, u, p, h) -> x at the end of the step.
     """
     x, u, p, h = _symbols(rhs)
-    after, _ = _advance(method, rhs, n, x, u, p, h)
+    after, _ = _advance(method, rhs, n, x, u, p, h, scaled)
     if project is not None:
         after, *_ = _projected(project, n, x, after, p)
     return ca.Function("step", [x, u, p, h], [after], {"cse": True})
 
 
 def build_attempt(
-    method: Method, rhs: ca.Function, n: int, scale: Array, project: ca.Function | None = None
+    method: Method,
+    rhs: ca.Function,
+    n: int,
+    scale: Array,
+    project: ca.Function | None = None,
+    scaled: Scaled | None = None,
 ) -> ca.Function:
     """Compose one step of a method that estimates its error.
 
@@ -102,6 +114,7 @@ def build_attempt(
         scale: Size that matters of each number of x, shape (nx,); 1 for q and v.
         project: What brings (q, v) back to the constraints; how far a step has left them counts
             as error too.
+        scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
 
     Returns:
         Function ``attempt`` (x, u, p, h) -> (x at the end, scaled error, largest error of q).
@@ -109,7 +122,7 @@ def build_attempt(
     if not method.adaptive:
         raise ValueError(f"{method.name} has no error estimate")
     x, u, p, h = _symbols(rhs)
-    after, estimates = _advance(method, rhs, n, x, u, p, h)
+    after, estimates = _advance(method, rhs, n, x, u, p, h, scaled)
     measure = _norms(scale, len(estimates), n)
     error, error_q = measure(x, after, *estimates)
     if project is not None:
@@ -127,11 +140,20 @@ def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
 
 
 def _advance(
-    method: Method, rhs: ca.Function, n: int, x: ca.MX, u: ca.MX, p: ca.MX, h: ca.MX
+    method: Method,
+    rhs: ca.Function,
+    n: int,
+    x: ca.MX,
+    u: ca.MX,
+    p: ca.MX,
+    h: ca.MX,
+    scaled: Scaled | None,
 ) -> tuple[ca.MX, list[ca.MX]]:
     """State at the end of a step, and estimates of its error if the method has any."""
     if method.name == "implicit":
-        after, estimate = implicit.extrapolated_step(rhs, n, x, u, p, h)
+        after, estimate = implicit.extrapolated_step(
+            rhs, n, x, u, p, h, scaled() if scaled else None
+        )
         return after, [estimate]
     if method.tableau is None:
         return _semi_implicit(lambda y: rhs(y, u, p), x, h, n), []

@@ -19,12 +19,13 @@ from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.equations.contact import ContactPoint
-from arm_dynamics.equations.forward_dynamics import algorithms
+from arm_dynamics.equations.derivatives import inverse_derivatives
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, algorithms
 from arm_dynamics.model.loop_closure import Closure
 from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions, contact_functions
 from arm_sim.plant.parameters import Parameters
-from arm_sim.plant.response import Response
+from arm_sim.plant.response import RecursiveResponse, Response, response_of
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
 Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
@@ -62,9 +63,10 @@ class Plant:
         self.contact: ContactFunctions | None = None
         self.project: ca.Function | None = None
         self._loads: tuple[ca.Function, ...] = ()
-        self.method = f"composite bodies and LDLᵀ, {' and '.join(_held(model))}"
+        self.method = _method(Response.algorithm, model)
         s = Symbols(model, self.parameters)
         joints = Joints(model, s)
+        self._joints = s, joints
         held = Bilateral(model, s, joints) if model.scene.bilateral else None
         self.project = held.project(joints.p) if held else None
         if model.scene.contacts:
@@ -73,8 +75,9 @@ class Plant:
             self.acceleration, push = self.contact.acceleration, self.contact.push
             self._loads = self.contact.loads, self.contact.inertia
         elif model.has_dry_friction:
-            response = held or Response(model, s, joints)
-            self.acceleration, loads, push = _stick_slip(model, s, joints, response)
+            free = held or response_of(model, s, joints)
+            self.method = _method(free.algorithm, model)
+            self.acceleration, loads, push = _stick_slip(model, s, joints, free)
             self._loads = (loads,)
         elif held:
             arguments, a = [s.q, s.v, s.tau, s.p], held.accelerations(held.load)
@@ -100,6 +103,36 @@ class Plant:
         self.events = tuple(_of_state(function, laws, n) for function in self._loads)
         if self.contact:
             self.events = (*self.events, self.contact.geometry, self.contact.close)
+
+    def scaled_jacobian(self) -> ca.Function | None:
+        """The Jacobian of x' = (v, g) by x = (q, w), scaled so that it keeps a tree's zeros.
+
+        With H v̇ = 1 · load for joints that are free, H v̇ = v̇ for those that are held and H ż = ż,
+        H ∂v̇/∂x is the derivative of the torque that a given acceleration leaves over.
+
+        Returns:
+            CasADi function (x, u, p, x') -> H ∂g/∂q, H ∂g/∂w, H, sparse; or None for arms that
+            are short, or held by more than their joints, where the Jacobian itself is as good.
+        """
+        tree, scene = self._joints[0].tree, self.model.scene
+        if self.model.n <= DENSE_AT_MOST or scene.bilateral or scene.contacts:
+            return None
+        n, (s, joints) = self.model.n, self._joints
+        x, u, p = (ca.SX.sym(name, self.rhs.size1_in(i)) for i, name in enumerate("xup"))
+        slope = ca.SX.sym("slope", x.shape[0])
+        q, v, z = split(x, n)
+        tau = self.laws.equations(q, v, z, u).torque if self.laws else u
+        load = s.tau - s.viscous - joints.friction
+        left = ca.Function("load", [s.q, s.v, s.tau, joints.p], [load])(q, v, tau, p)
+        by_q, by_v, M = inverse_derivatives(tree, s.q, s.v, slope[n : 2 * n], s.gravity)
+        inertial = ca.Function("inertial", [s.q, s.v, slope, joints.p], [by_q, by_v, M])
+        by_q, by_v, M = inertial(q, v, slope, p)
+        free = ca.Function("free", [joints.p], [ca.diag(joints.sliding)])(p)
+        rows = ca.sparsify(free @ (ca.jacobian(left, x) - ca.horzcat(by_q, by_v, ca.SX(n, z.shape[0]))))
+        K = ca.vertcat(rows, ca.jacobian(self.rhs(x, u, p)[2 * n :], x))
+        H = ca.diagcat(free @ M @ free + ca.SX.eye(n) - free, ca.SX.eye(z.shape[0]))
+        found = [ca.sparsify(part) for part in (K[:, :n], K[:, n:], H)]
+        return ca.Function("jacobian", [x, u, p, slope], found, {"cse": True})
 
     @cached_property
     def closure(self) -> Closure:
@@ -202,18 +235,18 @@ def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
     return min(candidates, key=lambda candidate: operations(candidate[1]))
 
 
-def _held(model: ArmModel) -> list[str]:
-    """What holds the arm besides its joints, for people."""
+def _method(algorithm: str, model: ArmModel) -> str:
+    """How accelerations are computed, and what holds the arm meanwhile, for people."""
     kinds = {
         "constraints held": model.scene.bilateral,
         "contacts closed or apart": model.scene.contacts,
         "sticking joints held": model.has_dry_friction,
     }
-    return [words for words, present in kinds.items() if present]
+    return f"{algorithm}, {' and '.join(words for words, there in kinds.items() if there)}"
 
 
 def _stick_slip(
-    model: ArmModel, s: Symbols, joints: Joints, response: Response
+    model: ArmModel, s: Symbols, joints: Joints, response: Response | RecursiveResponse
 ) -> tuple[ca.Function, ca.Function, ca.SX]:
     """Acceleration, and what holds sticking joints: as ``loads`` without contacts, as torques."""
     a = response.accelerations(response.load)

@@ -13,6 +13,7 @@ import casadi as ca
 
 from arm_dynamics import ArmModel
 from arm_dynamics.equations import contact, rigid_body
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, hybrid
 from arm_sim.plant.symbols import Joints, Symbols
 
 
@@ -27,7 +28,10 @@ class Response:
     Attributes:
         load: Torques that act: those of the drives less gravity, inertial forces and the friction
             of sliding joints, in [N m] or [N], shape (n,).
+        algorithm: How accelerations are computed, for people.
     """
+
+    algorithm = "composite bodies and LDLᵀ"
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
         n = model.n
@@ -54,3 +58,42 @@ class Response:
             a: ``accelerations`` under them.
         """
         return self._sticking @ (load - self._M @ a)
+
+
+class RecursiveResponse:
+    """The same in work that grows as the number of joints, where none follows another.
+
+    Args:
+        model: The robot.
+        s: Its symbols.
+        joints: What the joints do.
+
+    Attributes:
+        load: Torques that act besides gravity and inertial forces, in [N m] or [N], shape (n,).
+        algorithm: How accelerations are computed, for people.
+    """
+
+    algorithm = "articulated bodies"
+
+    def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
+        self._still, self._s, self._sliding = ca.SX(model.n, 1), s, joints.sliding
+        self.load = s.tau - s.viscous - joints.friction
+
+    def accelerations(self, load: ca.SX) -> ca.SX:
+        """As ``Response``."""
+        return self._motion(load)[0]
+
+    def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
+        """As ``Response``; ``a`` follows from the load."""
+        return self._motion(load)[1]
+
+    def _motion(self, load: ca.SX) -> tuple[ca.SX, ca.SX]:
+        s = self._s
+        return hybrid(s.tree, s.q, s.v, load, s.gravity, self._sliding, self._still)
+
+
+def response_of(model: ArmModel, s: Symbols, joints: Joints) -> Response | RecursiveResponse:
+    """The shorter way for an arm that nothing but its joints holds."""
+    if model.n > DENSE_AT_MOST and not s.tree.has_followers:
+        return RecursiveResponse(model, s, joints)
+    return Response(model, s, joints)

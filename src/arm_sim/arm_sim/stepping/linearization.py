@@ -27,7 +27,8 @@ class Linearizer:
 
     def __init__(self, plant: Plant, choice: Choice) -> None:
         self._plant, self._choice = plant, choice
-        step = build_step(choice.method, plant.rhs, plant.model.n, plant.project)
+        n = plant.model.n
+        step = build_step(choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian)
         step = plant.contact.closing(step) if plant.contact else step
         tick = build_tick(step, actuation(plant))
         x, r, p, h = (
@@ -65,7 +66,9 @@ class Linearizer:
         if choice.tolerance is None:
             return [choice.dt]
         scale, project = plant.scale, plant.project
-        attempt = build_attempt(choice.method, plant.rhs, plant.model.n, scale, project)
+        attempt = build_attempt(
+            choice.method, plant.rhs, plant.model.n, scale, project, plant.scaled_jacobian
+        )
         kernel = Kernel([attempt], "vm")
         u = np.array(actuation(plant)(x, r)).ravel()
         control, taken = SubstepControl(choice.tolerance, choice.method.order), list[float]()

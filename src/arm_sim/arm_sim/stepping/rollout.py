@@ -144,7 +144,8 @@ class Rollouts:
 
     def _source(self, width: int) -> str:
         plant = self._plant
-        step = build_step(self._choice.method, plant.rhs, plant.model.n, plant.project)
+        method, n, scaled = self._choice.method, plant.model.n, plant.scaled_jacobian
+        step = build_step(method, plant.rhs, n, plant.project, scaled)
         tick = build_tick(step, actuation(plant))
         lanes = f'#define LANES {width}\n#include "lanes.hpp"\n'
         driver = source(sizes(plant, [tick]) | {"TICK": "tick"}, "rollout.c")

@@ -204,8 +204,9 @@ def _eventful(plant: Plant) -> str:
 def _smooth(plant: Plant, choice: Choice) -> ca.Function:
     n = plant.model.n
     if choice.tolerance is None:
-        return build_step(choice.method, plant.rhs, n, plant.project)
-    return build_attempt(choice.method, plant.rhs, n, plant.scale, plant.project)
+        return build_step(choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian)
+    scaled = plant.scaled_jacobian
+    return build_attempt(choice.method, plant.rhs, n, plant.scale, plant.project, scaled)
 
 
 def _event_sizes(plant: Plant) -> dict[str, str]:
