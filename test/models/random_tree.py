@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
+
 import numpy as np
 
 KINDS = ("revolute", "continuous", "prismatic", "fixed")
@@ -19,12 +21,30 @@ def random_tree(rng: np.random.Generator, joints: int) -> str:
         URDF text with links ``link0`` (the base) to ``link{joints}`` and joints ``joint1``
             to ``joint{joints}``.
     """
-    parts = ['<robot name="random_tree">', '<link name="link0"/>']
+    parts = _beginning()
     for i in range(1, joints + 1):
         parent = int(rng.integers(max(0, i - 3), i))
         kind = rng.choice(KINDS, p=(0.5, 0.2, 0.18, 0.12)) if i > 1 else "revolute"
         parts += [_link(rng, i), _joint(rng, i, parent, str(kind))]
     return "\n".join([*parts, "</robot>"])
+
+
+def tree(rng: np.random.Generator, parents: Iterable[int], kinds: Sequence[str]) -> str:
+    """Write a tree of given shape: URDF text with the names of ``random_tree``.
+
+    Args:
+        rng: Source of chance.
+        parents: The number of each joint's parent link, 0 for the base.
+        kinds: The type of each joint.
+    """
+    parts = _beginning()
+    for i, (parent, kind) in enumerate(zip(parents, kinds, strict=True), 1):
+        parts += [_link(rng, i), _joint(rng, i, parent, kind)]
+    return "\n".join([*parts, "</robot>"])
+
+
+def _beginning() -> list[str]:
+    return ['<robot name="random_tree">', '<link name="link0"/>']
 
 
 def _link(rng: np.random.Generator, i: int) -> str:

@@ -3,7 +3,9 @@
 
 from __future__ import annotations
 
+import os
 import re
+from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -12,7 +14,7 @@ import pytest
 from arm_dynamics import ArmModel, load_scene
 from arm_dynamics.codegen import Kernel, generate
 from arm_dynamics.codegen import kernel as kernels
-from arm_dynamics.codegen.split_functions import divided
+from arm_dynamics.codegen.split_functions import divided, units
 from arm_sim.plant.plant import Plant
 from benchmarks.robots.urdf import chain_urdf
 
@@ -39,6 +41,28 @@ def test_the_same_bits(rhs: ca.Function, monkeypatch: pytest.MonkeyPatch, piece:
     for x in np.random.default_rng(1).normal(size=(20, 10)):
         u = x[:5]
         np.testing.assert_array_equal(pieces(x, u, [])[0], whole(x, u, [])[0])
+
+
+@pytest.mark.parametrize("cores", [2, 3])
+def test_pieces_compiled_apart_give_the_same_bits(
+    rhs: ca.Function, monkeypatch: pytest.MonkeyPatch, tmp_path: Path, cores: int
+) -> None:
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path))
+    monkeypatch.setattr(os, "sched_getaffinity", lambda _: range(cores))
+    whole = Kernel([rhs], "native").call("rhs")
+    pieces = in_pieces(rhs, monkeypatch, PIECE).call("rhs")
+    for x in np.random.default_rng(1).normal(size=(20, 10)):
+        np.testing.assert_array_equal(pieces(x, x[:5], [])[0], whole(x, x[:5], [])[0])
+
+
+def test_files_share_the_pieces_out(rhs: ca.Function) -> None:
+    source = divided(generate([rhs]), 0, PIECE)
+    files = units(source, 3)
+    bodies = [len(re.findall(r"noinline\)\) void \w+\([^)]*\) \{", file)) for file in files]
+    assert len(files) == 3 and min(bodies) > 0
+    assert sum(bodies) == len(re.findall(r"noinline", source))
+    assert units(source, 1) == [source]
+    assert units(generate([rhs]), 3) == [generate([rhs])]
 
 
 def test_pieces_are_short(rhs: ca.Function) -> None:

@@ -54,6 +54,8 @@ HOW_TO_GET_CODE = (
     "install one (apt install gcc), or compile the scene on another machine "
     "(./arm build SCENE --out DIR) and set ARM_CACHE=DIR"
 )
+# Lines of C that take a compiler more than about two seconds.
+LONG = 20_000
 _DIGEST = hashlib.sha256().digest_size
 _COMPILERS = {
     "c": ("C", "CC", ("cc", "gcc", "clang")),
@@ -168,6 +170,21 @@ def building_into(destination: Destination) -> Iterator[None]:
         _destination.reset(token)
 
 
+def builds_elsewhere() -> bool:
+    """Whether what is built now goes into a folder of compiled scenes."""
+    return _destination.get() is not None
+
+
+def known(key: str) -> Code | None:
+    """C code that was compiled before, from a folder of ARM_CACHE or the user's own cache."""
+    found, _ = compiled_scenes.search(key)
+    command = find_compiler()
+    if found is not None or command is None:
+        return found
+    entry = _own_entry(key, command)
+    return _loaded(entry, command, key) if _sound(entry) else None
+
+
 def cache_folder() -> Path:
     """Folder of compiled kernels, owned by the user, mode 0700.
 
@@ -249,26 +266,39 @@ def _build_into(
 def _from_own_cache(
     key: str, source: str, language: str, command: tuple[str, ...], flags: tuple[str, ...]
 ) -> Code:
-    version = compiler_version(command)
-    name = _digest(key, *command, version, *sorted(processor.instructions()))
-    entry = cache_folder() / f"{name}.so"
+    entry = _own_entry(key, command)
     if not _sound(entry):
         library = _compiled(source, language, command, flags, processor.NATIVE)
         compiled_scenes.put(entry, library + hashlib.sha256(library).digest(), 0o600)
-    return Code(ctypes.CDLL(str(entry)), version)
+    return _loaded(entry, command, key)
+
+
+def _own_entry(key: str, command: tuple[str, ...]) -> Path:
+    version, here = compiler_version(command), sorted(processor.instructions())
+    return cache_folder() / f"{_digest(key, *command, version, *here)}.so"
+
+
+def _loaded(entry: Path, command: tuple[str, ...], key: str) -> Code:
+    return Code(ctypes.CDLL(str(entry)), compiler_version(command), key)
 
 
 def _sound(entry: Path) -> bool:
-    try:
-        if not stat.S_ISREG(entry.lstat().st_mode) or entry.lstat().st_uid != os.getuid():
-            return False
-        content = entry.read_bytes()
-    except OSError:
-        return False
+    content = own_file(entry)
     return (
-        len(content) > _DIGEST
+        content is not None
+        and len(content) > _DIGEST
         and hashlib.sha256(content[:-_DIGEST]).digest() == content[-_DIGEST:]
     )
+
+
+def own_file(path: Path) -> bytes | None:
+    """What is in a plain file of this user; None if there is no such file."""
+    try:
+        if not stat.S_ISREG(path.lstat().st_mode) or path.lstat().st_uid != os.getuid():
+            return None
+        return path.read_bytes()
+    except OSError:
+        return None
 
 
 def _compiled(
@@ -276,9 +306,12 @@ def _compiled(
 ) -> bytes:
     suffix = "c" if language == "c" else "cpp"
     chosen = [*command, f"-march={target}", *flags, f"-I{NATIVE}"]
+    parts = units(source, len(os.sched_getaffinity(0)))
+    if (lines := source.count("\n")) > LONG:
+        _log.info("compiling %d lines of C on %d cores", lines, len(parts))
     with tempfile.TemporaryDirectory(dir=cache_folder()) as scratch:
         library, names = Path(scratch) / "kernel.so", list[str]()
-        for number, text in enumerate(units(source, len(os.sched_getaffinity(0)))):
+        for number, text in enumerate(parts):
             code = Path(scratch) / f"kernel{number or ''}.{suffix}"
             code.write_text(text)
             names.append(str(code))

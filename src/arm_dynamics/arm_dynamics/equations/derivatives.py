@@ -111,7 +111,8 @@ def _outward(
     tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
 ) -> tuple[list[_Joint], list[_Composite]]:
     """Joints, and bodies on their own."""
-    ground = _Joint(*[(ca.SX(3, 1), ca.SX(3, 1))] * 4, (ca.SX(3, 1), -gravity))
+    still = ca.SX(3, 1), ca.SX(3, 1)
+    ground = _Joint(still, still, still, v=still, a=(ca.SX(3, 1), -gravity))
     places: list[tuple[ca.SX, ca.SX]] = []
     joints: list[_Joint] = []
     bodies: list[_Composite] = []

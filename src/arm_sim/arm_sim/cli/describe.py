@@ -7,7 +7,16 @@ from typing import TYPE_CHECKING
 
 import click
 
-from arm_sim.cli.output import console, examples, facts, limit, number, show, table
+from arm_sim.cli.output import (
+    console,
+    examples,
+    facts,
+    limit,
+    number,
+    show,
+    table,
+    told_meanwhile,
+)
 
 if TYPE_CHECKING:
     from rich.console import Console
@@ -37,7 +46,8 @@ def describe(
     """
     from arm_sim import Simulator
 
-    simulator = Simulator(scene, integrator=integrator, dt=dt, tolerance=tolerance)
+    with told_meanwhile():
+        simulator = Simulator(scene, integrator=integrator, dt=dt, tolerance=tolerance)
     out = console()
     _show_robot(out, simulator.model)
     _show_joints(out, simulator.model)

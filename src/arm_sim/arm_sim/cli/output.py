@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+import logging
 import sys
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
+CORES = ("arm_dynamics", "arm_sim")
 _WIDE = 200  # columns where no window sets them, so that a pipe gets whole lines
 
 
@@ -27,6 +30,21 @@ def console() -> Console:
 
     width = None if sys.stdout.isatty() else _WIDE
     return Console(width=width, highlight=False, emoji=False)
+
+
+@contextmanager
+def told_meanwhile() -> Iterator[None]:
+    """Say on stderr what the cores are busy with, as they log it, while the context lasts."""
+    handler, log = logging.StreamHandler(), [logging.getLogger(name) for name in CORES]
+    for logger in log:
+        logger.addHandler(handler)
+        logger.setLevel(logging.INFO)
+    try:
+        yield
+    finally:
+        for logger in log:
+            logger.removeHandler(handler)
+            logger.setLevel(logging.NOTSET)
 
 
 def table(

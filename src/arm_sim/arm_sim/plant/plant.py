@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -57,11 +58,43 @@ class Plant:
         method: Which algorithm turned out shorter, as text.
     """
 
+    acceleration: ca.Function
+    rhs: ca.Function
+    events: tuple[ca.Function, ...]
+    method: str
+    contact: ContactFunctions | None
+    project: ca.Function | None
+
     def __init__(self, model: ArmModel) -> None:
         self.model = model
         self.parameters = Parameters(model)
-        self.contact: ContactFunctions | None = None
-        self.project: ca.Function | None = None
+        laws = laws_of(model)
+        self.laws = Ensemble(laws, model.n) if laws else None
+        self.torques = _torques(self.laws) if self.laws else None
+        if not model.scene.contacts:
+            self.contact = None
+        if not model.scene.bilateral:
+            self.project = None
+
+    def __getattr__(self, name: str) -> Any:
+        """Write the equations when one of them is first asked for; compiled code needs none."""
+        if name not in _WRITTEN:
+            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
+        self._write(self.model)
+        return vars(self)[name]
+
+    def described(self) -> str | None:
+        """All that the equations follow from, as text.
+
+        None where they are needed in any case: to choose a method for laws, and to close gaps.
+        """
+        scene = self.model.scene
+        if self.laws or scene.contacts or scene.bilateral:
+            return None
+        return f"{self.model.scene.model_dump_json()} {self.model.viscous.tolist()}"
+
+    def _write(self, model: ArmModel) -> None:
+        self.contact, self.project = None, None
         self._loads: tuple[ca.Function, ...] = ()
         self.method = _method(Response.algorithm, model)
         s = Symbols(model, self.parameters)
@@ -86,11 +119,12 @@ class Plant:
             self.method, self.acceleration = _shortest(model, s)
         if held and self._loads:
             self._loads = (*self._loads, _bilateral(s, joints, held, push))
-        laws = laws_of(model)
-        self._compose(Ensemble(laws, model.n) if laws else None)
+        self._compose(self.laws)
 
     def accounted(self, ledger: Ensemble) -> Plant:
         """The same arm with laws whose last state is what friction of contacts has taken."""
+        if "rhs" not in vars(self):
+            self._write(self.model)
         other = copy(self)
         other._compose(ledger, [self.contact.lost] if self.contact else [_nothing])
         return other
@@ -128,7 +162,8 @@ class Plant:
         inertial = ca.Function("inertial", [s.q, s.v, slope, joints.p], [by_q, by_v, M])
         by_q, by_v, M = inertial(q, v, slope, p)
         free = ca.Function("free", [joints.p], [ca.diag(joints.sliding)])(p)
-        rows = ca.sparsify(free @ (ca.jacobian(left, x) - ca.horzcat(by_q, by_v, ca.SX(n, z.shape[0]))))
+        inertial_by_x = ca.horzcat(by_q, by_v, ca.SX(n, z.shape[0]))
+        rows = ca.sparsify(free @ (ca.jacobian(left, x) - inertial_by_x))
         K = ca.vertcat(rows, ca.jacobian(self.rhs(x, u, p)[2 * n :], x))
         H = ca.diagcat(free @ M @ free + ca.SX.eye(n) - free, ca.SX.eye(z.shape[0]))
         found = [ca.sparsify(part) for part in (K[:, :n], K[:, n:], H)]
@@ -178,6 +213,10 @@ class Plant:
             return u
         torque: Array = np.array(self.torques(x.T, u.T)[0]).T
         return torque.reshape(u.shape)
+
+
+_WRITTEN = ("acceleration", "rhs", "events", "method", "contact", "project", "_joints", "_loads")
+"""Attributes of a plant that come with its equations."""
 
 
 def split(x: ca.SX, n: int) -> tuple[ca.SX, ca.SX, ca.SX]:

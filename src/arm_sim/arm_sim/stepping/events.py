@@ -63,7 +63,7 @@ class Modes:
 
     def __init__(self, plant: Plant, tunable: Array) -> None:
         """Take over tunable numbers; every joint and contact is still to be determined."""
-        directions = plant.model.n if plant.events and plant.model.has_dry_friction else 0
+        directions = plant.model.n if plant.model.has_dry_friction else 0
         layout = np.dtype(
             [
                 ("tunable", float, (len(tunable),)),

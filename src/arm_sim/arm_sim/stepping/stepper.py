@@ -9,6 +9,7 @@ events also runs on CasADi's virtual machine.
 from __future__ import annotations
 
 import ctypes
+import logging
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -20,8 +21,10 @@ import numpy as np
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.recall import recalled
 from arm_dynamics.dynamics.verify import check_constrained, check_forward
 from arm_dynamics.equations.contact import AT_REST
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl, actuation
@@ -36,6 +39,8 @@ from arm_sim.stepping.adaptive import (
 )
 from arm_sim.stepping.events import EventReport, Modes
 
+_log = logging.getLogger(__name__)
+PACKAGE = Path(__file__).parents[1]
 NATIVE = Path(__file__).parent / "native"
 WITH_EVENTS = ("cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c")
 """Parts of the engine that only scenes with events need, in their order."""
@@ -64,10 +69,10 @@ class Stepper:
     def __init__(
         self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
     ) -> None:
-        smooth, actuate = _smooth(plant, choice), actuation(plant, control)
-        functions = [plant.rhs, smooth, actuate, *plant.events]
-        engine = engine_source(plant, choice, functions)
-        self.kernel = Kernel(functions, backend, engine, needs_native=_eventful(plant))
+        described = plant.described() if control is None and backend != "vm" else None
+        what = described and f"{described} {choice.method.name} {choice.tolerance is None}"
+        make = partial(_kernel, plant, choice, backend, control)
+        self.kernel = recalled(what, (PACKAGE,), make)
         _check(plant, self.kernel)
         self._plant, self._dt = plant, choice.dt
         self.p = plant.parameters.nominal
@@ -75,9 +80,10 @@ class Stepper:
         self._control: SubstepControl | None = None
         if choice.tolerance is not None:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
-        limits = 0 if self._control else self.kernel.operations(actuate.name())
-        self.tick_operations = self.kernel.operations(smooth.name()) + limits
-        self._smooth, self._actuate = self.kernel.call(smooth.name()), self.kernel.call("actuate")
+        smooth = "attempt" if self._control else "step"
+        limits = 0 if self._control else self.kernel.operations("actuate")
+        self.tick_operations = self.kernel.operations(smooth) + limits
+        self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
 
     def bound(
         self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
@@ -157,6 +163,15 @@ class Stepper:
             return False
         x[:] = after
         return True
+
+
+def _kernel(plant: Plant, choice: Choice, backend: str, control: CompiledControl | None) -> Kernel:
+    """What a stepper runs, from the equations."""
+    if plant.model.n > DENSE_AT_MOST:
+        _log.info("writing the equations of %d joints", plant.model.n)
+    functions = [plant.rhs, _smooth(plant, choice), actuation(plant, control), *plant.events]
+    engine = engine_source(plant, choice, functions)
+    return Kernel(functions, backend, engine, needs_native=_eventful(plant))
 
 
 def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:

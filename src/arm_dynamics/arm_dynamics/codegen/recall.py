@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Kernels by what they were made from, so that known code needs no equations written again.
+
+For a robot of 100 joints writing the equations takes as long as compiling them. A note in the
+user's cache says which code a description led to, and what its functions take and give. It is
+found by the digest of the description and of this software, and it is worth no more than the code
+that it names: that is found by its own digest and checked as ever (see ``compiler``).
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pinocchio as pin
+from pydantic import BaseModel, ConfigDict, ValidationError
+
+from arm_dynamics.codegen import compiled_scenes, compiler
+from arm_dynamics.codegen.kernel import Interface, Kernel
+
+PACKAGES = (Path(__file__).parents[1],)
+_SOURCES = (".py", ".c", ".h", ".hpp")
+
+
+class Note(BaseModel):
+    """What a description led to.
+
+    Attributes:
+        code: Key of the code, see ``compiler.build``.
+        functions: Its functions by name.
+    """
+
+    model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
+
+    code: str
+    functions: dict[str, Interface]
+
+
+def recalled(
+    description: str | None, packages: tuple[Path, ...], make: Callable[[], Kernel]
+) -> Kernel:
+    """The kernel that a description led to before, else a new one.
+
+    Args:
+        description: All that the kernel follows from but the software; None for what cannot be
+            described.
+        packages: Folders of the software that makes it, this package aside.
+        make: Makes it.
+    """
+    if description is None or compiler.builds_elsewhere():
+        return make()
+    place = compiler.cache_folder() / f"{_digest(description, packages)}.json"
+    note = _read(place)
+    code = compiler.known(note.code) if note else None
+    if note and code:
+        return Kernel.of_code(code, note.functions)
+    kernel = make()
+    if kernel.key:
+        note = Note(code=kernel.key, functions=kernel.interfaces)
+        compiled_scenes.put(place, _sealed(note.model_dump_json().encode()), 0o600)
+    return kernel
+
+
+def _read(place: Path) -> Note | None:
+    """A note, None if there is none or it is not as it was written."""
+    content = compiler.own_file(place)
+    if content is None or _sealed(text := content.partition(b"\n")[2]) != content:
+        return None
+    try:
+        return Note.model_validate_json(text)
+    except ValidationError:
+        return None
+
+
+def _sealed(text: bytes) -> bytes:
+    return hashlib.sha256(text).hexdigest().encode() + b"\n" + text
+
+
+def _digest(description: str, packages: tuple[Path, ...]) -> str:
+    parts = description, software(packages)
+    return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
+
+
+@cache
+def software(packages: tuple[Path, ...]) -> str:
+    """Digest of the sources of this package and of others, and of what they build on."""
+    versions = (ca.__version__, pin.__version__, np.__version__)
+    found = hashlib.sha256("\0".join(versions).encode())
+    for folder in (*PACKAGES, *packages):
+        for path in sorted(p for p in folder.rglob("*") if p.suffix in _SOURCES):
+            content = path.read_bytes()
+            found.update(f"{path.relative_to(folder)}\0{len(content)}\0".encode() + content)
+    return found.hexdigest()

@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The implicit method for long arms: the scaled Jacobian gives the step that the plain one does."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import pytest
+
+from arm_dynamics import ArmModel, load_scene
+from arm_sim.integrators.methods import METHODS, build_attempt, build_step
+from arm_sim.plant.plant import Plant
+from models.large import mobile
+from tolerances import INVERSE_PAIR, assert_close
+
+VISCOUS = {"viscous": 20.0}
+DRY = {"viscous": 20.0, "coulomb": 0.3}
+BRISTLES = {"viscous": 0.2, "coulomb": 0.3, "lugre": {"sigma0": 1e4, "sigma1": 20.0}}
+
+
+@pytest.fixture(params=[VISCOUS, DRY, BRISTLES], ids=["viscous", "dry", "bristles"])
+def plant(request: pytest.FixtureRequest, rng: np.random.Generator) -> Plant:
+    scene: dict[str, Any] = {
+        "robot": {"urdf": mobile(rng, 18)},
+        "joints": {"*": {"friction": request.param}},
+    }
+    return Plant(ArmModel(load_scene(scene)))
+
+
+def arguments(plant: Plant, rng: np.random.Generator) -> list[np.ndarray]:
+    q, v, u = rng.uniform(-1.0, 1.0, (3, plant.model.n))
+    modes = rng.integers(-1, 2, plant.rhs.size1_in(2))
+    v[modes == 0 if modes.size else []] = 0.0
+    return [np.concatenate([q, v, plant.initial(q, v)]), u, modes]
+
+
+def test_is_the_jacobian_times_a_matrix(plant: Plant, rng: np.random.Generator) -> None:
+    x, u, p = arguments(plant, rng)
+    scaled, n = plant.scaled_jacobian(), plant.model.n
+    assert scaled is not None
+    by_q, by_w, H = (np.array(part) for part in scaled(x, u, p, plant.rhs(x, u, p)))
+    symbols = [ca.SX.sym(name, len(value)) for name, value in zip("xup", (x, u, p), strict=True)]
+    J = ca.Function("J", symbols, [ca.jacobian(plant.rhs(*symbols)[n:], symbols[0])])
+    assert_close(np.hstack([by_q, by_w]), H @ np.array(J(x, u, p)), INVERSE_PAIR)
+    assert scaled.nnz_out(1) < 0.7 * by_w.size
+
+
+def test_gives_the_same_step(plant: Plant, rng: np.random.Generator) -> None:
+    given, method, n = arguments(plant, rng), METHODS["implicit"], plant.model.n
+    steps = [
+        build_attempt(method, plant.rhs, n, plant.scale, None, scaled)
+        if plant.nz
+        else build_step(method, plant.rhs, n, None, scaled)
+        for scaled in (None, plant.scaled_jacobian)
+    ]
+    plain, sparse = (
+        np.array(step(*given, 1e-3)[0] if plant.nz else step(*given, 1e-3)) for step in steps
+    )
+    assert_close(sparse, plain, INVERSE_PAIR)
+
+
+def test_short_arms_and_those_that_more_holds_have_none(rng: np.random.Generator) -> None:
+    floor = {
+        "type": "contact",
+        "frame": "link18",
+        "point": [0, 0, 0],
+        "plane": {"frame": "world", "point": [0, 0, -9], "normal": [0, 0, 1]},
+    }
+    touching = {"robot": {"urdf": mobile(rng, 18)}, "constraints": [floor]}
+    assert Plant(ArmModel(load_scene(touching))).scaled_jacobian() is None
+    assert Plant(ArmModel(load_scene(mobile(rng, 16)))).scaled_jacobian() is None
