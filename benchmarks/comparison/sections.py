@@ -228,8 +228,8 @@ def _startup(results: Record) -> str:
     head = ("robot", "joints", "cold", "cached", "compiling", "load_scene", "Simulator",
             "first step", "imports", "compiled code")  # fmt: skip
     text = (
-        "Wall time from scene to first step, a fresh process each; what compiling adds in "
-        "processor time; parts of the cached start."
+        "Wall time from scene to first step, a fresh process each; what writing and "
+        "compiling the equations adds in processor time; parts of the cached start."
     )
     return f"{text}\n\n" + table(head, body)
 

@@ -16,7 +16,7 @@ marks = [time.perf_counter()]
 worked = sum(os.times()[:4])  # of this process and of the compiler that it waits for
 scene = load_scene(sys.argv[1])
 marks.append(time.perf_counter())
-simulator = Simulator(scene, integrator="rk4", dt=1e-3)
+simulator = Simulator(scene, integrator=sys.argv[2], dt=1e-3)
 marks.append(time.perf_counter())
 simulator.step(np.zeros(simulator.n))
 marks.append(time.perf_counter())
