@@ -170,19 +170,18 @@ def building_into(destination: Destination) -> Iterator[None]:
         _destination.reset(token)
 
 
-def builds_elsewhere() -> bool:
-    """Whether what is built now goes into a folder of compiled scenes."""
-    return _destination.get() is not None
+def keeps_code() -> bool:
+    """Whether C code comes from a compiler and the user's own cache alone."""
+    elsewhere = _destination.get() is not None or compiled_scenes.folders()
+    return find_compiler() is not None and not elsewhere
 
 
-def known(key: str) -> Code | None:
-    """C code that was compiled before, from a folder of ARM_CACHE or the user's own cache."""
-    found, _ = compiled_scenes.search(key)
+def kept(key: str) -> Code | None:
+    """C code that is in the user's own cache."""
     command = find_compiler()
-    if found is not None or command is None:
-        return found
-    entry = _own_entry(key, command)
-    return _loaded(entry, command, key) if _sound(entry) else None
+    if command is None or not _sound(entry := _own_entry(key, command)):
+        return None
+    return _loaded(entry, command, key)
 
 
 def cache_folder() -> Path:

@@ -51,11 +51,11 @@ def recalled(
         packages: Folders of the software that makes it, this package aside.
         make: Makes it.
     """
-    if description is None or compiler.builds_elsewhere():
+    if description is None or not compiler.keeps_code():
         return make()
     place = compiler.cache_folder() / f"{_digest(description, packages)}.json"
     note = _read(place)
-    code = compiler.known(note.code) if note else None
+    code = compiler.kept(note.code) if note else None
     if note and code:
         return Kernel.of_code(code, note.functions)
     kernel = make()
