@@ -92,7 +92,7 @@ def test_a_note_that_is_not_as_it_was_written_is_worth_nothing(
     (note,), (code,) = cache.glob("*.json"), cache.glob("*.so")
     text = note.read_bytes()
     if damage == "changed":
-        note.write_bytes(text.replace(b'"operations":', b'"operations":1'))
+        note.write_bytes(text.replace(b'"work":[', b'"work":[1'))
     elif damage == "emptied":
         note.write_bytes(b"")
     else:

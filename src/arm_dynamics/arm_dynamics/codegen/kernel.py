@@ -57,7 +57,6 @@ class Interface(BaseModel):
         inputs: Shape of each argument.
         outputs: Shape of each result.
         work: Lengths of its tables of arguments and results, and of its integers and numbers.
-        operations: In one call.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -65,7 +64,6 @@ class Interface(BaseModel):
     inputs: tuple[tuple[int, int], ...]
     outputs: tuple[tuple[int, int], ...]
     work: tuple[int, int, int, int]
-    operations: int
 
     @staticmethod
     def of(function: ca.Function) -> Interface:
@@ -74,7 +72,6 @@ class Interface(BaseModel):
             inputs=tuple(function.size_in(i) for i in range(function.n_in())),
             outputs=tuple(function.size_out(i) for i in range(function.n_out())),
             work=(function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()),
-            operations=operations(function),
         )
 
 
@@ -112,6 +109,7 @@ class Kernel:
             raise InvalidInput(f"backend = {backend!r}; allowed: {', '.join(BACKENDS)}")
         self._functions = {function.name(): function for function in functions}
         self.interfaces = {name: Interface.of(f) for name, f in self._functions.items()}
+        self._counts: dict[str, int] = {}
         self.library: ctypes.CDLL | None = None
         self.backend, self.key = "virtual machine of CasADi", ""
         if backend != "vm":
@@ -123,10 +121,12 @@ class Kernel:
             )
 
     @classmethod
-    def of_code(cls, code: Code, interfaces: Mapping[str, Interface]) -> Kernel:
+    def of_code(
+        cls, code: Code, interfaces: Mapping[str, Interface], counts: Mapping[str, int]
+    ) -> Kernel:
         """Code whose functions are known, without their expressions."""
         kernel = cls.__new__(cls)
-        kernel._functions, kernel.interfaces = {}, dict(interfaces)
+        kernel._functions, kernel.interfaces, kernel._counts = {}, dict(interfaces), dict(counts)
         kernel.library, kernel.backend, kernel.key = code.library, code.origin, code.key
         return kernel
 
@@ -137,7 +137,9 @@ class Kernel:
 
     def operations(self, name: str) -> int:
         """Operations in one call of the function ``name``, with those of functions it calls."""
-        return self.interfaces[name].operations
+        if name not in self._counts:
+            self._counts[name] = operations(self._functions[name])
+        return self._counts[name]
 
     def call(self, name: str) -> Call:
         """Bind the function ``name`` to fresh memory."""

@@ -32,12 +32,14 @@ class Note(BaseModel):
     Attributes:
         code: Key of the code, see ``compiler.build``.
         functions: Its functions by name.
+        operations: In one call of each.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True, strict=True)
 
     code: str
     functions: dict[str, Interface]
+    operations: dict[str, int]
 
 
 def recalled(
@@ -57,10 +59,11 @@ def recalled(
     note = _read(place)
     code = compiler.kept(note.code) if note else None
     if note and code:
-        return Kernel.of_code(code, note.functions)
+        return Kernel.of_code(code, note.functions, note.operations)
     kernel = make()
     if kernel.key:
-        note = Note(code=kernel.key, functions=kernel.interfaces)
+        counts = {name: kernel.operations(name) for name in kernel.interfaces}
+        note = Note(code=kernel.key, functions=kernel.interfaces, operations=counts)
         compiled_scenes.put(place, _sealed(note.model_dump_json().encode()), 0o600)
     return kernel
 

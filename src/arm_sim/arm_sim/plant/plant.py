@@ -91,7 +91,10 @@ class Plant:
         scene = self.model.scene
         if self.laws or scene.contacts or scene.bilateral:
             return None
-        return f"{self.model.scene.model_dump_json()} {self.model.viscous.tolist()}"
+        model = self.model  # which may have been changed since it was made of the scene
+        numbers = model.viscous, model.friction.level, model.armature, model.command_limit
+        lists = [values.tolist() for values in numbers]
+        return f"{model.scene.model_dump_json()} {model.pin.saveToString()} {lists}"
 
     def _write(self, model: ArmModel) -> None:
         self.contact, self.project = None, None

@@ -40,6 +40,7 @@ from arm_sim.stepping.adaptive import (
 from arm_sim.stepping.events import EventReport, Modes
 
 _log = logging.getLogger(__name__)
+NATIVE_BACKENDS = ("auto", "native")
 PACKAGE = Path(__file__).parents[1]
 NATIVE = Path(__file__).parent / "native"
 WITH_EVENTS = ("cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c")
@@ -69,7 +70,7 @@ class Stepper:
     def __init__(
         self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
     ) -> None:
-        described = plant.described() if control is None and backend != "vm" else None
+        described = plant.described() if control is None and backend in NATIVE_BACKENDS else None
         what = described and f"{described} {choice.method.name} {choice.tolerance is None}"
         make = partial(_kernel, plant, choice, backend, control)
         self.kernel = recalled(what, (PACKAGE,), make)
