@@ -10,18 +10,22 @@ import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_sim.compiled_scene import CompiledScene
 from arm_sim.recording.recording import Recording
 from arm_sim.stepping.events import Trouble
 from arm_sim.stepping.stepper import Stepper
 
 _WHY = {
-    Trouble.EVENTS: "; contacts touch or slip without end in it",
     Trouble.UNDETERMINED: (
         "; no single motion of its contacts obeys all laws: friction presses a sliding contact "
         "together faster than the normal force opens it (Painlevé's paradox), or contacts jam"
     ),
     Trouble.INSIDE: "; a contact point is inside its plane",
+    Trouble.STOP: (
+        f"; a joint meets its stop, and events need compiled code: {HOW_TO_GET_CODE}; "
+        "limits.stop: false takes a stop away"
+    ),
 }
 
 

@@ -14,6 +14,7 @@ from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
+from arm_dynamics.model.stops import Stops
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper
@@ -78,7 +79,7 @@ class Plan:
         self._plant, self._choice, self._stepper = plant, choice, stepper
         self.parts = _parts(plant)
         self.operations = stepper.tick_operations
-        self.evaluation = operations(plant.acceleration)
+        self.evaluation = operations((plant.free or plant).acceleration)
         self.algorithm = plant.method
         self.integrator = choice.method.name
         self.reason = choice.reason
@@ -92,12 +93,12 @@ class Plan:
         """
         model, nx = self._plant.model, self._plant.nx
         trace, effort = np.empty((TIMED_TICKS, nx)), np.empty((TIMED_TICKS, model.n))
-        errors, best = np.empty(TIMED_TICKS), np.inf
+        notes, best = np.empty((TIMED_TICKS, 2)), np.inf
         for _ in range(REPEATS):
             self._stepper.restart()
             x = np.concatenate([model.q0, model.v0, self._plant.initial(model.q0, model.v0)])
             start = time.perf_counter_ns()
-            done = self._stepper.roll(x, np.zeros(model.n), trace, effort, errors)
+            done = self._stepper.roll(x, np.zeros(model.n), trace, effort, notes)
             best = min(best, (time.perf_counter_ns() - start) / max(1, done))
         self._stepper.restart()
         return best
@@ -159,6 +160,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("gear losses", model.friction.gears, gears, "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
         _part("constraints", rows, f"{rows} rows, {model.n - rows} freedoms left", "none"),
+        _part("end stops", model.stops, _stops(model.stops), "no joint has one"),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
         _part("locked joints", False, "", f"{locked} folded away" if locked else "none"),
@@ -170,6 +172,16 @@ def _part(name: str, on: object, why: str, why_not: str, tunable: bool = False) 
     if tunable:
         return Part(name, True, f"{why if on else why_not}, tunable")
     return Part(name, bool(on), why if on else why_not)
+
+
+def _stops(stops: Stops) -> str:
+    kinds = {"rigid": stops.rigid, "compliant": stops.compliant}
+    counts = [
+        f"{int(ends.any(axis=0).sum())} joints, {kind}"
+        for kind, ends in kinds.items()
+        if ends.any()
+    ]
+    return f"{' and '.join(counts)}, solved by events"
 
 
 def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:

@@ -201,8 +201,8 @@ def test_why_a_tick_failed_is_told_where_contacts_are_to_blame(
     sim = Simulator({**rails("z"), "constraints": [contact("body")]})
     stepper, x = sim.compiled.stepper, np.array([height, speed])
     assert trouble(stepper) == ""
-    trace, effort, errors = np.zeros((1, 2)), np.zeros((1, 1)), np.zeros(1)
-    assert stepper.roll(x, np.zeros(1), trace, effort, errors) == good
+    trace, effort, notes = np.zeros((1, 2)), np.zeros((1, 1)), np.zeros((1, 2))
+    assert stepper.roll(x, np.zeros(1), trace, effort, notes) == good
     assert trouble(stepper) == said
     assert good or (x == [height, speed]).all()
     stepper.restart()

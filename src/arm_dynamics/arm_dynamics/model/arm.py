@@ -9,10 +9,12 @@ from copy import copy
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.drive import drives_of
 from arm_dynamics.model.friction import Given, friction_of
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.robot import Robot, velocity_index
+from arm_dynamics.model.stops import Range, stops_of
 from arm_dynamics.scene.schema import Joint, Limits, Scene
 
 
@@ -27,6 +29,7 @@ class ArmModel(Robot):
         command_unit: What a command is for each joint: ``N m``, ``N``, ``A`` or ``V``.
         command_limit: Limits of the commands in their units, inf where there is none, shape (n,).
         velocity_limit: Speed limits in [rad/s] or [m/s], inf where there is none, shape (n,).
+        stops: Ranges of the joints and the stops at their ends.
         position_lower: Lower limits in [rad] or [m], shape (n,).
         position_upper: Upper limits in [rad] or [m], shape (n,).
         q0: Initial positions, shape (n,).
@@ -46,12 +49,15 @@ class ArmModel(Robot):
         index = velocity_index(self._whole)
         self._set_drives(joints, index)
         self._set_limits([joints[name].limits for name in self.joint_names], index)
-        q0 = np.array([scene.initial.position.get(name, 0.0) for name in self.joint_names])
+        self.stops = stops_of(self._ranges(), self.joint_names)
+        self.position_lower, self.position_upper = self.stops.limit
+        q0 = self._start()
         v0 = np.array([scene.initial.velocity.get(name, 0.0) for name in self.joint_names])
         self.constraint_rows: dict[int, tuple[int, ...]] = {}
         if scene.bilateral:
             closure = Closure(self)
             q0, v0 = closure.closed(q0, v0)
+            self._refuse(q0, "scene: when its constraints are closed, ")
             self.constraint_rows = closure.independent_rows(q0)
         self.q0, self.v0 = read_only(q0), read_only(v0)
 
@@ -70,6 +76,45 @@ class ArmModel(Robot):
         other = copy(self)
         other.friction = self.friction.with_viscous(viscous)
         return other
+
+    def _ranges(self) -> list[Range]:
+        """Ranges of all moving joints, from the scene, else from the URDF."""
+        whole, found = self._whole, []
+        for name in self._index:
+            limits, joint = self.scene.joint(name).limits, whole.joints[whole.getJointId(name)]
+            lower, upper = -np.inf, np.inf
+            if joint.nq == 1:
+                lower, upper = (
+                    float(given[joint.idx_q])
+                    for given in (whole.lowerPositionLimit, whole.upperPositionLimit)
+                )
+            if lower == upper:  # a <limit> that names neither
+                lower, upper = -np.inf, np.inf
+            own = self._rules.get(name)
+            leader = own.leader if own else name
+            found.append(
+                Range(
+                    name,
+                    lower if limits.lower is None else limits.lower,
+                    upper if limits.upper is None else limits.upper,
+                    limits.stop,
+                    self.joint_names.index(leader),
+                    *((own.multiplier, own.offset) if own else (1.0, 0.0)),
+                )
+            )
+        return found
+
+    def _start(self) -> Array:
+        """Initial positions before constraints are closed, shape (n,)."""
+        given = self.scene.initial.position
+        q = np.array([given.get(name, 0.0) for name in self.joint_names])
+        nearest, named = self.stops.within(q), [name in given for name in self.joint_names]
+        self._refuse(np.where(named, q, nearest), "scene: 'initial.position': ")
+        return nearest
+
+    def _refuse(self, q: Array, where: str) -> None:
+        if refusal := self.stops.refusal(q, self.joint_names):
+            raise SceneError(where + refusal)
 
     def _set_drives(self, joints: Mapping[str, Joint], index: Mapping[str, int]) -> None:
         """Friction and armature from the scene, else from the URDF.
@@ -99,11 +144,6 @@ class ArmModel(Robot):
         """Limits from the scene, else from the URDF, where zero or an absurd number is none."""
         whole = self._whole
         rows = [index[name] for name in self.joint_names]
-        joints = [whole.joints[whole.getJointId(name)] for name in self.joint_names]
-        lower = [-np.inf if x.nq == 2 else whole.lowerPositionLimit[x.idx_q] for x in joints]
-        upper = [np.inf if x.nq == 2 else whole.upperPositionLimit[x.idx_q] for x in joints]
-        self.position_lower = _chosen([x.lower for x in limits], lower)
-        self.position_upper = _chosen([x.upper for x in limits], upper)
         speeds = [_bound(whole.upperVelocityLimit[i]) for i in rows]
         self.velocity_limit = _chosen([x.velocity for x in limits], speeds)
         given = _chosen(

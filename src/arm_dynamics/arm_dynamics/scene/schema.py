@@ -11,11 +11,18 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import Field, StrictBool, ValidationError, field_validator, model_validator
 from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene.constraint import SCHEMAS, Bilateral, Constraint, Contact, label
+from arm_dynamics.scene.constraint import (
+    SCHEMAS,
+    Bilateral,
+    Constraint,
+    Contact,
+    Fraction,
+    label,
+)
 from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.friction import KINDS, Friction
 from arm_dynamics.scene.types import (
@@ -41,25 +48,55 @@ class RobotChoice(Part):
     lock: tuple[str, ...] = ()
 
 
+class Stop(Part):
+    """What happens where a joint meets its position limits: a rigid stop, or a compliant one.
+
+    Attributes:
+        restitution: Speed of rebound from a rigid stop over speed of approach, 0 to 1.
+        stiffness: Of a compliant stop in [N m/rad] or [N/m]; absent for a rigid one.
+        damping: Of a compliant stop in [N m s/rad] or [N s/m].
+    """
+
+    restitution: Fraction | None = None
+    stiffness: Positive | None = None
+    damping: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Stop:
+        if self.stiffness is None and self.damping is not None:
+            raise ValueError("damping belongs to a compliant stop, which needs its stiffness too")
+        if self.stiffness is not None and self.restitution is not None:
+            raise ValueError(
+                "a stop is rigid, with restitution, or compliant, with stiffness and damping"
+            )
+        return self
+
+
 class Limits(Part):
     """Limits of one joint that replace the URDF's ``<limit>``.
 
     Attributes:
         effort: Largest torque in [N m] or force in [N]; commands beyond it are saturated.
         velocity: Largest speed in [rad/s] or [m/s], for planning.
-        lower: Lower position in [rad] or [m], for planning.
-        upper: Upper position in [rad] or [m], for planning.
+        lower: Lower position in [rad] or [m], for planning, and where a stop is.
+        upper: Upper position in [rad] or [m], likewise.
+        stop: What the stops at both are; absent or true: rigid, without rebound; false: there are
+            none, and the limits are for planning only.
     """
 
     effort: Limit | None = None
     velocity: Limit | None = None
     lower: Finite | None = None
     upper: Finite | None = None
+    stop: StrictBool | Stop | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Limits:
-        if self.lower is not None and self.upper is not None and self.lower > self.upper:
-            raise ValueError(f"lower = {self.lower} is above upper = {self.upper}")
+        if self.lower is not None and self.upper is not None and self.lower >= self.upper:
+            raise ValueError(
+                f"lower = {self.lower} is not below upper = {self.upper}; "
+                "robot.lock holds a joint where it is"
+            )
         return self
 
 
@@ -109,6 +146,8 @@ class Payload(Part):
 
 class Initial(Part):
     """Where the robot starts; a joint that is not named starts at zero, at rest.
+
+    Where zero is beyond a joint's stops, it starts at the nearer one.
 
     Attributes:
         position: Joint positions by name in [rad] or [m].

@@ -101,13 +101,21 @@ def _show_drives(out: Console, model: ArmModel) -> None:
 
 
 def _show_outside(out: Console, model: ArmModel) -> None:
-    inside = (model.position_lower <= model.q0) & (model.q0 <= model.position_upper)
-    outside = [name for name, good in zip(model.joint_names, inside, strict=True) if not good]
-    if outside:
+    import numpy as np
+
+    if model.stops.contradicting:
         out.print(
-            f"[yellow]starts outside its limits:[/] {', '.join(outside)}; a scene's "
-            "initial.position changes that"
+            f"[yellow]limits left out:[/] {', '.join(model.stops.contradicting)}; with those of "
+            "the joints that they follow they allow no motion"
         )
+    outside = (model.q0 < model.position_lower) | (model.position_upper < model.q0)
+    at_stop = model.stops.touched(model.q0) & ~outside
+    for what, joints in {"outside its limits": outside, "at its stop": at_stop}.items():
+        if joints.any():
+            names = ", ".join(np.array(model.joint_names)[joints])
+            out.print(
+                f"[yellow]starts {what}:[/] {names}; a scene's initial.position changes that"
+            )
 
 
 def _units(types: set[str]) -> str:

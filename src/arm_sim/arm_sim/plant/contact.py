@@ -34,7 +34,9 @@ class ContactFunctions:
             sizes.
         close: ((q, v) stacked, p, anchor) -> (q, v) brought back to closed gaps and to the anchors
             of sticking points, nearest in the metric of M; one Newton step.
-        push: Torques of the contacts, and of what holds sticking joints, an expression.
+        push: Torques of the contacts on the joints, an expression.
+        reaction: Loads of joints that are held, likewise.
+        jacobian: Of the places of the points by q, an expression, shape (3 nc, n).
         lost: (q, v, tau, p) -> power that friction of the contacts turns into heat in [W].
     """
 
@@ -45,6 +47,8 @@ class ContactFunctions:
     geometry: ca.Function
     close: ca.Function
     push: ca.SX
+    reaction: ca.SX
+    jacobian: ca.SX
     lost: ca.Function
 
     def closing(self, step: ca.Function) -> ca.Function:
@@ -101,7 +105,9 @@ def contact_functions(
         dense_function("contact_inertia", arguments, W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),
-        push - held,
+        push,
+        held,
+        A,
         dense_function("lost", arguments, _lost(force, speed)),
     )
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import ConstraintError
+from arm_dynamics.exceptions import ConstraintError, InvalidInput
 from arm_dynamics.scene.constraint import label, switchable
 from arm_sim.inputs import row
 from arm_sim.plant.plant import Plant
@@ -47,10 +47,19 @@ def placed(plant: Plant, q: Any, v: Any, z: Any, names: Collection[str]) -> Arra
         ConstraintError: If there is no such state near by.
     """
     n, x = plant.model.n, closed(plant, packed(plant, q, v, z), names)
+    x[:n] = inside_stops(plant, x[:n])
     _check_outside(plant, x)
     if z is None and plant.nz:
         x[2 * n :] = plant.initial(x[:n], x[n : 2 * n])
     return x
+
+
+def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
+    """Positions of shape (n,) that rigid stops allow, rounding taken away, or InvalidInput."""
+    stops, model = plant.model.stops, plant.model
+    if refusal := stops.refusal(q, model.joint_names):
+        raise InvalidInput(who + refusal)
+    return stops.within(q)
 
 
 def closed(plant: Plant, x: Array, names: Collection[str]) -> Array:

@@ -35,11 +35,14 @@ class Plant:
     """Equation of motion of one scene.
 
     With dry friction the equation depends on what each joint does, -1 and 1 for sliding that way,
-    0 for sticking; these directions, one for each joint, follow the tunable quantities in p, and
-    after them what each contact does.
+    0 for sticking; these directions, one for each joint, follow the tunable quantities in p. So do
+    joints at stops: 0 for one that a rigid stop holds, and after the directions which joints lean
+    on compliant stops. Last comes what each contact does.
 
     Attributes:
         model: The robot.
+        free: The same arm away from its stops, where nothing else makes events: shorter, with the
+            tunable quantities alone in p. None where it has no stops, or is never without modes.
         parameters: What is tunable.
         laws: Drives and friction with states z of their own, or None if the scene has none.
         acceleration: CasADi function (q, v, tau, p) -> q̈ of vectors of n.
@@ -48,56 +51,74 @@ class Plant:
         contact: What contacts add, or None without any.
         rhs: CasADi function (x, u, p) -> x' with x = (q, v, z).
         events: CasADi functions that the engine asks at events: ``loads`` (x, u, p), with
-            bilateral constraints ``bilateral`` (x, u, p), and with contacts
-            ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``; empty where
-            nothing sticks or touches.
+            bilateral constraints ``bilateral`` (x, u, p), with stops ``stop_torques`` (x, u, p),
+            ``strike`` and ``pressures``, and with contacts ``contact_inertia`` (x, u, p),
+            ``contact_geometry`` and ``contact_close``; empty where nothing sticks or touches.
         torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
             the links, or None where the command itself acts.
         method: Which algorithm turned out shorter, as text.
     """
 
-    def __init__(self, model: ArmModel) -> None:
+    def __init__(self, model: ArmModel, stops: bool = True) -> None:
+        """Compose the equations; without ``stops`` those of an arm that is never at one."""
         self.model = model
         self.parameters = Parameters(model)
         self.contact: ContactFunctions | None = None
         self.project: ca.Function | None = None
+        self.stops = stops and bool(model.stops)
+        always = model.has_dry_friction or bool(model.scene.contacts)
+        self.free = Plant(model, stops=False) if self.stops and not always else None
         self._loads: tuple[ca.Function, ...] = ()
+        self._of_joints: tuple[ca.Function, ...] = ()
         self.method = f"composite bodies and LDLᵀ, {' and '.join(_held(model))}"
         s = Symbols(model, self.parameters)
-        joints = Joints(model, s)
+        joints = Joints(model, s, stops)
+        self.directions, self.pressed = joints.direction.shape[0], joints.pressed.shape[0]
+        self._stop_power = _stop_power(s, joints) if self.pressed else None
         held = Bilateral(model, s, joints) if model.scene.bilateral else None
         self.project = held.project(joints.p) if held else None
         if model.scene.contacts:
             response = held or Response(model, s, joints)
             self.contact = contact_functions(model, s, joints, response)
             self.acceleration, push = self.contact.acceleration, self.contact.push
+            reaction = self.contact.reaction
             self._loads = self.contact.loads, self.contact.inertia
-        elif model.has_dry_friction:
+        elif self.directions or self.pressed:
             response = held or Response(model, s, joints)
-            self.acceleration, loads, push = _stick_slip(model, s, joints, response)
-            self._loads = (loads,)
+            self.acceleration, loads, reaction = _stick_slip(model, s, joints, response)
+            self._loads, push = (loads,), ca.SX(model.n, 1)
         elif held:
             arguments, a = [s.q, s.v, s.tau, s.p], held.accelerations(held.load)
             self.acceleration = dense_function("acceleration", arguments, a)
         else:
             self.method, self.acceleration = _shortest(model, s)
         if held and self._loads:
-            self._loads = (*self._loads, _bilateral(s, joints, held, push))
+            self._loads = (*self._loads, _bilateral(s, joints, held, push - reaction))
+        if self.stops:
+            jacobian = self.contact.jacobian if self.contact else ca.SX(0, model.n)
+            self._loads = (*self._loads, _stop_torques(s, joints, reaction))
+            self._of_joints = _stop_functions(s, joints, response, jacobian)
+        if self.free:
+            self.method = self.free.method
         laws = laws_of(model)
         self._compose(Ensemble(laws, model.n) if laws else None)
 
     def accounted(self, ledger: Ensemble) -> Plant:
-        """The same arm with laws whose last state is what friction of contacts has taken."""
+        """The same arm with laws whose last state is what contacts and yielding stops took."""
         other = copy(self)
-        other._compose(ledger, [self.contact.lost] if self.contact else [_nothing])
+        takers = [self.contact.lost] if self.contact else []
+        other.free = self.free and self.free.accounted(ledger)
+        other._compose(ledger, [*takers, *([self._stop_power] if self._stop_power else [])])
         return other
 
-    def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
+    def _compose(self, laws: Ensemble | None, powers: Sequence[Power] | None = None) -> None:
+        """Put laws, and the sum of powers as a last state where there are laws, around it."""
         self.laws = laws
         self.torques = _torques(laws) if laws else None
         n, a = self.model.n, self.acceleration
         self.rhs = _driven(a, laws, powers) if laws else _state_space(a, n)
         self.events = tuple(_of_state(function, laws, n) for function in self._loads)
+        self.events = (*self.events, *self._of_joints)
         if self.contact:
             self.events = (*self.events, self.contact.geometry, self.contact.close)
 
@@ -159,18 +180,20 @@ def _state_space(acceleration: ca.Function, n: int) -> ca.Function:
     return ca.Function("rhs", [x, u, p], [ca.vertcat(v, acceleration(q, v, u, p))], {"cse": True})
 
 
-def _driven(acceleration: ca.Function, laws: Ensemble, powers: Sequence[Power]) -> ca.Function:
-    """The same with laws between the command and the joints: x = (q, v, z), powers as states."""
+def _driven(
+    acceleration: ca.Function, laws: Ensemble, powers: Sequence[Power] | None
+) -> ca.Function:
+    """The same with laws between the command and the joints: x = (q, v, z).
+
+    The sum of ``powers``, if any are given, is the slope of a last state.
+    """
     x, u, p = _symbols(acceleration, 2 * laws.n + len(laws.names), laws.n)
     q, v, z = split(x, laws.n)
     flow = laws.equations(q, v, z, u)
-    more = [power(q, v, flow.torque, p) for power in powers]
-    slopes = ca.vertcat(v, acceleration(q, v, flow.torque, p), flow.slope, *more)
-    return dense_function("rhs", [x, u, p], slopes)
-
-
-def _nothing(*_: ca.SX) -> ca.SX:
-    return ca.SX(1, 1)
+    slopes = [v, acceleration(q, v, flow.torque, p), flow.slope]
+    if powers is not None:
+        slopes.append(sum((power(q, v, flow.torque, p) for power in powers), ca.SX(1, 1)))
+    return dense_function("rhs", [x, u, p], ca.vertcat(*slopes))
 
 
 def _of_state(function: ca.Function, laws: Ensemble | None, n: int) -> ca.Function:
@@ -215,7 +238,7 @@ def _held(model: ArmModel) -> list[str]:
 def _stick_slip(
     model: ArmModel, s: Symbols, joints: Joints, response: Response
 ) -> tuple[ca.Function, ca.Function, ca.SX]:
-    """Acceleration, and what holds sticking joints: as ``loads`` without contacts, as torques."""
+    """Acceleration, ``loads`` without contacts, and the loads of joints that are held."""
     a = response.accelerations(response.load)
     reaction = response.reactions(response.load, a)
     arguments = [s.q, s.v, s.tau, joints.p]
@@ -224,7 +247,7 @@ def _stick_slip(
     return (
         ca.Function("acceleration", arguments, [a], {"cse": True}),
         dense_function("loads", arguments, held, none, none, none),
-        -reaction,
+        reaction,
     )
 
 
@@ -237,3 +260,31 @@ def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.F
     starting = ca.if_else(s.v == 0, joints.friction, 0)
     arguments = [s.q, s.v, s.tau, joints.p]
     return dense_function("bilateral", arguments, held.rank, push - starting)
+
+
+def _stop_functions(
+    s: Symbols, joints: Joints, response: Response, jacobian: ca.SX
+) -> tuple[ca.Function, ...]:
+    """What the engine asks where joints meet their stops.
+
+    ``strike``: ((q, v), p, what held joints gain, impulses of contacts) -> velocities after a blow
+    and the impulses that hold the held joints. ``pressures``: (q, v) -> ``Joints.pressures``.
+    """
+    n, x = s.q.shape[0], ca.vertcat(s.q, s.v)
+    change, impulse = ca.SX.sym("change", n), ca.SX.sym("impulse", jacobian.shape[0])
+    gain, held = response.struck(jacobian.T @ impulse, change)
+    strike = dense_function("strike", [x, joints.p, change, impulse], s.v + gain, held)
+    if not joints.pressed.shape[0]:
+        return (strike,)
+    return strike, dense_function("pressures", [x], joints.pressures)
+
+
+def _stop_torques(s: Symbols, joints: Joints, reaction: ca.SX) -> ca.Function:
+    """Torques with which stops push joints, those held by friction alone included."""
+    arguments = [s.q, s.v, s.tau, joints.p]
+    return dense_function("stop_torques", arguments, joints.stop - reaction)
+
+
+def _stop_power(s: Symbols, joints: Joints) -> ca.Function:
+    """Power that compliant stops take from the joints, some of which they may give back, [W]."""
+    return dense_function("taken", [s.q, s.v, s.tau, joints.p], -ca.dot(joints.stop, s.v))

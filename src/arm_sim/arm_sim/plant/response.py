@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the joints respond to torques while some of them stick.
+"""How the joints respond to torques while some of them stick or are held by a stop.
 
 A joint at rest under dry friction is not a stiff spring but a constraint, q̈ = 0, with the
 friction as its reaction (Karnopp, "Computer simulation of stick-slip friction in mechanical
 dynamic systems", J. Dyn. Sys. Meas. Control 107, 1985; Glocker, Set-Valued Force Laws, 2001).
-Which joints stick is an input, so that the expression has no branches.
+A joint
+at a rigid stop is held likewise, by a reaction that only pushes. Which joints are held is an
+input, so that the expression has no branches.
 """
 
 from __future__ import annotations
@@ -25,14 +27,14 @@ class Response:
         joints: What the joints do.
 
     Attributes:
-        load: Torques that act: those of the drives less gravity, inertial forces and the friction
-            of sliding joints, in [N m] or [N], shape (n,).
+        load: Torques that act: those of the drives and compliant stops less gravity, inertial
+            forces and the friction of sliding joints, in [N m] or [N], shape (n,).
     """
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
         n = model.n
         bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
-        self.load = s.tau - bias - s.viscous - joints.friction
+        self.load = s.tau - bias - s.viscous - joints.friction + joints.stop
         self._M = rigid_body.mass_matrix(s.tree, s.q)
         self._sliding = ca.diag(joints.sliding)
         self._sticking = ca.SX.eye(n) - self._sliding
@@ -54,3 +56,17 @@ class Response:
             a: ``accelerations`` under them.
         """
         return self._sticking @ (load - self._M @ a)
+
+    def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """A blow: velocities that jump, those of held joints by given amounts.
+
+        Args:
+            push: Impulses on the joints in [N m s] or [N s], shape (n,).
+            change: What held joints gain in [rad/s] or [m/s], zero for the others, shape (n,).
+
+        Returns:
+            What all joints gain, and the impulses that hold the held ones, each of shape (n,).
+        """
+        free = self._sliding @ (push - self._M @ change)
+        gain = change + rigid_body.solve(self._held, free)
+        return gain, self._sticking @ (self._M @ gain - push)

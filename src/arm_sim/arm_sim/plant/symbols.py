@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from arm_dynamics.equations import stop
 from arm_dynamics.equations.contact import MODE
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
@@ -44,27 +45,46 @@ class Symbols:
 
 
 class Joints:
-    """What joints with dry friction and contacts do.
+    """What joints with dry friction or stops, and contacts, do.
+
+    Args:
+        model: The robot.
+        s: Its symbols.
+        stops: Whether joints may be at their stops.
 
     Attributes:
-        direction: Symbols: -1 and 1 for sliding that way, 0 for sticking; empty without friction.
-        sliding: 1 for a joint that slides, 0 for one that sticks, shape (n,).
+        direction: Symbols: -1 and 1 for sliding that way, 0 for sticking or being held by a rigid
+            stop; empty where no joint can.
+        pressed: Symbols: -1 and 1 where a joint leans on its lower or upper compliant stop, else
+            0; empty without such stops.
+        sliding: 1 for a joint that slides, 0 for one that is held, shape (n,).
         friction: Dry friction of those that slide in [N m] or [N], shape (n,).
+        stop: Torque of compliant stops on the joints in [N m] or [N], shape (n,).
+        pressures: What compliant stops would push with, see ``equations.stop``, shape (2 n,).
         contacts: Symbols: the modes of the contacts, see ``equations.contact.Mode``.
         p: The whole vector of tunable numbers and modes.
     """
 
-    def __init__(self, model: ArmModel, s: Symbols) -> None:
+    def __init__(self, model: ArmModel, s: Symbols, stops: bool = True) -> None:
         n, contacts = model.n, len(model.scene.contacts)
-        self.direction = ca.SX.sym("direction", n if model.has_dry_friction else 0)
+        rigid = model.stops.rigid.any(axis=0) & stops
+        yields = bool(model.stops.compliant.any()) and stops
+        self.direction = ca.SX.sym("direction", n if model.has_dry_friction or rigid.any() else 0)
+        self.pressed = ca.SX.sym("pressed", n if yields else 0)
         self.contacts = ca.SX.sym("mode", MODE * contacts)
-        self.p = ca.vertcat(s.p, self.direction, self.contacts)
-        self.sliding, self.friction = ca.SX.ones(n), ca.SX(n, 1)
+        self.p = ca.vertcat(s.p, self.direction, self.pressed, self.contacts)
+        self.sliding, self.friction, self.stop = ca.SX.ones(n), ca.SX(n, 1), ca.SX(n, 1)
+        if self.direction.shape[0]:
+            may = (model.friction.level > 0.0) | rigid
+            self.sliding = ca.vertcat(*(self.direction[i] ** 2 if may[i] else 1 for i in range(n)))
         if model.has_dry_friction:
-            levels = enumerate(model.friction.level)
-            moves = [self.direction[i] ** 2 if level else 1 for i, level in levels]
-            self.sliding = ca.vertcat(*moves)
             self.friction = ca.sparsify(model.friction.dry(s.v, self.direction, s.q, s.tau))
+        if yields:
+            at = model.stops
+            self.pressures = stop.pressures(s.q, s.v, at.place, at.stiffness, at.damping)
+            lower, upper = ca.vertsplit(self.pressures, n)
+            leans = (self.pressed < 0, self.pressed > 0)
+            self.stop = ca.sparsify(leans[0] * lower - leans[1] * upper)
 
 
 def dense_function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:

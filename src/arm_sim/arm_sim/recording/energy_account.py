@@ -3,10 +3,10 @@
 
 Where a motion is smooth and the command is the torque, both can be had from the recorded states.
 Where laws have states, a current rises and bristles snap within a tick, and where there are events
-friction jumps within one: a quadrature on the recorded states would miss it. Every tick is made
-again from its recorded beginning, by the same method, with the work that came in and the heat that
-went out since as further states. They are integrated as accurately as the motion itself. Nothing
-of this is done before it is asked for.
+friction and stops jump within one: a quadrature on the recorded states would miss it. Every tick
+is made again from its recorded beginning, by the same method, with the work that came in and the
+heat that went out since as further states. They are integrated as accurately as the motion itself.
+Nothing of this is done before it is asked for.
 """
 
 from __future__ import annotations
@@ -25,13 +25,16 @@ from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant, split
 from arm_sim.stepping.stepper import Stepper
 
+# How many ticks a joint may be away from a stop, at its speed, and still have met it in a tick.
+MARGIN = 2.0
+
 
 @dataclass(frozen=True)
 class Ledger(Ensemble):
     """The laws of a scene with the energies that flow as states more, all of them last.
 
-    They are the work supplied, the heat lost, and what friction of contacts takes, which
-    ``Plant.accounted`` adds. Impacts are no part of it.
+    They are the work supplied, the heat lost, and what friction of contacts and compliant stops
+    take, which ``Plant.accounted`` adds. Impacts are no part of it.
 
     Attributes:
         friction: The rest of the friction, whose heat counts too.
@@ -78,15 +81,24 @@ class EnergyAccount:
         self._choice, self._backend = choice, backend
         self._laws = plant.laws or Ensemble((), plant.model.n)
 
-    @property
-    def makes_ticks_again(self) -> bool:
-        """Whether ``flows`` costs as much as the ticks themselves."""
-        return self._plant.laws is not None or bool(self._plant.events)
-
     def prepare(self) -> None:
         """Build now what the first ``flows`` would have to build."""
-        if self.makes_ticks_again:
+        if self._plant.laws is not None or self._plant.events:
             self._ledger.restart()
+
+    def makes_ticks_again(self, x: Array) -> bool:
+        """Whether ``flows`` costs as much as the ticks themselves for states of shape (k+1, nx).
+
+        A smooth motion without laws needs it only where it meets a stop.
+        """
+        model = self._plant.model
+        smooth = self._plant.laws is None and (not self._plant.events or self._plant.free)
+        if not smooth:
+            return True
+        q, v = x[:, : model.n], x[:, model.n : 2 * model.n]
+        # A rebound shows in how fast a joint leaves, even if it is nowhere at the stop in between.
+        near = [q, *(q + way * self._choice.dt * v for way in (-MARGIN, MARGIN))]
+        return any(model.stops.touched(place).any() for place in near)
 
     def stored(self, x: Array) -> Array:
         """Energy that the laws store at states of shape (k, nx), in [J], shape (k,)."""
@@ -105,7 +117,7 @@ class EnergyAccount:
         Returns:
             Work and heat in [J], shape (k, 2); NaN if a tick cannot be made again.
         """
-        if self.makes_ticks_again:
+        if self.makes_ticks_again(x):
             supplied, *lost = self._made_again(x, u, p).T
             return np.stack([supplied, sum(lost)], axis=1)
         q, v = np.split(x, 2, axis=1)
@@ -128,7 +140,7 @@ class EnergyAccount:
         for k in range(len(u)):
             before = stepper.report.impact_loss
             start = np.concatenate([x[k], np.zeros(3)])
-            if stepper.roll(start, u[k].copy(), trace, effort, np.empty(1)) == 1:
+            if stepper.roll(start, u[k].copy(), trace, effort, np.empty((1, 2))) == 1:
                 flows[k] = [*trace[0, -3:], stepper.report.impact_loss - before]
         return flows
 

@@ -26,6 +26,7 @@ class Recording:
         command: What was commanded from each time on, limits applied, shape (k+1, n): torques in
             [N m] or [N], or what a joint's drive takes; the last row repeats the last tick's.
         error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
+        time_stepped: By each time, ticks in which events piled up; see ``State``, shape (k+1,).
         dynamics: The scene's dynamics, for the energies.
         plant: The scene's equation of motion.
         account: What keeps the energy account, when asked.
@@ -39,6 +40,7 @@ class Recording:
     z: Array
     command: Array
     error: Array
+    time_stepped: Array
     dynamics: Dynamics
     plant: Plant
     account: EnergyAccount
@@ -91,6 +93,18 @@ class Recording:
     def lost(self) -> Array:
         """Heat that went out by each time in [J], shape (k+1,): friction, windings, damping."""
         return self._flows[:, 1]
+
+    @cached_property
+    def stop_torque(self) -> Array:
+        """Torques with which stops hold joints back from each time on in [N m] or [N], (k+1, n).
+
+        See ``Simulator.stop_torque``.
+        """
+        stepper, torque = self.account.stepper, np.zeros_like(self.q)
+        stepper.p[:] = self.p
+        for k in np.flatnonzero(self.plant.model.stops.touched(self.q).any(axis=1)):
+            torque[k] = stepper.stop_torque(self._x[k], self.command[k])
+        return read_only(torque)
 
     @cached_property
     def multipliers(self) -> Array:

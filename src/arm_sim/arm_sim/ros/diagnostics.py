@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 from rclpy.node import Node
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state import native
@@ -83,13 +84,19 @@ class SimDiagnostics:
 
     def _look_at_simulation(self) -> Finding:
         engine, found = self.engine, Finding("simulation")
-        state, account = engine.queue.run(lambda: (engine.simulator.state, engine.account()))
+        state, stops, account = engine.queue.run(
+            lambda: (engine.simulator.state, engine.simulator.stop_torque, engine.account())
+        )
         found.values = {
             "time [s]": state.time, "paused": engine.paused, "diverged": bool(engine.failure),
+            "at stops": _at_stops(engine.simulator.joint_names, stops),
             "method": engine.simulator.choice.method.name, "error estimate": state.error,
+            "time-stepped ticks": state.time_stepped,
             "energy balance [J]": "closed" if account is None else account.balance,
             "energy [J]": "closed" if account is None else account.total,
         }  # fmt: skip
+        piled_up = "ticks were stepped through at first order: too many events"
+        self.growth.warn(found, state.time_stepped, piled_up)
         if engine.failure:
             found.complain(ERROR, engine.failure)
         return found
@@ -104,3 +111,9 @@ class SimDiagnostics:
         if lockstep.gone:
             found.complain(ERROR, "the partner gives no answer; time stands still")
         return found
+
+
+def _at_stops(names: Sequence[str], torque: Array) -> str:
+    """Joints that lean on stops and the torques with which these hold them back, as text."""
+    pushed = [f"{name} {x:.4g}" for name, x in zip(names, torque, strict=True) if x != 0.0]
+    return ", ".join(pushed) or "none"

@@ -25,7 +25,8 @@ class Account(NamedTuple):
 class EnergyMeter:
     """Notes every tick cheaply and adds up when asked.
 
-    Where laws have states a tick is added up at once, so that no tick has to wait for many.
+    A tick that must be made again for it is added up at once, so that no tick has to wait for
+    many.
     """
 
     def __init__(self, simulator: Simulator) -> None:
@@ -46,7 +47,7 @@ class EnergyMeter:
             self._flows[0] += push @ (x - self._states[-1])[: len(push)]
         self._commands.append(self._simulator.command)
         self._states.append(x)
-        if self._simulator.energy_account.makes_ticks_again:
+        if self._simulator.energy_account.makes_ticks_again(np.array(self._states[-2:])):
             self._add_up()
 
     def account(self) -> Account:
