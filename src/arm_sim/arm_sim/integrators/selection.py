@@ -98,7 +98,8 @@ def choose(
 def _automatic(plant: Plant, dt: float, error_control: bool) -> tuple[Method, str]:
     rate = fastest_rate(plant)
     if rate * dt > STIFF:
-        what = "friction stops a joint" if plant.laws is None else "a joint or its drive responds"
+        alone = plant.laws is None and not plant.model.springs
+        what = "friction stops a joint" if alone else "a joint, its drive or a spring responds"
         return METHODS["implicit"], f"stiff: {what} in {1 / rate:.2g} s"
     if error_control:
         return METHODS["dop853"], "not stiff, error control: the highest order"
@@ -122,9 +123,10 @@ def fastest_rate(plant: Plant) -> float:
 
     Returns:
         Largest absolute eigenvalue of the exact Jacobian ∂x'/∂x: decay of currents, springs and
-        friction, and the frequency of springs; without laws that have states, of friction alone.
+        friction, and the frequency of springs; without springs and laws that have states, of
+        friction alone.
     """
-    if plant.laws is None:
+    if plant.laws is None and not plant.model.springs:
         return damping_rate(plant.model)
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     J = ca.Function("J", [x, u, p], [ca.jacobian(plant.rhs(x, u, p), x)])

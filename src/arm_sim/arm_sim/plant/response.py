@@ -25,14 +25,14 @@ class Response:
         joints: What the joints do.
 
     Attributes:
-        load: Torques that act: those of the drives less gravity, inertial forces and the friction
-            of sliding joints, in [N m] or [N], shape (n,).
+        load: Torques that act: those of the drives less gravity, inertial forces, springs and the
+            friction of sliding joints, in [N m] or [N], shape (n,).
     """
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
         n = model.n
         bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
-        self.load = s.tau - bias - s.viscous - joints.friction
+        self.load = s.tau - bias - s.passive - joints.friction
         self._M = rigid_body.mass_matrix(s.tree, s.q)
         self._sliding = ca.diag(joints.sliding)
         self._sticking = ca.SX.eye(n) - self._sliding
