@@ -113,8 +113,8 @@ def energy(springs: Springs, tree: Tree, q: ca.SX) -> ca.SX:
     """What the springs store in [J]; arguments as of ``torque``."""
     bent = _full(tree, q) - constant(springs.rest)
     whole = ca.dot(constant(springs.stiffness), bent**2) / 2
-    for spring, u in _ways(springs, tree, q):
-        whole += stored(spring, ca.sumsqr(u))
+    for spring, (square, _) in zip(springs.points, _ways(springs, tree, q), strict=True):
+        whole += stored(spring, square)
     return whole
 
 
@@ -130,9 +130,7 @@ def _parts(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.
     E = spread_map(tree)
     elastic = E.T @ (constant(springs.stiffness) * (_full(tree, q) - constant(springs.rest)))
     damping = E.T @ (constant(springs.damping) * (E @ v))
-    for spring, u in _ways(springs, tree, q):
-        square = ca.sumsqr(u)
-        slope = ca.gradient(square, q) / 2
+    for spring, (square, slope) in zip(springs.points, _ways(springs, tree, q), strict=True):
         static, moving = tension(spring, square, ca.dot(slope, v))
         elastic, damping = elastic + static * slope, damping + moving * slope
     return elastic, damping
@@ -143,10 +141,14 @@ def _full(tree: Tree, q: ca.SX) -> ca.SX:
     return spread_map(tree) @ q + constant(tree.offsets)
 
 
-def _ways(springs: Springs, tree: Tree, q: ca.SX) -> list[tuple[PointSpring, ca.SX]]:
-    """Each spring between points, with the way u from its second point to its first."""
-    pose = rigid_body.placements(tree, q) if springs.points else []
-    return [
-        (spring, relative(tree, pose, [springs.frames[f] for f in spring.frames], spring.points)[1])
-        for spring in springs.points
-    ]
+def _ways(springs: Springs, tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+    """u·u in [m²] of each spring between points, and the slope ∂(u·u/2)/∂q, shape (n,)."""
+    at = ca.SX.sym("q", q.shape[0])  # q may be an expression, by which nothing is differentiated
+    pose = rigid_body.placements(tree, at) if springs.points else []
+    ways = []
+    for spring in springs.points:
+        frames = [springs.frames[name] for name in spring.frames]
+        square = ca.sumsqr(relative(tree, pose, frames, spring.points)[1])
+        both = ca.Function("way", [at], [square, ca.gradient(square, at) / 2])
+        ways.append(both(q))
+    return ways
