@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arms that move on springs, against closed forms and integrations that share nothing with them."""
+"""Arms that move on springs, against closed forms and independent integrations."""
 
 from __future__ import annotations
 

@@ -60,7 +60,12 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
         ("springs.0.frames", "different"),
     ),
     "two springs of one name": (
-        {"springs": [*sprung(stiffness=1)["springs"], *sprung(force=1, name="spring_0")["springs"]]},
+        {
+            "springs": [
+                *sprung(stiffness=1)["springs"],
+                *sprung(force=1, name="spring_0")["springs"],
+            ]
+        },
         ("two springs", "spring_0"),
     ),
     "unknown key of a joint's spring": (

@@ -344,8 +344,8 @@ class ArmClient:
     ) -> ConstrainedMotion:
         """Accelerations and forces that torques produce under the scene's constraints.
 
-        τ = M a + C v + G + S + F + Aᵀλ with A v = 0, for those that hold at the start. Arguments as
-        for ``forward_dynamics``; the constraints should hold at ``q``.
+        τ = M a + C v + G + S + F + Aᵀλ with A v = 0, for those that hold at the start. Arguments
+        as for ``forward_dynamics``; the constraints should hold at ``q``.
         """
         fields = motion(joint_names, position=q, velocity=v, effort=tau)
         answer = self._ask(self._dynamics, interfaces.CONSTRAINED_DYNAMICS, **fields)

@@ -32,8 +32,8 @@ class OperationalSpace:
 
     τ = Jᵀ (Λ (ẍ - J̇ q̇) + µ + p + s) + Nᵀ τ_posture, evaluated as inverse dynamics of the posture's
     acceleration q̈_p and a force on top, M q̈_p + C q̇ + G + S + Jᵀ Λ (ẍ - J̇ q̇ - J q̈_p), which is
-    the same (Khatib 1987; see ``task_space``). Near a singularity Λ is damped: the arm gives way in
-    the direction it cannot serve.
+    the same (Khatib 1987; see ``task_space``). Near a singularity Λ is damped: the arm gives way
+    in the direction it cannot serve.
     """
 
     def __init__(

@@ -62,9 +62,9 @@ class Saturated:
 class DisturbanceObserver:
     """A controller with the disturbance that a momentum observer sees taken off its torque.
 
-    r = K (p - ∫ (τ + Cᵀ v - G - S - F + r) dt) with p = M v follows the torque that the model does not
-    know (payload, friction, contact) with first-order lag 1/K, without acceleration (De Luca and
-    Mattone, "Actuator failure detection and isolation using generalized momenta", ICRA 2003).
+    r = K (p - ∫ (τ + Cᵀ v - G - S - F + r) dt) with p = M v follows the torque that the model does
+    not know (payload, friction, contact) with first-order lag 1/K, without acceleration (De Luca
+    and Mattone, "Actuator failure detection and isolation using generalized momenta", ICRA 2003).
     """
 
     def __init__(

@@ -2,17 +2,20 @@
 """Springs and dampers of joints, and between points of two links: S(q, v).
 
 S is what the drives must bring against them, M a + C v + G + S + F = τ. A joint spring takes
-k (q - rest) + c v. One between points pulls them together with the tension T = k (L - L₀) + c L̇ + T₀
+k (q - rest) + c v. One between points pulls them together with the tension
+
+    T = k (L - L₀) + c L̇ + T₀
+
 along the line, hence S = T ∂L/∂q by virtual work. With u the way from one point to the other,
 ∂L/∂q = ∂(u·u/2)/∂q / L and L̇ = u·u̇ / L, so that only the tension per length T/L appears, the
 force density of tensile structures (Schek, "The force density method for form finding and
 computation of general networks", Comp. Methods Appl. Mech. Eng. 3, 1974). For L₀ = T₀ = 0, the
-springs of zero free length that balance arms (Herder, Energy-free Systems, 2001, section 2.3), it
-is the constant k, and no length is computed.
+springs of zero free length that balance arms (Herder, Energy-free Systems, 2001), it is the
+constant k, and no length is computed.
 
-Where the points meet, the line has no direction. There the length is taken as L² = u·u + ``NEAR``²,
-in the force and in the energy alike: the force passes through zero within a nanometre, nothing is
-divided by zero, and no energy comes from nowhere.
+Where the points meet, the line has no direction. There the length is taken as
+L² = u·u + ``NEAR``², in the force and in the energy alike: the force passes through zero within a
+nanometre, nothing is divided by zero, and no energy comes from nowhere.
 """
 
 from __future__ import annotations
@@ -56,9 +59,7 @@ class Springs:
         return bool(self.points or self.stiffness.any() or self.damping.any())
 
 
-def tension(
-    spring: PointSpring, square: Quantity, rate: Quantity
-) -> tuple[Quantity, Quantity]:
+def tension(spring: PointSpring, square: Quantity, rate: Quantity) -> tuple[Quantity, Quantity]:
     """Tension per length of a spring between points, elastic and of its damper, in [N/m].
 
     A cord pulls or does nothing: slack, where the elastic part would push, its damper does nothing

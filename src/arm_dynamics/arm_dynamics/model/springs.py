@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.spring import Springs, stored, tension
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.tree_builder import frame_of
 from arm_dynamics.scene.constraint import WORLD
-from arm_dynamics.scene.spring import JointSpring, spring_name
+from arm_dynamics.scene.spring import spring_name
 
 
 def springs_of(robot: Robot) -> Springs:
@@ -24,6 +25,12 @@ def springs_of(robot: Robot) -> Springs:
         SceneError: If a joint that is locked is given a spring by its name, a stiffness is
             missing, or a spring is between frames that cannot move against each other.
     """
+    stiffness, rest, damping = map(read_only, _of_joints(robot))
+    return Springs(stiffness, rest, damping, robot.scene.springs, _frames(robot))
+
+
+def _of_joints(robot: Robot) -> Array:
+    """Stiffness, rest and damping of each of Pinocchio's joints, shape (3, joints)."""
     scene, names = robot.scene, list(velocity_index(robot.pin))
     for name, joint in scene.joints.items():
         if joint.spring and name not in ("*", *names):
@@ -31,9 +38,24 @@ def springs_of(robot: Robot) -> Springs:
                 f"scene: 'joints.{name}.spring' has no effect: the joint is locked; unlock it or "
                 "leave the spring out"
             )
-    found = {name: spring for name in names if (spring := scene.joint(name).spring)}
-    frames = {name: frame_of(robot, name) for spring in scene.springs for name in spring.frames}
-    for i, spring in enumerate(scene.springs):
+    numbers = np.zeros((3, len(names)))
+    for column, name in zip(numbers.T, names, strict=True):
+        if (spring := scene.joint(name).spring) is None:
+            continue
+        if spring.stiffness is None:
+            raise SceneError(
+                f"scene: 'joints.{name}.spring.stiffness' is missing: a number of at least zero "
+                "is expected"
+            )
+        column[:] = spring.stiffness, spring.rest, spring.damping
+    return numbers
+
+
+def _frames(robot: Robot) -> dict[str, Frame]:
+    """The frames that springs between points name."""
+    springs = robot.scene.springs
+    frames = {name: frame_of(robot, name) for spring in springs for name in spring.frames}
+    for i, spring in enumerate(springs):
         first, second = spring.frames
         if frames[first].link == frames[second].link:
             raise SceneError(
@@ -41,21 +63,7 @@ def springs_of(robot: Robot) -> Springs:
                 "which cannot move against each other: no joint is between them, or all that are, "
                 "are locked"
             )
-    numbers = _of_joints(found, names)
-    return Springs(*map(read_only, numbers), points=scene.springs, frames=frames)
-
-
-def _of_joints(found: Mapping[str, JointSpring], names: Sequence[str]) -> Array:
-    """Stiffness, rest and damping of each of Pinocchio's joints, shape (3, joints)."""
-    numbers = np.zeros((3, len(names)))
-    for name, spring in found.items():
-        if spring.stiffness is None:
-            raise SceneError(
-                f"scene: 'joints.{name}.spring.stiffness' is missing: a number of at least zero "
-                "is expected"
-            )
-        numbers[:, names.index(name)] = spring.stiffness, spring.rest, spring.damping
-    return numbers
+    return frames
 
 
 class SpringTerms:

@@ -133,7 +133,10 @@ def _rates(
         constraint.JointVelocityConstraint(_both(model.velocity_limit)),
         constraint.JointAccelerationConstraint(_both(rise), between),
         constraint.JointTorqueConstraint(
-            lambda q, v, a: rigid.inverse(q, v, a) + rigid.spring(q, 0.0 * v), _both(torque), model.friction.coulomb.mean, between
+            lambda q, v, a: rigid.inverse(q, v, a) + rigid.spring(q, 0.0 * v),
+            _both(torque),
+            model.friction.coulomb.mean,
+            between,
         ),
     ]
     found = algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")

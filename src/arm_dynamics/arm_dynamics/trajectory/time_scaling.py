@@ -69,8 +69,9 @@ def _check_standing(dynamics: Dynamics, standing: Array, limit: Array) -> None:
     excess = abs(standing) - limit
     i, joint = np.unravel_index(np.argmax(excess), excess.shape)
     if excess[i, joint] >= 0.0:
+        parts = "weight, springs" if dynamics.model.springs else "weight"
         raise Unreachable(
-            f"weight, springs and dry friction of joint '{dynamics.joint_names[joint]}' take "
+            f"{parts} and dry friction of joint '{dynamics.joint_names[joint]}' take "
             f"{abs(standing[i, joint]):.4g} along the motion at any pace; its limit is "
             f"{limit[joint]:.4g}",
             float(excess[i, joint]),

@@ -263,8 +263,8 @@ def constrained_dynamics(
 ) -> None:
     """Accelerations and forces that torques produce under the scene's constraints.
 
-    tau = M a + C v + G + S + F + A^T lambda with A v = 0. lambda is what the arm exerts against the
-    constraints: force and moment of a constraint's first frame upon its second.
+    tau = M a + C v + G + S + F + A^T lambda with A v = 0. lambda is what the arm exerts against
+    the constraints: force and moment of a constraint's first frame upon its second.
     """
     question = Question(client, joints, vectors)
     q, v, a, tau = question.given("position", "velocity", "acceleration", "effort")
