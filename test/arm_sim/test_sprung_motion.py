@@ -12,6 +12,7 @@ from scipy.integrate import solve_ivp
 import models
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_sim import Simulator
+from arm_sim.integrators.selection import spring_rate
 from arm_sim.plant import Plant
 from models.sprung import slope
 from tolerances import (
@@ -245,9 +246,28 @@ def test_derivatives_of_a_tick(rng: np.random.Generator) -> None:
     assert_close(A, np.column_stack(columns), FINITE_DIFF)
 
 
-def test_a_stiff_spring_gets_an_implicit_method() -> None:
+def test_rate_of_springs_is_that_of_their_oscillation() -> None:
+    """A mass on a wire: the roots of m s² + c s + k = 0; a cord counts as taut."""
+    urdf = (
+        PENDULUM["urdf"]
+        .replace('"continuous"', '"prismatic"')
+        .replace("</joint>", '<limit lower="-9" upper="9" effort="9" velocity="9"/></joint>')
+    )
+    for k, c, wanted in ((400.0, 0.0, 20.0), (400.0, 50.0, 40.0), (0.0, 7.0, 7.0)):
+        joints = {"swing": {"spring": {"stiffness": k, "damping": c}}}
+        cord = {
+            "frames": ["bob", "world"], "points": [[0, 0, 0], [0, 3, 0]], "stiffness": k,
+            "damping": c, "force": 1e-9, "rest_length": 3.0 if k else 0.0, "tension_only": True,
+        }  # fmt: skip
+        for springs in ({"joints": joints}, {"springs": [cord]}):
+            model = ArmModel(load_scene({"robot": {"urdf": urdf}, **springs}))
+            assert spring_rate(model) == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.parametrize("cord", [False, True], ids=["spring", "slack cord"])
+def test_a_stiff_spring_gets_an_implicit_method(cord: bool) -> None:
     for stiffness, method in ((1e2, "rk4"), (1e8, "implicit")):
-        spring = {**TO_WORLD, "stiffness": stiffness}
+        spring = {**TO_WORLD, "stiffness": stiffness, "rest_length": 2.0, "tension_only": cord}
         assert Simulator({"robot": TWO_LINK, "springs": [spring]}).choice.method.name == method
 
 

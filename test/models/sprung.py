@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import pinocchio as pin
@@ -16,6 +17,7 @@ from arm_dynamics import Scene
 from models.oracle import Oracle
 
 Array = np.ndarray
+NUMBERS = ("stiffness", "rest", "damping")
 # Central differences of eighth order (Fornberg, Math. Comp. 51, 1988).
 WEIGHTS = {1: 4 / 5, 2: -1 / 5, 3: 4 / 105, 4: -1 / 280}
 
@@ -83,12 +85,12 @@ class SprungOracle(Oracle):
 def sprung(
     urdf: str, rng: np.random.Generator, count: int = 3, cord: bool = False
 ) -> dict[str, Any]:
-    """A scene with springs of joints and ``count`` between random points of random links."""
-    links = [name.split('"')[1] for name in urdf.split("<link name=")[1:]]
-    kinds = {name: kind for name, kind in _joints(urdf).items() if kind != "fixed"}
+    """A scene with springs of all joints and ``count`` between points of random links."""
+    moving = [j for j in ElementTree.fromstring(urdf).findall("joint") if j.get("type") != "fixed"]
+    links = ["world", *(str(joint.find("child").get("link")) for joint in moving)]
     springs = [
         {
-            "frames": [str(rng.choice(links[1:])), "world"],
+            "frames": rng.choice(links, 2, replace=False).tolist(),
             "points": rng.uniform(-0.5, 0.5, (2, 3)).tolist(),
             "stiffness": float(rng.uniform(50.0, 300.0)),
             "rest_length": float(rng.choice([0.0, 0.4])),
@@ -99,12 +101,9 @@ def sprung(
         for _ in range(count)
     ]
     joints = {
-        name: {"spring": dict(zip(("stiffness", "rest", "damping"), row, strict=True))}
-        for name, row in zip(kinds, rng.uniform(0.0, 3.0, (len(kinds), 3)).tolist(), strict=True)
+        str(joint.get("name")): {"spring": dict(zip(NUMBERS, row, strict=True))}
+        for joint, row in zip(
+            moving, rng.uniform(0.0, 3.0, (len(moving), 3)).tolist(), strict=True
+        )
     }
     return {"robot": {"urdf": urdf}, "joints": joints, "springs": springs}
-
-
-def _joints(urdf: str) -> dict[str, str]:
-    parts = [text.split(">")[0] for text in urdf.split("<joint name=")[1:]]
-    return {part.split('"')[1]: part.split('type="')[1].split('"')[0] for part in parts}

@@ -43,6 +43,16 @@ def test_inverse_and_forward_undo_each_other(joints: int, rng: np.random.Generat
     assert_close(dyn.forward(q, v, dyn.inverse(q, v, x)), x, INVERSE_PAIR)
 
 
+def test_either_end_may_be_named_first(rng: np.random.Generator) -> None:
+    data = tree(rng, 4)
+    dyn = Dynamics(data)
+    for spring in data["springs"]:
+        spring["frames"], spring["points"] = spring["frames"][::-1], spring["points"][::-1]
+    turned = Dynamics(data)
+    q, v, _ = models.random_state(rng, dyn.n)
+    assert_close(turned.spring(q, v), dyn.spring(q, v), PINOCCHIO)
+
+
 def test_torque_at_rest_is_the_slope_of_the_energy(rng: np.random.Generator) -> None:
     dyn = Dynamics(tree(rng, 5))
     q = rng.normal(size=dyn.n)
