@@ -14,6 +14,7 @@ from std_msgs.msg import String
 
 import models
 from arm_dynamics import ArmError, Term, load_scene
+from arm_dynamics.client.client import ALL_TERMS
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
@@ -116,6 +117,12 @@ def test_terms_add_up(node: DynamicsNode, rng: np.random.Generator) -> None:
     assert_close(answer.kinetic_energy, 0.5 * np.einsum("ki,kij,kj->k", v, mass, v), PINOCCHIO)
     assert_close(answer.kinetic_energy, kinetic, PINOCCHIO)
     assert_close(answer.potential_energy, potential, PINOCCHIO)
+
+
+def test_terms_of_the_message_are_those_of_the_library() -> None:
+    for term in (*Term, Term.ALL):
+        assert getattr(InverseDynamics.Request, str(term.name)) == term
+    assert InverseDynamics.Request().terms == ALL_TERMS == Term.ALL
 
 
 def test_springs_are_answered_and_part_of_the_whole(ros: Ros, rng: np.random.Generator) -> None:

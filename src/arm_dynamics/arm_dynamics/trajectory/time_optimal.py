@@ -73,8 +73,9 @@ def retimed(
 ) -> JointPath:
     """The same way as quickly as limits allow, from rest to rest.
 
-    Accelerations jump from limit to limit. Viscous friction, which the method does not know, and
-    what happens between its points are taken care of by slowing the whole down (``paced``).
+    Accelerations jump from limit to limit. Viscous friction and dampers, which the method does not
+    know, and what happens between its points are taken care of by slowing the whole down
+    (``paced``).
 
     Args:
         motion: The motion; its own timing does not matter.
