@@ -79,6 +79,17 @@ def test_without_error_all_give_inverse_dynamics(rng: np.random.Generator) -> No
         assert_close(control.torque(moving, at), wanted, PINOCCHIO)
 
 
+def test_impedance_leaves_the_error_its_own_damping(rng: np.random.Generator) -> None:
+    """Dampers are fed forward from the reference's speed, as viscous friction is."""
+    bare = Dynamics({"robot": SCENE["robot"]})
+    (q, v, a), (q_d, v_d, _) = state(rng), state(rng)
+    more, less = (
+        JointImpedance(dyn, 9.0).torque(Measured(q, v), Reference(q_d, v_d, a))
+        for dyn in (arm(), bare)
+    )
+    assert_close(more - less, arm().spring(q, v_d), PINOCCHIO)
+
+
 def test_frame_stays_where_it_is_told() -> None:
     task = TaskSpace(arm(), "tip", selection=("x", "z"))
     q, still = np.array([0.3, -0.9]), np.zeros(2)
