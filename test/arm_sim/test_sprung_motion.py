@@ -14,6 +14,7 @@ from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_sim import Simulator
 from arm_sim.integrators.selection import spring_rate
 from arm_sim.plant import Plant
+from arm_sim.runtime_changes import payload_change
 from models.sprung import slope
 from tolerances import (
     BACKENDS,
@@ -269,6 +270,18 @@ def test_a_stiff_spring_gets_an_implicit_method(cord: bool) -> None:
     for stiffness, method in ((1e2, "rk4"), (1e8, "implicit")):
         spring = {**TO_WORLD, "stiffness": stiffness, "rest_length": 2.0, "tension_only": cord}
         assert Simulator({"robot": TWO_LINK, "springs": [spring]}).choice.method.name == method
+
+
+def test_springs_outlast_a_change_of_payload() -> None:
+    load = {"frame": "tip", "mass": 0.5, "com": [0, 0, 0.05]}
+    scene = {"robot": TWO_LINK, "springs": [BETWEEN, TO_WORLD]}
+    sim = Simulator({**scene, "payloads": [load], "tunable": ["payload"]}, integrator="rk4")
+    payload_change(sim, 0, 1.5, (0.0, 0.0, 0.1), np.zeros(6))()
+    heavy = {**load, "mass": 1.5, "com": [0, 0, 0.1]}
+    other = Simulator({**scene, "payloads": [heavy]}, integrator="rk4")
+    assert_close(sim.run(0.2).q, other.run(0.2).q, SPRING)
+    q, v = sim.state.q, sim.state.v
+    assert_close(sim.dynamics.spring(q, v), other.dynamics.spring(q, v), SPRING)
 
 
 def test_no_springs_no_code() -> None:

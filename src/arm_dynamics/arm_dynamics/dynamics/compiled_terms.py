@@ -122,7 +122,8 @@ def _spring(robot: Robot) -> ca.Function:
 
 def _spring_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Array) -> Parts:
     S = each(points.spring, q, v)
-    return [(answer(q, v) - S, S)]
+    inertia = abs(each(points.mass, q)).sum(axis=2)
+    return [(answer(q, v) - S, abs(S) + inertia)]
 
 
 def _energies(robot: Robot) -> ca.Function:
