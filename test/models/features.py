@@ -26,6 +26,7 @@ JOINT: Mapping[str, tuple[int, dict[str, Any]]] = {
     "lugre": (1, {"friction": BRISTLES}),
     "table": (2, {"friction": {"coulomb": 0.3, "position": TABLE}}),
     "armature": (1, {"armature": 0.3}),
+    "spring": (1, {"spring": {"stiffness": 4.0, "rest": -0.5, "damping": 0.1}}),
     "current": (0, {"actuator": {"command": "current", **MOTOR}}),
     "voltage": (2, {"actuator": {**COIL, **MOTOR}}),
     "lossy gear": (1, {"actuator": {"efficiency": 0.8, **MOTOR}}),
@@ -40,7 +41,7 @@ JOINT: Mapping[str, tuple[int, dict[str, Any]]] = {
 }  # fmt: skip
 """Features of a joint, with the joint's number: 0 near the base, 1 in the middle, 2 outside."""
 
-OTHERS = ("bilateral", "contact", "mimic", "payload")
+OTHERS = ("bilateral", "contact", "mimic", "payload", "point spring")
 ALL = (*JOINT, *OTHERS)
 ARMS = {
     "planar": {
@@ -108,6 +109,10 @@ def scene(arm: str, features: Collection[str]) -> dict[str, Any]:
                 "restitution": 0.2, "plane": {"point": [0, 0, height], "normal": [0, 0, 1]},
             }
         )  # fmt: skip
+    if "point spring" in features:
+        away = {"planar": [0.5, 0, 0.9], "panda": [0.6, 0.4, 1.2]}[arm]
+        ends = {"frames": [frame, "world"], "points": [point, away]}
+        data["springs"] = [{**ends, "stiffness": 30.0, "rest_length": 0.2, "damping": 0.5}]
     if "mimic" in features:
         robot["urdf"] = _with_mimic(robot["urdf"], about["joints"][2])
     if "payload" in features:

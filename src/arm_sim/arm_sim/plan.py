@@ -10,6 +10,7 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
@@ -148,6 +149,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     return (
         Part("rigid body", True, f"{model.n} joints"),
         _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),
+        _part("springs", model.springs, _springs(model), "none"),
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
         _part("dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level"),
         _part(
@@ -187,6 +189,14 @@ def _stops(stops: Stops) -> str:
 def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:
     found = [law.summary for law in laws if isinstance(law, kind)]
     return _part(kind.title, found, "".join(found), kind.absent)
+
+
+def _springs(model: ArmModel) -> str:
+    """How many of each kind, for display."""
+    springs = model.springs
+    joints = np.count_nonzero(springs.stiffness + springs.damping)
+    numbers = {"of joints": joints, "between points": len(springs.points)}
+    return ", ".join(f"{count} {where}" for where, count in numbers.items() if count)
 
 
 def _at(values: Array) -> str:

@@ -23,6 +23,10 @@ def tied(**constraint: Any) -> dict[str, Any]:
     return {"constraints": [{"frames": ["link3", "world"], **constraint}]}
 
 
+def sprung(**spring: Any) -> dict[str, Any]:
+    return {"springs": [{"frames": ["link3", "world"], **spring}]}
+
+
 # What stands beside `robot` in the scene, and words that the error must contain.
 BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "unknown key": ({"gravitty": [0, 0, -9.81]}, ("gravitty", "gravity")),
@@ -36,6 +40,46 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "unknown joint": ({"joints": {"elbow": {"armature": 1}}}, ("elbow", "joint1")),
     "unknown initial position": ({"initial": {"position": {"q9": 1}}}, ("q9", "joint1")),
     "unknown initial velocity": ({"initial": {"velocity": {"q9": 1}}}, ("q9", "joint1")),
+    "unknown key of a spring": (sprung(length=1), ("length", "rest_length")),
+    "spring that does nothing": (sprung(rest_length=1), ("springs.0", "stiffness", "force")),
+    "cord that is never taut": (
+        sprung(damping=1, tension_only=True),
+        ("springs.0", "tension_only", "taut"),
+    ),
+    "negative stiffness": (sprung(stiffness=-1), ("springs.0.stiffness", "-1")),
+    "negative damping": (sprung(stiffness=1, damping=-1), ("springs.0.damping", "-1")),
+    "negative rest length": (sprung(stiffness=1, rest_length=-1), ("rest_length", "-1")),
+    "force NaN": (sprung(force=NAN), ("springs.0.force", "nan")),
+    "spring to nowhere": (
+        sprung(stiffness=1, frames=["link3", "hand"]),
+        ("springs.0.frames", "hand", "world"),
+    ),
+    "spring with one end": (sprung(stiffness=1, frames=["link3"]), ("springs.0.frames",)),
+    "spring from a frame to itself": (
+        sprung(stiffness=1, frames=["link3", "link3"]),
+        ("springs.0.frames", "different"),
+    ),
+    "two springs of one name": (
+        {
+            "springs": [
+                *sprung(stiffness=1)["springs"],
+                *sprung(force=1, name="spring_0")["springs"],
+            ]
+        },
+        ("two springs", "spring_0"),
+    ),
+    "unknown key of a joint's spring": (
+        {"joints": {"joint1": {"spring": {"k": 1}}}},
+        ("joints.joint1.spring.k", "stiffness"),
+    ),
+    "negative stiffness of a joint": (
+        {"joints": {"joint1": {"spring": {"stiffness": -1}}}},
+        ("joints.joint1.spring.stiffness", "-1"),
+    ),
+    "spring of an unknown joint": (
+        {"joints": {"elbow": {"spring": {"stiffness": 1}}}},
+        ("elbow", "joint1"),
+    ),
     "unknown frame": (payload(frame="hand"), ("hand", "link3")),
     "gravity of two": ({"gravity": [0, -9.81]}, ("gravity",)),
     "gravity of four": ({"gravity": [0, 0, 0, -9.81]}, ("gravity",)),

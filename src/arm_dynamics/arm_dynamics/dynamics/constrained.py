@@ -43,7 +43,6 @@ class Constrained:
     def __init__(self, model: ArmModel, rigid: RigidDynamics) -> None:
         self.model, self._rigid, self._friction = model, rigid, SteadyFriction.of(model)
         self.closure = Closure(self.model)
-        self._gravity = np.array(self.model.scene.gravity)
 
     @property
     def m(self) -> int:
@@ -59,7 +58,7 @@ class Constrained:
     def forward(
         self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
-        """Accelerations and multipliers of τ = M a + C v + G + F + Aᵀλ under A a + Ȧ v = 0.
+        """Accelerations and multipliers of τ = M a + C v + G + S + F + Aᵀλ under A a + Ȧ v = 0.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n); the constraints should hold.
@@ -87,7 +86,7 @@ class Constrained:
         return np.concatenate(accelerations), np.concatenate(multipliers)
 
     def inverse(self, q: Array, v: Array, a: Array, lam: ArrayLike) -> Array:
-        """Torques M a + C v + G + F + Aᵀλ for a motion and forces λ against the constraints.
+        """Torques M a + C v + G + S + F + Aᵀλ for a motion and forces λ against the constraints.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
@@ -104,7 +103,7 @@ class Constrained:
         multipliers = self._checked("lam", lam, self.m, q)
         rows = self._rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
         reaction = _times(_transposed(rows[..., :-1]), multipliers)
-        needed = self._rigid.inverse(q, v, a, self._gravity) + reaction
+        needed = self._rigid.frictionless(q, v, a) + reaction
         tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
         return tau
 
@@ -114,7 +113,7 @@ class Constrained:
         """Accelerations and multipliers of a batch; see the singular values of ``Factors``."""
         still, rigid = np.zeros_like(q), self._rigid
         rows, C = rigid.constraint_rows(q, v, active), cholesky(rigid.mass_matrix(q))
-        forces = free - rigid.inverse(q, v, still, self._gravity)
+        forces = free - rigid.frictionless(q, v, still)
         U, s, Vt = np.linalg.svd(_transposed(np.linalg.solve(C, _transposed(rows[..., :-1]))),
                                  full_matrices=False)  # fmt: skip
         counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < self._rank(active, q[0]))

@@ -14,6 +14,7 @@ from arm_dynamics.model.drive import drives_of
 from arm_dynamics.model.friction import Given, friction_of
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.robot import Robot, velocity_index
+from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.stops import Range, stops_of
 from arm_dynamics.scene.schema import Joint, Limits, Scene
 
@@ -23,6 +24,7 @@ class ArmModel(Robot):
 
     Attributes:
         friction: Friction of the joints.
+        springs: Springs of joints and between points.
         armature: Drive inertia in [kg m²] or [kg], that of rotors on rigid gears included, (n,).
         drives: Drive of each joint, None where the command acts on the link at once.
         effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).
@@ -39,7 +41,7 @@ class ArmModel(Robot):
 
     Raises:
         ModelError: If Pinocchio cannot build the robot or no joint is left to move.
-        SceneError: If drives, friction or constraints of the scene do not go together.
+        SceneError: If drives, friction, springs or constraints of the scene do not go together.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -48,6 +50,7 @@ class ArmModel(Robot):
         self.drives = tuple(drives_of(scene, self.joint_names, self._rules))
         index = velocity_index(self._whole)
         self._set_drives(joints, index)
+        self.springs = springs_of(self)
         self._set_limits([joints[name].limits for name in self.joint_names], index)
         self.stops = stops_of(self._ranges(), self.joint_names)
         self.position_lower, self.position_upper = self.stops.limit

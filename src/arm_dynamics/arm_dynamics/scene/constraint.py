@@ -74,12 +74,7 @@ class _BetweenFrames(_Constraint):
 
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
         """Refuse frames that the robot does not have; arguments as of ``check_constraints``."""
-        for frame in self.frames:
-            if frame != WORLD and frame not in urdf.frames:
-                raise SceneError(
-                    f"scene: 'constraints.{place}.frames' names '{frame}', which does not exist; "
-                    f"allowed: {known_names([WORLD, *urdf.frames])}"
-                )
+        check_frames(f"constraints.{place}.frames", self.frames, urdf)
 
 
 class PointConstraint(_BetweenFrames):
@@ -291,6 +286,16 @@ def check_frame(key: str, frame: str, urdf: Urdf) -> None:
         raise SceneError(
             f"scene: '{key}' = '{frame}' does not exist; allowed: {known_names(urdf.frames)}"
         )
+
+
+def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
+    """Refuse frames that are neither the robot's nor the world; ``key`` names them."""
+    for frame in frames:
+        if frame != WORLD and frame not in urdf.frames:
+            raise SceneError(
+                f"scene: '{key}' names '{frame}', which does not exist; "
+                f"allowed: {known_names([WORLD, *urdf.frames])}"
+            )
 
 
 def check_joints(

@@ -14,6 +14,7 @@ import yaml
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
 from arm_dynamics.scene.schema import Scene, validated
+from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.urdf import Urdf, read_urdf
 
 
@@ -155,6 +156,7 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
     for i, payload in enumerate(scene.payloads):
         check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))
+    check_springs(scene.springs, urdf)
     _check_followers(scene, urdf)
 
 

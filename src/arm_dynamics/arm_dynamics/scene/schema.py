@@ -25,6 +25,7 @@ from arm_dynamics.scene.constraint import (
 )
 from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.friction import KINDS, Friction
+from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import (
     Finite,
     Inertia6,
@@ -108,6 +109,7 @@ class Joint(Part):
         armature: Inertia of the drive seen at the joint in [kg m²] or [kg].
         actuator: Motor and gear; without one the command is the torque at the joint.
         transmission: What is flexible between gear and link.
+        spring: A spring and a damper that act on the link.
         limits: Limits in place of the URDF's.
     """
 
@@ -115,6 +117,7 @@ class Joint(Part):
     armature: NonNegative | None = None
     actuator: Actuator | None = None
     transmission: Transmission | None = None
+    spring: JointSpring | None = None
     limits: Limits = Limits()
 
 
@@ -180,6 +183,7 @@ class Scene(Part):
         gravity: Gravity in the world frame in [m/s²].
         joints: Joint settings by name; ``"*"`` speaks for all and gives way to a name.
         payloads: Bodies welded to frames.
+        springs: Springs between points of two frames.
         constraints: What ties the robot to itself or to the world.
         initial: Start of the motion.
         sim: Integration.
@@ -191,6 +195,7 @@ class Scene(Part):
     gravity: Vector3 = (0.0, 0.0, -9.81)
     joints: dict[str, Joint] = {}
     payloads: tuple[Payload, ...] = ()
+    springs: tuple[PointSpring, ...] = ()
     constraints: tuple[Constraint, ...] = ()
     initial: Initial = Initial()
     sim: Sim = Sim()

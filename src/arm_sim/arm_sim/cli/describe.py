@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from arm_dynamics import ArmModel
+    from arm_dynamics.scene.spring import PointSpring
     from arm_sim import Simulator
 
 
@@ -80,6 +81,7 @@ def _show_joints(out: Console, model: ArmModel) -> None:
         out.print(f"all zero: {', '.join(absent)}", style="dim")
     out.print(_units(set(model.joint_types)), style="dim")
     _show_drives(out, model)
+    _show_springs(out, model)
     _show_outside(out, model)
 
 
@@ -98,6 +100,34 @@ def _show_drives(out: Console, model: ArmModel) -> None:
         if drive is not None
     ]  # fmt: skip
     show(out, table(columns, rows, text=(0, 1, 6)))
+
+
+def _show_springs(out: Console, model: ArmModel) -> None:
+    from arm_dynamics.scene.spring import spring_name
+
+    springs = model.springs
+    if not springs:
+        return
+    names = list(model.pin.names)[1:]
+    pushing = springs.stiffness + springs.damping > 0.0
+    of_joints = zip(names, springs.stiffness, springs.rest, springs.damping, strict=True)
+    rows = [
+        (name, "joint", *(number(x, 4) for x in values))
+        for (name, *values), on in zip(of_joints, pushing, strict=True) if on
+    ]  # fmt: skip
+    rows += [
+        (spring_name(spring, i), _between(spring),
+         *(number(x, 4) for x in (spring.stiffness, spring.rest_length, spring.damping)))
+        for i, spring in enumerate(springs.points)
+    ]  # fmt: skip
+    columns = ("spring", "of", "stiffness", "at rest", "damping")
+    show(out, table(columns, rows, text=(0, 1)))
+
+
+def _between(spring: PointSpring) -> str:
+    kind = "cord, " if spring.tension_only else ""
+    preload = f", {spring.force:g} N" if spring.force else ""
+    return f"{kind}{' to '.join(spring.frames)}{preload}"
 
 
 def _show_outside(out: Console, model: ArmModel) -> None:

@@ -220,7 +220,7 @@ def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
     arguments = [s.q, s.v, s.tau, s.p]
     candidates = []
     for name, law in algorithms(s.tree, model.n):
-        result = law(s.tree, s.q, s.v, s.tau - s.viscous, s.gravity)
+        result = law(s.tree, s.q, s.v, s.tau - s.passive, s.gravity)
         candidates.append((name, ca.Function("acceleration", arguments, [result], {"cse": True})))
     return min(candidates, key=lambda candidate: operations(candidate[1]))
 

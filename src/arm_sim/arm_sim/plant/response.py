@@ -28,13 +28,13 @@ class Response:
 
     Attributes:
         load: Torques that act: those of the drives and compliant stops less gravity, inertial
-            forces and the friction of sliding joints, in [N m] or [N], shape (n,).
+            forces, springs and the friction of sliding joints, in [N m] or [N], shape (n,).
     """
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
         n = model.n
         bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
-        self.load = s.tau - bias - s.viscous - joints.friction + joints.stop
+        self.load = s.tau - bias - s.passive - joints.friction + joints.stop
         self._M = rigid_body.mass_matrix(s.tree, s.q)
         self._sliding = ca.diag(joints.sliding)
         self._sticking = ca.SX.eye(n) - self._sliding

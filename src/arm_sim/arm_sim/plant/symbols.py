@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from arm_dynamics.equations import stop
+from arm_dynamics.equations import spring, stop
 from arm_dynamics.equations.contact import MODE
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
@@ -23,7 +23,7 @@ class Symbols:
         p: Tunable quantities, shape (np,).
         tree: The links, with payloads that may be tunable.
         gravity: In the world frame in [m/s²], shape (3,).
-        viscous: Viscous friction less what pushes from outside, shape (n,).
+        passive: Viscous friction and springs less what pushes from outside, shape (n,).
     """
 
     def __init__(self, model: ArmModel, parameters: Parameters) -> None:
@@ -34,9 +34,11 @@ class Symbols:
         self.gravity = p.get("gravity", gravity_of(model))
         self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
         self._switchable = switchable(model.scene.constraints)
-        self.viscous = model.friction.smooth(self.v, p.get("friction"))
+        self.passive = model.friction.smooth(self.v, p.get("friction"))
+        if model.springs:
+            self.passive += spring.torque(model.springs, self.tree, self.q, self.v)
         if "external" in p:  # acts where friction does: on the link, behind limits and drives
-            self.viscous -= p["external"]
+            self.passive -= p["external"]
 
     def active(self, place: int) -> ca.SX | float:
         """1 or 0 for the constraint at a place of the scene's list: does it hold?"""

@@ -20,7 +20,11 @@ import numpy as np
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.internal_state import Ensemble, Flow
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations import spring
+from arm_dynamics.equations.spring import Springs
+from arm_dynamics.equations.tree import Tree
 from arm_dynamics.model.friction import JointFriction
+from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant, split
 from arm_sim.stepping.stepper import Stepper
@@ -38,9 +42,13 @@ class Ledger(Ensemble):
 
     Attributes:
         friction: The rest of the friction, whose heat counts too.
+        springs: Springs, with that of their dampers.
+        tree: The links.
     """
 
     friction: JointFriction
+    springs: Springs
+    tree: Tree
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -57,12 +65,12 @@ class Ledger(Ensemble):
         return np.concatenate([super().initial(q, v), np.zeros(3)])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What the laws do, and the powers but the last: heat by friction is one of them."""
+        """What the laws do, and the powers but the last: heat by friction and dampers is one."""
         flow, law = super().equations(q, v, z, u), self.friction
         torque = law.smooth(v)
         if law.has_dry:
             torque = torque + law.dry(v, ca.sign(v), q, flow.torque)
-        lost = flow.lost + ca.dot(torque, v)
+        lost = flow.lost + ca.dot(torque, v) + spring.heat(self.springs, self.tree, q, v)
         return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, lost))
 
 
@@ -158,12 +166,12 @@ class EnergyAccount:
     @cached_property
     def _ledger(self) -> Stepper:
         model = self._plant.model
-        ledger = Ledger(self._laws.laws, model.n, model.friction)
+        ledger = Ledger(self._laws.laws, model.n, model.friction, model.springs, tree_of(model))
         return Stepper(self._plant.accounted(ledger), self._choice, self._backend)
 
 
 def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Array) -> Array:
-    """Energy that friction takes out in each tick: the integral of F·v by Simpson's rule.
+    """Energy that friction and dampers take out in each tick: their power by Simpson's rule.
 
     Position and velocity in the middle of a tick are those of the cubic through both ends
     (Hermite).
@@ -182,8 +190,14 @@ def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Arra
         return np.zeros(0)
     middle = 0.5 * (q[:-1] + q[1:]) + 0.125 * dt * (v[:-1] - v[1:])
     speed = 1.5 * np.diff(q, axis=0) / dt - 0.25 * (v[:-1] + v[1:])
+    torque = dynamics.friction
     power = [
-        np.sum(dynamics.friction(rate, q=at, load=tau) * rate, axis=1)
+        np.sum((torque(rate, q=at, load=tau) + _damping(dynamics, at, rate)) * rate, axis=1)
         for at, rate in ((q[:-1], v[:-1]), (middle, speed), (q[1:], v[1:]))
     ]
     return dt * (power[0] + 4.0 * power[1] + power[2]) / 6.0
+
+
+def _damping(dynamics: Dynamics, q: Array, v: Array) -> Array:
+    """The dampers' part of the springs' torques, shape (k, n)."""
+    return dynamics.spring(q, v) - dynamics.spring(q)

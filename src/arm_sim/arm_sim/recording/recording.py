@@ -71,12 +71,12 @@ class Recording:
 
     @property
     def potential(self) -> Array:
-        """Potential energy in [J], shape (k+1,)."""
+        """Potential energy of weight and springs in [J], shape (k+1,)."""
         return self._energies[1]
 
     @cached_property
     def stored(self) -> Array:
-        """What the laws store in [J], shape (k+1,): in springs, coils, bristles, rotors."""
+        """What the laws store in [J], shape (k+1,): in flexible drives, coils, bristles."""
         return self.account.stored(self._x)
 
     @cached_property

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import ctypes
 import os
+import re
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
@@ -26,6 +27,8 @@ from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper, pointer, sizes, source, stop_places
 
 WIDTHS = (8, 4, 2, 1)
+# How CasADi writes a choice; C++ has no such operator for many arms at a time.
+_CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")
 
 
 @dataclass(frozen=True)
@@ -158,9 +161,11 @@ class Rollouts:
         plant = self._smooth
         step = build_step(self._choice.method, plant.rhs, plant.model.n, plant.project)
         tick = build_tick(step, actuation(plant))
-        lanes = f'#define LANES {width}\n#include "lanes.hpp"\n'
         driver = source(sizes(plant, [tick]) | {"TICK": "tick"} | stop_places(plant), "rollout.c")
-        return (lanes if width > 1 else '#include "scalar.h"\n') + generate([tick]) + driver
+        if width == 1:
+            return '#include "scalar.h"\n' + generate([tick]) + driver
+        code = _CHOICE.sub(r"if_else_zero(\1,\2)", generate([tick]))
+        return f'#define LANES {width}\n#include "lanes.hpp"\n' + code + driver
 
 
 def natural_width() -> int:

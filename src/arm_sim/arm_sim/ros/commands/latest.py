@@ -28,10 +28,15 @@ class LatestCommand:
     def __init__(self, dynamics: Dynamics) -> None:
         zero = np.zeros(dynamics.n)
         none: Sequence[float] = zero.tolist()
+
+        def standing(q: Array) -> Sequence[float]:
+            held = dynamics.gravity(q) + dynamics.spring(q)
+            return list(dynamics.command_map(q, zero, held).tolist())
+
         self._policies: dict[str, Callable[[Array], Sequence[float]]] = {
             ZERO: lambda q: none,
             HOLD: lambda q: none if self._used is None else self._used,
-            GRAVITY: lambda q: dynamics.command_map(q, zero, dynamics.gravity(q)).tolist(),
+            GRAVITY: standing,
         }
         self._newest: Sequence[float] | None = None
         self._used: Sequence[float] | None = None
@@ -46,7 +51,8 @@ class LatestCommand:
         Args:
             timeout: Ticks that a command may act; 0: for ever.
             policy: What acts after that and before the first command: ``zero``, ``hold`` of the
-                last command, or the one that carries the arm's weight, ``gravity``.
+                last command, or the one that carries what springs leave of the arm's weight,
+                ``gravity``.
         """
         self._timeout, self._policy = timeout, self._policies[policy]
 
