@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, InvalidInput
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import validated
 from arm_sim.compiled_scene import CompiledScene
+from arm_sim.inputs import row
 from arm_sim.plant.plant import Plant
 from arm_sim.simulator import Simulator
 
@@ -66,9 +67,8 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
         InvalidInput: If friction is not tunable or a number is not allowed.
     """
     _demand(simulator, "friction")
-    values = vector("viscous", viscous, simulator.n)
-    if values.ndim != 1 or values.min() < 0.0:
-        raise InvalidInput(f"viscous = {values}; expected {simulator.n} numbers of at least zero")
+    values = row("viscous", viscous, simulator.n)
+    simulator.plant.parameters.merged({"friction": values}, simulator.parameters)
     changed = simulator.dynamics.model.with_viscous(values)
     return _change(simulator, changed, friction=values)
 

@@ -15,7 +15,8 @@ import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import ModelError
-from arm_dynamics.scene.schema import Scene, inertia_matrix
+from arm_dynamics.scene.inertia import inertia_matrix
+from arm_dynamics.scene.schema import Scene
 from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
 
 
@@ -31,6 +32,7 @@ class Robot:
         has_followers: Whether a mimic joint follows another one.
         followers: Matrix E of shape (pin.nv, n).
         offsets: Vector e of shape (pin.nv,).
+        doubtful: Links whose inertia no rigid body has, and why.
 
     Raises:
         ModelError: If Pinocchio cannot build the robot or no joint is left to move.
@@ -39,6 +41,7 @@ class Robot:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         urdf = read_urdf(scene.robot.urdf)
+        self.doubtful = urdf.doubtful
         self._whole = _parse(scene.robot.urdf)
         self._rules = _resolved(urdf)
         self.pin = _locked(self._whole, scene, self._rules)

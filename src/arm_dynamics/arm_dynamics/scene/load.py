@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Mapping
@@ -15,6 +16,8 @@ from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
 from arm_dynamics.scene.schema import Scene, validated
 from arm_dynamics.scene.urdf import Urdf, read_urdf
+
+_log = logging.getLogger(__name__)
 
 
 def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Scene:
@@ -65,7 +68,7 @@ def scene_from_urdf(text: str) -> Scene:
     Raises:
         ModelError: If the description cannot be used.
     """
-    read_urdf(text)
+    _tell(read_urdf(text))
     return validated({"robot": {"urdf": text}})
 
 
@@ -138,9 +141,24 @@ def _complete(data: dict[str, Any], folder: Path) -> Scene:
     text = scene.robot.urdf
     if not _is_urdf(text):
         text = _read(find_file(text, folder))
-    _check_names(scene, read_urdf(text))
+    urdf = read_urdf(text)
+    _check_names(scene, urdf)
+    _tell(urdf)
     robot = scene.robot.model_copy(update={"urdf": text})
     return scene.model_copy(update={"robot": robot})
+
+
+def _tell(urdf: Urdf) -> None:
+    """Say which links of a robot have an inertia that no body has."""
+    if urdf.doubtful:
+        name, trouble = next(iter(urdf.doubtful.items()))
+        count = len(urdf.doubtful)
+        many = f"{count} links have" if count > 1 else "a link has"
+        more = f" (and {known_names(list(urdf.doubtful)[1:], 5)})" if count > 1 else ""
+        _log.warning(
+            "robot description: %s an inertia that no rigid body has; it is computed with as it "
+            "is: link '%s'%s: %s", many, name, more, trouble,
+        )  # fmt: skip
 
 
 def _check_names(scene: Scene, urdf: Urdf) -> None:
