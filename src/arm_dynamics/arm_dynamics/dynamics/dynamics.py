@@ -18,6 +18,8 @@ from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.regularity import check_regular
+from arm_dynamics.model.sampling import postures
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Scene
 
@@ -58,6 +60,7 @@ class Dynamics:
         self.command_map = CommandMap(self.model)
         self._rigid = RigidDynamics(self.model)
         self._gravity = np.array(self.model.scene.gravity)
+        self._regular = False  # looked at when accelerations are first asked for
 
     @property
     def n(self) -> int:
@@ -122,10 +125,14 @@ class Dynamics:
 
         Raises:
             InvalidInput: If a shape or a value is not allowed.
+            ModelError: If the mass matrix is singular to rounding.
         """
         q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
+        if not self._regular:
+            check_regular(self._rigid.mass_matrix(postures(self.model, 5)), self.joint_names)
+            self._regular = True
         free = tau - self.steady_friction(v, np.sign(v), q, tau)
         return self._rigid.forward(q, v, free)
 

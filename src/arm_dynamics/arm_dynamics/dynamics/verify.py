@@ -12,6 +12,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import KernelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.regularity import check_regular
 
 CHECK_TOLERANCE = 1e-10
 CHECK_STATES = 20
@@ -91,12 +92,13 @@ def check_forward(dynamics: Expected, acceleration: Acceleration) -> float:
 
     Raises:
         KernelError: If it is wrong.
-        ModelError: If a joint moves no mass.
+        ModelError: If the mass matrix is singular to rounding.
     """
     q, v, tau = random_states(dynamics.model.n)
-    a = _accelerations(dynamics, acceleration, q, v, tau)
+    M = _mass_matrices(dynamics, q)
+    a = _accelerations(acceleration, q, v, tau)
     bias = dynamics.inverse(q, v, np.zeros_like(q))
-    size = torque_size(dynamics.mass_matrix(q), a, bias, tau)
+    size = torque_size(M, a, bias, tau)
     return compare("forward dynamics", (dynamics.inverse(q, v, a) - tau, size))
 
 
@@ -109,11 +111,12 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     names = closure.initially_active
     kept = closure.kept(names, dynamics.model.constraint_rows)
     q, v, tau = random_states(dynamics.model.n)
-    a = _accelerations(dynamics, acceleration, q, v, tau)
+    M = _mass_matrices(dynamics, q)
+    a = _accelerations(acceleration, q, v, tau)
     rows = [closure.rows.stacked(*state, names) for state in zip(q, v, strict=True)]
     A = np.array([row.jacobian[kept] for row in rows])
     drift = np.array([row.drift[kept] for row in rows])
-    M, lacking = dynamics.mass_matrix(q), tau - dynamics.inverse(q, v, a)
+    lacking = tau - dynamics.inverse(q, v, a)
     free = np.linalg.solve(M, (tau - dynamics.inverse(q, v, np.zeros_like(q)))[..., None])
     terms = (abs(A) @ (abs(a)[..., None] + abs(free)))[..., 0] + abs(drift)
     basis = np.linalg.qr(np.swapaxes(A, 1, 2))[0]
@@ -125,11 +128,15 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     )
 
 
-def _accelerations(
-    dynamics: Expected, acceleration: Acceleration, q: Array, v: Array, tau: Array
-) -> Array:
+def _mass_matrices(dynamics: Expected, q: Array) -> Array:
+    """M at each state, regular there and at the initial position."""
+    M = dynamics.mass_matrix(np.vstack([q, dynamics.model.q0]))
+    check_regular(M, dynamics.model.joint_names)
+    return M[:-1]
+
+
+def _accelerations(acceleration: Acceleration, q: Array, v: Array, tau: Array) -> Array:
     a = np.array([np.array(acceleration(*state)) for state in zip(q, v, tau, strict=True)])
     if not np.isfinite(a).all():
-        dynamics.forward(q, v, tau)  # says which joint cannot be moved
         compare("forward dynamics", (a, np.ones_like(a)))
     return a

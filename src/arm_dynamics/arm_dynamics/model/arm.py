@@ -12,6 +12,8 @@ from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.model.drive import drives_of
 from arm_dynamics.model.friction import Given, friction_of
 from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.scene.schema import Joint, Limits, Scene
 
@@ -35,7 +37,8 @@ class ArmModel(Robot):
             constraint's place in the scene.
 
     Raises:
-        ModelError: If Pinocchio cannot build the robot or no joint is left to move.
+        ModelError: If Pinocchio cannot build the robot, no joint is left to move, or constraints
+            hold a robot whose mass matrix is singular.
         SceneError: If drives, friction or constraints of the scene do not go together.
     """
 
@@ -50,6 +53,7 @@ class ArmModel(Robot):
         v0 = np.array([scene.initial.velocity.get(name, 0.0) for name in self.joint_names])
         self.constraint_rows: dict[int, tuple[int, ...]] = {}
         if scene.bilateral:
+            check_regular(RigidTerms(self).mass(q0)[None], self.joint_names)
             closure = Closure(self)
             q0, v0 = closure.closed(q0, v0)
             self.constraint_rows = closure.independent_rows(q0)

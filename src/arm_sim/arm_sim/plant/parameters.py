@@ -90,8 +90,8 @@ class Parameters:
             Shape (np,), or (b, np) if a value has rows.
 
         Raises:
-            InvalidInput: If a name is not tunable, a size or number is not allowed, a payload is no
-                rigid body's, or viscous friction is negative.
+            InvalidInput: If a name is not tunable, a size or number is not allowed, a payload is
+                no rigid body's, or viscous friction is negative.
         """
         for name in values:
             if name not in self.names:
@@ -111,7 +111,8 @@ class Parameters:
 
     def _checked(self, item: Parameter, value: ArrayLike) -> Array:
         values = vector(item.name, np.atleast_1d(value), item.nominal.size)
-        self._checks.get(item.name, lambda _: None)(values)
+        if item.name in self._checks:
+            self._checks[item.name](values)
         return values
 
 
