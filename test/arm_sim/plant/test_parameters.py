@@ -12,11 +12,12 @@ import models
 from arm_dynamics import InvalidInput
 from arm_sim import Simulator
 
+BALL = [0.01, 0, 0, 0.01, 0, 0.01]
 LOAD = {
     "frame": "tip",
     "mass": 1.0,
     "com": [0.0, 0.0, 0.1],
-    "inertia": [0.01, 0, 0, 0.01, 0, 0.01],
+    "inertia": BALL,
 }
 GOOD = [1.0, 0.0, 0.0, 0.1, *BALL]
 SIDED = {"viscous": {"positive": 0.6, "negative": 0.2}}
