@@ -119,6 +119,7 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "inertia indefinite": (payload(inertia=[1, 5, 0, 1, 0, 1]), ("inertia", "negative")),
     "payloads a mapping": ({"payloads": {"frame": "link3", "mass": 1}}, ("payloads",)),
+    "no payload to tune": ({"tunable": ["payload"]}, ("tunable", "there are no 'payloads'")),
     "joints a list": ({"joints": ["joint1"]}, ("joints",)),
     "initial NaN": ({"initial": {"position": {"joint1": NAN}}}, ("joint1", "nan")),
     "initial a list": ({"initial": {"position": [0, 0, 0]}}, ("position",)),

@@ -220,7 +220,7 @@ class Dynamics:
 
 def _chosen(terms: Term | int) -> list[bool]:
     """Which of inertia, Coriolis, gravity and friction."""
-    if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:
+    if not isinstance(terms, int) or isinstance(terms, bool) or not 0 <= terms <= Term.ALL:
         raise InvalidInput(
             f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8"
         )

@@ -89,6 +89,7 @@ class ArmModel(Robot):
                 Given(
                     name,
                     joint.friction,
+                    self.scene.joints.get(name, Joint()).friction,
                     damping=float(whole.damping[i]),
                     dry=float(whole.upperDryFrictionLimit[i]),
                     more=drive.viscous if drive else 0.0,

@@ -14,7 +14,7 @@ import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.exceptions import ModelError
+from arm_dynamics.exceptions import ModelError, SceneError
 from arm_dynamics.scene.inertia import inertia_matrix
 from arm_dynamics.scene.schema import Scene
 from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
@@ -36,6 +36,7 @@ class Robot:
 
     Raises:
         ModelError: If Pinocchio cannot build the robot or no joint is left to move.
+        SceneError: If no joint moves a payload.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -153,8 +154,13 @@ def _locked(whole: pin.Model, scene: Scene, rules: dict[str, Mimic]) -> pin.Mode
 
 
 def _weld(model: pin.Model, scene: Scene) -> None:
-    for payload in scene.payloads:
+    for i, payload in enumerate(scene.payloads):
         frame = model.frames[model.getFrameId(payload.frame)]
+        if frame.parentJoint == 0:
+            raise SceneError(
+                f"scene: 'payloads.{i}.frame' = '{payload.frame}': no joint moves that frame, so "
+                "the payload is without effect"
+            )
         body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
         body.inertia = inertia_matrix(payload.inertia)  # the scene has checked it, to rounding
         model.appendBodyToJoint(frame.parentJoint, body, frame.placement)

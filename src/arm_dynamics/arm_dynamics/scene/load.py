@@ -14,7 +14,7 @@ import yaml
 
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
-from arm_dynamics.scene.schema import Scene, validated
+from arm_dynamics.scene.schema import Joint, Scene, validated
 from arm_dynamics.scene.urdf import Urdf, read_urdf
 
 _log = logging.getLogger(__name__)
@@ -173,19 +173,44 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
     for i, payload in enumerate(scene.payloads):
         check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))
-    _check_followers(scene, urdf)
-
-
-def _check_followers(scene: Scene, urdf: Urdf) -> None:
     for name, rule in urdf.mimics.items():
-        if name in scene.robot.lock and rule.leader not in scene.robot.lock:
+        _check_follower(scene, name, rule.leader)
+    for name in scene.robot.lock:
+        _check_locked(scene, name)
+
+
+def _check_follower(scene: Scene, name: str, leader: str) -> None:
+    """Refuse what a joint that follows another one cannot have, and would be without effect."""
+    if name in scene.robot.lock and leader not in scene.robot.lock:
+        raise SceneError(
+            f"scene: 'robot.lock' locks '{name}', which follows '{leader}'; lock that one too"
+        )
+    if leader in scene.robot.lock:
+        _check_locked(scene, name)
+    for key in ("position", "velocity"):
+        if name in getattr(scene.initial, key):
             raise SceneError(
-                f"scene: 'robot.lock' locks '{name}', which follows '{rule.leader}'; "
-                "lock that one too"
+                f"scene: 'initial.{key}' names '{name}', which follows '{leader}'; set that one"
             )
-        for key in ("position", "velocity"):
-            if name in getattr(scene.initial, key) and name not in scene.robot.lock:
-                raise SceneError(
-                    f"scene: 'initial.{key}' names '{name}', which follows '{rule.leader}'; "
-                    "set that one"
-                )
+    own = scene.joints.get(name, Joint())
+    for key in ("effort", "velocity"):
+        if getattr(own.limits, key) is not None:
+            raise SceneError(
+                f"scene: 'joints.{name}.limits.{key}': '{name}' follows '{leader}' and has none "
+                "of its own; limit that one"
+            )
+
+
+def _check_locked(scene: Scene, name: str) -> None:
+    """Refuse what would be without effect at a joint that does not move."""
+    own = scene.joints.get(name)
+    if own is not None and (given := own.model_dump(exclude_unset=True, exclude_none=True)):
+        raise SceneError(
+            f"scene: 'joints.{name}' sets {known_names(given)} of a joint that 'robot.lock' holds "
+            "fast; take the entry or the lock out"
+        )
+    if scene.initial.velocity.get(name, 0.0) != 0.0:
+        raise SceneError(
+            f"scene: 'initial.velocity.{name}' = {scene.initial.velocity[name]:g}, but "
+            "'robot.lock' holds it fast; 0 is allowed"
+        )

@@ -155,6 +155,13 @@ class Scene(Part):
     sim: Sim = Sim()
     tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
 
+    @field_validator("tunable")
+    @classmethod
+    def _there_to_be_tuned(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        if "payload" in value and not info.data.get("payloads", True):
+            raise ValueError("'payload' is tunable, but there are no 'payloads'; one is expected")
+        return value
+
     @property
     def bilateral(self) -> dict[int, Bilateral]:
         """The constraints that are no contacts, by their places in the list."""
