@@ -128,7 +128,7 @@ class Closure:
         closed; where it is not, be it by rounding, they seem independent.
         """
         if names not in self._ranks:
-            places = self._wander(near, names)
+            places = self.wander(near, names)
             A = [self.rows.stacked(q, 0 * q, names).jacobian for q in places]
             found = [self.factors(q, a, min(a.shape)).s for q, a in zip(places, A, strict=True)]
             self._ranks[names] = max(len(s) for s in found)
@@ -175,7 +175,7 @@ class Closure:
         if not len(candidates):
             return []
         try:
-            bases = [self._metric_rows(q) for q in self._wander(near, names)]
+            bases = [self._metric_rows(q) for q in self.wander(near, names)]
         except ConstraintError:  # one that is off need not be within reach
             return [int(k) for k in candidates]
         for k in taken:
@@ -197,8 +197,19 @@ class Closure:
         Y: Array = np.linalg.solve(np.linalg.cholesky(self._rigid.mass(q)), A.T).T
         return Y
 
-    def _wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
-        """Some closed positions along the motion that the constraints leave."""
+    def wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
+        """Some closed positions along the motion that the named constraints leave.
+
+        Args:
+            start: Joint positions to start from, shape (n,).
+            names: Constraints that hold, in the order of the scene.
+
+        Returns:
+            Always the same ones, each of shape (n,), the one nearest to ``start`` first.
+
+        Raises:
+            ConstraintError: If none can be closed from ``start``.
+        """
         rng, places = np.random.default_rng(0), [self._closed_position(start, names)]
         for _ in range(SAMPLES - 1):
             q = places[-1]
