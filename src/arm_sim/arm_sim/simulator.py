@@ -233,8 +233,9 @@ class Simulator:
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
+        hold = self.model.held_at_start if q is None and v is None else ()
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
-        self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
+        self._x[:] = placed(self.plant, q, v, z, self.held_constraints, hold)
         self._step, self._effort[:], self._error[:] = 0, 0.0, 0.0
         self._compiled.restart()
         self._state = None

@@ -31,6 +31,7 @@ class ArmModel(Robot):
         velocity_limit: Speed limits in [rad/s] or [m/s], inf where there is none, shape (n,).
         position_lower: Lower limits in [rad] or [m], shape (n,).
         position_upper: Upper limits in [rad] or [m], shape (n,).
+        held_at_start: Indices of joints that keep their state when loops are closed at the start.
         q0: Initial positions, shape (n,).
         v0: Initial velocities, shape (n,).
         constraint_rows: Rows of each bilateral constraint that imply all others, by the
@@ -51,11 +52,12 @@ class ArmModel(Robot):
         self._set_limits([joints[name].limits for name in self.joint_names], index)
         q0 = np.array([scene.initial.position.get(name, 0.0) for name in self.joint_names])
         v0 = np.array([scene.initial.velocity.get(name, 0.0) for name in self.joint_names])
+        self.held_at_start = tuple(map(self.joint_names.index, scene.initial.hold))
         self.constraint_rows: dict[int, tuple[int, ...]] = {}
         if scene.bilateral:
             check_regular(RigidTerms(self).mass(q0)[None], self.joint_names)
             closure = Closure(self)
-            q0, v0 = closure.closed(q0, v0)
+            q0, v0 = closure.closed(q0, v0, hold=self.held_at_start)
             self.constraint_rows = closure.independent_rows(q0)
         self.q0, self.v0 = read_only(q0), read_only(v0)
 

@@ -173,10 +173,23 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
     for i, payload in enumerate(scene.payloads):
         check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))
+    _check_hold(scene, urdf)
     for name, rule in urdf.mimics.items():
         _check_follower(scene, name, rule.leader)
     for name in scene.robot.lock:
         _check_locked(scene, name)
+
+
+def _check_hold(scene: Scene, urdf: Urdf) -> None:
+    """Refuse joints that cannot be held when loops are closed, and holding where none is."""
+    hold, lock = scene.initial.hold, scene.robot.lock
+    free = [name for name in urdf.moving if name not in urdf.mimics and name not in lock]
+    check_joints("initial.hold", hold, free, urdf, lock)
+    if hold and not scene.bilateral:
+        raise SceneError(
+            f"scene: 'initial.hold' = {list(hold)}, but no constraint but contacts is there to be "
+            "closed, so every joint keeps its initial position; leave it out"
+        )
 
 
 def _check_follower(scene: Scene, name: str, leader: str) -> None:

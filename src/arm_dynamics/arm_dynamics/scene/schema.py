@@ -111,10 +111,13 @@ class Initial(Part):
     Attributes:
         position: Joint positions by name in [rad] or [m].
         velocity: Joint velocities by name in [rad/s] or [m/s].
+        hold: Names of joints that keep position and velocity when loops are closed at the start;
+            the others give way.
     """
 
     position: dict[str, Finite] = {}
     velocity: dict[str, Finite] = {}
+    hold: tuple[str, ...] = ()
 
 
 class Sim(Part):
