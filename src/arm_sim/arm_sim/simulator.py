@@ -23,6 +23,7 @@ from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, constraint_hint, holding, packed, placed
 from arm_sim.plant.plant import Plant
+from arm_sim.recording.changes import Changes
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.recording import Recording
 from arm_sim.state import State, read_only
@@ -92,7 +93,7 @@ class Simulator:
 
     @property
     def model(self) -> ArmModel:
-        """The arm that was built, before payload or friction changed; see ``dynamics.model``."""
+        """The arm that was built, whatever was tuned since; see ``dynamics.model``."""
         return self._compiled.plant.model
 
     @property
@@ -138,8 +139,8 @@ class Simulator:
 
     @property
     def dynamics(self) -> Dynamics:
-        """Numeric dynamics of the arm as it is now, by Pinocchio."""
-        return self._compiled.dynamics
+        """Numeric dynamics of the arm as it is now, with what was tuned, by Pinocchio."""
+        return self._compiled.present.at(self._stepper.p)
 
     @property
     def energy_account(self) -> EnergyAccount:
@@ -198,11 +199,12 @@ class Simulator:
         error = np.empty(ticks + 1)
         x[0], error[0] = self._x, self._error[0]
         trace, effort, errors = x[1:], command[:-1], error[1:]
+        changes = Changes(self)
         if isinstance(control, CompiledControl):
             stepper = self._compiled.controlled(control)
             done = self._roll(stepper, control.reference(time[:-1]), trace, effort, errors)
         elif callable(control):
-            done = self._run_function(control, trace, effort, errors)
+            done = self._run_function(control, x, effort, errors, changes)
         else:
             table = torque_table(control, ticks, self.n, self.dt)
             done = self._roll(self._stepper, table, trace, effort, errors)
@@ -214,7 +216,7 @@ class Simulator:
         q, v, z = np.split(x, (self.n, 2 * self.n), axis=1)
         recording = Recording(
             time, q, v, z, command, error, self.dynamics, self.plant, self.energy_account,
-            self.parameters, self.held_constraints,
+            changes.parameters(done + 1), self.held_constraints, changes.jumps(),
         )  # fmt: skip
         if done < ticks:
             diverged = self._diverged()
@@ -310,7 +312,9 @@ class Simulator:
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
-        state, tau, names = self.state, self.effort, self.held_constraints
+        state, names = self.state, self.held_constraints
+        outside = self.plant.parameters.of("external", self._stepper.p)
+        tau = self.effort + outside if outside.size else self.effort
         if self.plant.events and self.plant.project:
             tau = tau + self._stepper.push(self._x, self.command)
         return self.dynamics.constrained_forward(state.q, state.v, tau, names)[1]
@@ -384,15 +388,18 @@ class Simulator:
             self._state = None
         return done
 
-    def _run_function(self, control: Control, trace: Array, effort: Array, errors: Array) -> int:
-        for k in range(len(trace)):
+    def _run_function(
+        self, control: Control, x: Array, effort: Array, errors: Array, changes: Changes
+    ) -> int:
+        for k in range(len(effort)):
             command = control(self.state)
+            changes.look(k, x)
             try:
                 self.advance(torque(command, self.n))
             except SimulationDiverged:
                 return k
-            trace[k], effort[k], errors[k] = self._x, self._effort[0], self._error[0]
-        return len(trace)
+            x[k + 1], effort[k], errors[k] = self._x, self._effort[0], self._error[0]
+        return len(effort)
 
     def _diverged(self) -> SimulationDiverged:
         state, choice = self.state, self.choice

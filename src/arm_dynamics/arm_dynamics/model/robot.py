@@ -10,13 +10,17 @@ Featherstone, Rigid Body Dynamics Algorithms, 2008, section 3.2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
+from typing import Self
+
 import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import ModelError, SceneError
 from arm_dynamics.scene.inertia import inertia_matrix
-from arm_dynamics.scene.schema import Scene
+from arm_dynamics.scene.schema import Payload, Scene
 from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
 
 
@@ -60,6 +64,22 @@ class Robot:
         self.followers, self.offsets = _follower_map(self._index, self.joint_names, self._rules)
         self.has_followers = len(self._index) != len(moving)
         self._continuous = _continuous(self.pin)
+
+    def under(self, gravity: Array, payloads: Sequence[Payload]) -> Self:
+        """The same robot under other gravity, in [m/s²], shape (3,), and with other payloads.
+
+        Raises:
+            SceneError: If no joint moves a payload.
+        """
+        other = copy(self)
+        told = {"gravity": tuple(gravity.tolist()), "payloads": tuple(payloads)}
+        other.scene = self.scene.model_copy(update=told)
+        other.bare = self.bare.copy()
+        other.bare.gravity.linear = gravity
+        other.pin = other.bare.copy()
+        other.pin.armature = self.pin.armature
+        _weld(other.pin, other.scene)
+        return other
 
     @property
     def n(self) -> int:

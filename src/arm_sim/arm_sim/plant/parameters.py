@@ -75,6 +75,15 @@ class Parameters:
         parts = dict(zip(self.names, np.split(p, ends)[:-1], strict=True))
         return parts.get(name, np.zeros(0))
 
+    def place(self, name: str) -> slice | None:
+        """Where one quantity is in p, None if it is not tunable."""
+        first = 0
+        for item in self.items:
+            if item.name == name:
+                return slice(first, first + item.nominal.size)
+            first += item.nominal.size
+        return None
+
     def symbols(self) -> dict[str, ca.SX]:
         """A symbol for each quantity, in the order of p."""
         return {item.name: ca.SX.sym(item.name, item.nominal.size) for item in self.items}

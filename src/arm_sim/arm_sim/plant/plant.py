@@ -86,10 +86,13 @@ class Plant:
         laws = laws_of(model)
         self._compose(Ensemble(laws, model.n) if laws else None)
 
-    def accounted(self, ledger: Ensemble) -> Plant:
-        """The same arm with laws whose last state is what friction of contacts has taken."""
+    def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
+        """The same arm with laws whose last states integrate powers.
+
+        The last of them is what friction of contacts takes.
+        """
         other = copy(self)
-        other._compose(ledger, [self.contact.lost] if self.contact else [_nothing])
+        other._compose(ledger, [*powers, self.contact.lost if self.contact else _nothing])
         return other
 
     def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
