@@ -187,6 +187,7 @@ class TickEngine:
             action()
         else:
             self._meter.change(action)
+        self.commands.dynamics = self.simulator.dynamics  # the weight may be another one
 
     # --- wrenches ------------------------------------------------------------------------------
 

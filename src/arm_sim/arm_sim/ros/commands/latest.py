@@ -20,18 +20,21 @@ class LatestCommand:
     Age is counted in ticks since a command was first used, so a run by hand is repeatable.
 
     Attributes:
+        dynamics: The arm whose weight the policy ``gravity`` carries; may be replaced.
         age: Ticks since the newest command was first used; 0 without one.
         stale: Whether the policy is in force because commands have stopped.
         stale_count: How often commands have stopped.
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
-        zero = np.zeros(dynamics.n)
+        self.dynamics, zero = dynamics, np.zeros(dynamics.n)
         none: Sequence[float] = zero.tolist()
         self._policies: dict[str, Callable[[Array], Sequence[float]]] = {
             ZERO: lambda q: none,
             HOLD: lambda q: none if self._used is None else self._used,
-            GRAVITY: lambda q: dynamics.command_map(q, zero, dynamics.gravity(q)).tolist(),
+            GRAVITY: lambda q: self.dynamics.command_map(
+                q, zero, self.dynamics.gravity(q)
+            ).tolist(),
         }
         self._newest: Sequence[float] | None = None
         self._used: Sequence[float] | None = None
