@@ -18,8 +18,7 @@ from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.regularity import check_regular
-from arm_dynamics.model.sampling import postures
+from arm_dynamics.model.regularity import check_regular, some_positions
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Scene
 
@@ -131,7 +130,7 @@ class Dynamics:
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
         if not self._regular:
-            check_regular(self._rigid.mass_matrix(postures(self.model, 5)), self.joint_names)
+            check_regular(self._rigid.mass_matrix(some_positions(self.n)), self.joint_names)
             self._regular = True
         free = tau - self.steady_friction(v, np.sign(v), q, tau)
         return self._rigid.forward(q, v, free)

@@ -10,14 +10,26 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ModelError
 
-LARGEST_CONDITION = 1e12
-"""Condition number up to which M counts as regular, in units in which its diagonal is one.
-
-Those units make it the same in [m] and [mm], and for a heavy base with a light finger. It is the
-least that any units of the joints give but for a factor of n (van der Sluis, Numerische Mathematik
-14, 1969). Published robots stay below 2e6; where M is singular, rounding makes it 1e14 or more."""
-_NOTHING = 1e-20  # part of the largest inertia that is the rounding of none
+_NOTHING = 1e-28  # part of the largest inertia that is the rounding of none
 _INVOLVED = 0.1  # part of the largest joint rate of a motion without mass, from which one is named
+
+
+def largest_condition(n: int) -> float:
+    """Condition number from which on a matrix of n rows is singular to rounding, 1 / (n ε).
+
+    It is that of M in units in which its diagonal is one: so it is the same in [m] and [mm], and
+    for a heavy base with a light finger, and but for a factor of n the least that any units give
+    (van der Sluis, Numerische Mathematik 14, 1969). Published robots stay below 2e6.
+    """
+    return 1.0 / (n * float(np.finfo(float).eps))
+
+
+def some_positions(n: int) -> Array:
+    """Positions within a turn or 3 m to look at, always the same ones, shape (5, n).
+
+    Limits have no say: many a description means "none" by a limit of 1e9 m, where M is no arm's.
+    """
+    return np.random.default_rng(0).uniform(-np.pi, np.pi, (5, n))
 
 
 def check_regular(M: Array, joint_names: Sequence[str]) -> None:
@@ -37,7 +49,8 @@ def check_regular(M: Array, joint_names: Sequence[str]) -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         condition = np.where(nothing.any(-1), np.inf, values[:, -1] / np.maximum(values[:, 0], 0))
     worst = int(np.argmax(condition))
-    if condition[worst] <= LARGEST_CONDITION:
+    most = largest_condition(len(joint_names))
+    if condition[worst] <= most:
         return
     share = abs(motions[worst, :, 0])
     dead = nothing[worst]
@@ -47,6 +60,6 @@ def check_regular(M: Array, joint_names: Sequence[str]) -> None:
     who = alone if dead.any() else f"joints {listed} can move together so that they move"
     raise ModelError(
         f"{who} no mass, so no torque determines the acceleration: the condition number of the "
-        f"mass matrix is {condition[worst]:.3g}, up to {LARGEST_CONDITION:.0e} is allowed; give a "
+        f"mass matrix is {condition[worst]:.3g}, up to {most:.1e} is allowed; give a "
         "link inertia, a joint an armature, or lock one"
     )
