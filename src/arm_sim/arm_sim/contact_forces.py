@@ -89,7 +89,9 @@ def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
     """
     compiled, x = sim.compiled, np.hstack([recording.q, recording.v, recording.z])
     forces = [contact_forces(compiled, *pair) for pair in zip(x, recording.command, strict=True)]
-    losses = compiled.energy_account.contact_losses(x, recording.command[:-1], recording.p)
+    losses = compiled.energy_account.contact_losses(
+        x[:-1], recording.command[:-1], recording.p[:-1]
+    )
     losses = np.vstack([np.zeros(2), np.cumsum(losses, axis=0)])
     return ContactHistory(
         tuple(f.name for f in forces[0]),

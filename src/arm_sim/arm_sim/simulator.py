@@ -23,6 +23,7 @@ from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, constraint_hint, holding, packed, placed
 from arm_sim.plant.plant import Plant
+from arm_sim.recording.changes import Changes
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.recording import Recording
 from arm_sim.state import State, read_only
@@ -92,7 +93,7 @@ class Simulator:
 
     @property
     def model(self) -> ArmModel:
-        """The arm that was built, before payload or friction changed; see ``dynamics.model``."""
+        """The arm that was built, whatever was tuned since; see ``dynamics.model``."""
         return self._compiled.plant.model
 
     @property
@@ -148,8 +149,8 @@ class Simulator:
 
     @property
     def dynamics(self) -> Dynamics:
-        """Numeric dynamics of the arm as it is now, by Pinocchio."""
-        return self._compiled.dynamics
+        """Numeric dynamics of the arm as it is now, with what was tuned, by Pinocchio."""
+        return self._compiled.present.at(self._stepper.p)
 
     @property
     def energy_account(self) -> EnergyAccount:
@@ -208,11 +209,12 @@ class Simulator:
         notes = np.empty((ticks + 1, 2))
         x[0], notes[0] = self._x, self._notes[0]
         trace, effort, later = x[1:], command[:-1], notes[1:]
+        changes = Changes(self)
         if isinstance(control, CompiledControl):
             stepper = self._compiled.controlled(control)
             done = self._roll(stepper, control.reference(time[:-1]), trace, effort, later)
         elif callable(control):
-            done = self._run_function(control, trace, effort, later)
+            done = self._run_function(control, x, effort, later, changes)
         else:
             table = torque_table(control, ticks, self.n, self.dt)
             done = self._roll(self._stepper, table, trace, effort, later)
@@ -224,7 +226,8 @@ class Simulator:
         q, v, z = np.split(x, (self.n, 2 * self.n), axis=1)
         recording = Recording(
             time, q, v, z, command, notes[:, 0], notes[:, 1], self.dynamics, self.plant,
-            self.energy_account, self.parameters, self.held_constraints,
+            self.energy_account, changes.parameters(done + 1), self.held_constraints,
+            changes.jumps(),
         )  # fmt: skip
         if done < ticks:
             diverged = self._diverged()
@@ -243,8 +246,9 @@ class Simulator:
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
+        hold = self.model.held_at_start if q is None and v is None else ()
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
-        self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
+        self._x[:] = placed(self.plant, q, v, z, self.held_constraints, hold)
         self._step, self._effort[:], self._notes[:] = 0, 0.0, 0.0
         self._compiled.restart()
         self._state = None
@@ -319,7 +323,9 @@ class Simulator:
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
-        state, tau, names = self.state, self.effort, self.held_constraints
+        state, names = self.state, self.held_constraints
+        outside = self.plant.parameters.of("external", self._stepper.p)
+        tau = self.effort + outside if outside.size else self.effort
         if self.plant.events and self.plant.project:
             tau = tau + self._stepper.push(self._x, self.command)
         return self.dynamics.constrained_forward(state.q, state.v, tau, names)[1]
@@ -393,15 +399,18 @@ class Simulator:
             self._state = None
         return done
 
-    def _run_function(self, control: Control, trace: Array, effort: Array, notes: Array) -> int:
-        for k in range(len(trace)):
+    def _run_function(
+        self, control: Control, x: Array, effort: Array, notes: Array, changes: Changes
+    ) -> int:
+        for k in range(len(effort)):
             command = control(self.state)
+            changes.look(k, x)
             try:
                 self.advance(torque(command, self.n))
             except SimulationDiverged:
                 return k
-            trace[k], effort[k], notes[k] = self._x, self._effort[0], self._notes[0]
-        return len(trace)
+            x[k + 1], effort[k], notes[k] = self._x, self._effort[0], self._notes[0]
+        return len(effort)
 
     def _diverged(self) -> SimulationDiverged:
         state, choice = self.state, self.choice

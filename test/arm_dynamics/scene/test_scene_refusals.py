@@ -153,8 +153,17 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "com NaN": (payload(com=[0, 0, NAN]), ("com", "nan")),
     "inertia of three": (payload(inertia=[1, 1, 1]), ("inertia",)),
     "inertia negative": (payload(inertia=[-1, 0, 0, 1, 0, 1]), ("inertia", "negative")),
+    "inertia of no body": (
+        payload(inertia=[1, 0, 0, 1, 0, 2.1]),
+        ("payloads.0.inertia", "principal moments 1, 1, 2.1", "sum of the other two"),
+    ),
+    "inertia without mass": (
+        payload(mass=0, inertia=[1, 0, 0, 1, 0, 1]),
+        ("payloads.0.inertia", "mass = 0", "more than zero"),
+    ),
     "inertia indefinite": (payload(inertia=[1, 5, 0, 1, 0, 1]), ("inertia", "negative")),
     "payloads a mapping": ({"payloads": {"frame": "link3", "mass": 1}}, ("payloads",)),
+    "no payload to tune": ({"tunable": ["payload"]}, ("tunable", "there are no 'payloads'")),
     "joints a list": ({"joints": ["joint1"]}, ("joints",)),
     "initial NaN": ({"initial": {"position": {"joint1": NAN}}}, ("joint1", "nan")),
     "initial a list": ({"initial": {"position": [0, 0, 0]}}, ("position",)),
@@ -212,9 +221,7 @@ FINE_KEYS: dict[str, dict[str, Any]] = {
     "rounding of an inertia": payload(inertia=[-1e-12, 0, 0, 1, 0, 1]),
     "rounding of a small inertia": payload(inertia=[-1e-12, 0, 0, 1e-3, 0, 1e-3]),
     "rounding of a great inertia": payload(inertia=[-1e-10, 0, 0, 100, 0, 100]),
-    "rounding of an inertia that is great in one direction": payload(
-        inertia=[-1e-10, 0, 0, 1, 0, 100]
-    ),
+    "a thin plate whose numbers have two digits": payload(inertia=[0.33, 0, 0, 0.67, 0, 1.01]),
     "a payload without weight": payload(mass=0),
 }
 

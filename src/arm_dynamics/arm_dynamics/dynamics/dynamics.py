@@ -18,6 +18,7 @@ from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.regularity import check_regular, some_positions
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Scene
 
@@ -62,6 +63,7 @@ class Dynamics:
         self.command_map = CommandMap(self.model)
         self._rigid = RigidDynamics(self.model)
         self._gravity = np.array(self.model.scene.gravity)
+        self._regular = False  # looked at when accelerations are first asked for
 
     @property
     def n(self) -> int:
@@ -128,10 +130,14 @@ class Dynamics:
 
         Raises:
             InvalidInput: If a shape or a value is not allowed.
+            ModelError: If the mass matrix is singular to rounding.
         """
         q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
+        if not self._regular:
+            check_regular(self._rigid.mass_matrix(some_positions(self.n)), self.joint_names)
+            self._regular = True
         free = tau - self.steady_friction(v, np.sign(v), q, tau)
         if self.model.springs:
             free = free - self._rigid.spring(q, v)
@@ -234,7 +240,7 @@ class Dynamics:
 
 def _chosen(terms: Term | int) -> list[bool]:
     """Which of inertia, Coriolis, gravity, friction and springs."""
-    if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:
+    if not isinstance(terms, int) or isinstance(terms, bool) or not 0 <= terms <= Term.ALL:
         raise InvalidInput(
             f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8, SPRING 16"
         )

@@ -13,6 +13,8 @@ from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.drive import drives_of
 from arm_dynamics.model.friction import Given, friction_of
 from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.stops import Range, stops_of
@@ -34,13 +36,15 @@ class ArmModel(Robot):
         stops: Ranges of the joints and the stops at their ends.
         position_lower: Lower limits in [rad] or [m], shape (n,).
         position_upper: Upper limits in [rad] or [m], shape (n,).
+        held_at_start: Indices of joints that keep their state when loops are closed at the start.
         q0: Initial positions, shape (n,).
         v0: Initial velocities, shape (n,).
         constraint_rows: Rows of each bilateral constraint that imply all others, by the
             constraint's place in the scene.
 
     Raises:
-        ModelError: If Pinocchio cannot build the robot or no joint is left to move.
+        ModelError: If Pinocchio cannot build the robot, no joint is left to move, or constraints
+            hold a robot whose mass matrix is singular.
         SceneError: If drives, friction, springs or constraints of the scene do not go together.
     """
 
@@ -56,10 +60,12 @@ class ArmModel(Robot):
         self.position_lower, self.position_upper = self.stops.limit
         q0 = self._start()
         v0 = np.array([scene.initial.velocity.get(name, 0.0) for name in self.joint_names])
+        self.held_at_start = tuple(map(self.joint_names.index, scene.initial.hold))
         self.constraint_rows: dict[int, tuple[int, ...]] = {}
         if scene.bilateral:
+            check_regular(RigidTerms(self).mass(q0)[None], self.joint_names)
             closure = Closure(self)
-            q0, v0 = closure.closed(q0, v0)
+            q0, v0 = closure.closed(q0, v0, hold=self.held_at_start)
             self._refuse(q0, "scene: when its constraints are closed, ")
             self.constraint_rows = closure.independent_rows(q0)
         self.q0, self.v0 = read_only(q0), read_only(v0)
@@ -133,6 +139,7 @@ class ArmModel(Robot):
                 Given(
                     name,
                     joint.friction,
+                    self.scene.joints.get(name, Joint()).friction,
                     damping=float(whole.damping[i]),
                     dry=float(whole.upperDryFrictionLimit[i]),
                     more=drive.viscous if drive else 0.0,

@@ -9,9 +9,14 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_args
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, StrictBool, ValidationError, field_validator, model_validator
+from pydantic import (
+    Field,
+    StrictBool,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
@@ -25,6 +30,7 @@ from arm_dynamics.scene.constraint import (
 )
 from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.friction import KINDS, Friction
+from arm_dynamics.scene.inertia import fault
 from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import (
     Finite,
@@ -128,7 +134,8 @@ class Payload(Part):
         frame: Link or joint frame of the URDF that carries it.
         mass: Mass in [kg].
         com: Centre of mass in the frame in [m].
-        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, frame axes, in [kg m²].
+        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, frame axes, in [kg m²]: as
+            a rigid body can have them, see ``scene.inertia``.
     """
 
     frame: str
@@ -138,12 +145,10 @@ class Payload(Part):
 
     @field_validator("inertia")
     @classmethod
-    def _positive_semidefinite(cls, value: Inertia6) -> Inertia6:
-        moments = np.linalg.eigvalsh(inertia_matrix(value))
-        if moments[0] < -1e-12 * max(1.0, moments[-1]):
-            raise ValueError(
-                f"the tensor must not be negative in any direction; principal {moments}"
-            )
+    def _of_a_body(cls, value: Inertia6, info: ValidationInfo) -> Inertia6:
+        mass = info.data.get("mass")  # absent if it was refused itself
+        if mass is not None and (trouble := fault(mass, value)):
+            raise ValueError(trouble)
         return value
 
 
@@ -155,10 +160,13 @@ class Initial(Part):
     Attributes:
         position: Joint positions by name in [rad] or [m].
         velocity: Joint velocities by name in [rad/s] or [m/s].
+        hold: Names of joints that keep position and velocity when loops are closed at the start;
+            the others give way.
     """
 
     position: dict[str, Finite] = {}
     velocity: dict[str, Finite] = {}
+    hold: tuple[str, ...] = ()
 
 
 class Sim(Part):
@@ -201,6 +209,13 @@ class Scene(Part):
     sim: Sim = Sim()
     tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
 
+    @field_validator("tunable")
+    @classmethod
+    def _there_to_be_tuned(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        if "payload" in value and not info.data.get("payloads", True):
+            raise ValueError("'payload' is tunable, but there are no 'payloads'; one is expected")
+        return value
+
     @property
     def bilateral(self) -> dict[int, Bilateral]:
         """The constraints that are no contacts, by their places in the list."""
@@ -230,12 +245,6 @@ def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         both = isinstance(value, dict) and isinstance(merged.get(key), dict)
         merged[key] = _overlay(merged[key], value) if both else value
     return merged
-
-
-def inertia_matrix(six: Inertia6) -> NDArray[np.float64]:
-    """Symmetric 3 by 3 tensor from ixx, ixy, ixz, iyy, iyz, izz in [kg m²]."""
-    xx, xy, xz, yy, yz, zz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def validated(data: dict[str, Any]) -> Scene:

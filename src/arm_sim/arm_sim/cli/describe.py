@@ -55,6 +55,8 @@ def _show_robot(out: Console, model: ArmModel) -> None:
     )
     if model.scene.robot.lock:
         out.print(f"held fast: {', '.join(model.scene.robot.lock)}")
+    for link, trouble in model.doubtful.items():
+        out.print(f"link '{link}': {trouble}", style="yellow")
 
 
 def _show_joints(out: Console, model: ArmModel) -> None:

@@ -206,7 +206,7 @@ def spring_rate(model: ArmModel) -> float:
 
 def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
     try:
-        number = float(value)
+        number = np.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
         number = np.nan
     if not allowed[0] <= number <= allowed[1]:

@@ -103,16 +103,24 @@ class Plant:
         laws = laws_of(model)
         self._compose(Ensemble(laws, model.n) if laws else None)
 
-    def accounted(self, ledger: Ensemble) -> Plant:
-        """The same arm with laws whose last state is what contacts and yielding stops took."""
+    def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
+        """The same arm with laws whose last states integrate powers.
+
+        The last of them is what friction of contacts and compliant stops take.
+        """
         other = copy(self)
-        takers = [self.contact.lost] if self.contact else []
-        other.free = self.free and self.free.accounted(ledger)
-        other._compose(ledger, [*takers, *([self._stop_power] if self._stop_power else [])])
+        other.free = self.free and self.free.accounted(ledger, powers)
+        other._compose(ledger, [*powers, self._taken])
         return other
 
-    def _compose(self, laws: Ensemble | None, powers: Sequence[Power] | None = None) -> None:
-        """Put laws, and the sum of powers as a last state where there are laws, around it."""
+    def _taken(self, q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+        """Power that friction of contacts and compliant stops take from the joints in [W]."""
+        takers = [self.contact.lost] if self.contact else []
+        takers += [self._stop_power] if self._stop_power else []
+        return sum((taker(q, v, tau, p) for taker in takers), ca.SX(1, 1))
+
+    def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
+        """Put laws, and with them powers as states more, around the arm."""
         self.laws = laws
         self.torques = _torques(laws) if laws else None
         n, a = self.model.n, self.acceleration
@@ -180,20 +188,14 @@ def _state_space(acceleration: ca.Function, n: int) -> ca.Function:
     return ca.Function("rhs", [x, u, p], [ca.vertcat(v, acceleration(q, v, u, p))], {"cse": True})
 
 
-def _driven(
-    acceleration: ca.Function, laws: Ensemble, powers: Sequence[Power] | None
-) -> ca.Function:
-    """The same with laws between the command and the joints: x = (q, v, z).
-
-    The sum of ``powers``, if any are given, is the slope of a last state.
-    """
+def _driven(acceleration: ca.Function, laws: Ensemble, powers: Sequence[Power]) -> ca.Function:
+    """The same with laws between the command and the joints: x = (q, v, z), powers as states."""
     x, u, p = _symbols(acceleration, 2 * laws.n + len(laws.names), laws.n)
     q, v, z = split(x, laws.n)
     flow = laws.equations(q, v, z, u)
-    slopes = [v, acceleration(q, v, flow.torque, p), flow.slope]
-    if powers is not None:
-        slopes.append(sum((power(q, v, flow.torque, p) for power in powers), ca.SX(1, 1)))
-    return dense_function("rhs", [x, u, p], ca.vertcat(*slopes))
+    more = [power(q, v, flow.torque, p) for power in powers]
+    slopes = ca.vertcat(v, acceleration(q, v, flow.torque, p), flow.slope, *more)
+    return dense_function("rhs", [x, u, p], slopes)
 
 
 def _of_state(function: ca.Function, laws: Ensemble | None, n: int) -> ca.Function:

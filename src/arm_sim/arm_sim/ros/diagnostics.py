@@ -12,6 +12,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state import native
+from arm_sim.recording.energy_account import TRUSTED
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.params import SimParams
@@ -99,6 +100,13 @@ class SimDiagnostics:
         self.growth.warn(found, state.time_stepped, piled_up)
         if engine.failure:
             found.complain(ERROR, engine.failure)
+        if engine.energy_error > TRUSTED:
+            off, dt = engine.energy_error, engine.simulator.dt
+            found.complain(
+                WARN,
+                f"the energy account is off by {off:.2g} of the energy that moved, more than "
+                f"{TRUSTED:g}: with ticks of {dt:g} s a smaller dt or a tolerance is expected",
+            )
         return found
 
     def _look_at(self, lockstep: Lockstep) -> Finding:

@@ -63,6 +63,9 @@ class Rollouts:
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
+        if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
+            allowed = ", ".join(map(str, WIDTHS))
+            raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
         library, width = self._library(lanes) if self._alike else (None, 1)
 
         def work(first: int, last: int) -> None:
@@ -138,9 +141,6 @@ class Rollouts:
 
     def _library(self, lanes: int | None) -> tuple[ctypes.CDLL | None, int]:
         """Compiled code and the number of arms that it advances side by side."""
-        if lanes is not None and lanes not in WIDTHS:
-            allowed = ", ".join(map(str, WIDTHS))
-            raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
         for width in dict.fromkeys((lanes or natural_width(), 1)):
             if width not in self._libraries:
                 self._libraries[width] = self._built(width)
@@ -186,8 +186,8 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
     Raises:
         InvalidInput: If the number of threads is not positive.
     """
-    if threads is not None and threads < 1:
-        raise InvalidInput(f"threads = {threads!r}; expected at least one")
+    if threads is not None:
+        whole("threads", threads, 1)
     count = threads or len(os.sched_getaffinity(0))
     groups = -(-arms // width)
     edges = [min(arms, groups * i // count * width) for i in range(count + 1)]

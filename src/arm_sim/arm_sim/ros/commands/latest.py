@@ -20,18 +20,19 @@ class LatestCommand:
     Age is counted in ticks since a command was first used, so a run by hand is repeatable.
 
     Attributes:
+        dynamics: The arm whose weight the policy ``gravity`` carries; may be replaced.
         age: Ticks since the newest command was first used; 0 without one.
         stale: Whether the policy is in force because commands have stopped.
         stale_count: How often commands have stopped.
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
-        zero = np.zeros(dynamics.n)
+        self.dynamics, zero = dynamics, np.zeros(dynamics.n)
         none: Sequence[float] = zero.tolist()
 
         def standing(q: Array) -> Sequence[float]:
-            held = dynamics.gravity(q) + dynamics.spring(q)
-            return list(dynamics.command_map(q, zero, held).tolist())
+            held = self.dynamics.gravity(q) + self.dynamics.spring(q)
+            return list(self.dynamics.command_map(q, zero, held).tolist())
 
         self._policies: dict[str, Callable[[Array], Sequence[float]]] = {
             ZERO: lambda q: none,
