@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of points of the arm with planes: gaps, and the forces of closed contacts.
+"""Contact of points and balls with planes: gaps, and the forces of closed contacts.
 
 A closed contact is a constraint, gap acceleration zero, with the normal force as its reaction; one
 that sticks adds two tangential constraints, and one that slides bears the force µ λ against its
@@ -7,6 +7,13 @@ direction (Glocker, Set-Valued Force Laws, 2001, chapters 5 and 6; Pfeiffer and 
 Dynamics with Unilateral Contacts, 1996, chapter 5). Which contact does what is an input, so that
 the expressions have no branches. Forces and speeds of a contact stand in the order normal, first
 and second tangent.
+
+A plane is carried by a link or by the ground, and all is measured in its axes: with u the centre
+of the ball (a point is a ball of no radius), n the normal and ω the ball's turning against the
+plane, the gap is nᵀu less the radius r, and the material points that touch, the ball's at -r n,
+move against one another with u̇ - r ω x n. Of that only the normal part is the rate of a position
+if r > 0: rolling is not holonomic (Neimark and Fufaev, Dynamics of Nonholonomic Systems, 1972,
+chapter I).
 """
 
 from __future__ import annotations
@@ -17,8 +24,8 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.equations.rigid_body import placements, solve
-from arm_dynamics.equations.tree import Tree, sparse
+from arm_dynamics.equations.rigid_body import Rotation, placements, solve
+from arm_dynamics.equations.tree import Tree, common_link, links_between, skew, sparse, spread_map
 
 # Entries of p for each contact: closed, sticks, direction in which it slides (two tangents), and
 # whether it keeps that direction.
@@ -37,10 +44,12 @@ class ContactPoint:
 
     Attributes:
         name: What messages call it.
-        link: Index of the link that carries the point.
-        place: The point in the link's frame in [m], shape (3,).
-        axes: Rows: normal and two tangents of the plane in the world frame, shape (3, 3).
-        offset: The plane's distance from the world's origin along the normal in [m].
+        link: Index of the link that carries the point, -1 for the ground.
+        place: The point, or the ball's centre, in the link's frame in [m], shape (3,).
+        radius: Of the ball in [m], 0 for a point.
+        carrier: Index of the link that carries the plane, -1 for the ground.
+        axes: Rows: normal and two tangents of the plane in its carrier's frame, shape (3, 3).
+        offset: The plane's distance from its carrier's origin along the normal in [m].
         friction: Coulomb's coefficient of sliding.
         static_friction: The one up to which it sticks.
         restitution: Newton's coefficient.
@@ -49,6 +58,8 @@ class ContactPoint:
     name: str
     link: int
     place: Array
+    radius: float
+    carrier: int
     axes: Array
     offset: float
     friction: float
@@ -63,10 +74,12 @@ class Geometry:
     Attributes:
         place: Coordinates in the plane's axes, the first being the gap, in [m], shape (3 nc,).
         size: Sum of the lengths that make up a gap, a measure of its rounding, in [m], (nc,).
+        rows: A, with which A v are the speeds of the material points that touch, (3 nc, n).
     """
 
     place: ca.SX
     size: ca.SX
+    rows: ca.SX
 
 
 @dataclass(frozen=True)
@@ -101,15 +114,80 @@ def geometry(tree: Tree, points: list[ContactPoint], q: ca.SX) -> Geometry:
     """Places of the contact points for joint positions ``q`` of shape (n,)."""
     pose, places, sizes = placements(tree, q), [], []
     for point in points:
-        at, i, size = sparse(point.place), point.link, ca.SX(0)
-        while i >= 0:
-            at = pose[i].R @ at + pose[i].p
-            size += ca.norm_1(pose[i].p)
-            i = tree.links[i].parent
-        height = ca.vertcat(ca.SX(point.offset), 0, 0)
+        at, size = _centre(tree, pose, point)
+        height = ca.vertcat(ca.SX(point.offset + point.radius), 0, 0)
         places.append(sparse(point.axes) @ at - ca.sparsify(height))
-        sizes.append(size + np.abs(point.place).sum() + abs(point.offset))
-    return Geometry(ca.densify(ca.vertcat(*places)), ca.densify(ca.vertcat(*sizes)))
+        sizes.append(size + np.abs(point.place).sum() + abs(point.offset) + point.radius)
+    place = ca.densify(ca.vertcat(*places))
+    turning = ca.vertcat(*[_turning_speeds(tree, pose, point) for point in points])
+    return Geometry(place, ca.densify(ca.vertcat(*sizes)), ca.jacobian(place, q) + turning)
+
+
+def positional(points: list[ContactPoint]) -> ca.DM:
+    """1 for each of the 3 nc speeds that is the rate of a position, 0 for tangents of balls."""
+    return ca.vertcat(*[ca.DM([1, point.radius == 0, point.radius == 0]) for point in points])
+
+
+def sites(tree: Tree, points: list[ContactPoint], q: ca.SX) -> ca.SX:
+    """Where contacts are in the world.
+
+    Args:
+        tree: The links.
+        points: The contacts.
+        q: Joint positions, shape (n,).
+
+    Returns:
+        For each contact, in columns: normal, both tangents, and where the material point is that
+        touches, in [m], shape (3, 4 nc).
+    """
+    pose, columns = placements(tree, q), []
+    for point in points:
+        axes = sparse(point.axes).T
+        at = _centre(tree, pose, point)[0] - point.radius * axes[:, 0]
+        for i in links_between(tree, point.carrier, -1):
+            axes, at = pose[i].R @ axes, pose[i].R @ at + pose[i].p
+        columns.append(ca.horzcat(axes, at))
+    return ca.densify(ca.horzcat(*columns))
+
+
+def _chains(tree: Tree, point: ContactPoint) -> tuple[list[int], list[int]]:
+    """Links that move the point, and those that move the plane, against what carries both."""
+    common = common_link(tree, point.link, point.carrier)
+    return (
+        links_between(tree, point.link, common),
+        links_between(tree, point.carrier, common),
+    )
+
+
+def _centre(tree: Tree, pose: list[Rotation], point: ContactPoint) -> tuple[ca.SX, ca.SX]:
+    """The point in its plane's carrier, and the sum of the lengths on the way there in [m]."""
+    of_point, of_plane = _chains(tree, point)
+    at, size = sparse(point.place), ca.SX(0)
+    for i in of_point:
+        at = pose[i].R @ at + pose[i].p
+        size += ca.norm_1(pose[i].p)
+    for i in reversed(of_plane):
+        at = pose[i].R.T @ (at - pose[i].p)
+        size += ca.norm_1(pose[i].p)
+    return at, size
+
+
+def _turning_speeds(tree: Tree, pose: list[Rotation], point: ContactPoint) -> ca.SX:
+    """Rows of -r ω x n, which a ball's turning against its plane adds to u̇, shape (3, n)."""
+    if point.radius == 0:
+        return ca.SX(3, tree.followers.shape[1])
+    turning, R = ca.SX(3, len(tree.links)), ca.SX.eye(3)
+    of_point, of_plane = _chains(tree, point)
+    for i in of_plane:
+        if not tree.links[i].prismatic:
+            turning[:, i] = -R[:, 2]
+        R = ca.sparsify(R @ pose[i].R.T)
+    for i in reversed(of_point):
+        R = ca.sparsify(R @ pose[i].R)
+        if not tree.links[i].prismatic:
+            turning[:, i] = R[:, 2]
+    across = sparse(point.axes) @ skew(sparse(point.axes[0]))
+    return ca.sparsify(point.radius * across @ ca.sparsify(turning) @ spread_map(tree))
 
 
 def sliding_direction(speed: ca.SX, given: ca.SX, fixed: ca.SX) -> ca.SX:

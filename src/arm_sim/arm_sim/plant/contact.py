@@ -33,10 +33,12 @@ class ContactFunctions:
         geometry: (q, v) stacked -> places of the points in their planes' axes, speeds likewise,
             sizes.
         close: ((q, v) stacked, p, anchor) -> (q, v) brought back to closed gaps and to the anchors
-            of sticking points, nearest in the metric of M; one Newton step.
+            of sticking points, nearest in the metric of M; one Newton step. A ball has no anchor.
+        sites: q -> normal, two tangents and touching point of each contact in the world frame, in
+            [m], shape (3, 4 nc).
         push: Torques of the contacts on the joints, an expression.
         reaction: Loads of joints that are held, likewise.
-        jacobian: Of the places of the points by q, an expression, shape (3 nc, n).
+        jacobian: Speeds of the points by velocities of the joints, likewise, shape (3 nc, n).
         lost: (q, v, tau, p) -> power that friction of the contacts turns into heat in [W].
     """
 
@@ -46,6 +48,7 @@ class ContactFunctions:
     inertia: ca.Function
     geometry: ca.Function
     close: ca.Function
+    sites: ca.Function
     push: ca.SX
     reaction: ca.SX
     jacobian: ca.SX
@@ -81,7 +84,7 @@ def contact_functions(
     anchor = ca.SX.sym("anchor", 2 * len(points))
     mode, S = Mode.of(joints.contacts), ca.diag(joints.sliding)
     where = contact.geometry(s.tree, points, s.q)
-    A = ca.jacobian(where.place, s.q)
+    A = where.rows
     speed = A @ s.v
     # A joint that has turned many times rounds its own position, and the gap with it.
     size = where.size + ca.fabs(A[::3, :]) @ ca.fabs(s.q)
@@ -96,7 +99,8 @@ def contact_functions(
     reaction = model.friction.relative_hold(held, s.q, s.tau)
     x = ca.vertcat(s.q, s.v)
     arguments = [s.q, s.v, s.tau, joints.p]
-    closed = _closed(where.place, A_moving, W, B, s, mode, anchor)
+    returning = mode.rows() * contact.positional(points)
+    closed = _closed(where.place, A_moving, W, B, s, mode, anchor, returning)
     grip = contact.grips(points, W, speed, mode)
     return ContactFunctions(
         tuple(points),
@@ -105,6 +109,7 @@ def contact_functions(
         dense_function("contact_inertia", arguments, W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),
+        ca.Function("contact_sites", [s.q], [contact.sites(s.tree, points, s.q)], {"cse": True}),
         push,
         held,
         A,
@@ -113,13 +118,14 @@ def contact_functions(
 
 
 def _closed(
-    place: ca.SX, A: ca.SX, W: ca.SX, B: ca.SX, s: Symbols, mode: Mode, anchor: ca.SX
-) -> ca.SX:
+    place: ca.SX, A: ca.SX, W: ca.SX, B: ca.SX, s: Symbols, mode: Mode, anchor: ca.SX,
+    returning: ca.SX,
+) -> ca.SX:  # fmt: skip
+    """q where ``returning`` rows are where they were, and v where all rows that hold are zero."""
     rows = mode.rows()
     expected = ca.vec(ca.vertcat(ca.SX(1, anchor.shape[0] // 2), ca.reshape(anchor, 2, -1)))
-    D = ca.diag(rows)
-    q = s.q + B @ contact.forces(W, place - expected, D, rows)
-    v = s.v + B @ contact.forces(W, A @ s.v, D, rows)
+    q = s.q + B @ contact.forces(W, place - expected, ca.diag(returning), returning)
+    v = s.v + B @ contact.forces(W, A @ s.v, ca.diag(rows), rows)
     return ca.vertcat(q, v)
 
 
