@@ -121,7 +121,7 @@ def _closed(
     place: ca.SX, A: ca.SX, W: ca.SX, B: ca.SX, s: Symbols, mode: Mode, anchor: ca.SX,
     returning: ca.SX,
 ) -> ca.SX:  # fmt: skip
-    """q where ``returning`` rows are where they were, and v where all rows that hold are zero."""
+    """Positions where ``returning`` rows are as expected, velocities without those that hold."""
     rows = mode.rows()
     expected = ca.vec(ca.vertcat(ca.SX(1, anchor.shape[0] // 2), ca.reshape(anchor, 2, -1)))
     q = s.q + B @ contact.forces(W, place - expected, ca.diag(returning), returning)
