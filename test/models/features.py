@@ -42,17 +42,43 @@ JOINT: Mapping[str, tuple[int, dict[str, Any]]] = {
 """Features of a joint, with the joint's number: 0 near the base, 1 in the middle, 2 outside."""
 
 OTHERS = ("bilateral", "contact", "mimic", "payload", "point spring")
+OTHERS = ("bilateral", "contact", "ball", "plane on a link", "mimic", "payload")
 ALL = (*JOINT, *OTHERS)
+TOUCHING: Mapping[str, Mapping[str, dict[str, Any]]] = {
+    "contact": {
+        "planar": {"frame": "link3", "point": [0.2, 0, 0], "plane": {"point": [0, 0, -0.12]}},
+        "panda": {
+            "frame": "panda_hand",
+            "point": [0, 0, 0.1034],
+            "plane": {"point": [0, 0, 0.45]},
+        },
+    },
+    "ball": {
+        "planar": {"frame": "link3", "radius": 0.04, "plane": {"point": [0, 0, -0.2]}},
+        "panda": {"frame": "panda_link6", "radius": 0.06, "plane": {"point": [0, 0, 0.55]}},
+    },
+    "plane on a link": {
+        "planar": {
+            "frame": "link3",
+            "plane": {"frame": "link1", "point": [0, 0, -0.12], "normal": [0, 0, -1]},
+        },
+        "panda": {
+            "frame": "panda_link6",
+            "plane": {"frame": "panda_link3", "point": [0.33, 0, 0], "normal": [1, 0, 0]},
+        },
+    },
+}
+"""Contacts that an arm which falls from its start closes soon."""
 ARMS = {
     "planar": {
         "joints": ("joint1", "joint2", "joint3"),
         "lock": [],
-        "tip": ("link3", [0.2, 0, 0]),
+        "tip": "link3",
     },
     "panda": {
         "joints": ("panda_joint2", "panda_joint4", "panda_joint6"),
         "lock": ["panda_finger_joint1", "panda_finger_joint2"],
-        "tip": ("panda_hand", [0, 0, 0.1034]),
+        "tip": "panda_hand",
     },
 }
 START = {
@@ -93,7 +119,6 @@ def scene(arm: str, features: Collection[str]) -> dict[str, Any]:
             place, settings = JOINT[feature]
             _merge(joints.setdefault(about["joints"][place], {}), deepcopy(settings))
     data = {"robot": robot, "joints": joints, "initial": {"position": dict(START[arm])}}
-    frame, point = about["tip"]
     constraints = []
     if "bilateral" in features:
         first, second = about["joints"][0], about["joints"][2]
@@ -113,11 +138,13 @@ def scene(arm: str, features: Collection[str]) -> dict[str, Any]:
         away = {"planar": [0.5, 0, 0.9], "panda": [0.6, 0.4, 1.2]}[arm]
         ends = {"frames": [frame, "world"], "points": [point, away]}
         data["springs"] = [{**ends, "stiffness": 30.0, "rest_length": 0.2, "damping": 0.5}]
+    touching = {"type": "contact", "friction": 0.3, "restitution": 0.2}
+    constraints += [touching | TOUCHING[name][arm] for name in TOUCHING if name in features]
     if "mimic" in features:
         robot["urdf"] = _with_mimic(robot["urdf"], about["joints"][2])
     if "payload" in features:
         data |= {
-            "payloads": [{"frame": frame, "mass": 0.5, "com": [0.0, 0.02, 0.05]}],
+            "payloads": [{"frame": about["tip"], "mass": 0.5, "com": [0.0, 0.02, 0.05]}],
             "tunable": ["payload"],
         }
     return data | ({"constraints": constraints} if constraints else {})
