@@ -25,7 +25,15 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations.rigid_body import Rotation, placements, solve
-from arm_dynamics.equations.tree import Tree, common_link, links_between, skew, sparse, spread_map
+from arm_dynamics.equations.tree import (
+    Tree,
+    common_link,
+    links_between,
+    skew,
+    sparse,
+    spread_map,
+    symmetric,
+)
 
 # Entries of p for each contact: closed, sticks, direction in which it slides (two tangents), and
 # whether it keeps that direction.
@@ -34,6 +42,9 @@ MODE = 5
 # the diagonal and two refinements give the solution of least norm, to rounding where there is but
 # one (proximal point iteration: Rockafellar, SIAM J. Control Optim. 14, 1976).
 DAMPING, REFINEMENTS = 1e-8, 2
+# Rows above which forces are found by a matrix of the size of M, where that is the smaller one, and
+# the multiple there: of eight contacts, forces are a thousand times nearer to the least ones.
+MANY, MOTION_DAMPING = 9, 1e-10
 # Tangential speed in [m/s] up to which a contact rests: its direction is rounding.
 AT_REST = 1e-9
 
@@ -224,28 +235,67 @@ def shares(points: list[ContactPoint], speed: ca.SX, mode: Mode) -> ca.SX:
     return ca.sparsify(D)
 
 
-def forces(W: ca.SX, free: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
-    """Contact forces that make the accelerations of the chosen rows zero.
+class Delassus:
+    """How contacts give way to forces.
 
     Args:
-        W: Acceleration of the contacts per force on them, A M⁻¹ Aᵀ, in [1/kg], shape (m, m).
-        free: Their accelerations without contact forces in [m/s²], shape (m,).
-        D: See ``shares``.
-        rows: 1 for a row that holds, else 0, shape (m,).
+        A: Rows, shape (m, n).
+        B: Accelerations of the joints per force, M⁻¹ Aᵀ, shape (n, m).
 
-    Returns:
-        Forces in [N], shape (m,).
+    Attributes:
+        B: As given.
+        W: Acceleration of the contacts per force on them, A M⁻¹ Aᵀ, in [1/kg], shape (m, m).
     """
-    R = ca.diag(rows)
-    K = R @ W @ D
-    unused = ca.diag(1 - rows)
-    damping = DAMPING * ca.trace(W) + 1e-30
-    factors = lu(K + damping * R + unused)
-    required = -rows * free
-    y = lu_solve(factors, required)
-    for _ in range(REFINEMENTS):
-        y = y + lu_solve(factors, required - (K + unused) @ y)
-    return D @ y
+
+    def __init__(self, A: ca.SX, B: ca.SX) -> None:
+        self._many = A.shape[0] > max(MANY, A.shape[1])
+        self._A, self.B, self.W = A, B, symmetric(A @ B) if self._many else A @ B
+
+    def accelerations(self, force: ca.SX) -> ca.SX:
+        """Of the contacts in [m/s²], shape (m,), under forces on them in [N], shape (m,)."""
+        return self._A @ (self.B @ force) if self._many else self.W @ force
+
+    def forces(self, free: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
+        """Contact forces that make the accelerations of the chosen rows zero.
+
+        Args:
+            free: Accelerations of the contacts without contact forces in [m/s²], shape (m,).
+            D: See ``shares``.
+            rows: 1 for a row that holds, else 0, shape (m,).
+
+        Returns:
+            Forces in [N], shape (m,).
+        """
+        required = -rows * free
+        if self._many:
+            return D @ self._of_motions(required, self.B @ D, ca.diag(rows) @ self._A)
+        return D @ self._of_rows(required, D, rows)
+
+    def _of_rows(self, required: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
+        """Solution y of R W D y = ``required`` by a matrix of the size of W."""
+        R = ca.diag(rows)
+        K = R @ self.W @ D
+        unused = ca.diag(1 - rows)
+        damping = DAMPING * ca.trace(self.W) + 1e-30
+        factors = lu(K + damping * R + unused)
+        y = lu_solve(factors, required)
+        for _ in range(REFINEMENTS):
+            y = y + lu_solve(factors, required - (K + unused) @ y)
+        return y
+
+    def _of_motions(self, required: ca.SX, Y: ca.SX, X: ca.SX) -> ca.SX:
+        """The same by a matrix of the size of M: K = X Y has the inverse X (Y X)⁻² Y in its range.
+
+        (X Y + ε)⁻¹ X = X (Y X + ε)⁻¹, as one sees by multiplying out (Henderson and Searle, "On
+        deriving the inverse of a sum of matrices", SIAM Review 23, 1981).
+        """
+        damping = MOTION_DAMPING * ca.dot(self._A, self.B.T) + 1e-30
+        factors = lu(Y @ X + damping * ca.SX.eye(X.shape[1]))
+        y = ca.SX(required.shape[0], 1)
+        for _ in range(1 + REFINEMENTS):
+            motion = lu_solve(factors, Y @ (required - X @ (Y @ y)))
+            y = y + X @ lu_solve(factors, motion)
+        return y
 
 
 def grips(points: list[ContactPoint], W: ca.SX, speed: ca.SX, mode: Mode) -> ca.SX:

@@ -13,7 +13,7 @@ import casadi as ca
 
 from arm_dynamics import ArmModel
 from arm_dynamics.equations import contact
-from arm_dynamics.equations.contact import ContactPoint, Mode
+from arm_dynamics.equations.contact import ContactPoint, Delassus, Mode
 from arm_dynamics.model.tree_builder import contact_points
 from arm_sim.plant.response import Response
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
@@ -91,8 +91,9 @@ def contact_functions(
     A_moving = ca.sparsify(A @ S)
     B = response.mobility(A.T)
     a_free = response.accelerations(response.load)
-    W, free = A_moving @ B, A_moving @ a_free + ca.jtimes(speed, s.q, s.v)
-    force = contact.forces(W, free, contact.shares(points, speed, mode), mode.rows())
+    free = A_moving @ a_free + ca.jtimes(speed, s.q, s.v)
+    delassus = Delassus(A_moving, B)
+    force = delassus.forces(free, contact.shares(points, speed, mode), mode.rows())
     a = a_free + B @ force
     push = A.T @ force
     held = response.reactions(response.load + push, a)
@@ -100,13 +101,18 @@ def contact_functions(
     x = ca.vertcat(s.q, s.v)
     arguments = [s.q, s.v, s.tau, joints.p]
     returning = mode.rows() * contact.positional(points)
-    closed = _closed(where.place, A_moving, W, B, s, mode, anchor, returning)
-    grip = contact.grips(points, W, speed, mode)
+    expected = ca.vec(ca.vertcat(ca.SX(1, len(points)), ca.reshape(anchor, 2, -1)))
+    closed = ca.vertcat(
+        s.q + B @ delassus.forces(where.place - expected, ca.diag(returning), returning),
+        s.v + B @ delassus.forces(A_moving @ s.v, ca.diag(mode.rows()), mode.rows()),
+    )
+    accelerations = delassus.accelerations(force) + free
+    grip = contact.grips(points, delassus.W, speed, mode)
     return ContactFunctions(
         tuple(points),
         dense_function("acceleration", arguments, a),
-        dense_function("loads", arguments, reaction, force, W @ force + free, grip),
-        dense_function("contact_inertia", arguments, W, B, free),
+        dense_function("loads", arguments, reaction, force, accelerations, grip),
+        dense_function("contact_inertia", arguments, delassus.W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),
         ca.Function("contact_sites", [s.q], [contact.sites(s.tree, points, s.q)], {"cse": True}),
@@ -115,18 +121,6 @@ def contact_functions(
         A,
         dense_function("lost", arguments, _lost(force, speed)),
     )
-
-
-def _closed(
-    place: ca.SX, A: ca.SX, W: ca.SX, B: ca.SX, s: Symbols, mode: Mode, anchor: ca.SX,
-    returning: ca.SX,
-) -> ca.SX:  # fmt: skip
-    """Positions where ``returning`` rows are as expected, velocities without those that hold."""
-    rows = mode.rows()
-    expected = ca.vec(ca.vertcat(ca.SX(1, anchor.shape[0] // 2), ca.reshape(anchor, 2, -1)))
-    q = s.q + B @ contact.forces(W, place - expected, ca.diag(returning), returning)
-    v = s.v + B @ contact.forces(W, A @ s.v, ca.diag(rows), rows)
-    return ca.vertcat(q, v)
 
 
 def _lost(force: ca.SX, speed: ca.SX) -> ca.SX:
