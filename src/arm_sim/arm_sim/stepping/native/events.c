@@ -45,7 +45,10 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
   report->impact_loss += lost;
   report->impacts += lost > 0.0;
   find_anchors(&geometry, anchor);
-  if (is_off(x, segment, &geometry)) close_contacts(x, segment, anchor);
+  if (is_off(x, segment, &geometry)) {
+    close_contacts(x, segment, anchor);
+    rest_touching(x, segment, anchor);
+  }
   return NONE;
 }
 
