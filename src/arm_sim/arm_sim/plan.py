@@ -184,6 +184,8 @@ def _stops(stops: Stops) -> str:
         if ends.any()
     ]
     return f"{' and '.join(counts)}, solved by events"
+
+
 def _contacts(scene: Scene) -> str:
     """How many contacts there are of what kind, and what carries their planes if not the world."""
     contacts = [contact for _, contact in scene.contacts]

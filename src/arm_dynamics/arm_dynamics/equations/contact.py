@@ -42,7 +42,7 @@ MODE = 5
 # the diagonal and two refinements give the solution of least norm, to rounding where there is but
 # one (proximal point iteration: Rockafellar, SIAM J. Control Optim. 14, 1976).
 DAMPING, REFINEMENTS = 1e-8, 2
-# Rows above which forces are found by a matrix of the size of M, if that is smaller, and the multiple
+# Rows above which forces are found by a matrix of the size of M, if that is smaller, and multiple
 # there: forces of eight contacts are a thousand times nearer to the least ones.
 MANY, MOTION_DAMPING = 9, 1e-10
 # Tangential speed in [m/s] up to which a contact rests: its direction is rounding.
