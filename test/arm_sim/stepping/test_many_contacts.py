@@ -31,7 +31,7 @@ def box(request: pytest.FixtureRequest) -> Simulator:
 def settled(box: Simulator) -> None:
     """Dropped askew by a hundredth of a millimetre, and pressed."""
     box.reset(q=[0, 0, HEIGHT + 1e-3, 1e-4, -2e-4, 0], v=np.zeros(6))
-    box.run(0.2, [0, 0, -30.0, 0, 0, 0])
+    box.run(0.3, [0, 0, -30.0, 0, 0, 0])
 
 
 def test_it_comes_to_rest_on_all_eight(box: Simulator) -> None:
