@@ -41,8 +41,8 @@ JOINT: Mapping[str, tuple[int, dict[str, Any]]] = {
 }  # fmt: skip
 """Features of a joint, with the joint's number: 0 near the base, 1 in the middle, 2 outside."""
 
-OTHERS = ("bilateral", "contact", "mimic", "payload", "point spring")
-OTHERS = ("bilateral", "contact", "ball", "plane on a link", "mimic", "payload")
+
+OTHERS = ("bilateral", "contact", "ball", "plane on a link", "mimic", "payload", "point spring")
 ALL = (*JOINT, *OTHERS)
 TOUCHING: Mapping[str, Mapping[str, dict[str, Any]]] = {
     "contact": {
@@ -73,12 +73,12 @@ ARMS = {
     "planar": {
         "joints": ("joint1", "joint2", "joint3"),
         "lock": [],
-        "tip": "link3",
+        "tip": ("link3", [0.2, 0, 0]),
     },
     "panda": {
         "joints": ("panda_joint2", "panda_joint4", "panda_joint6"),
         "lock": ["panda_finger_joint1", "panda_finger_joint2"],
-        "tip": "panda_hand",
+        "tip": ("panda_hand", [0, 0, 0.1034]),
     },
 }
 START = {
@@ -119,6 +119,7 @@ def scene(arm: str, features: Collection[str]) -> dict[str, Any]:
             place, settings = JOINT[feature]
             _merge(joints.setdefault(about["joints"][place], {}), deepcopy(settings))
     data = {"robot": robot, "joints": joints, "initial": {"position": dict(START[arm])}}
+    frame, point = about["tip"]
     constraints = []
     if "bilateral" in features:
         first, second = about["joints"][0], about["joints"][2]
@@ -126,14 +127,6 @@ def scene(arm: str, features: Collection[str]) -> dict[str, Any]:
         constraints.append(
             {"type": "coupling", "joints": [first, second], "ratio": 0.7, "offset": offset}
         )
-    if "contact" in features:
-        height = {"planar": -0.12, "panda": 0.45}[arm]
-        constraints.append(
-            {
-                "type": "contact", "frame": frame, "point": point, "friction": 0.3,
-                "restitution": 0.2, "plane": {"point": [0, 0, height], "normal": [0, 0, 1]},
-            }
-        )  # fmt: skip
     if "point spring" in features:
         away = {"planar": [0.5, 0, 0.9], "panda": [0.6, 0.4, 1.2]}[arm]
         ends = {"frames": [frame, "world"], "points": [point, away]}
@@ -144,7 +137,7 @@ def scene(arm: str, features: Collection[str]) -> dict[str, Any]:
         robot["urdf"] = _with_mimic(robot["urdf"], about["joints"][2])
     if "payload" in features:
         data |= {
-            "payloads": [{"frame": about["tip"], "mass": 0.5, "com": [0.0, 0.02, 0.05]}],
+            "payloads": [{"frame": frame, "mass": 0.5, "com": [0.0, 0.02, 0.05]}],
             "tunable": ["payload"],
         }
     return data | ({"constraints": constraints} if constraints else {})
