@@ -36,7 +36,8 @@ def plant(plane: str, frame: str, radius: float, raised: float = 0.0) -> Plant:
     surface = {"frame": plane, "point": on_plane.tolist(), "normal": NORMAL.tolist()}
     touch = contact(frame, point=PLACE.tolist(), radius=radius, friction=0.4, plane=surface)
     robot = {"urdf": models.scene("panda").robot.urdf, "lock": FINGERS}
-    return Plant(ArmModel(load_scene({"robot": robot, "constraints": [touch]})))
+    joints = {"*": {"limits": {"stop": False}}}
+    return Plant(ArmModel(load_scene({"robot": robot, "joints": joints, "constraints": [touch]})))
 
 
 class Bodies:
