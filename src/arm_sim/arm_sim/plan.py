@@ -16,6 +16,8 @@ from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.model.stops import Stops
+from arm_dynamics.scene import Scene
+from arm_dynamics.scene.constraint import WORLD
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper
@@ -135,7 +137,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     gravity, viscous, armature = scene.gravity, model.viscous, model.armature
     dry = model.friction.static.mean
     locked, loads = len(scene.robot.lock), len(scene.payloads)
-    contacts = len(scene.contacts)
+    contacts = _contacts(scene)
     folded = f"{loads} bodies, folded into their links"
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
@@ -152,9 +154,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("springs", model.springs, _springs(model), "none"),
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
         _part("dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level"),
-        _part(
-            "contact", contacts, f"{contacts} points, solved by events", "no point touches a plane"
-        ),
+        _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, laws) for kind in FRICTION),
         _part("friction by place or load", tables, f"{tables} joints", "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
@@ -184,6 +184,16 @@ def _stops(stops: Stops) -> str:
         if ends.any()
     ]
     return f"{' and '.join(counts)}, solved by events"
+
+
+def _contacts(scene: Scene) -> str:
+    """How many contacts there are of what kind, and what carries their planes if not the world."""
+    contacts = [contact for _, contact in scene.contacts]
+    balls = sum(contact.radius > 0 for contact in contacts)
+    kinds = {"points": len(contacts) - balls, "ball" if balls == 1 else "balls": balls}
+    carriers = sorted({contact.plane.frame for contact in contacts} - {WORLD})
+    counts = [f"{count} {kind}" for kind, count in kinds.items() if count]
+    return ", ".join([*counts, *([f"planes on {', '.join(carriers)}"] if carriers else [])])
 
 
 def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:

@@ -236,7 +236,7 @@ OWN_KEYS = {
     "line": "name, switchable, active, frames, points, type, direction",
     "distance": "name, switchable, active, frames, points, type, distance",
     "coupling": "name, switchable, active, type, joints, ratio, offset",
-    "contact": "type, frame, point, plane, friction, static_friction, restitution, name",
+    "contact": "type, frame, point, radius, plane, friction, static_friction, restitution, name",
 }
 
 
@@ -257,7 +257,7 @@ def test_an_unknown_key_of_a_part_is_answered_with_those_of_that_part() -> None:
     touching = {"type": "contact", "frame": "link3", "plane": {"height": 1}}
     refuses(
         {"robot": {"urdf": URDF}, "constraints": [touching]},
-        ("plane.height' = 1; allowed here: point, normal",),
+        ("plane.height' = 1; allowed here: frame, point, normal",),
     )
 
 

@@ -158,7 +158,7 @@ def test_history_closes_the_balance_of_energy() -> None:
     [
         ({"frame": "nowhere"}, "'nowhere' does not exist"),
         ({"plane": {"normal": [0, 0, 0]}}, "direction must not be zero"),
-        ({"plane": {"nrml": [0, 0, 1]}}, "allowed here: point, normal"),
+        ({"plane": {"nrml": [0, 0, 1]}}, "allowed here: frame, point, normal"),
         ({"restitution": 1.5}, "restitution"),
         ({"friction": -0.1}, "friction"),
         ({"frame": "base"}, "no joint moves"),

@@ -22,6 +22,7 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import RANK, Closure, cholesky
 from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_dynamics.scene.constraint import ORIGIN, Touching
 
 AT_ONCE = 4096  # points: what is in memory at once
 
@@ -160,7 +161,7 @@ def contact_torque(
     Raises:
         InvalidInput: If a shape, value or name is not allowed, or ``frame`` is expected.
     """
-    name, point = _contact_place(model, frame)
+    name, point, offset = _contact_place(model, frame)
     f = np.asarray(wrench, dtype=float)
     if f.shape[-1:] not in ((3,), (6,)) or f.ndim > q.ndim or not np.isfinite(f).all():
         raise InvalidInput(
@@ -170,7 +171,7 @@ def contact_torque(
 
     def push(qi: Array, fi: Array) -> Array:
         J = motion.jacobian(qi)
-        r = motion.placement(qi)[1] @ point
+        r = motion.placement(qi)[1] @ point + offset
         J = np.vstack([J[:3] - pin.skew(r) @ J[3:], J[3:]])
         torque: Array = J[: len(fi)].T @ fi
         return torque
@@ -178,17 +179,17 @@ def contact_torque(
     return each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))
 
 
-def _contact_place(model: ArmModel, frame: str | None) -> tuple[str, Array]:
-    """The frame that touches, and the point of it."""
+def _contact_place(model: ArmModel, frame: str | None) -> Touching:
+    """What of the arm touches."""
     if frame is not None:
-        return frame, np.zeros(3)
+        return Touching(frame, ORIGIN)
     touching = [c.at_world for c in model.scene.constraints if c.at_world is not None]
     if len(touching) != 1:
         raise InvalidInput(
             f"frame is expected: the scene has {len(touching)} places that touch the world; "
             f"allowed: {known_names(model.frame_names)}"
         )
-    return touching[0][0], np.array(touching[0][1])
+    return touching[0]
 
 
 def _transposed(matrices: Array) -> Array:

@@ -13,7 +13,14 @@ import casadi as ca
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.tree import Tree, constant, cross, spread_map
+from arm_dynamics.equations.tree import (
+    Tree,
+    common_link,
+    constant,
+    cross,
+    links_between,
+    spread_map,
+)
 
 
 @dataclass(frozen=True)
@@ -82,7 +89,7 @@ def relative(
     """
     first, second = frames
     a, b = (ca.SX(ca.DM(point)) for point in points)
-    common = _common(tree, first.link, second.link)
+    common = common_link(tree, first.link, second.link)
     R_a, p_a = _carried(tree, pose, first, ca.sparsify(a), common)
     R_b, p_b = _carried(tree, pose, second, ca.sparsify(b), common)
     return ca.sparsify(R_b.T @ R_a), ca.sparsify(R_b.T @ (p_a - p_b))
@@ -92,23 +99,12 @@ def _carried(
     tree: Tree, pose: Sequence[rigid_body.Rotation], frame: Frame, point: ca.SX, ancestor: int
 ) -> tuple[ca.SX, ca.SX]:
     """Rotation of a frame, and a point of it, in the axes of a link below it."""
-    R, link = constant(frame.R), frame.link
+    R = constant(frame.R)
     p = constant(frame.p) + R @ point
-    while link != ancestor:
+    for link in links_between(tree, frame.link, ancestor):
         here = pose[link]
         R, p = ca.sparsify(here.R @ R), ca.sparsify(here.R @ p + here.p)
-        link = tree.links[link].parent
     return R, p
-
-
-def _common(tree: Tree, i: int, j: int) -> int:
-    """The nearest link that carries both, -1 for the ground; parents come first in a tree."""
-    while i != j:
-        if i > j:
-            i = tree.links[i].parent
-        else:
-            j = tree.links[j].parent
-    return i
 
 
 def _placed(tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:

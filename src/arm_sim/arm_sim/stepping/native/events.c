@@ -45,7 +45,10 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
   report->impact_loss += lost;
   report->impacts += lost > 0.0;
   find_anchors(&geometry, anchor);
-  if (is_off(x, segment, &geometry)) close_contacts(x, segment, anchor);
+  if (is_off(x, segment, &geometry)) {
+    close_contacts(x, segment, anchor);
+    rest_touching(x, segment, anchor);
+  }
   return NONE;
 }
 
@@ -75,11 +78,12 @@ static void catch_up(real* x, const segment_t* segment) {
 
 /* The rest of a tick in few steps of fixed length, in place. */
 static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
+  segment->step = left / TIME_STEPS;
   for (int k = 0; k < TIME_STEPS; ++k) {
     real after[NX], anchor[2 * NC];
     const enum trouble trouble = begin_segment(x, segment, left, MOST_REBOUNDS, report, anchor);
     if (trouble != NONE) return trouble;
-    if (!flow_once(x, segment->u, (const real*)&segment->p, left / TIME_STEPS, after)) return NUMBERS;
+    if (!flow_once(x, segment->u, (const real*)&segment->p, segment->step, after)) return NUMBERS;
     close_contacts(after, segment, anchor);
     catch_up(after, segment);
     for (int i = 0; i < NX; ++i) x[i] = after[i];

@@ -84,6 +84,7 @@ typedef struct {
   contact_t contact[NC];
   int turned[ND];  /* whether a joint that moved the wrong way has been tried the other way */
   long long* work; /* smooth motions computed in the tick, under error control their sub-steps */
+  double step;     /* length of the steps where the tick is time-stepped, else 0 */
 } segment_t;
 
 typedef struct { real place[MC], speed[MC], size[NC]; } geometry_t; /* contact points in their planes' axes */
@@ -204,13 +205,13 @@ static int stop_rounding(real* x) {
   return any;
 }
 
-/* Speeds of hops that would not rise above the rounding of the gap. */
+/* Speeds of hops that would not rise above the rounding of the gap, or would end within a step. */
 static void find_hops(const real* x, const segment_t* segment, const geometry_t* geometry, double* hop) {
   inertia_t inertia;
   double fall = 0.0;
   find_inertia(x, segment, &inertia);
   for (int k = 0; k < NC; ++k) fall = fmax(fall, fabs(inertia.free[3 * k]));
-  for (int k = 0; k < NC; ++k) hop[k] = LEAST_REBOUND + sqrt(2.0 * fall * HOP * geometry->size[k]);
+  for (int k = 0; k < NC; ++k) hop[k] = LEAST_REBOUND + sqrt(2.0 * fall * HOP * geometry->size[k]) + 0.5 * fall * segment->step;
 }
 
 /* Contacts whose gap is closed to rounding. */

@@ -216,6 +216,24 @@ static void close_contacts(real* x, const segment_t* segment, const real* anchor
   }
 }
 
+/* Bring all that touches to rest where closing some contacts has set others moving into their planes.
+ *
+ * The blow that stopped those has opened these, but slower than counts: a body that rocks so little rests.
+ */
+static void rest_touching(real* x, const segment_t* segment, const real* anchor) {
+  const double calm = speed_rounding(x);
+  geometry_t geometry;
+  segment_t resting = *segment;
+  int any = 0;
+  find_geometry(x, &geometry);
+  for (int k = 0; k < NC; ++k) {
+    if (!segment->contact[k].touching) continue;
+    any |= segment->p.contact[k].closed == 0.0 && geometry.speed[3 * k] < -calm;
+    resting.p.contact[k].closed = 1.0;
+  }
+  if (any) close_contacts(x, &resting, anchor);
+}
+
 /* Where each point is in its plane's tangents. */
 static void find_anchors(const geometry_t* geometry, real* anchor) {
   for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry->place[3 * (i / 2) + 1 + i % 2];
