@@ -26,6 +26,10 @@ BACKENDS: Final = 1e-12
 CLOSED_FORM: Final = 1e-12
 """Equations of motion written out by hand."""
 
+SPRING: Final = 1e-9
+"""Springs against differences of eighth order of their lengths and energies, and motions on them
+against an independent integration."""
+
 ORDER: Final = 0.3
 """Measured order of an integrator against the one it states."""
 

@@ -90,7 +90,10 @@ def test_beyond_a_limit_counts_on_both_sides_and_not_at_it() -> None:
     assert any_beyond([1.0001, 0.0], limits)
 
 
-@pytest.mark.parametrize("value", ["1", None, True, 1j, [1, "2"], [[1.0], [1.0, 2.0]], [object()]])
+@pytest.mark.parametrize(
+    "value",
+    ["1", None, True, 1j, [1, "2"], [[1.0], [1.0, 2.0]], [object()], [1.0, True], [(0, False)]],
+)
 def test_what_is_no_real_number_is_refused_with_what_was_given(value: object) -> None:
     with pytest.raises(InvalidInput) as caught:
         real_array("q", value)
@@ -193,3 +196,9 @@ def test_batches_of_different_length_are_refused_with_their_lengths() -> None:
         vectors(2, **given)
     with pytest.raises(InvalidInput, match=r"^v has shape \(3,\); \(2,\) or \(k, 2\)"):
         vectors(2, q=np.ones((3, 2)), v=np.ones(3))
+
+
+@pytest.mark.parametrize("value", [True, np.True_, 0.0, np.nan])
+def test_a_positive_number_is_no_truth_value(value: float) -> None:
+    with pytest.raises(InvalidInput, match=r"^dt is .*; a positive number is expected"):
+        positive("dt", value)

@@ -60,7 +60,6 @@ def test_no_effort_limit_saves_the_cut(whole: Simulator) -> None:
 NOTHING: dict[str, dict[str, Any]] = {
     "armature of zero": {"joints": {"*": {"armature": 0.0}}},
     "payload of zero": {"payloads": [{"frame": "panda_link7", "mass": 0.0}]},
-    "payload on the ground": {"payloads": [{"frame": "panda_link0", "mass": 5.0}]},
     "other start": {"initial": {"position": {"panda_joint1": 1.0}}},
     "other limits": {"joints": {"*": {"limits": {"velocity": 1.0}}}},
 }

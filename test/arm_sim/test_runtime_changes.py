@@ -122,7 +122,7 @@ def test_a_push_stays_through_other_changes() -> None:
         (lambda s: payload_change(s, 0, -1.0, [0] * 3, [0] * 6), SceneError, "mass"),
         (lambda s: payload_change(s, 0, np.nan, [0] * 3, [0] * 6), SceneError, "mass"),
         (lambda s: payload_change(s, 0, 1.0, [0] * 2, [0] * 6), SceneError, "com"),
-        (lambda s: friction_change(s, [-1.0] * 2), InvalidInput, "at least zero"),
+        (lambda s: friction_change(s, [-1.0] * 2), InvalidInput, "at least 0 is expected"),
         (lambda s: friction_change(s, [np.inf] * 2), InvalidInput, "finite"),
         (lambda s: friction_change(s, [1.0]), InvalidInput, "shape"),
     ],

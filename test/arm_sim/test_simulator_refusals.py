@@ -24,6 +24,8 @@ BAD_OPTIONS: dict[str, tuple[dict[str, Any], str]] = {
     "dt infinite": ({"dt": INF}, "dt"),
     "dt absurd": ({"dt": 1e6}, "dt"),
     "dt a word": ({"dt": "fast"}, "dt"),
+    "dt a truth value": ({"dt": True}, "dt = True"),
+    "tolerance a truth value": ({"integrator": "dop853", "tolerance": True}, "tolerance = True"),
     "tolerance zero": ({"tolerance": 0.0}, "tolerance"),
     "tolerance negative": ({"tolerance": -1e-6}, "tolerance"),
     "tolerance NaN": ({"tolerance": NAN}, "tolerance"),
@@ -42,6 +44,7 @@ BAD_VECTORS = {
     "NaN": [0.0, NAN, 0.0],
     "infinite": [0.0, 0.0, -INF],
     "words": ["a", "b", "c"],
+    "truth among numbers": [0.0, True, 0.0],
     "mapping": {"joint1": 0.0},
 }
 BAD_RUNS: dict[str, tuple[Any, Any]] = {
@@ -50,6 +53,7 @@ BAD_RUNS: dict[str, tuple[Any, Any]] = {
     "duration infinite": (INF, None),
     "duration a word": ("long", None),
     "duration nothing": (None, None),
+    "duration a truth value": (True, None),
     "table too short": (0.01, np.zeros((9, 3))),
     "table too long": (0.01, np.zeros((11, 3))),
     "table too wide": (0.01, np.zeros((10, 4))),
@@ -124,3 +128,10 @@ def test_shape_error_says_what_came_and_what_is_wanted(sim: Simulator) -> None:
 def test_bad_scene_is_refused_by_the_simulator_too() -> None:
     with pytest.raises(ArmError):
         Simulator({"robot": {"urdf": "no_such.urdf"}})
+
+
+@pytest.mark.parametrize("name", ["steps", "threads", "lanes"])
+def test_a_truth_value_counts_nothing(sim: Simulator, name: str) -> None:
+    given = {"steps": 1, name: True}
+    with pytest.raises(InvalidInput, match=f"{name} = True"):
+        sim.rollout(ZERO[None], ZERO[None], ZERO, **given)

@@ -95,7 +95,7 @@ def test_mistakes_get_the_answers_that_the_reference_shows(written: str, answer:
         part = {"robot": robot | part}
     elif key == "inertia":
         part = {"payloads": [{"frame": "panda_hand", "mass": 1, **part}]}
-    elif key in {"friction", "armature", "actuator", "transmission"}:
+    elif key in {"friction", "armature", "actuator", "transmission", "spring"}:
         part = {"joints": {"*" if key == "armature" else "panda_joint1": part}}
     with pytest.raises(ArmError) as error:
         Simulator({"robot": robot} | part, backend="vm")

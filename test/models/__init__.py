@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics import Dynamics, Scene, load_scene
+from arm_dynamics.scene.schema import Joint
 from arm_sim import Simulator
 from models.oracle import Oracle
 
@@ -22,6 +23,7 @@ DRIVEN = ("motor_pendulum", "flexible_arm")  # with motors: a command is no torq
 MADE = tuple(sorted(path.stem for path in FOLDER.glob("*.urdf")))
 HELD = ("slider_crank", "four_bar", "five_bar", "bricard", "parallel_gripper", "panda_pen")
 BOTH = ("slider_crank_motor",)  # a loop and a motor
+BALANCED = ("spring_balanced_arm",)  # by springs, of which the oracle knows nothing
 TOUCHING = ("panda_table",)  # with constraints and contacts: a torque is not all that acts there
 ROBOTS = (*REAL, *OWN, *MADE)
 
@@ -45,16 +47,29 @@ def oracle(name: str) -> Oracle:
     return Oracle(scene(name))
 
 
-def simulator(name: str, **options: Any) -> Simulator:
+def boundless(scene: Scene) -> Scene:
+    """The scene without end stops, for motions through all positions."""
+    joints = {
+        name: joint.model_dump(exclude_unset=True, exclude_none=True)
+        for name, joint in {"*": Joint(), **scene.joints}.items()
+    }
+    for joint in joints.values():
+        joint["limits"] = {**joint.get("limits", {}), "stop": False}
+    checked = {name: Joint.model_validate(joint) for name, joint in joints.items()}
+    return scene.model_copy(update={"joints": checked})
+
+
+def simulator(name: str, stops: bool = True, **options: Any) -> Simulator:
     """A simulator of the robot, built once for each set of options and put back to its start."""
-    sim = _simulator(name, tuple(sorted(options.items())))
+    sim = _simulator(name, stops, tuple(sorted(options.items())))
     sim.reset()
     return sim
 
 
 @cache
-def _simulator(name: str, options: tuple[tuple[str, Any], ...]) -> Simulator:
-    return Simulator(scene(name), **dict(options))
+def _simulator(name: str, stops: bool, options: tuple[tuple[str, Any], ...]) -> Simulator:
+    model = scene(name) if stops else boundless(scene(name))
+    return Simulator(model, **dict(options))
 
 
 def random_state(rng: np.random.Generator, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -58,7 +58,7 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
 _SEARCH = """
 __attribute__((visibility("default")))
 double locate(double (*value_at)(const void*, double), double h, double f_h) {
-  return first_positive(value_at, 0, h, f_h);
+  return first_positive(value_at, 0, h, f_h, 0.0);
 }
 """
 _DECAY = """
@@ -102,7 +102,11 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
   for (int i = 0; i < MC; ++i) before[i] = geometry.speed[i];
   for (int i = 0; i < MC * MC; ++i) W[i] = inertia.W[i];
   for (int i = 0; i < NU * MC; ++i) B[i] = inertia.B[i];
-  return find_impulse(&inertia, before, rebound, 1.0, segment.contact, impulse);
+  blow_t blow = {.touching = 1};
+  for (int k = 0; k < NC; ++k) blow.rebound[k] = rebound[k];
+  blow.gain = find_impulse(&inertia, before, 1.0, segment.contact, &blow);
+  for (int i = 0; i < MC; ++i) impulse[i] = blow.impulse[i];
+  return blow.gain;
 }
 EXPORTED double hit(real* x, int rebounds) {
   segment_t segment = {.u = still};
@@ -230,7 +234,7 @@ class Engine:
         choice = choose(plant, "rk4", None, None)
         step = build_step(choice.method, plant.rhs, plant.model.n)
         functions = [plant.rhs, step, actuation(plant), *plant.events]
-        driver = engine_source(plant, choice, functions) + _SCENE
+        driver = engine_source(plant, choice, functions, step) + _SCENE
         self._library = Kernel(functions, "native", driver).library
         for name in ("impulse_at", "hit"):
             getattr(self._library, name).restype = ctypes.c_double

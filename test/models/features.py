@@ -26,6 +26,7 @@ JOINT: Mapping[str, tuple[int, dict[str, Any]]] = {
     "lugre": (1, {"friction": BRISTLES}),
     "table": (2, {"friction": {"coulomb": 0.3, "position": TABLE}}),
     "armature": (1, {"armature": 0.3}),
+    "spring": (1, {"spring": {"stiffness": 4.0, "rest": -0.5, "damping": 0.1}}),
     "current": (0, {"actuator": {"command": "current", **MOTOR}}),
     "voltage": (2, {"actuator": {**COIL, **MOTOR}}),
     "lossy gear": (1, {"actuator": {"efficiency": 0.8, **MOTOR}}),
@@ -40,8 +41,34 @@ JOINT: Mapping[str, tuple[int, dict[str, Any]]] = {
 }  # fmt: skip
 """Features of a joint, with the joint's number: 0 near the base, 1 in the middle, 2 outside."""
 
-OTHERS = ("bilateral", "contact", "mimic", "payload")
+
+OTHERS = ("bilateral", "contact", "ball", "plane on a link", "mimic", "payload", "point spring")
 ALL = (*JOINT, *OTHERS)
+TOUCHING: Mapping[str, Mapping[str, dict[str, Any]]] = {
+    "contact": {
+        "planar": {"frame": "link3", "point": [0.2, 0, 0], "plane": {"point": [0, 0, -0.12]}},
+        "panda": {
+            "frame": "panda_hand",
+            "point": [0, 0, 0.1034],
+            "plane": {"point": [0, 0, 0.45]},
+        },
+    },
+    "ball": {
+        "planar": {"frame": "link3", "radius": 0.04, "plane": {"point": [0, 0, -0.2]}},
+        "panda": {"frame": "panda_link6", "radius": 0.06, "plane": {"point": [0, 0, 0.55]}},
+    },
+    "plane on a link": {
+        "planar": {
+            "frame": "link3",
+            "plane": {"frame": "link1", "point": [0, 0, -0.12], "normal": [0, 0, -1]},
+        },
+        "panda": {
+            "frame": "panda_link6",
+            "plane": {"frame": "panda_link3", "point": [0.33, 0, 0], "normal": [1, 0, 0]},
+        },
+    },
+}
+"""Contacts that an arm which falls from its start closes soon."""
 ARMS = {
     "planar": {
         "joints": ("joint1", "joint2", "joint3"),
@@ -100,14 +127,12 @@ def scene(arm: str, features: Collection[str]) -> dict[str, Any]:
         constraints.append(
             {"type": "coupling", "joints": [first, second], "ratio": 0.7, "offset": offset}
         )
-    if "contact" in features:
-        height = {"planar": -0.12, "panda": 0.45}[arm]
-        constraints.append(
-            {
-                "type": "contact", "frame": frame, "point": point, "friction": 0.3,
-                "restitution": 0.2, "plane": {"point": [0, 0, height], "normal": [0, 0, 1]},
-            }
-        )  # fmt: skip
+    if "point spring" in features:
+        away = {"planar": [0.5, 0, 0.9], "panda": [0.6, 0.4, 1.2]}[arm]
+        ends = {"frames": [frame, "world"], "points": [point, away]}
+        data["springs"] = [{**ends, "stiffness": 30.0, "rest_length": 0.2, "damping": 0.5}]
+    touching = {"type": "contact", "friction": 0.3, "restitution": 0.2}
+    constraints += [touching | TOUCHING[name][arm] for name in TOUCHING if name in features]
     if "mimic" in features:
         robot["urdf"] = _with_mimic(robot["urdf"], about["joints"][2])
     if "payload" in features:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 AXES = {"x": "1 0 0", "y": "0 1 0", "z": "0 0 1"}
@@ -14,27 +15,68 @@ def contact(frame: str, **settings: Any) -> dict[str, Any]:
 
 
 def rails(
-    axes: str, mass: float = 1.0, turns: bool = False, friction: Any = None, **inertia: float
-) -> dict[str, Any]:
+    axes: str, mass: float = 1.0, turns: bool = False, friction: Any = None,
+    branches: Sequence[str] = (), **inertia: float,
+) -> dict[str, Any]:  # fmt: skip
     """Scene of a body on perpendicular rails, which may turn about y, named ``body``.
 
-    Only the body has mass, so along every rail it moves as a point mass does.
+    Only the body has mass, so along every rail it moves as a point mass does. For branches beside
+    it see ``carrier``.
     """
-    links, joints, parent = '<link name="base"/>', "", "base"
-    names = [*axes, *(["turn"] if turns else [])]
-    for name in names:
-        child = "body" if name == names[-1] else f"rail_{name}"
-        links += (
-            f'<link name="{child}">{_inertial(mass, inertia) if child == "body" else ""}</link>'
-        )
-        kind = "continuous" if name == "turn" else "prismatic"
-        joints += f"""<joint name="{name}" type="{kind}"><parent link="{parent}"/>
-          <child link="{child}"/><axis xyz="{AXES["y" if name == "turn" else name]}"/>
+    joints = [(axis, "prismatic", AXES[axis]) for axis in axes]
+    joints += [("turn", "continuous", AXES["y"])] if turns else []
+    settings = {"joints": {"*": {"friction": friction}}} if friction else {}
+    return {
+        "robot": {"urdf": _robot(_chain("body", joints, mass, inertia), *branches)},
+        **settings,
+    }
+
+
+def free_body(mass: float, moments: Any, *branches: str) -> dict[str, Any]:
+    """Scene of a body on rails x, y, z that turns about its own axes: roll, pitch, yaw.
+
+    Args:
+        mass: Of the body ``body`` in [kg].
+        moments: Of inertia about its axes in [kg m²], shape (3,).
+        branches: Of the robot, beside the body, see ``carrier``.
+    """
+    joints = [(axis, "prismatic", AXES[axis]) for axis in "xyz"]
+    turns = zip(("roll", "pitch", "yaw"), AXES.values(), strict=True)
+    joints += [(name, "continuous", axis) for name, axis in turns]
+    inertia = dict(zip(("ixx", "iyy", "izz"), moments, strict=True))
+    return {"robot": {"urdf": _robot(_chain("body", joints, mass, inertia), *branches)}}
+
+
+def carrier(kind: str, axis: str, mass: float, **inertia: float) -> str:
+    """Branch of a robot, to carry planes: a link ``tray`` on a joint ``drive``.
+
+    Args:
+        kind: ``prismatic`` or ``continuous``.
+        axis: Name of its axis.
+        mass: In [kg], at the joint.
+        inertia: Its moments in [kg m²], by their names in a URDF.
+    """
+    return _chain("tray", [("drive", kind, AXES[axis])], mass, inertia)
+
+
+def _chain(
+    body: str, joints: Sequence[tuple[str, str, str]], mass: float, inertia: dict[str, float]
+) -> str:
+    """Links and joints from the base to a body, the only one with mass."""
+    text, parent = "", "base"
+    for name, kind, axis in joints:
+        child = body if name == joints[-1][0] else f"rail_{name}"
+        inside = _inertial(mass, inertia) if child == body else ""
+        text += f"""<link name="{child}">{inside}</link>
+          <joint name="{name}" type="{kind}"><parent link="{parent}"/>
+          <child link="{child}"/><axis xyz="{axis}"/>
           <limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint>"""
         parent = child
-    urdf = f'<robot name="rails">{links}{joints}</robot>'
-    settings = {"joints": {"*": {"friction": friction}}} if friction else {}
-    return {"robot": {"urdf": urdf}, **settings}
+    return text
+
+
+def _robot(*chains: str) -> str:
+    return f'<robot name="rails"><link name="base"/>{"".join(chains)}</robot>'
 
 
 def _inertial(mass: float, inertia: dict[str, float]) -> str:

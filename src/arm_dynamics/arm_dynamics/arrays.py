@@ -89,9 +89,16 @@ def real_array(name: str, value: ArrayLike) -> Array:
         array = np.asarray(value)
     except ValueError:
         array = np.asarray(None)
-    if array.dtype.kind not in "fiu":
+    if array.dtype.kind not in "fiu" or _holds_truth(value):
         raise InvalidInput(f"{name} = {value!r}: real numbers are expected")
     return np.asarray(array, dtype=float)
+
+
+def _holds_truth(value: object) -> bool:
+    """Whether a truth value is among numbers, where NumPy would take it for 0 or 1."""
+    if isinstance(value, list | tuple):
+        return any(map(_holds_truth, value))
+    return isinstance(value, bool | np.bool_)
 
 
 def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
@@ -121,7 +128,7 @@ def numbers(name: str, value: ArrayLike) -> Array:
 
 def positive(name: str, value: float) -> float:
     """Check a positive finite number."""
-    if not 0.0 < value < np.inf:
+    if isinstance(value, bool | np.bool_) or not 0.0 < value < np.inf:
         raise InvalidInput(f"{name} is {value}; a positive number is expected")
     return float(value)
 

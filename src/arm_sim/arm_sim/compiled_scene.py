@@ -5,11 +5,11 @@ from __future__ import annotations
 
 from functools import cached_property
 
-from arm_dynamics import ArmModel, Dynamics
 from arm_sim.integrators.selection import Choice
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import Rollouts
@@ -23,27 +23,12 @@ class CompiledScene:
         plant: The equation of motion.
         choice: Method, tick and tolerance.
         backend: As for ``Kernel``.
-        model: The arm that ``dynamics`` and the energy account speak of, where it is not the
-            plant's: a tunable payload or friction has changed. None for the plant's.
-        stepper: One that was built already; None builds it.
     """
 
-    def __init__(
-        self,
-        plant: Plant,
-        choice: Choice,
-        backend: str,
-        model: ArmModel | None = None,
-        stepper: Stepper | None = None,
-    ) -> None:
+    def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
         self.plant, self.choice, self.backend = plant, choice, backend
-        self.stepper = stepper or Stepper(plant, choice, backend)
-        self.model = model or plant.model
+        self.stepper = Stepper(plant, choice, backend)
         self._controlled: tuple[CompiledControl, Stepper] | None = None
-
-    def of(self, model: ArmModel) -> CompiledScene:
-        """The same ticks for an arm with another payload or friction."""
-        return CompiledScene(self.plant, self.choice, self.backend, model, self.stepper)
 
     def restart(self) -> None:
         """Forget what was learned from earlier ticks."""
@@ -59,14 +44,14 @@ class CompiledScene:
         return self._controlled[1]
 
     @cached_property
-    def dynamics(self) -> Dynamics:
-        """Numeric dynamics of the arm as it is now, by Pinocchio."""
-        return Dynamics(self.model)
+    def present(self) -> PresentDynamics:
+        """Numeric dynamics under the tunable quantities of the moment, by Pinocchio."""
+        return PresentDynamics(self.plant)
 
     @cached_property
     def energy_account(self) -> EnergyAccount:
         """What keeps the energy account of motions."""
-        return EnergyAccount(self.plant, self.dynamics, self.choice, self.backend)
+        return EnergyAccount(self.plant, self.present, self.choice, self.backend)
 
     @cached_property
     def plan(self) -> Plan:

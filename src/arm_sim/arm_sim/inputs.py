@@ -45,14 +45,14 @@ def row(name: str, value: Any, n: int) -> Array:
 
 def whole(name: str, value: Any, least: int) -> None:
     """Refuse what is not a whole number of at least ``least``."""
-    if not isinstance(value, int | np.integer) or value < least:
+    if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
         raise InvalidInput(f"{name} = {value!r}; expected a whole number of at least {least}")
 
 
 def tick_count(duration: Any, dt: float) -> int:
     """Check a duration in [s] and round it to whole ticks."""
     try:
-        seconds = float(duration)
+        seconds = np.nan if isinstance(duration, bool) else float(duration)
     except (TypeError, ValueError):
         seconds = np.nan
     if not 0.0 <= seconds < np.inf:

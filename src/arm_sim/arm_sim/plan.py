@@ -10,10 +10,14 @@ from functools import cached_property
 import casadi as ca
 import numpy as np
 
+from arm_dynamics import ArmModel
 from arm_dynamics.actuation.internal_state import FrictionLaw, StatefulLaw
 from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
+from arm_dynamics.model.stops import Stops
+from arm_dynamics.scene import Scene
+from arm_dynamics.scene.constraint import WORLD
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper
@@ -78,7 +82,7 @@ class Plan:
         self._plant, self._choice, self._stepper = plant, choice, stepper
         self.parts = _parts(plant)
         self.operations = stepper.tick_operations
-        self.evaluation = operations(plant.acceleration)
+        self.evaluation = operations((plant.free or plant).acceleration)
         self.algorithm = plant.method
         self.integrator = choice.method.name
         self.reason = choice.reason
@@ -92,12 +96,12 @@ class Plan:
         """
         model, nx = self._plant.model, self._plant.nx
         trace, effort = np.empty((TIMED_TICKS, nx)), np.empty((TIMED_TICKS, model.n))
-        errors, best = np.empty(TIMED_TICKS), np.inf
+        notes, best = np.empty((TIMED_TICKS, 2)), np.inf
         for _ in range(REPEATS):
             self._stepper.restart()
             x = np.concatenate([model.q0, model.v0, self._plant.initial(model.q0, model.v0)])
             start = time.perf_counter_ns()
-            done = self._stepper.roll(x, np.zeros(model.n), trace, effort, errors)
+            done = self._stepper.roll(x, np.zeros(model.n), trace, effort, notes)
             best = min(best, (time.perf_counter_ns() - start) / max(1, done))
         self._stepper.restart()
         return best
@@ -133,7 +137,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     gravity, viscous, armature = scene.gravity, model.viscous, model.armature
     dry = model.friction.static.mean
     locked, loads = len(scene.robot.lock), len(scene.payloads)
-    contacts = len(scene.contacts)
+    contacts = _contacts(scene)
     folded = f"{loads} bodies, folded into their links"
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
@@ -147,11 +151,10 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     return (
         Part("rigid body", True, f"{model.n} joints"),
         _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),
+        _part("springs", model.springs, _springs(model), "none"),
         _part("viscous friction", viscous.any(), _at(viscous), "no coefficient", "friction" in p),
         _part("dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level"),
-        _part(
-            "contact", contacts, f"{contacts} points, solved by events", "no point touches a plane"
-        ),
+        _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, laws) for kind in FRICTION),
         _part("friction by place or load", tables, f"{tables} joints", "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
@@ -159,6 +162,7 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("gear losses", model.friction.gears, gears, "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
         _part("constraints", rows, f"{rows} rows, {model.n - rows} freedoms left", "none"),
+        _part("end stops", model.stops, _stops(model.stops), "no joint has one"),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
         _part("locked joints", False, "", f"{locked} folded away" if locked else "none"),
@@ -172,9 +176,37 @@ def _part(name: str, on: object, why: str, why_not: str, tunable: bool = False) 
     return Part(name, bool(on), why if on else why_not)
 
 
+def _stops(stops: Stops) -> str:
+    kinds = {"rigid": stops.rigid, "compliant": stops.compliant}
+    counts = [
+        f"{int(ends.any(axis=0).sum())} joints, {kind}"
+        for kind, ends in kinds.items()
+        if ends.any()
+    ]
+    return f"{' and '.join(counts)}, solved by events"
+
+
+def _contacts(scene: Scene) -> str:
+    """How many contacts there are of what kind, and what carries their planes if not the world."""
+    contacts = [contact for _, contact in scene.contacts]
+    balls = sum(contact.radius > 0 for contact in contacts)
+    kinds = {"points": len(contacts) - balls, "ball" if balls == 1 else "balls": balls}
+    carriers = sorted({contact.plane.frame for contact in contacts} - {WORLD})
+    counts = [f"{count} {kind}" for kind, count in kinds.items() if count]
+    return ", ".join([*counts, *([f"planes on {', '.join(carriers)}"] if carriers else [])])
+
+
 def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:
     found = [law.summary for law in laws if isinstance(law, kind)]
     return _part(kind.title, found, "".join(found), kind.absent)
+
+
+def _springs(model: ArmModel) -> str:
+    """How many of each kind, for display."""
+    springs = model.springs
+    joints = np.count_nonzero(springs.stiffness + springs.damping)
+    numbers = {"of joints": joints, "between points": len(springs.points)}
+    return ", ".join(f"{count} {where}" for where, count in numbers.items() if count)
 
 
 def _at(values: Array) -> str:

@@ -13,9 +13,10 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import ArmModel, InvalidInput
-from arm_dynamics.arrays import Array, vector
+from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import validated
 from arm_sim.compiled_scene import CompiledScene
+from arm_sim.inputs import row
 from arm_sim.plant.plant import Plant
 from arm_sim.simulator import Simulator
 
@@ -51,8 +52,7 @@ def payload_change(
     }  # fmt: skip
     scene = validated({**model.scene.model_dump(exclude_unset=True), "payloads": loads})
     rows = [[load.mass, *load.com, *load.inertia] for load in scene.payloads]
-    changed = ArmModel(scene).with_viscous(model.viscous)
-    return _change(simulator, changed, payload=np.array(rows).ravel())
+    return _change(simulator, "payload", np.array(rows).ravel())
 
 
 def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
@@ -66,11 +66,8 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
         InvalidInput: If friction is not tunable or a number is not allowed.
     """
     _demand(simulator, "friction")
-    values = vector("viscous", viscous, simulator.n)
-    if values.ndim != 1 or values.min() < 0.0:
-        raise InvalidInput(f"viscous = {values}; expected {simulator.n} numbers of at least zero")
-    changed = simulator.dynamics.model.with_viscous(values)
-    return _change(simulator, changed, friction=values)
+    values = row("viscous", viscous, simulator.n)
+    return _change(simulator, "friction", values)
 
 
 def external_change(simulator: Simulator) -> Change:
@@ -83,7 +80,7 @@ def external_change(simulator: Simulator) -> Change:
         return lambda: None
     plant = Plant(ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)})))
     present = simulator.compiled
-    compiled = CompiledScene(plant, present.choice, present.backend, present.model)
+    compiled = CompiledScene(plant, present.choice, present.backend)
     compiled.energy_account.prepare()
     return lambda: simulator.use(compiled)
 
@@ -94,12 +91,8 @@ def _demand(simulator: Simulator, name: str) -> None:
     parameters.merged({name: parameters.of(name, simulator.parameters)}, simulator.parameters)
 
 
-def _change(simulator: Simulator, model: ArmModel, **values: Array) -> Change:
-    prepared = simulator.compiled.of(model)
-    prepared.energy_account.prepare()
-
-    def change() -> None:
-        same = simulator.plant is prepared.plant  # or pushes have come in between
-        simulator.use(prepared if same else simulator.compiled.of(model), **values)
-
-    return change
+def _change(simulator: Simulator, name: str, value: Array) -> Change:
+    present, p = simulator.compiled, simulator.parameters
+    present.present.at(present.plant.parameters.merged({name: value}, p))
+    present.energy_account.prepare()
+    return lambda: simulator.set_parameter(name, value)

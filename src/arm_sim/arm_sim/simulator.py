@@ -23,6 +23,7 @@ from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, constraint_hint, holding, packed, placed
 from arm_sim.plant.plant import Plant
+from arm_sim.recording.changes import Changes
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.recording import Recording
 from arm_sim.state import State, read_only
@@ -71,7 +72,7 @@ class Simulator:
         self.z_names = plant.laws.names if plant.laws else ()
         self.backend = backend
         self._x, self._command = np.zeros(plant.nx), np.zeros(self.n)
-        self._effort, self._error = np.zeros((1, self.n)), np.zeros(1)
+        self._effort, self._notes = np.zeros((1, self.n)), np.zeros((1, 2))
         self._put = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only(self._x), read_only(self._effort[0])
         self._state: State | None = None
@@ -92,7 +93,7 @@ class Simulator:
 
     @property
     def model(self) -> ArmModel:
-        """The arm that was built, before payload or friction changed; see ``dynamics.model``."""
+        """The arm that was built, whatever was tuned since; see ``dynamics.model``."""
         return self._compiled.plant.model
 
     @property
@@ -104,8 +105,9 @@ class Simulator:
     def state(self) -> State:
         """Where the robot is; read-only arrays that later steps do not touch."""
         if (state := self._state) is None:
-            error = float(self._error[0])
-            self._state = state = State.of(self._x, self.n, self._step, self.dt, error)
+            self._state = state = State.of(
+                self._x, self.n, self._step, self.dt, *self._notes[0].tolist()
+            )
         return state
 
     @property
@@ -133,13 +135,22 @@ class Simulator:
 
     @property
     def impacts(self) -> int:
-        """Impacts of contacts since the last reset."""
+        """Impacts of contacts, and of joints on their stops, since the last reset."""
         return int(self._stepper.report.impacts)
 
     @property
+    def stop_torque(self) -> Array:
+        """Torques with which stops hold joints back under the last command, shape (n,).
+
+        In [N m] or [N]: positive at a lower stop, negative at an upper one, zero elsewhere. What
+        friction at rest may take of it is not told apart.
+        """
+        return self._stepper.stop_torque(self._x, self.command)
+
+    @property
     def dynamics(self) -> Dynamics:
-        """Numeric dynamics of the arm as it is now, by Pinocchio."""
-        return self._compiled.dynamics
+        """Numeric dynamics of the arm as it is now, with what was tuned, by Pinocchio."""
+        return self._compiled.present.at(self._stepper.p)
 
     @property
     def energy_account(self) -> EnergyAccount:
@@ -195,26 +206,28 @@ class Simulator:
         ticks = tick_count(duration, self.dt)
         time = np.asarray((self._step + np.arange(ticks + 1)) * self.dt, dtype=np.float64)
         x, command = np.empty((ticks + 1, self.plant.nx)), np.empty((ticks + 1, self.n))
-        error = np.empty(ticks + 1)
-        x[0], error[0] = self._x, self._error[0]
-        trace, effort, errors = x[1:], command[:-1], error[1:]
+        notes = np.empty((ticks + 1, 2))
+        x[0], notes[0] = self._x, self._notes[0]
+        trace, effort, later = x[1:], command[:-1], notes[1:]
+        changes = Changes(self)
         if isinstance(control, CompiledControl):
             stepper = self._compiled.controlled(control)
-            done = self._roll(stepper, control.reference(time[:-1]), trace, effort, errors)
+            done = self._roll(stepper, control.reference(time[:-1]), trace, effort, later)
         elif callable(control):
-            done = self._run_function(control, trace, effort, errors)
+            done = self._run_function(control, x, effort, later, changes)
         else:
             table = torque_table(control, ticks, self.n, self.dt)
-            done = self._roll(self._stepper, table, trace, effort, errors)
+            done = self._roll(self._stepper, table, trace, effort, later)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
         command[done] = command[done - 1] if done else 0.0
-        time, x, command, error = (
-            read_only(array[: done + 1]) for array in (time, x, command, error)
+        time, x, command, notes = (
+            read_only(array[: done + 1]) for array in (time, x, command, notes)
         )
         q, v, z = np.split(x, (self.n, 2 * self.n), axis=1)
         recording = Recording(
-            time, q, v, z, command, error, self.dynamics, self.plant, self.energy_account,
-            self.parameters, self.held_constraints,
+            time, q, v, z, command, notes[:, 0], notes[:, 1], self.dynamics, self.plant,
+            self.energy_account, changes.parameters(done + 1), self.held_constraints,
+            changes.jumps(),
         )  # fmt: skip
         if done < ticks:
             diverged = self._diverged()
@@ -233,9 +246,10 @@ class Simulator:
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
         """
+        hold = self.model.held_at_start if q is None and v is None else ()
         q, v = self.model.q0 if q is None else q, self.model.v0 if v is None else v
-        self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
-        self._step, self._effort[:], self._error[:] = 0, 0.0, 0.0
+        self._x[:] = placed(self.plant, q, v, z, self.held_constraints, hold)
+        self._step, self._effort[:], self._notes[:] = 0, 0.0, 0.0
         self._compiled.restart()
         self._state = None
         return self.state
@@ -309,8 +323,10 @@ class Simulator:
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
-        state, tau, names = self.state, self.effort, self.held_constraints
-        if self.plant.events and self.plant.project:
+        state, names = self.state, self.held_constraints
+        outside = self.plant.parameters.of("external", self._stepper.p)
+        tau = self.effort + outside if outside.size else self.effort
+        if self.plant.has_modes and self.plant.project:
             tau = tau + self._stepper.push(self._x, self.command)
         return self.dynamics.constrained_forward(state.q, state.v, tau, names)[1]
 
@@ -370,28 +386,31 @@ class Simulator:
 
     def _bind(self, compiled: CompiledScene) -> None:
         self._compiled, self._stepper = compiled, compiled.stepper
-        arrays = self._command, self._x[None].copy(), self._effort, self._error
+        arrays = self._command, self._x[None].copy(), self._effort, self._notes
         self._tick = self._stepper.bound(self._x, *arrays)
 
     def _roll(
-        self, stepper: Stepper, command: Array, trace: Array, effort: Array, errors: Array
+        self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
     ) -> int:
-        done = stepper.roll(self._x, command, trace, effort, errors)
+        done = stepper.roll(self._x, command, trace, effort, notes)
         if done:
             self._step += done
-            self._effort[0], self._error[0] = effort[done - 1], errors[done - 1]
+            self._effort[0], self._notes[0] = effort[done - 1], notes[done - 1]
             self._state = None
         return done
 
-    def _run_function(self, control: Control, trace: Array, effort: Array, errors: Array) -> int:
-        for k in range(len(trace)):
+    def _run_function(
+        self, control: Control, x: Array, effort: Array, notes: Array, changes: Changes
+    ) -> int:
+        for k in range(len(effort)):
             command = control(self.state)
+            changes.look(k, x)
             try:
                 self.advance(torque(command, self.n))
             except SimulationDiverged:
                 return k
-            trace[k], effort[k], errors[k] = self._x, self._effort[0], self._error[0]
-        return len(trace)
+            x[k + 1], effort[k], notes[k] = self._x, self._effort[0], self._notes[0]
+        return len(effort)
 
     def _diverged(self) -> SimulationDiverged:
         state, choice = self.state, self.choice

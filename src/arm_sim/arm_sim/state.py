@@ -26,6 +26,8 @@ class State:
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
         z: States of the other laws that the scene uses, shape (nz,).
         error: Estimated error of q since the last reset in [rad] or [m]; 0 if the method has none.
+        time_stepped: Ticks since the last reset in which so many events piled up that the rest of
+            the tick was stepped through at first order.
     """
 
     time: float
@@ -34,9 +36,13 @@ class State:
     v: Array
     z: Array
     error: float = 0.0
+    time_stepped: int = 0
 
     @classmethod
-    def of(cls, x: Array, n: int, step: int, dt: float, error: float) -> State:
-        """From x = (q, v, z), which is copied, after ``step`` ticks of ``dt`` in [s]."""
-        x = read_only(x.copy())
-        return cls(step * dt, step, x[:n], x[n : 2 * n], x[2 * n :], error)
+    def of(cls, x: Array, n: int, step: int, dt: float, *notes: float) -> State:
+        """From x = (q, v, z), which is copied, after ``step`` ticks of ``dt`` in [s].
+
+        ``notes`` are the error and how many ticks were time-stepped.
+        """
+        x, (error, time_stepped) = read_only(x.copy()), notes
+        return cls(step * dt, step, x[:n], x[n : 2 * n], x[2 * n :], error, round(time_stepped))

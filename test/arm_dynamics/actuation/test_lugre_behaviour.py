@@ -65,7 +65,9 @@ def test_hysteresis_before_it_slips() -> None:
     """A slow force, Fs = Fc: F = Fc (1 - e^(-σ0 x/Fc)) from rest, and from a turning point
     F = -Fc + (F0 + Fc) e^(σ0 (x - x0)/Fc): Dahl's loop.
     """
-    sim = wheel(1e-3, static=1.0, viscous=0.0, lugre={"sigma0": 1e3, "sigma1": 1.0})
+    sim = wheel(
+        1e-3, static=1.0, stribeck_velocity=None, viscous=0.0, lugre={"sigma0": 1e3, "sigma1": 1.0}
+    )
     peak, ramp = 0.8, np.linspace(0.0, 0.8, 4001)[1:]
     u = np.concatenate([ramp, ramp[-2::-1], [0.0], -ramp, -ramp[-2::-1]])
     run = sim.run(len(u) * 1e-3, u[:, None])

@@ -92,6 +92,7 @@ def test_batch_of_terms(arm: ArmClient, rng: np.random.Generator) -> None:
             (terms.coriolis_matrix, dynamics.coriolis_matrix(mine, speed)[::-1, ::-1]),
             (terms.gravity, dynamics.gravity(mine)[::-1]),
             (terms.friction, dynamics.friction(speed)[::-1]),
+            (terms.spring, dynamics.spring(mine, speed)[::-1]),
             (terms.kinetic_energy, kinetic),
             (terms.potential_energy, potential),
         ):

@@ -109,6 +109,64 @@ def test_a_follower_has_no_sides(key: str) -> None:
     assert build({key: UNEQUAL}, "left_slide", "gripper")
 
 
+# What is said, how it is refused, and what makes it mean something.
+SILENT: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
+    "a fall without a level at rest": (
+        {"coulomb": 1.0, "stribeck_velocity": 0.1},
+        "stribeck_velocity' is without effect: friction falls from 'static' to 'coulomb'",
+        {"static": 1.1},
+    ),
+    "a fall from and to the same level": (
+        {"coulomb": UNEQUAL, "static": UNEQUAL, "stribeck_velocity": 0.1},
+        "stribeck_velocity' is without effect",
+        {"static": {"positive": 1.0, "negative": 2.1}},
+    ),
+    "a fall of bristles": (
+        {"coulomb": 1.0, "stribeck_velocity": 0.1} | LUGRE,
+        "stribeck_velocity' is without effect",
+        {"static": 1.1},
+    ),
+    "a factor of nothing by position": (
+        {"coulomb": 0.0} | WAVY,
+        "position' is without effect: it multiplies dry friction",
+        {"coulomb": 0.1},
+    ),
+    "a factor of nothing by load": (
+        {"coulomb": 0.0} | LOAD,
+        "load' is without effect: it multiplies dry friction",
+        {"coulomb": 0.1},
+    ),
+    "fading of no damping": (
+        {"coulomb": 1.0, "lugre": {"sigma0": 1e4, "sigma1_velocity": 0.1}},
+        "lugre.sigma1_velocity' is without effect: the damping that it fades, 'sigma1', is 0",
+        {"lugre": {"sigma0": 1e4, "sigma1": 1.0, "sigma1_velocity": 0.1}},
+    ),
+}
+
+
+@pytest.mark.parametrize(("friction", "said", "more"), SILENT.values(), ids=SILENT)
+def test_what_would_be_without_effect_is_refused(
+    friction: dict[str, Any], said: str, more: dict[str, Any]
+) -> None:
+    assert refusal(friction).startswith(f"joint2.friction.{said}")
+    assert refusal(friction, "*").startswith(f"*.friction.{said}")
+    assert build(friction | more)
+    assert build(friction | more, "*")
+
+
+def test_what_is_said_of_all_joints_needs_one_that_has_use_of_it() -> None:
+    urdf = str(models.FOLDER / "planar_3r.urdf")
+    joints = {"*": {"friction": {"stribeck_velocity": 0.1}}, "joint2": {"friction": {"static": 2}}}
+    model = ArmModel(load_scene({"robot": {"urdf": urdf}, "joints": joints}))
+    assert model.friction.excess.mean.astype(bool).tolist() == [False, True, False]
+
+
+def test_a_follower_has_no_fall_of_its_own() -> None:
+    assert refusal({"stribeck_velocity": 0.1}, "right_slide", "gripper") == (
+        "right_slide.friction.stribeck_velocity': a mimic joint has none of its own"
+    )
+
+
 def growing(slope: float) -> dict[str, Any]:
     """A factor whose steepest rise over the load is ``slope``: 3/2 of the mean between points."""
     return {"load": {"at": [2, 5], "factor": [1, 1 + 2 * slope]}}

@@ -162,3 +162,81 @@ def test_of_equal_rows_the_first_is_kept() -> None:
     """Bricard's linkage is symmetric: rounding, which machines differ in, must not choose."""
     model = ArmModel(models.scene("bricard"))
     assert model.constraint_rows == {0: (0, 1, 2), 1: (2,)}
+
+
+# --- joints that keep their state ----------------------------------------------------------------
+
+
+def slider_crank(crank: float, speed: float, **initial: Any) -> ArmModel:
+    scene = load_scene(models.SCENES / "slider_crank.yaml").model_dump(exclude_unset=True)
+    given = {"position": {"pivot": crank, "knuckle": -crank, "rail": 0.4},
+             "velocity": {"pivot": speed}}  # fmt: skip
+    return ArmModel(load_scene({**scene, "initial": given | initial}))
+
+
+@pytest.mark.parametrize("crank", [0.3, 1.2, -0.8])
+def test_a_joint_that_is_held_keeps_its_position_and_speed(crank: float) -> None:
+    """Knuckle and rail follow from the triangle of 0.15 and 0.4 m, and its derivative."""
+    model = slider_crank(crank, 2.0, hold=["pivot"])
+    lean = -np.arcsin(0.15 * np.sin(crank) / 0.4)
+    turn = -2.0 * 0.15 * np.cos(crank) / (0.4 * np.cos(lean))
+    rail = 0.15 * np.cos(crank) + 0.4 * np.cos(lean)
+    pace = -0.15 * 2.0 * np.sin(crank) - 0.4 * turn * np.sin(lean)
+    assert (model.q0[0], model.v0[0]) == (crank, 2.0)
+    assert_close(model.q0, [crank, lean - crank, rail], CLOSURE)
+    assert_close(model.v0, [2.0, turn - 2.0, pace], CLOSURE)
+    assert slider_crank(crank, 2.0).q0[0] != crank
+
+
+def test_a_reset_to_the_scenes_start_holds_them_too() -> None:
+    sim = Simulator(slider_crank(0.3, 2.0, hold=["pivot"]), backend="vm")
+    for _ in range(2):
+        assert (sim.state.q[0], sim.state.v[0]) == (0.3, 2.0)
+        sim.run(0.01)
+        sim.reset()
+
+
+def test_where_a_held_joint_leaves_no_closed_position_it_is_named() -> None:
+    """0.5 and 0.4 m: with the shoulder level, 0.7 m straight up are out of reach."""
+    held = {"type": "point", "points": [[0, 0, 0], [0, 0, 0.7]], "name": "nail", **TIP}
+    start = {"position": {"shoulder": 0.1, "elbow": 0.9}}
+    assert Dynamics(robot(held, initial=start)).constrained.closure
+    with pytest.raises(
+        ConstraintError, match=r"while 'shoulder' at 0\.1 is held; left open.*nail"
+    ):
+        Dynamics(robot(held, initial={**start, "hold": ["shoulder"]}))
+
+
+def test_where_a_held_speed_leaves_none_it_is_named() -> None:
+    """A point of a plane arm that is nailed down: neither joint can move."""
+    level = {"type": "plane", "name": "table", "height": 0.0, **TIP}
+    open_ = {"position": {"shoulder": 0.0, "elbow": 0.0}, "velocity": {"shoulder": 1.0}}
+    nail = {"type": "coupling", "joints": ["elbow", "shoulder"], "ratio": 1.0}
+    with pytest.raises(
+        ConstraintError, match="no velocities of the other joints where 'shoulder'"
+    ):
+        Dynamics(robot(level, nail, initial={**open_, "hold": ["shoulder"]}))
+
+
+@pytest.mark.parametrize(
+    ("scene", "said"),
+    [
+        (robot(initial={"hold": ["elbow"]}), "'initial.hold' = .'elbow'.*no constraint"),
+        (robot({"type": "plane", **TIP}, initial={"hold": ["wrist"]}), "'wrist', which does not"),
+        (
+            robot({"type": "plane", **TIP}, initial={"hold": ["elbow"]}, lock=["elbow"]),
+            "'elbow', which is locked; allowed: shoulder",
+        ),
+        (
+            {
+                "robot": {"urdf": str(models.FOLDER / "gripper.urdf")},
+                "constraints": [{"type": "plane", "frames": ["left_jaw", "world"]}],
+                "initial": {"hold": ["right_slide"]},
+            },
+            "'right_slide', which follows 'left_slide'",
+        ),
+    ],
+)
+def test_what_cannot_be_held_is_refused(scene: dict[str, Any], said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        load_scene(scene)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, load_scene
+from arm_dynamics import Dynamics, SceneError, load_scene
 from models.oracle import Oracle
 from tolerances import CLOSED_FORM, PINOCCHIO, assert_close
 
@@ -74,11 +74,12 @@ def test_weight_of_a_point_mass_by_hand() -> None:
     assert_close(gain, [3 * 9.81 * 0.9, 3 * 9.81 * 0.4], CLOSED_FORM)
 
 
-def test_on_the_base_changes_nothing(rng: np.random.Generator) -> None:
-    q, v, a = models.random_state(rng, 4)
-    assert_close(
-        loaded("base").inverse(q, v, a), models.dynamics("skew_axes").inverse(q, v, a), PINOCCHIO
-    )
+def test_on_the_base_it_would_change_nothing() -> None:
+    with pytest.raises(SceneError, match="'payloads.0.frame' = 'base': no joint moves that frame"):
+        loaded("base")
+    locked = {"robot": {"urdf": str(URDF), "lock": ["first"]}}
+    with pytest.raises(SceneError, match="no joint moves that frame"):
+        Dynamics({**locked, "payloads": [{"frame": "first", "mass": 1.0}]})
 
 
 def test_mass_of_zero_changes_nothing(rng: np.random.Generator) -> None:

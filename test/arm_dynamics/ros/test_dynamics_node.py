@@ -13,7 +13,8 @@ from rclpy.parameter import Parameter
 from std_msgs.msg import String
 
 import models
-from arm_dynamics import ArmError, Term
+from arm_dynamics import ArmError, Term, load_scene
+from arm_dynamics.client.client import ALL_TERMS
 from arm_dynamics.ros.dynamics_node import DynamicsNode
 from arm_dynamics.ros.interfaces import (
     DYNAMICS_TERMS,
@@ -25,12 +26,19 @@ from arm_dynamics.ros.interfaces import (
     MODEL_INFO,
     Service,
 )
-from tolerances import PINOCCHIO, assert_close
+from tolerances import INVERSE_PAIR, PINOCCHIO, assert_close
 
 pytestmark = pytest.mark.ros
 
 PENDULUM = (models.SCENES / "pendulum.urdf").read_text()
 TWO_LINK = (models.SCENES / "two_link.urdf").read_text()
+SPRUNG = load_scene(
+    {
+        "robot": {"urdf": TWO_LINK},
+        "joints": {"elbow": {"spring": {"stiffness": 9.0, "damping": 0.5}}},
+        "springs": [{"frames": ["forearm", "world"], "stiffness": 50.0, "rest_length": 0.2}],
+    }
+)
 
 
 @pytest.fixture
@@ -101,13 +109,35 @@ def test_terms_add_up(node: DynamicsNode, rng: np.random.Generator) -> None:
     assert answer.success, answer.message
     mass = np.reshape(answer.mass_matrix, (4, 7, 7))
     coriolis = np.reshape(answer.coriolis_matrix, (4, 7, 7))
-    rest = np.reshape(answer.gravity, (4, 7)) + np.reshape(answer.friction, (4, 7))
+    vectors = answer.gravity, answer.spring, answer.friction
+    rest = sum(np.reshape(vector, (4, 7)) for vector in vectors)
     whole = np.einsum("kij,kj->ki", mass, a) + np.einsum("kij,kj->ki", coriolis, v) + rest
     assert_close(whole, node.dynamics.inverse(q, v, a), PINOCCHIO)
     kinetic, potential = node.dynamics.energy(q, v)
     assert_close(answer.kinetic_energy, 0.5 * np.einsum("ki,kij,kj->k", v, mass, v), PINOCCHIO)
     assert_close(answer.kinetic_energy, kinetic, PINOCCHIO)
     assert_close(answer.potential_energy, potential, PINOCCHIO)
+
+
+def test_terms_of_the_message_are_those_of_the_library() -> None:
+    for term in (*Term, Term.ALL):
+        assert getattr(InverseDynamics.Request, str(term.name)) == term
+    assert InverseDynamics.Request().terms == ALL_TERMS == Term.ALL
+
+
+def test_springs_are_answered_and_part_of_the_whole(ros: Ros, rng: np.random.Generator) -> None:
+    node = ros.add(DynamicsNode, SPRUNG)
+    q, v, a = batch(rng, 4, n=2)
+    vectors = {"position": q.ravel(), "velocity": v.ravel()}
+    S = terms(node, **vectors).spring
+    assert_close(S, node.dynamics.spring(q, v).ravel(), PINOCCHIO)
+    assert abs(np.array(S)).max() > 1.0
+    whole = inverse(node, acceleration=a.ravel(), **vectors)  # all terms unless told otherwise
+    assert_close(whole.effort, node.dynamics.inverse(q, v, a).ravel(), PINOCCHIO)
+    old = inverse(node, acceleration=a.ravel(), terms=15, **vectors)
+    assert_close(np.array(whole.effort) - old.effort, S, PINOCCHIO)
+    back = forward(node, effort=whole.effort, **vectors)
+    assert_close(back.acceleration, a.ravel(), INVERSE_PAIR)
 
 
 def test_absent_velocity_and_acceleration_are_zero(node: DynamicsNode) -> None:
@@ -176,7 +206,7 @@ def test_model_info(node: DynamicsNode) -> None:
             "position of joint 'panda_joint3' at point 1 is nan; allowed are finite numbers",
         ),
         ({"position": [0.0] * 7, "velocity": [np.inf] * 7}, "velocity of joint 'panda_joint1'"),
-        ({"position": [0.0] * 7, "terms": 16}, "16"),
+        ({"position": [0.0] * 7, "terms": 32}, "32"),
         ({"position": [1e308] * 7, "velocity": [1e308] * 7}, "too large"),
         ({"position": [0.0] * 7 * (MAX_POINTS + 1)}, f"up to {MAX_POINTS} in one call"),
         ({"position": [0.0] * 7, "joint_names": ["nobody"] * 7}, "unknown joints nobody"),

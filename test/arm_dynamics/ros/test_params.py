@@ -175,6 +175,10 @@ def test_a_setting_of_the_controllers_is_a_parameter_from_what_its_field_says(ro
     assert node.set_parameters_atomically(changes).successful
     tuned = Tuned(leak=0.25, dt=0.002, bandwidth=[3.0, 4.0], direction=(1.0, 0.0, 0.0))
     assert held[-1] == Tuning(number=2.0, settings=tuned)
+    for truth in (True, [True, False]):
+        refused = node.set_parameters([Parameter("bandwidth", value=truth)])[0]
+        assert not refused.successful
+        assert refused.reason.endswith("numbers are expected")
     described = node.describe_parameter("leak")
     assert described.description == "of it [1/s]"
     assert described.floating_point_range[0].to_value == 9.0

@@ -150,6 +150,30 @@ def test_a_follower_starts_where_its_leader_takes_it(key: str) -> None:
     assert refusal(scene(initial=own)) == (
         f"scene: 'initial.{key}' names 'joint2', which follows 'joint1'; set that one"
     )
-    locked = load_scene(scene(lock=("joint1", "joint2"), initial=own))
-    assert getattr(locked.initial, key) == {"joint2": 0.5}
+    with pytest.raises(SceneError, match="follows|holds it fast"):
+        load_scene(scene(lock=("joint1", "joint2"), initial=own))
     assert load_scene(scene(initial={key: {"joint1": 0.5, "joint4": 1.0}}))
+
+
+@pytest.mark.parametrize("key", ["effort", "velocity"])
+def test_a_follower_has_no_limits_of_its_own(key: str) -> None:
+    assert refusal(scene(joints={"joint2": {"limits": {key: 5.0}}})) == (
+        f"scene: 'joints.joint2.limits.{key}': 'joint2' follows 'joint1' and has none of its own; "
+        "limit that one"
+    )
+    assert load_scene(scene(joints={"*": {"limits": {key: 5.0}}}))
+
+
+@pytest.mark.parametrize("name", ["joint1", "joint2"])
+def test_what_is_said_of_a_locked_joint_would_be_without_effect(name: str) -> None:
+    given = {"joints": {name: {"limits": {"velocity": 5.0}, "friction": {"viscous": 1.0}}}}
+    if name == "joint1":
+        assert refusal(scene(lock=(name,), initial={"velocity": {name: 0.5}})) == (
+            "scene: 'initial.velocity.joint1' = 0.5, but 'robot.lock' holds it fast; 0 is allowed"
+        )
+    else:  # it follows the locked one, and has no limits
+        del given["joints"][name]["limits"]
+    assert refusal(scene(lock=("joint1",), **given)).startswith(f"scene: 'joints.{name}' sets ")
+    assert load_scene(scene(lock=("joint1",), joints={name: {}, "*": given["joints"][name]}))
+    still = {"position": {"joint1": 0.3}, "velocity": {"joint1": 0.0}}
+    assert load_scene(scene(lock=("joint1",), initial=still))

@@ -99,6 +99,10 @@ BAD: dict[str, tuple[str, tuple[str, ...]]] = {
         changed('ixx="0" ixy="0" ixz="0" iyy="0.015"', 'ixx="-1" ixy="0" ixz="0" iyy="0.015"'),
         ("link2", "inertia ixx", "negative"),
     ),
+    "inertia negative between the axes": (
+        changed('ixy="0" ixz="0" iyy="0.015"', 'ixy="0.05" ixz="0" iyy="0.015"'),
+        ("link2", "principal moments -0.0", "negative by more than 0.5 of the largest"),
+    ),
     "iyy negative": (changed('iyy="0.015"', 'iyy="-0.015"'), ("link2", "inertia iyy", "negative")),
     "izz negative": (changed('izz="0.015"', 'izz="-0.015"'), ("link2", "inertia izz", "negative")),
     "damping negative": (

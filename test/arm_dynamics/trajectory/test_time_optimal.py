@@ -85,6 +85,25 @@ def test_dry_friction_helps_to_brake(toppra: object) -> None:
     assert quick.duration == pytest.approx(wanted, rel=5e-3)
 
 
+def test_a_spring_helps_to_brake(toppra: object) -> None:
+    """Over 1 rad away from its rest on ±T: two arcs of harmonic motion, about T/k and -T/k.
+
+    The work of ±T is what the spring has in the end, T x - T (1 - x) = k/2.
+    """
+    inertia, k, most = 0.1, 1.5, 2.0
+    over = Trajectory(
+        np.array([0.0, 1.0]),
+        np.array([[[0.0, 1.0, 0.0, 0.0, 0.0, 0.0]]]),
+        np.array([[0.0], [1.0]]),
+    )
+    scene = rotor(inertia)
+    scene["joints"]["axle"]["spring"] = {"stiffness": k}
+    quick = retimed(JointPath(over, Quintic(9.0)), Dynamics(scene), most)
+    x, rest = 0.5 + 0.25 * k / most, most / k
+    wanted = np.arccos(1.0 - x / rest) + np.arccos((x + rest) / (1.0 + rest))
+    assert quick.duration == pytest.approx(wanted / np.sqrt(k / inertia), rel=5e-3)
+
+
 @pytest.mark.parametrize(
     ("torque", "acceleration"), [(None, np.inf), (30.0, 15.0), (30.0, np.inf)]
 )

@@ -78,7 +78,8 @@ def test_task_space(arm: Any) -> None:
     said = answer(arm(*given, "--velocity", json.dumps(v), "--json"))
     terms = task.terms(q, v)
     assert said["axes"] == ["x", "z"]
-    for name in ("jacobian", "bias", "inertia", "coriolis", "gravity", "inverse", "null_space"):
+    for name in ("jacobian", "bias", "inertia", "coriolis", "gravity", "spring", "inverse",
+                 "null_space"):  # fmt: skip
         np.testing.assert_allclose(said[name], getattr(terms, name), rtol=1e-12, atol=1e-12)
     assert said["damped"] == [False, True]
     assert said["condition"][0] == pytest.approx(terms.condition[0])

@@ -208,10 +208,10 @@ def test_describe_takes_urdf_paths_and_packages() -> None:
     assert "6 joints" in run("describe", f"{robots}/ur_description/urdf/ur10_robot.urdf").output
 
 
-def test_describe_warns_of_a_start_outside_the_limits() -> None:
+def test_describe_tells_of_a_start_at_a_stop() -> None:
     robots = "package://example-robot-data/robots"
     said = run("describe", f"{robots}/panda_description/urdf/panda.urdf").output
-    assert re.search("starts outside its limits: panda_joint4;", said)
+    assert re.search("starts at its stop: panda_joint4;", said)
 
 
 # --- the motion of the demo --------------------------------------------------------------------

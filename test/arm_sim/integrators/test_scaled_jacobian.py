@@ -19,21 +19,36 @@ from tolerances import INVERSE_PAIR, assert_close
 VISCOUS = {"viscous": 20.0}
 DRY = {"viscous": 20.0, "coulomb": 0.3}
 BRISTLES = {"viscous": 0.2, "coulomb": 0.3, "lugre": {"sigma0": 1e4, "sigma1": 20.0}}
+SPRING = {"stiffness": 30.0, "rest": 0.2, "damping": 0.4}
+RUBBER = {"lower": -0.9, "upper": 0.8, "stop": {"stiffness": 1e3, "damping": 5.0}}
+CORD = {"frames": ["link18", "world"], "stiffness": 40.0, "rest_length": 0.1, "damping": 2.0}
+JOINTS: dict[str, dict[str, Any]] = {
+    "viscous": {"friction": VISCOUS},
+    "dry": {"friction": DRY},
+    "bristles": {"friction": BRISTLES},
+    "springs": {"friction": VISCOUS, "spring": SPRING},
+    "compliant stops": {"friction": DRY, "limits": RUBBER},
+    "no stops": {"friction": DRY, "limits": {"stop": False}},
+}
 
 
-@pytest.fixture(params=[VISCOUS, DRY, BRISTLES], ids=["viscous", "dry", "bristles"])
+@pytest.fixture(params=JOINTS)
 def plant(request: pytest.FixtureRequest, rng: np.random.Generator) -> Plant:
     scene: dict[str, Any] = {
         "robot": {"urdf": mobile(rng, 18)},
-        "joints": {"*": {"friction": request.param}},
+        "joints": {"*": JOINTS[request.param]},
+        "springs": [CORD] if request.param == "springs" else [],
+        "tunable": ["payload", "external"],
+        "payloads": [{"frame": "link9", "mass": 0.5}],
     }
     return Plant(ArmModel(load_scene(scene)))
 
 
 def arguments(plant: Plant, rng: np.random.Generator) -> list[np.ndarray]:
     q, v, u = rng.uniform(-1.0, 1.0, (3, plant.model.n))
-    modes = rng.integers(-1, 2, plant.rhs.size1_in(2))
-    v[modes == 0 if modes.size else []] = 0.0
+    direction, pressed = (rng.integers(-1, 2, k) for k in (plant.directions, plant.pressed))
+    v[direction == 0 if direction.size else []] = 0.0
+    modes = np.concatenate([plant.parameters.nominal, direction, pressed])
     return [np.concatenate([q, v, plant.initial(q, v)]), u, modes]
 
 

@@ -3,8 +3,11 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import casadi as ca
 import numpy as np
+import pytest
 
 from arm_dynamics import ArmModel, load_scene
 from arm_sim.plant.parameters import Parameters
@@ -17,22 +20,42 @@ from tolerances import INVERSE_PAIR, assert_close
 DRY = {"*": {"friction": {"coulomb": 0.3, "viscous": 0.1}}}
 
 
-def test_recursion_and_mass_matrix_agree(rng: np.random.Generator) -> None:
-    model = ArmModel(load_scene({"robot": {"urdf": mobile(rng, 20)}, "joints": DRY}))
+SPRUNG = {"*": {**DRY["*"], "spring": {"stiffness": 3.0, "rest": 0.2, "damping": 0.4}}}
+RUBBER = {"*": {"limits": {"lower": -0.9, "upper": 0.8, "stop": {"stiffness": 9.0}}}}
+STOPPED: dict[str, dict[str, Any]] = {"*": {}}
+ALL = {"dry": DRY, "springs": SPRUNG, "compliant stops": RUBBER, "rigid stops": STOPPED}
+
+
+@pytest.mark.parametrize("joints", ALL.values(), ids=ALL)
+def test_recursion_and_mass_matrix_agree(
+    joints: dict[str, dict[str, Any]], rng: np.random.Generator
+) -> None:
+    model = ArmModel(load_scene({"robot": {"urdf": mobile(rng, 20)}, "joints": joints}))
     s = Symbols(model, Parameters(model))
-    joints = Joints(model, s)
+    does = Joints(model, s)
+    push, change = ca.SX.sym("push", 20), ca.SX.sym("change", 20)
     answers = []
     for kind in (Response, RecursiveResponse):
-        response = kind(model, s, joints)
+        response = kind(model, s, does)
         a = response.accelerations(response.load)
-        results = [a, response.reactions(response.load, a)]
-        answers.append(ca.Function("answer", [s.q, s.v, s.tau, joints.p], results))
+        results = [a, response.reactions(response.load, a), *response.struck(push, change)]
+        given = [s.q, s.v, s.tau, does.p, push, change]
+        answers.append(ca.Function("answer", given, results))
     for _ in range(5):
-        state, direction = rng.uniform(-1.0, 1.0, (3, 20)), rng.integers(-1, 2, 20)
-        dense, recursive = (answer(*state, direction) for answer in answers)
+        state, modes = rng.uniform(-1.0, 1.0, (3, 20)), rng.integers(-1, 2, does.p.shape[0])
+        held = does_slide(does, modes) == 0.0
+        blow = rng.uniform(-1.0, 1.0, 20), rng.uniform(-1.0, 1.0, 20) * held
+        dense, recursive = (answer(*state, modes, *blow) for answer in answers)
         for ours, theirs in zip(recursive, dense, strict=True):
             assert_close(np.array(ours), np.array(theirs), INVERSE_PAIR)
-        np.testing.assert_array_equal(np.array(recursive[0]).ravel()[direction == 0], 0.0)
+        a, _, gain, _ = (np.array(answer).ravel() for answer in recursive)
+        np.testing.assert_array_equal(a[held], 0.0)
+        np.testing.assert_array_equal(gain[held], blow[1][held])
+
+
+def does_slide(joints: Joints, modes: np.ndarray) -> np.ndarray:
+    """1 for joints that slide, 0 for those that are held."""
+    return np.array(ca.Function("sliding", [joints.p], [joints.sliding])(modes)).ravel()
 
 
 def test_long_arms_take_the_recursion(rng: np.random.Generator) -> None:

@@ -11,9 +11,10 @@ from numpy.polynomial import Polynomial
 
 import models
 from arm_dynamics import Dynamics
-from arm_sim import Simulator
-from arm_sim.recording.energy_account import dissipated_work
+from arm_sim import Simulator, State
+from arm_sim.recording.energy_account import dissipated_work, relative_error
 from arm_sim.ros.energy_meter import EnergyMeter
+from arm_sim.runtime_changes import external_change, payload_change
 from models.rotor import rotor
 from tolerances import PINOCCHIO, assert_close
 
@@ -103,7 +104,7 @@ def test_without_laws_it_is_the_work_of_torques() -> None:
     assert_close(run.supplied[1:], work, 1e-12)
     assert not run.stored.any()
     assert np.abs(run.balance).max() < 1e-6
-    assert sim.energy_account.makes_ticks_again is False
+    assert not sim.energy_account.makes_ticks_again(np.hstack([run.q, run.v]))
 
 
 def test_tunable_quantities_are_those_of_the_run() -> None:
@@ -114,8 +115,8 @@ def test_tunable_quantities_are_those_of_the_run() -> None:
     sim.set_parameter("gravity", [0.0, 0.0, -1.62])
     run = sim.run(0.1, [0.5, 0.1])
     sim.set_parameter("gravity", [0.0, 0.0, -9.81])
-    kept = run.kinetic + run.stored + run.potential * 1.62 / 9.81
-    assert_close(kept - kept[0] - run.supplied + run.lost, np.zeros(101), 1e-7)
+    assert_close(run.balance, np.zeros(101), 1e-7)
+    assert_close(run.potential, Dynamics(scene).energy(run.q, run.v)[1] * 1.62 / 9.81, PINOCCHIO)
 
 
 def test_the_meter_of_a_running_simulation_says_the_same(sim: Simulator) -> None:
@@ -151,4 +152,194 @@ def test_heat_of_friction_that_differs_by_position_and_load() -> None:
         dt / 6 * (power(t, load) + 4 * power(t + dt / 2, load) + power(t + dt, load))
         for t, load in zip(times, tau[:, 0], strict=False)
     ]
-    assert_close(dissipated_work(dyn, dt, q, v, tau), wanted, PINOCCHIO)
+    x = np.hstack([q, v])
+    assert_close(dissipated_work(dyn, dt, (x[:-1], x[1:]), tau), wanted, PINOCCHIO)
+
+
+# --- what is changed while it runs ---------------------------------------------------------------
+
+BALL = [0.02, 0.0, 0.0, 0.02, 0.0, 0.02]
+LIGHT = [0.5, 0.0, 0.0, 0.1, *BALL]
+HEAVY = [2.0, 0.05, 0.0, 0.2, *BALL]
+MOON = [0.0, 0.5, -1.62]
+ALL = ["gravity", "payload", "friction", "external"]
+
+
+def load(row: list[float]) -> dict[str, Any]:
+    return {"frame": "tip", "mass": row[0], "com": row[1:4], "inertia": row[4:]}
+
+
+def tunable_scene(joints: dict[str, Any], **changed: Any) -> dict[str, Any]:
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    return {**scene, "joints": joints, "payloads": [load(LIGHT)], "tunable": ALL} | changed
+
+
+JOINTS: dict[str, tuple[dict[str, Any], float]] = {
+    "smooth": ({"*": {"friction": {"viscous": 0.3}}}, 1e-8),
+    "dry friction": ({"*": {"friction": {"viscous": 0.3, "coulomb": 0.2, "static": 0.4}}}, 1e-8),
+    "a motor": ({"shoulder": {"actuator": MOTOR, "friction": {"viscous": 0.3}}}, 1e-6),
+}
+CHANGES: dict[str, Any] = {
+    "gravity": lambda sim: sim.set_parameter("gravity", MOON),
+    "payload": lambda sim: sim.set_parameter("payload", HEAVY),
+    "payload, prepared": lambda sim: payload_change(sim, 0, HEAVY[0], HEAVY[1:4], HEAVY[4:])(),
+    "friction": lambda sim: sim.set_parameter("friction", [2.0, 0.0]),
+    "external": lambda sim: sim.set_parameter("external", [3.0, -2.0]),
+    "state": lambda sim: sim.set_state([0.4, -0.3], [1.0, 2.0], sim.state.z),
+}
+
+
+@pytest.fixture(scope="module", params=JOINTS.values(), ids=JOINTS)
+def tuned(request: pytest.FixtureRequest) -> tuple[Simulator, float]:
+    joints, allowed = request.param
+    return Simulator(tunable_scene(joints)), allowed
+
+
+def restart(sim: Simulator) -> None:
+    for item in sim.plant.parameters.items:
+        sim.set_parameter(item.name, item.nominal)
+    sim.reset([0.5, -0.8], [0.3, -0.2])
+
+
+@pytest.mark.parametrize("change", CHANGES.values(), ids=CHANGES)
+def test_the_account_closes_over_changes_in_a_run(
+    tuned: tuple[Simulator, float], change: Any
+) -> None:
+    """Changed in the middle, and back by another: the account says what each put in."""
+    sim, allowed = tuned
+    restart(sim)
+    after: list[float] = []
+
+    def control(state: State) -> list[float]:
+        if state.step == 60:
+            change(sim)
+            here = sim.state
+            after.append(sum(sim.dynamics.energy(here.q, here.v)))
+        return [1.0, 0.5]
+
+    run = sim.run(0.1, control)
+    moved = np.ptp(run.kinetic) + np.ptp(run.potential)
+    assert np.abs(run.balance).max() < allowed * moved
+    assert run.energy_error < allowed
+    assert not run.changed[:60].any()
+    assert (run.changed[60:] == run.changed[60]).all()
+    assert run.kinetic[60] + run.potential[60] == pytest.approx(after[0], rel=1e-12)
+
+
+def test_a_change_puts_in_what_the_energies_differ_by(tuned: tuple[Simulator, float]) -> None:
+    """Against two arms that were built with the one payload and gravity, and the other."""
+    sim, _ = tuned
+    restart(sim)
+
+    def control(state: State) -> list[float]:
+        if state.step == 0:
+            sim.set_parameter("gravity", MOON)
+        if state.step == 5:
+            sim.set_parameter("payload", HEAVY)
+        return [0.0, 0.0]
+
+    run = sim.run(0.01, control)
+    joints = sim.model.scene.model_dump(exclude_unset=True)["joints"]
+    arms = [
+        Dynamics(tunable_scene(joints, **changed))
+        for changed in ({}, {"gravity": MOON}, {"gravity": MOON, "payloads": [load(HEAVY)]})
+    ]
+    for row, before, now, sofar in ((0, *arms[:2], 0.0), (5, *arms[1:], run.changed[4])):
+        q, v = run.q[row], run.v[row]
+        put_in = sum(now.energy(q, v)) - sum(before.energy(q, v))
+        assert run.changed[row] - sofar == pytest.approx(put_in, rel=1e-10)
+        assert abs(put_in) > 0.1
+    assert run.balance[0] == 0.0
+
+
+def test_the_dynamics_are_those_of_the_arm_as_it_is_now(rng: np.random.Generator) -> None:
+    sim = Simulator(tunable_scene({"*": {"friction": {"viscous": 0.3}}}), backend="vm")
+    assert sim.dynamics is sim.dynamics
+    sim.set_parameter("gravity", MOON)
+    sim.set_parameter("payload", HEAVY)
+    sim.set_parameter("friction", [0.7, 0.1])
+    sides = {"shoulder": {"friction": {"viscous": 0.7}}, "elbow": {"friction": {"viscous": 0.1}}}
+    fresh = Dynamics(tunable_scene(sides, gravity=MOON, payloads=[load(HEAVY)]))
+    q, v, tau = rng.normal(size=(3, 2))
+    assert_close(sim.dynamics.forward(q, v, tau), fresh.forward(q, v, tau), PINOCCHIO)
+    assert_close(sim.dynamics.inverse(q, v, tau), fresh.inverse(q, v, tau), PINOCCHIO)
+    assert_close(sim.dynamics.energy(q, v), fresh.energy(q, v), PINOCCHIO)
+
+
+def test_a_push_that_comes_in_the_middle_of_a_run_is_accounted_for() -> None:
+    """The equations are built anew for it, with one more tunable quantity before the others."""
+    given = tunable_scene({"*": {"friction": {"viscous": 0.3}}}, tunable=["payload", "friction"])
+    sim = Simulator(given, integrator="rk4")
+
+    def control(state: State) -> list[float]:
+        if state.step == 20:
+            external_change(sim)()
+        if state.step >= 40:
+            sim.set_parameter("external", [2.0 * np.sin(state.step), 1.0])
+        return [0.0, 0.0]
+
+    run = sim.run(0.1, control)
+    assert np.abs(run.balance).max() < 1e-8
+    assert not run.changed.any()
+    work = np.sum(run.p[40:-1, -2:] * np.diff(run.q[40:], axis=0))
+    assert run.supplied[-1] == pytest.approx(work, rel=1e-12)
+
+
+def test_multipliers_bear_pushes_from_outside() -> None:
+    """A weightless rod at rest across a plane: the plane carries what is pushed."""
+    scene = {
+        "robot": models.scene("two_link").robot.model_dump(),
+        "gravity": [0, 0, 0],
+        "constraints": [{"type": "plane", "frames": ["tip", "world"], "height": -0.3}],
+        "initial": {"position": {"shoulder": 0.3, "elbow": 0.1}},
+        "tunable": ["external"],
+    }
+    sim = Simulator(scene, backend="vm")
+    push = np.array([2.0, -1.0])
+    sim.set_parameter("external", push)
+    loaded = sim.multipliers()
+    assert_close(
+        loaded, sim.dynamics.constrained_forward(sim.state.q, sim.state.v, push)[1], PINOCCHIO
+    )
+
+
+# --- whether it is to be trusted -----------------------------------------------------------------
+
+
+def test_a_step_that_is_too_coarse_is_told_once(caplog: pytest.LogCaptureFixture) -> None:
+    run = Simulator(models.scene("two_link"), integrator="euler", dt=0.02).run(1.0)
+    moved = sum(np.ptp(part) for part in (run.kinetic, run.potential, run.supplied, run.lost))
+    share = abs(run.balance).max() / moved
+    assert share > 1e-3
+    assert repr(run).startswith("<Recording: 50 ticks, 0 to 1 s, 2 joints; not to be trusted: ")
+    assert repr(run) == repr(run)
+    assert run.energy_error == pytest.approx(share, rel=1e-6)
+    assert not run.trusted
+    assert caplog.text.count("a smaller dt or a tolerance is expected") == 1
+
+
+def test_a_fine_step_is_trusted(caplog: pytest.LogCaptureFixture) -> None:
+    run = Simulator(models.scene("two_link"), integrator="rk4").run(0.5)
+    assert run.trusted
+    assert run.energy_error < 1e-6
+    assert repr(run).endswith(f"closed to {run.energy_error:.2g} of the energy that moved>")
+    assert not caplog.text
+
+
+def test_what_rests_is_trusted() -> None:
+    scene = models.scene("two_link").model_dump(exclude_unset=True) | {"gravity": [0, 0, 0]}
+    assert Simulator(scene, backend="vm").run(0.05).energy_error == 0.0
+
+
+def test_a_look_does_not_make_ticks_again(sim: Simulator) -> None:
+    sim.reset()
+    run = sim.run(0.005, U)
+    assert repr(run).endswith("3 joints; energy account not looked at yet>")
+    assert run.trusted
+    assert "closed to" in repr(run)
+
+
+def test_energies_that_are_no_numbers_are_not_to_be_trusted() -> None:
+    assert relative_error(np.nan, 1.0, 1.0) == relative_error(np.inf, np.inf, 1.0) == np.inf
+    assert relative_error(0.0, 0.0, 0.0) == 0.0
+    assert relative_error(-2.0, 4.0, 0.0) == 0.5

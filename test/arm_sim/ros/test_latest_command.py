@@ -55,6 +55,14 @@ def test_commands_that_come_back_end_staleness(commands: LatestCommand) -> None:
     assert not commands.stale
 
 
+def test_gravity_is_what_springs_leave_of_it() -> None:
+    dynamics = models.dynamics("spring_balanced_arm")
+    slot = LatestCommand(dynamics)
+    slot.configure(1, "gravity")
+    assert abs(dynamics.gravity(Q)).max() > 1.0
+    np.testing.assert_allclose(slot.take(Q), [0.0, 0.0], atol=1e-12)
+
+
 @pytest.mark.parametrize("policy", ["zero", "hold", "gravity"])
 def test_policies(commands: LatestCommand, policy: str) -> None:
     gravity = models.dynamics("two_link").gravity(Q)

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from arm_msgs.msg import Energy
 from arm_msgs.srv import SetFriction, SetPayload
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus
 from geometry_msgs.msg import WrenchStamped
@@ -18,7 +19,7 @@ from sim_by_hand import NAMES, TAU, Waiting, by_hand, ticks
 from std_msgs.msg import Float64MultiArray
 
 import models
-from arm_dynamics import load_scene
+from arm_dynamics import Dynamics, load_scene
 from arm_dynamics.ros.interfaces import RESET, RESET_COUNTERS, SET_FRICTION, SET_PAYLOAD
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
@@ -121,6 +122,36 @@ def test_payload_and_friction_are_set_by_services(ros: Ros) -> None:
     np.testing.assert_allclose(node.simulator.state.q, sim.state.q, rtol=0.0, atol=1e-10)
 
 
+def test_what_a_payload_puts_in_is_accounted_for(ros: Ros) -> None:
+    """And the weight that the policy ``gravity`` carries is the new one."""
+    given = scene(tunable=["payload", "friction"], initial={"position": {"shoulder": 0.4}})
+    node = by_hand(ros, given, integrator="rk4", stale_policy="gravity")
+    heard = ros.peer.create_subscription(Energy, "/sim/energy", lambda _: None, 10)
+    engine, sim = node.engine, node.simulator
+    ros.spin_until(lambda: node.count_subscribers("/sim/energy") == 1)
+    engine.commands.put((2.0, 1.0))
+    ticks(node, 50)
+    before = engine.account()
+    load = SetPayload.Request(mass=2.0, com=[0.1, 0.0, 0.0])
+    assert node.requests.answer(SET_PAYLOAD, load).success
+    rub = SetFriction.Request(viscous=[2.0, 0.5])
+    assert node.requests.answer(SET_FRICTION, rub).success
+    after = engine.account()
+    jump = sum(sim.dynamics.energy(sim.state.q, sim.state.v)) - before.total
+    assert after.changed == pytest.approx(jump, rel=1e-12)
+    assert abs(jump) > 0.1
+    ticks(node, 50)
+    account = engine.account()
+    assert account.dissipated > after.dissipated
+    assert abs(account.balance) < 1e-8
+    engine.commands.clear()
+    loaded = Dynamics(scene(payloads=[{**LOAD, "mass": 2.0, "com": [0.1, 0.0, 0.0]}]))
+    np.testing.assert_allclose(
+        engine.commands.take(sim.state.q), loaded.gravity(sim.state.q), rtol=1e-12
+    )
+    ros.peer.destroy_subscription(heard)
+
+
 def test_what_cannot_be_set_is_refused(ros: Ros) -> None:
     node = by_hand(ros, scene(tunable=["payload", "friction"]))
     before = node.simulator.parameters
@@ -189,6 +220,20 @@ def test_the_energy_account_is_kept_while_diagnostics_are_heard(ros: Ros) -> Non
     ros.spin_until(lambda: not node.diagnosis.heard)
     ticks(node, 5)
     assert node.engine.account() is None
+
+
+def test_ticks_that_are_too_coarse_show(ros: Ros) -> None:
+    node = by_hand(ros, integrator="euler", energy_period=0.005)
+    heard = ros.peer.create_subscription(DiagnosticArray, "/diagnostics", lambda _: None, 10)
+    ros.spin_until(lambda: node.diagnosis.heard)
+    ticks(node, 5)
+    node.engine.change(lambda: node.simulator.set_state([0.5, -0.3], [3.0, -4.0]))
+    ticks(node, 300)
+    found = finding(node, "simulation")
+    assert found.level == DiagnosticStatus.WARN
+    assert f"off by {node.engine.energy_error:.2g} of the energy that moved" in found.message
+    assert "with ticks of 0.001 s" in found.message
+    ros.peer.destroy_subscription(heard)
 
 
 def test_several_publishers_show_unless_each_leads_joints_of_its_own(ros: Ros) -> None:

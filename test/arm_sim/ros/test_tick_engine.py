@@ -273,7 +273,44 @@ def test_the_energy_account_knows_of_wrenches() -> None:
     assert abs(account.balance) < 1e-4 * abs(account.input)
 
 
-def test_the_energy_account_is_open_while_it_is_wanted_and_closed_by_a_jump() -> None:
+def test_the_energy_account_knows_of_changes() -> None:
+    """Put elsewhere: what that takes to lift and to move is no energy from nowhere."""
+    made = engine(method="rk4")
+    made.keep_account(True)
+    ticks(made, 50)
+    before = made.account()
+    simulator = made.simulator
+    q, v = simulator.state.q + 0.3, simulator.state.v - 0.5
+    made.change(lambda: simulator.set_state(q, v))
+    account = made.account()
+    assert account.changed == pytest.approx(sum(simulator.dynamics.energy(q, v)) - before.total)
+    assert abs(account.changed) > 0.1
+    assert (account.input, account.dissipated) == (before.input, before.dissipated)
+    ticks(made, 50)
+    assert made.account().changed == account.changed
+    assert abs(made.account().balance) < 1e-8
+    assert made.energy_error < 1e-7
+
+
+def test_ticks_that_are_too_coarse_are_told() -> None:
+    made = engine(method="euler")
+    assert made.energy_error == 0.0
+    made.keep_account(True)
+    ticks(made, 200)
+    account = made.account()
+    assert made.energy_error > 1e-3
+    assert made.energy_error == pytest.approx(abs(account.balance) / moved(made), rel=0.5)
+
+
+def moved(made: TickEngine) -> float:
+    """Kinetic energy and weight lifted since the arm was let go at rest."""
+    state = made.simulator.state
+    kinetic, potential = made.simulator.dynamics.energy(state.q, state.v)
+    start = made.simulator.dynamics.energy(made.simulator.model.q0, made.simulator.model.v0)
+    return float(kinetic + abs(potential - start[1]))
+
+
+def test_the_energy_account_is_open_while_it_is_wanted_and_opens_anew_by_a_reset() -> None:
     made = engine()
     assert made.account() is None
     made.keep_account(True)
@@ -284,6 +321,8 @@ def test_the_energy_account_is_open_while_it_is_wanted_and_closed_by_a_jump() ->
     made.keep_account(True)
     assert made.account().input == supplied
     made.change(lambda: None)
+    assert made.account().input == supplied
+    made.reset()
     assert made.account() is None
     made.keep_account(True)
     assert made.account().input == 0.0

@@ -23,8 +23,8 @@ TICKS = 20
 @pytest.mark.parametrize("options", OPTIONS, ids=str)
 @pytest.mark.parametrize("name", ["panda", "gripper", "scara", "two_arms"])
 def test_the_same_motion(name: str, options: dict[str, Any], rng: np.random.Generator) -> None:
-    native = models.simulator(name, backend="native", **options)
-    virtual = models.simulator(name, backend="vm", **options)
+    native = models.simulator(name, stops=False, backend="native", **options)
+    virtual = models.simulator(name, stops=False, backend="vm", **options)
     torque = rng.normal(0.0, 2.0, (TICKS, native.n))
     runs = [sim.run(TICKS * sim.dt, torque) for sim in (native, virtual)]
     assert_close(runs[1].q, runs[0].q, BACKENDS)

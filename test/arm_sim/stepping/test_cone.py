@@ -151,3 +151,25 @@ def test_the_direction_of_starting_is_found_to_rounding(rng: np.random.Generator
         assert abs(w[0]) < 1e-12 * scale
         assert_close(np.hypot(*force[1:]) / scale, mu * force[0] / scale, 1e-12)
     assert slid > 100
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_speeds_that_are_hardly_more_than_rounding_have_impulses(seed: int) -> None:
+    """A box on five places of which three are on one edge: what stops it is told from rounding."""
+    rng = np.random.default_rng(seed)
+    places = [(0.03, -0.08), (0.03, 0.08), (0.0, -0.08), (0.0, 0.08), (0.03, 0.0)]
+    rows = []
+    for x, y in places:
+        r = np.array([x, y, -0.1])
+        turning = np.array([[0, r[2], -r[1]], [-r[2], 0, r[0]], [r[1], -r[0], 0]])
+        rows.append(np.hstack([np.eye(3), turning])[[2, 0, 1]])
+    A = np.vstack(rows)
+    W = A @ np.diag([0.5, 0.5, 0.5, 50.0, 100.0, 50.0]) @ A.T
+    tilt = np.array([0, 0, 0, 0, 1e-11, 0])
+    tilt[0] = tilt[4] * 0.1  # about the line of the two in the middle
+    c = A @ tilt + rng.normal(0.0, 1e-24, 15)
+    answer = solve_cones(W, c, np.full(5, 0.4))
+    assert answer.found
+    after = (W @ answer.force.ravel() + c).reshape(5, 3)
+    assert after[:, 0].min() > -1e-9 * 1e-11
+    assert np.abs(answer.force[:, 0] @ after[:, 0]) < 1e-9 * 1e-22

@@ -158,7 +158,7 @@ def test_history_closes_the_balance_of_energy() -> None:
     [
         ({"frame": "nowhere"}, "'nowhere' does not exist"),
         ({"plane": {"normal": [0, 0, 0]}}, "direction must not be zero"),
-        ({"plane": {"nrml": [0, 0, 1]}}, "allowed here: point, normal"),
+        ({"plane": {"nrml": [0, 0, 1]}}, "allowed here: frame, point, normal"),
         ({"restitution": 1.5}, "restitution"),
         ({"friction": -0.1}, "friction"),
         ({"frame": "base"}, "no joint moves"),
@@ -201,8 +201,8 @@ def test_why_a_tick_failed_is_told_where_contacts_are_to_blame(
     sim = Simulator({**rails("z"), "constraints": [contact("body")]})
     stepper, x = sim.compiled.stepper, np.array([height, speed])
     assert trouble(stepper) == ""
-    trace, effort, errors = np.zeros((1, 2)), np.zeros((1, 1)), np.zeros(1)
-    assert stepper.roll(x, np.zeros(1), trace, effort, errors) == good
+    trace, effort, notes = np.zeros((1, 2)), np.zeros((1, 1)), np.zeros((1, 2))
+    assert stepper.roll(x, np.zeros(1), trace, effort, notes) == good
     assert trouble(stepper) == said
     assert good or (x == [height, speed]).all()
     stepper.restart()

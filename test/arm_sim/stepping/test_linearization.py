@@ -46,7 +46,7 @@ OPTIONS: list[dict[str, Any]] = [
 def test_against_finite_differences(
     name: str, options: dict[str, Any], ticks: int, rng: np.random.Generator
 ) -> None:
-    sim = models.simulator(name, **options)
+    sim = models.simulator(name, stops=False, **options)
     q, v, tau = 0.5 * rng.normal(size=(3, sim.n))
     state = sim.reset(q, v)
     A, B = sim.linearize(state, tau, ticks)

@@ -146,7 +146,9 @@ def test_threads_share_all_arms_in_whole_groups() -> None:
 
 
 def test_virtual_machine(rng: np.random.Generator) -> None:
-    native, virtual = (models.simulator("gripper", backend=b) for b in ("native", "vm"))
+    native, virtual = (
+        models.simulator("gripper", stops=False, backend=b) for b in ("native", "vm")
+    )
     arms = batch(native, rng, 3)
     assert_close(virtual.rollout(*arms, STEPS), native.rollout(*arms, STEPS), BACKENDS)
 

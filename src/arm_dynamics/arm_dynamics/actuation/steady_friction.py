@@ -69,7 +69,7 @@ class SteadyFriction:
         does (see ``model.friction``), so that the repetition converges.
 
         Args:
-            rigid: M a + C v + G in [N m] or [N], shape (…, n).
+            rigid: M a + C v + G + S in [N m] or [N], shape (…, n).
             v: Joint velocities.
             direction: Which way joints slide; used only if ``has_dry``.
             q: Joint positions.

@@ -26,7 +26,7 @@ from arm_dynamics.exceptions import Refused, Unreachable
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.caller import Caller
 
-ALL_TERMS = 15  # as arm_dynamics.Term.ALL, which would import Pinocchio
+ALL_TERMS = 31  # as arm_dynamics.Term.ALL, which would import Pinocchio
 _U32 = 2**32 - 1
 
 
@@ -69,6 +69,7 @@ class Terms:
         coriolis_matrix: C(q, v), shape (n, n).
         gravity: G(q) in [N m] or [N], shape (n,).
         friction: F(v) in [N m] or [N], shape (n,).
+        spring: S(q, v), what springs and their dampers take, in [N m] or [N], shape (n,).
         kinetic_energy: In [J], shape ().
         potential_energy: In [J], shape ().
     """
@@ -78,6 +79,7 @@ class Terms:
     coriolis_matrix: Array
     gravity: Array
     friction: Array
+    spring: Array
     kinetic_energy: Array
     potential_energy: Array
 
@@ -200,13 +202,13 @@ class ArmClient:
         terms: int = ALL_TERMS,
         joint_names: Sequence[str] = (),
     ) -> Array:
-        """Torques that produce a motion: the chosen terms of M a + C v + G + F.
+        """Torques that produce a motion: the chosen terms of M a + C v + G + S + F.
 
         Args:
             q: Positions in [rad] or [m], shape (n,), or (k, n) for k points in one call.
             v: Velocities, of the same shape; None for zeros.
             a: Accelerations, likewise.
-            terms: Sum of INERTIA 1, CORIOLIS 2, GRAVITY 4 and FRICTION 8.
+            terms: Sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8 and SPRING 16.
             joint_names: Order of all vectors; none for the model's.
 
         Returns:
@@ -232,7 +234,7 @@ class ArmClient:
     def dynamics_terms(
         self, q: ArrayLike, v: ArrayLike | None = None, joint_names: Sequence[str] = ()
     ) -> Terms:
-        """M, C, G, F and the energies; see ``inverse_dynamics`` for the arguments."""
+        """M, C, G, F, S and the energies; see ``inverse_dynamics`` for the arguments."""
         fields = motion(joint_names, position=q, velocity=v)
         answer = self._ask(self._dynamics, interfaces.DYNAMICS_TERMS, **fields)
         shape = points(answer, q)
@@ -241,6 +243,7 @@ class ArmClient:
             tuple(answer.joint_names),
             shaped(answer.mass_matrix, squares), shaped(answer.coriolis_matrix, squares),
             shaped(answer.gravity, shape), shaped(answer.friction, shape),
+            shaped(answer.spring, shape),
             shaped(answer.kinetic_energy, shape[:-1]),
             shaped(answer.potential_energy, shape[:-1]),
         )  # fmt: skip
@@ -341,8 +344,8 @@ class ArmClient:
     ) -> ConstrainedMotion:
         """Accelerations and forces that torques produce under the scene's constraints.
 
-        τ = M a + C v + G + F + Aᵀλ with A v = 0, for those that hold at the start. Arguments as
-        for ``forward_dynamics``; the constraints should hold at ``q``.
+        τ = M a + C v + G + S + F + Aᵀλ with A v = 0, for those that hold at the start. Arguments
+        as for ``forward_dynamics``; the constraints should hold at ``q``.
         """
         fields = motion(joint_names, position=q, velocity=v, effort=tau)
         answer = self._ask(self._dynamics, interfaces.CONSTRAINED_DYNAMICS, **fields)

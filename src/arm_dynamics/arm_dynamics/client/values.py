@@ -77,7 +77,7 @@ def task_shapes(n: int, m: int) -> dict[str, tuple[int, ...]]:
     """Shapes of the fields of a ``TaskSpace`` answer for n joints and m axes, a point each."""
     return {
         "pose": (7,), "jacobian": (m, n), "twist": (m,), "bias": (m,), "inertia": (m, m),
-        "coriolis": (m,), "gravity": (m,), "inverse": (n, m), "null_space": (n, n),
+        "coriolis": (m,), "gravity": (m,), "spring": (m,), "inverse": (n, m), "null_space": (n, n),
         "manipulability": (), "condition": (), "damped": (), "effective_mass": (),
         "effective_mass_bounded": (),
     }  # fmt: skip

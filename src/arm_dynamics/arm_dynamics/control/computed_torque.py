@@ -20,7 +20,7 @@ from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.verify import compare, random_states
-from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations import spring
 from arm_dynamics.exceptions import InvalidInput, KernelError
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
@@ -116,7 +116,7 @@ class ComputedTorque:
         friction, desired = self._friction, (reference.q, reference.v, reference.a)
         sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.has_dry else v
         tuning = self._kp, self._kd, self._dt
-        made = demanded_torque(self._rigid.inverse, friction, q, v, desired, tuning, sliding)
+        made = demanded_torque(self._rigid.frictionless, friction, q, v, desired, tuning, sliding)
         return np.asarray(made)
 
 
@@ -132,7 +132,7 @@ def demanded_torque(
     """Torque for the acceleration q̈_d + K_d ė + K_p e in the middle of a tick.
 
     Args:
-        inverse: M a + C v + G of positions, velocities and accelerations.
+        inverse: M a + C v + G + S of positions, velocities and accelerations.
         friction: What is added to it.
         q: Joint positions in [rad] or [m], an array or expression of shape (n,).
         v: Joint velocities, likewise.
@@ -269,7 +269,8 @@ def expression(
     model: ArmModel, q: ca.SX, v: ca.SX, desired: Sequence[ca.SX], tuning: Sequence[ca.SX]
 ) -> ca.SX:
     """The controller of a model as an expression; arguments as of ``demanded_torque``."""
-    rigid = partial(rigid_body.inverse, tree_of(model), gravity=gravity_of(model))
+    tree, gravity = tree_of(model), gravity_of(model)
+    rigid = partial(spring.frictionless, model.springs, tree, gravity=gravity)
     sliding = ca.sign(ca.if_else(v == 0, desired[1], v))  # as in ComputedTorque
     friction = SteadyFriction.of(model)
     made: ca.SX = demanded_torque(rigid, friction, q, v, desired, tuning, sliding)

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array
+from arm_dynamics.arrays import Array, numbers
 from arm_dynamics.control import computed_torque, joint_space, task_space
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
@@ -137,7 +137,7 @@ def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
 
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
     task = _task(dynamics, s)
-    stiffness = np.asarray(s.bandwidth, float) ** 2 * _typical_masses(task, dynamics)
+    stiffness = numbers("bandwidth", s.bandwidth) ** 2 * _typical_masses(task, dynamics)
     return _along_joints(task_space.CartesianImpedance, task, s, stiffness)
 
 

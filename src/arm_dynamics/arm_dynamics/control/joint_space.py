@@ -100,7 +100,10 @@ class PID:
 
 
 class GravityCompensation:
-    """Carries the arm's weight and nothing else, so that a hand can lead it: τ = G(q) - D v."""
+    """Carries the arm's weight and no more, so that a hand can lead it: τ = G(q) + S(q, 0) - D v.
+
+    What springs carry of it, S, the drives need not.
+    """
 
     def __init__(self, dynamics: Dynamics, damping: ArrayLike = 0.0) -> None:
         """Choose the damping D in [N m s/rad] or [N s/m], a number or shape (n,)."""
@@ -110,11 +113,13 @@ class GravityCompensation:
     def torque(self, state: Moving, reference: object = None) -> Array:
         """Return joint torques in [N m] or [N], shape (n,); the reference is not looked at."""
         q, v = checked(state, self._n)
-        return self._rigid.gravity(q) - self._damping * v
+        return self._rigid.standing(q) - self._damping * v
 
 
 class PDGravity(PD):
-    """τ = G(q) + K_p e + K_d ė: at rest it has no error, for any positive gains.
+    """τ = G(q) + S(q, 0) + K_p e + K_d ė: at rest it has no error, for any positive gains.
+
+    S is what springs take.
 
     Source: Takegaki and Arimoto, "A new feedback method for dynamic control of manipulators", ASME
     J. Dyn. Sys. Meas. Control 103, 1981.
@@ -128,7 +133,7 @@ class PDGravity(PD):
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
-        return self._rigid.gravity(q) + self._feedback(q, v, reference)
+        return self._rigid.standing(q) + self._feedback(q, v, reference)
 
 
 class FeedForwardPD(PD):
@@ -146,14 +151,14 @@ class FeedForwardPD(PD):
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n)
-        ahead = self._rigid.inverse(reference.q, reference.v, reference.a)
+        ahead = self._rigid.frictionless(reference.q, reference.v, reference.a)
         return ahead + self._viscous * reference.v + self._feedback(q, v, reference)
 
 
 class JointImpedance:
     """The arm as springs and dampers about its path: M ë + (C + D) ė + K e = -τ_ext.
 
-    τ = M q̈_d + C q̇_d + G + F_v + K e + D ė with the arm's own inertia, hence passive towards
+    τ = M q̈_d + C q̇_d + G + S + F_v + K e + D ė with the arm's own inertia, hence passive towards
     whatever touches it (Paden and Panja, "Globally asymptotically stable 'PD+' controller for
     robot manipulators", Int. J. Control 47(6), 1988).
     """
@@ -182,7 +187,8 @@ class JointImpedance:
         rigid, K = self._rigid, self._stiffness
         M, C = rigid.mass(q), rigid.coriolis(q, v)
         D = self._ratio * np.sqrt(K * M.diagonal())
-        ahead = M @ reference.a + C @ reference.v + rigid.gravity(q) + self._viscous * reference.v
+        ahead = M @ reference.a + C @ reference.v + rigid.gravity(q)
+        ahead += rigid.spring(q, reference.v) + self._viscous * reference.v
         return ahead + K * (reference.q - q) + D * (reference.v - v)
 
 

@@ -62,9 +62,9 @@ class Saturated:
 class DisturbanceObserver:
     """A controller with the disturbance that a momentum observer sees taken off its torque.
 
-    r = K (p - ∫ (τ + Cᵀ v - G - F + r) dt) with p = M v follows the torque that the model does not
-    know (payload, friction, contact) with first-order lag 1/K, without acceleration (De Luca and
-    Mattone, "Actuator failure detection and isolation using generalized momenta", ICRA 2003).
+    r = K (p - ∫ (τ + Cᵀ v - G - S - F + r) dt) with p = M v follows the torque that the model does
+    not know (payload, friction, contact) with first-order lag 1/K, without acceleration (De Luca
+    and Mattone, "Actuator failure detection and isolation using generalized momenta", ICRA 2003).
     """
 
     def __init__(
@@ -122,7 +122,7 @@ class DisturbanceObserver:
             self._integral = momentum
         else:
             lost = self._friction(v, np.sign(v), q, self._last)
-            known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - lost
+            known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - rigid.spring(q, v) - lost
             self._integral = self._integral + self._dt * (self._last + known + self._r)
         self._r = self._gain * (momentum - self._integral)
 
@@ -157,7 +157,7 @@ class HalfTickAhead:
         h, a = self._half, np.zeros_like(v)
         if self._last is not None:
             lost = self._friction(v, np.sign(v), q, self._last)
-            known = self._rigid.bias(q, v) + lost
+            known = self._rigid.bias(q, v) + self._rigid.spring(q, v) + lost
             a = self._rigid.mobility(q) @ (self._last - known)
         ahead = Measured(q + h * v + 0.5 * h * h * a, v + h * a)
         self._last = self._control.torque(ahead, reference)

@@ -16,12 +16,13 @@ import numpy as np
 from arm_dynamics.arrays import Array, each
 from arm_dynamics.codegen.kernel import operations
 from arm_dynamics.dynamics.verify import torque_size
-from arm_dynamics.equations import constraint, rigid_body
+from arm_dynamics.equations import constraint, rigid_body, spring
 from arm_dynamics.equations.forward_dynamics import algorithms
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
+from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.tree_builder import gravity_of, linkage_of, tree_of
 
 Answer = Callable[..., Array]
@@ -114,14 +115,25 @@ def _gravity_parts(points: RigidTerms, answer: Answer, q: Array, *_: Array) -> P
     return [(answer(q) - G, abs(G) + inertia)]
 
 
+def _spring(robot: Robot) -> ca.Function:
+    q, v = (ca.SX.sym(name, robot.n) for name in "qv")
+    return _function([q, v], spring.torque(springs_of(robot), tree_of(robot), q, v))
+
+
+def _spring_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Array) -> Parts:
+    S = each(points.spring, q, v)
+    inertia = abs(each(points.mass, q)).sum(axis=2)
+    return [(answer(q, v) - S, abs(S) + inertia)]
+
+
 def _energies(robot: Robot) -> ca.Function:
     q, v = (ca.SX.sym(name, robot.n) for name in "qv")
     still, none = ca.SX(robot.n, 1), ca.SX(3, 1)
     momentum = rigid_body.inverse(tree_of(robot), q, still, v, none)  # M v, without all of M
     whole, gravity = tree_of(robot, regroup=False), gravity_of(robot)
-    return _function(
-        [q, v], ca.vertcat(ca.dot(v, momentum) / 2, rigid_body.potential_energy(whole, q, gravity))
-    )
+    potential = rigid_body.potential_energy(whole, q, gravity)
+    potential += spring.energy(springs_of(robot), whole, q)
+    return _function([q, v], ca.vertcat(ca.dot(v, momentum) / 2, potential))
 
 
 def _energy_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Array) -> Parts:
@@ -167,6 +179,7 @@ CORIOLIS_MATRIX = BatchTerm(
     "Coriolis matrix", RigidTerms.coriolis, _coriolis_matrix, _coriolis_parts, is_matrix=True
 )
 GRAVITY = BatchTerm("gravity", RigidTerms.gravity, _gravity, _gravity_parts)
+SPRING = BatchTerm("springs", RigidTerms.spring, _spring, _spring_parts)
 ENERGIES = BatchTerm("energies", RigidTerms.energies, _energies, _energy_parts)
 
 

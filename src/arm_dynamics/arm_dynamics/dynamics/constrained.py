@@ -22,6 +22,7 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.loop_closure import RANK, Closure, cholesky
 from arm_dynamics.model.pinocchio_terms import FrameMotion
+from arm_dynamics.scene.constraint import ORIGIN, Touching
 
 AT_ONCE = 4096  # points: what is in memory at once
 
@@ -43,7 +44,6 @@ class Constrained:
     def __init__(self, model: ArmModel, rigid: RigidDynamics) -> None:
         self.model, self._rigid, self._friction = model, rigid, SteadyFriction.of(model)
         self.closure = Closure(self.model)
-        self._gravity = np.array(self.model.scene.gravity)
 
     @property
     def m(self) -> int:
@@ -59,7 +59,7 @@ class Constrained:
     def forward(
         self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
-        """Accelerations and multipliers of τ = M a + C v + G + F + Aᵀλ under A a + Ȧ v = 0.
+        """Accelerations and multipliers of τ = M a + C v + G + S + F + Aᵀλ under A a + Ȧ v = 0.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n); the constraints should hold.
@@ -87,7 +87,7 @@ class Constrained:
         return np.concatenate(accelerations), np.concatenate(multipliers)
 
     def inverse(self, q: Array, v: Array, a: Array, lam: ArrayLike) -> Array:
-        """Torques M a + C v + G + F + Aᵀλ for a motion and forces λ against the constraints.
+        """Torques M a + C v + G + S + F + Aᵀλ for a motion and forces λ against the constraints.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
@@ -104,7 +104,7 @@ class Constrained:
         multipliers = self._checked("lam", lam, self.m, q)
         rows = self._rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
         reaction = _times(_transposed(rows[..., :-1]), multipliers)
-        needed = self._rigid.inverse(q, v, a, self._gravity) + reaction
+        needed = self._rigid.frictionless(q, v, a) + reaction
         tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
         return tau
 
@@ -114,7 +114,7 @@ class Constrained:
         """Accelerations and multipliers of a batch; see the singular values of ``Factors``."""
         still, rigid = np.zeros_like(q), self._rigid
         rows, C = rigid.constraint_rows(q, v, active), cholesky(rigid.mass_matrix(q))
-        forces = free - rigid.inverse(q, v, still, self._gravity)
+        forces = free - rigid.frictionless(q, v, still)
         U, s, Vt = np.linalg.svd(_transposed(np.linalg.solve(C, _transposed(rows[..., :-1]))),
                                  full_matrices=False)  # fmt: skip
         counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < self._rank(active, q[0]))
@@ -161,7 +161,7 @@ def contact_torque(
     Raises:
         InvalidInput: If a shape, value or name is not allowed, or ``frame`` is expected.
     """
-    name, point = _contact_place(model, frame)
+    name, point, offset = _contact_place(model, frame)
     f = np.asarray(wrench, dtype=float)
     if f.shape[-1:] not in ((3,), (6,)) or f.ndim > q.ndim or not np.isfinite(f).all():
         raise InvalidInput(
@@ -171,7 +171,7 @@ def contact_torque(
 
     def push(qi: Array, fi: Array) -> Array:
         J = motion.jacobian(qi)
-        r = motion.placement(qi)[1] @ point
+        r = motion.placement(qi)[1] @ point + offset
         J = np.vstack([J[:3] - pin.skew(r) @ J[3:], J[3:]])
         torque: Array = J[: len(fi)].T @ fi
         return torque
@@ -179,17 +179,17 @@ def contact_torque(
     return each(push, q, np.broadcast_to(f, (*q.shape[:-1], f.shape[-1])))
 
 
-def _contact_place(model: ArmModel, frame: str | None) -> tuple[str, Array]:
-    """The frame that touches, and the point of it."""
+def _contact_place(model: ArmModel, frame: str | None) -> Touching:
+    """What of the arm touches."""
     if frame is not None:
-        return frame, np.zeros(3)
+        return Touching(frame, ORIGIN)
     touching = [c.at_world for c in model.scene.constraints if c.at_world is not None]
     if len(touching) != 1:
         raise InvalidInput(
             f"frame is expected: the scene has {len(touching)} places that touch the world; "
             f"allowed: {known_names(model.frame_names)}"
         )
-    return touching[0][0], np.array(touching[0][1])
+    return touching[0]
 
 
 def _transposed(matrices: Array) -> Array:

@@ -18,21 +18,26 @@ from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.regularity import check_regular, some_positions
 from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Scene
 
 
 class Term(IntFlag):
-    """Terms of the equation of motion τ = M q̈ + C q̇ + G + F that inverse dynamics may add up."""
+    """Terms of the equation of motion τ = M q̈ + C q̇ + G + S + F, for inverse dynamics to add up.
+
+    ``SPRING``, S, is what springs and their dampers take.
+    """
 
     INERTIA = 1
     CORIOLIS = 2
     GRAVITY = 4
     FRICTION = 8
-    ALL = 15
+    SPRING = 16
+    ALL = 31
 
 
-_BITS = tuple(int(term) for term in (Term.INERTIA, Term.CORIOLIS, Term.GRAVITY, Term.FRICTION))
+_BITS = tuple(int(term) for term in Term)
 _WEIGHTLESS = np.zeros(3)
 
 
@@ -58,6 +63,7 @@ class Dynamics:
         self.command_map = CommandMap(self.model)
         self._rigid = RigidDynamics(self.model)
         self._gravity = np.array(self.model.scene.gravity)
+        self._regular = False  # looked at when accelerations are first asked for
 
     @property
     def n(self) -> int:
@@ -72,7 +78,7 @@ class Dynamics:
     def inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
     ) -> Array:
-        """Torques that produce a motion: the chosen terms of M a + C v + G + F.
+        """Torques that produce a motion: the chosen terms of M a + C v + G + S + F.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
@@ -86,11 +92,13 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        inertia, coriolis, gravity, friction = _chosen(terms)
+        inertia, coriolis, gravity, friction, spring = _chosen(terms)
         q, v, a = vectors(self.n, q=q, v=v, a=a)
         moving = v if coriolis else np.zeros_like(v)
         pushed = a if inertia else np.zeros_like(a)
         tau = self._rigid.inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
+        if spring and self.model.springs:
+            tau = tau + self._rigid.spring(q, v)
         if not friction:
             return tau
         sliding = np.sign(v) if self.steady_friction.has_dry else v
@@ -108,7 +116,7 @@ class Dynamics:
         return command
 
     def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
-        """Accelerations that torques produce: M⁻¹ (τ - C v - G - F).
+        """Accelerations that torques produce: M⁻¹ (τ - C v - G - S - F).
 
         Where the scene has bilateral constraints, they hold: see ``constrained_forward``.
 
@@ -122,11 +130,17 @@ class Dynamics:
 
         Raises:
             InvalidInput: If a shape or a value is not allowed.
+            ModelError: If the mass matrix is singular to rounding.
         """
         q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
+        if not self._regular:
+            check_regular(self._rigid.mass_matrix(some_positions(self.n)), self.joint_names)
+            self._regular = True
         free = tau - self.steady_friction(v, np.sign(v), q, tau)
+        if self.model.springs:
+            free = free - self._rigid.spring(q, v)
         return self._rigid.forward(q, v, free)
 
     @cached_property
@@ -137,14 +151,14 @@ class Dynamics:
     def constrained_forward(
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
-        """Accelerations and λ of τ = M a + C v + G + F + Aᵀλ; see ``Constrained.forward``."""
+        """Accelerations and λ of τ = M a + C v + G + S + F + Aᵀλ; see ``Constrained.forward``."""
         q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
         return self.constrained.forward(q, v, tau, active)
 
     def constrained_inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike
     ) -> Array:
-        """Torques M a + C v + G + F + Aᵀλ; see ``Constrained.inverse``."""
+        """Torques M a + C v + G + S + F + Aᵀλ; see ``Constrained.inverse``."""
         q, v, a = vectors(self.n, q=q, v=v, a=a)
         return self.constrained.inverse(q, v, a, lam)
 
@@ -166,6 +180,19 @@ class Dynamics:
         """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
         (q,) = vectors(self.n, q=q)
         return self._rigid.gravity(q)
+
+    def spring(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
+        """Torques S(q, v) against springs and their dampers in [N m] or [N], shape of ``q``.
+
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n).
+            v: Joint velocities in [rad/s] or [m/s], likewise; None for rest.
+
+        Raises:
+            InvalidInput: If a shape or a value is not allowed.
+        """
+        q, v = vectors(self.n, q=q, v=np.zeros(self.n) if v is None else v)
+        return self._rigid.spring(q, v)
 
     def friction(
         self,
@@ -203,7 +230,7 @@ class Dynamics:
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
         """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).
 
-        The kinetic energy includes that of the armature.
+        The kinetic energy includes that of the armature, the potential one that of springs.
         """
         q, v = vectors(self.n, q=q, v=v)
         both = self._rigid.energies(q, v)
@@ -212,10 +239,10 @@ class Dynamics:
 
 
 def _chosen(terms: Term | int) -> list[bool]:
-    """Which of inertia, Coriolis, gravity and friction."""
-    if not isinstance(terms, int) or not 0 <= terms <= Term.ALL:
+    """Which of inertia, Coriolis, gravity, friction and springs."""
+    if not isinstance(terms, int) or isinstance(terms, bool) or not 0 <= terms <= Term.ALL:
         raise InvalidInput(
-            f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8"
+            f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8, SPRING 16"
         )
     bits = int(terms)
     return [bool(bits & bit) for bit in _BITS]

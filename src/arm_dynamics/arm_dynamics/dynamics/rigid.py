@@ -31,11 +31,16 @@ class RigidDynamics:
 
     def __init__(self, model: ArmModel) -> None:
         self._points = RigidTerms(model)
+        self._springs, self._gravity = model.springs, np.array(model.scene.gravity)
         self._built: dict[BatchTerm, Answer | None] = {}
 
     def inverse(self, q: Array, v: Array, a: Array, gravity: Array) -> Array:
         """M a + C v + G in [N m] or [N], shape (…, n); ``gravity``: the scene's, or zeros."""
         return self._answer(terms.INVERSE, q, v, a, gravity)
+
+    def frictionless(self, q: Array, v: Array, a: Array) -> Array:
+        """M a + C v + G + S in [N m] or [N], shape (…, n)."""
+        return self.inverse(q, v, a, self._gravity) + self.spring(q, v)
 
     def forward(self, q: Array, v: Array, tau: Array) -> Array:
         """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], shape (…, n).
@@ -64,8 +69,15 @@ class RigidDynamics:
         """G in [N m] or [N], shape (…, n)."""
         return self._answer(terms.GRAVITY, q)
 
+    def spring(self, q: Array, v: Array) -> Array:
+        """S, what springs and their dampers take, in [N m] or [N], shape (…, n)."""
+        return self._answer(terms.SPRING, q, v) if self._springs else np.zeros_like(q)
+
     def energies(self, q: Array, v: Array) -> Array:
-        """Kinetic energy, with that of the armature, and potential energy in [J], shape (…, 2)."""
+        """Kinetic energy, with that of the armature, and potential energy in [J], shape (…, 2).
+
+        The potential one is that of the weight and of the springs.
+        """
         return self._answer(terms.ENERGIES, q, v)
 
     def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:

@@ -21,9 +21,9 @@ import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.equations.frame import Frame
-from arm_dynamics.equations.rigid_body import Rotation, placements
-from arm_dynamics.equations.tree import Tree, constant, cross, sparse
+from arm_dynamics.equations.frame import Frame, relative
+from arm_dynamics.equations.rigid_body import placements
+from arm_dynamics.equations.tree import Tree, cross, sparse
 from arm_dynamics.scene.constraint import (
     Bilateral,
     CouplingConstraint,
@@ -120,36 +120,9 @@ class Kinematics:
         return self.q[self._linkage.joint_names.index(name)]
 
     def relative(self, constraint: FrameBased) -> tuple[ca.SX, ca.SX]:
-        """Rotation of the first frame in the second, and the first point seen from the second.
-
-        Joints that carry both frames do not enter.
-        """
-        first, second = (self._linkage.frames[name] for name in constraint.frames)
-        a, b = (ca.SX(ca.DM(point)) for point in constraint.points)
-        common = _common(self._tree, first.link, second.link)
-        R_a, p_a = self._carried(first, ca.sparsify(a), common)
-        R_b, p_b = self._carried(second, ca.sparsify(b), common)
-        return ca.sparsify(R_b.T @ R_a), ca.sparsify(R_b.T @ (p_a - p_b))
-
-    def _carried(self, frame: Frame, point: ca.SX, ancestor: int) -> tuple[ca.SX, ca.SX]:
-        """Rotation of a frame, and a point of it, in the axes of a link below it."""
-        R, link = constant(frame.R), frame.link
-        p = constant(frame.p) + R @ point
-        while link != ancestor:
-            pose: Rotation = self._pose[link]
-            R, p = ca.sparsify(pose.R @ R), ca.sparsify(pose.R @ p + pose.p)
-            link = self._tree.links[link].parent
-        return R, p
-
-
-def _common(tree: Tree, i: int, j: int) -> int:
-    """The nearest link that carries both, -1 for the ground; parents come first in a tree."""
-    while i != j:
-        if i > j:
-            i = tree.links[i].parent
-        else:
-            j = tree.links[j].parent
-    return i
+        """Rotation of the first frame in the second, and the first point seen from the second."""
+        frames = [self._linkage.frames[name] for name in constraint.frames]
+        return relative(self._tree, self._pose, frames, constraint.points)
 
 
 @singledispatch

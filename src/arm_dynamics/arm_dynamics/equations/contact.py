@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Contact of points of the arm with planes: gaps, and the forces of closed contacts.
+"""Contact of points and balls with planes: gaps, and the forces of closed contacts.
 
 A closed contact is a constraint, gap acceleration zero, with the normal force as its reaction; one
 that sticks adds two tangential constraints, and one that slides bears the force µ λ against its
@@ -7,6 +7,13 @@ direction (Glocker, Set-Valued Force Laws, 2001, chapters 5 and 6; Pfeiffer and 
 Dynamics with Unilateral Contacts, 1996, chapter 5). Which contact does what is an input, so that
 the expressions have no branches. Forces and speeds of a contact stand in the order normal, first
 and second tangent.
+
+A plane is carried by a link or by the ground, and all is measured in its axes: with u the centre
+of the ball (a point is a ball of no radius), n the normal and ω the ball's turning against the
+plane, the gap is nᵀu less the radius r, and the material points that touch, the ball's at -r n,
+move against one another with u̇ - r ω x n. Of that only the normal part is the rate of a position
+if r > 0: rolling is not holonomic (Neimark and Fufaev, Dynamics of Nonholonomic Systems, 1972,
+chapter I).
 """
 
 from __future__ import annotations
@@ -17,8 +24,16 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.equations.rigid_body import placements, solve
-from arm_dynamics.equations.tree import Tree, sparse
+from arm_dynamics.equations.rigid_body import Rotation, placements, solve
+from arm_dynamics.equations.tree import (
+    Tree,
+    common_link,
+    links_between,
+    skew,
+    sparse,
+    spread_map,
+    symmetric,
+)
 
 # Entries of p for each contact: closed, sticks, direction in which it slides (two tangents), and
 # whether it keeps that direction.
@@ -27,6 +42,9 @@ MODE = 5
 # the diagonal and two refinements give the solution of least norm, to rounding where there is but
 # one (proximal point iteration: Rockafellar, SIAM J. Control Optim. 14, 1976).
 DAMPING, REFINEMENTS = 1e-8, 2
+# Rows above which forces are found by a matrix of the size of M, if that is smaller, and multiple
+# there: forces of eight contacts are a thousand times nearer to the least ones.
+MANY, MOTION_DAMPING = 9, 1e-10
 # Tangential speed in [m/s] up to which a contact rests: its direction is rounding.
 AT_REST = 1e-9
 
@@ -37,10 +55,12 @@ class ContactPoint:
 
     Attributes:
         name: What messages call it.
-        link: Index of the link that carries the point.
-        place: The point in the link's frame in [m], shape (3,).
-        axes: Rows: normal and two tangents of the plane in the world frame, shape (3, 3).
-        offset: The plane's distance from the world's origin along the normal in [m].
+        link: Index of the link that carries the point, -1 for the ground.
+        place: The point, or the ball's centre, in the link's frame in [m], shape (3,).
+        radius: Of the ball in [m], 0 for a point.
+        carrier: Index of the link that carries the plane, -1 for the ground.
+        axes: Rows: normal and two tangents of the plane in its carrier's frame, shape (3, 3).
+        offset: The plane's distance from its carrier's origin along the normal in [m].
         friction: Coulomb's coefficient of sliding.
         static_friction: The one up to which it sticks.
         restitution: Newton's coefficient.
@@ -49,6 +69,8 @@ class ContactPoint:
     name: str
     link: int
     place: Array
+    radius: float
+    carrier: int
     axes: Array
     offset: float
     friction: float
@@ -63,10 +85,12 @@ class Geometry:
     Attributes:
         place: Coordinates in the plane's axes, the first being the gap, in [m], shape (3 nc,).
         size: Sum of the lengths that make up a gap, a measure of its rounding, in [m], (nc,).
+        rows: A, with which A v are the speeds of the material points that touch, (3 nc, n).
     """
 
     place: ca.SX
     size: ca.SX
+    rows: ca.SX
 
 
 @dataclass(frozen=True)
@@ -101,15 +125,80 @@ def geometry(tree: Tree, points: list[ContactPoint], q: ca.SX) -> Geometry:
     """Places of the contact points for joint positions ``q`` of shape (n,)."""
     pose, places, sizes = placements(tree, q), [], []
     for point in points:
-        at, i, size = sparse(point.place), point.link, ca.SX(0)
-        while i >= 0:
-            at = pose[i].R @ at + pose[i].p
-            size += ca.norm_1(pose[i].p)
-            i = tree.links[i].parent
-        height = ca.vertcat(ca.SX(point.offset), 0, 0)
+        at, size = _centre(tree, pose, point)
+        height = ca.vertcat(ca.SX(point.offset + point.radius), 0, 0)
         places.append(sparse(point.axes) @ at - ca.sparsify(height))
-        sizes.append(size + np.abs(point.place).sum() + abs(point.offset))
-    return Geometry(ca.densify(ca.vertcat(*places)), ca.densify(ca.vertcat(*sizes)))
+        sizes.append(size + np.abs(point.place).sum() + abs(point.offset) + point.radius)
+    place = ca.densify(ca.vertcat(*places))
+    turning = ca.vertcat(*[_turning_speeds(tree, pose, point) for point in points])
+    return Geometry(place, ca.densify(ca.vertcat(*sizes)), ca.jacobian(place, q) + turning)
+
+
+def positional(points: list[ContactPoint]) -> ca.DM:
+    """1 for each of the 3 nc speeds that is the rate of a position, 0 for tangents of balls."""
+    return ca.vertcat(*[ca.DM([1, point.radius == 0, point.radius == 0]) for point in points])
+
+
+def sites(tree: Tree, points: list[ContactPoint], q: ca.SX) -> ca.SX:
+    """Where contacts are in the world.
+
+    Args:
+        tree: The links.
+        points: The contacts.
+        q: Joint positions, shape (n,).
+
+    Returns:
+        For each contact, in columns: normal, both tangents, and where the material point is that
+        touches, in [m], shape (3, 4 nc).
+    """
+    pose, columns = placements(tree, q), []
+    for point in points:
+        axes = sparse(point.axes).T
+        at = _centre(tree, pose, point)[0] - point.radius * axes[:, 0]
+        for i in links_between(tree, point.carrier, -1):
+            axes, at = pose[i].R @ axes, pose[i].R @ at + pose[i].p
+        columns.append(ca.horzcat(axes, at))
+    return ca.densify(ca.horzcat(*columns))
+
+
+def _chains(tree: Tree, point: ContactPoint) -> tuple[list[int], list[int]]:
+    """Links that move the point, and those that move the plane, against what carries both."""
+    common = common_link(tree, point.link, point.carrier)
+    return (
+        links_between(tree, point.link, common),
+        links_between(tree, point.carrier, common),
+    )
+
+
+def _centre(tree: Tree, pose: list[Rotation], point: ContactPoint) -> tuple[ca.SX, ca.SX]:
+    """The point in its plane's carrier, and the sum of the lengths on the way there in [m]."""
+    of_point, of_plane = _chains(tree, point)
+    at, size = sparse(point.place), ca.SX(0)
+    for i in of_point:
+        at = pose[i].R @ at + pose[i].p
+        size += ca.norm_1(pose[i].p)
+    for i in reversed(of_plane):
+        at = pose[i].R.T @ (at - pose[i].p)
+        size += ca.norm_1(pose[i].p)
+    return at, size
+
+
+def _turning_speeds(tree: Tree, pose: list[Rotation], point: ContactPoint) -> ca.SX:
+    """Rows of -r ω x n, which a ball's turning against its plane adds to u̇, shape (3, n)."""
+    if point.radius == 0:
+        return ca.SX(3, tree.followers.shape[1])
+    turning, R = ca.SX(3, len(tree.links)), ca.SX.eye(3)
+    of_point, of_plane = _chains(tree, point)
+    for i in of_plane:
+        if not tree.links[i].prismatic:
+            turning[:, i] = -R[:, 2]
+        R = ca.sparsify(R @ pose[i].R.T)
+    for i in reversed(of_point):
+        R = ca.sparsify(R @ pose[i].R)
+        if not tree.links[i].prismatic:
+            turning[:, i] = R[:, 2]
+    across = sparse(point.axes) @ skew(sparse(point.axes[0]))
+    return ca.sparsify(point.radius * across @ ca.sparsify(turning) @ spread_map(tree))
 
 
 def sliding_direction(speed: ca.SX, given: ca.SX, fixed: ca.SX) -> ca.SX:
@@ -146,28 +235,67 @@ def shares(points: list[ContactPoint], speed: ca.SX, mode: Mode) -> ca.SX:
     return ca.sparsify(D)
 
 
-def forces(W: ca.SX, free: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
-    """Contact forces that make the accelerations of the chosen rows zero.
+class Delassus:
+    """How contacts give way to forces.
 
     Args:
-        W: Acceleration of the contacts per force on them, A M⁻¹ Aᵀ, in [1/kg], shape (m, m).
-        free: Their accelerations without contact forces in [m/s²], shape (m,).
-        D: See ``shares``.
-        rows: 1 for a row that holds, else 0, shape (m,).
+        A: Rows, shape (m, n).
+        B: Accelerations of the joints per force, M⁻¹ Aᵀ, shape (n, m).
 
-    Returns:
-        Forces in [N], shape (m,).
+    Attributes:
+        B: As given.
+        W: Acceleration of the contacts per force on them, A M⁻¹ Aᵀ, in [1/kg], shape (m, m).
     """
-    R = ca.diag(rows)
-    K = R @ W @ D
-    unused = ca.diag(1 - rows)
-    damping = DAMPING * ca.trace(W) + 1e-30
-    factors = lu(K + damping * R + unused)
-    required = -rows * free
-    y = lu_solve(factors, required)
-    for _ in range(REFINEMENTS):
-        y = y + lu_solve(factors, required - (K + unused) @ y)
-    return D @ y
+
+    def __init__(self, A: ca.SX, B: ca.SX) -> None:
+        self._many = A.shape[0] > max(MANY, A.shape[1])
+        self._A, self.B, self.W = A, B, symmetric(A @ B) if self._many else A @ B
+
+    def accelerations(self, force: ca.SX) -> ca.SX:
+        """Of the contacts in [m/s²], shape (m,), under forces on them in [N], shape (m,)."""
+        return self._A @ (self.B @ force) if self._many else self.W @ force
+
+    def forces(self, free: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
+        """Contact forces that make the accelerations of the chosen rows zero.
+
+        Args:
+            free: Accelerations of the contacts without contact forces in [m/s²], shape (m,).
+            D: See ``shares``.
+            rows: 1 for a row that holds, else 0, shape (m,).
+
+        Returns:
+            Forces in [N], shape (m,).
+        """
+        required = -rows * free
+        if self._many:
+            return D @ self._of_motions(required, self.B @ D, ca.diag(rows) @ self._A)
+        return D @ self._of_rows(required, D, rows)
+
+    def _of_rows(self, required: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
+        """Solution y of R W D y = ``required`` by a matrix of the size of W."""
+        R = ca.diag(rows)
+        K = R @ self.W @ D
+        unused = ca.diag(1 - rows)
+        damping = DAMPING * ca.trace(self.W) + 1e-30
+        factors = lu(K + damping * R + unused)
+        y = lu_solve(factors, required)
+        for _ in range(REFINEMENTS):
+            y = y + lu_solve(factors, required - (K + unused) @ y)
+        return y
+
+    def _of_motions(self, required: ca.SX, Y: ca.SX, X: ca.SX) -> ca.SX:
+        """The same by a matrix of the size of M: K = X Y has the inverse X (Y X)⁻² Y in its range.
+
+        (X Y + ε)⁻¹ X = X (Y X + ε)⁻¹, as one sees by multiplying out (Henderson and Searle, "On
+        deriving the inverse of a sum of matrices", SIAM Review 23, 1981).
+        """
+        damping = MOTION_DAMPING * ca.dot(self._A, self.B.T) + 1e-30
+        factors = lu(Y @ X + damping * ca.SX.eye(X.shape[1]))
+        y = ca.SX(required.shape[0], 1)
+        for _ in range(1 + REFINEMENTS):
+            motion = lu_solve(factors, Y @ (required - X @ (Y @ y)))
+            y = y + X @ lu_solve(factors, motion)
+        return y
 
 
 def grips(points: list[ContactPoint], W: ca.SX, speed: ca.SX, mode: Mode) -> ca.SX:

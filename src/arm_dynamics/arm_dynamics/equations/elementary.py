@@ -61,3 +61,8 @@ def size(x: Quantity) -> Quantity:
 def exponential(x: Quantity) -> Quantity:
     """Exponential function."""
     return _of(x).exp(x)
+
+
+def root(x: Quantity) -> Quantity:
+    """Square root."""
+    return _of(x).sqrt(x)

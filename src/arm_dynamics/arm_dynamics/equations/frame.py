@@ -1,15 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of one frame of a tree, in the axes of the world at the frame's origin, linear first."""
+"""Motion of one frame of a tree, in the axes of the world at the frame's origin, linear first.
+
+And the placement of two frames against one another.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.tree import Tree, constant, cross, spread_map
+from arm_dynamics.equations.tree import (
+    Tree,
+    common_link,
+    constant,
+    cross,
+    links_between,
+    spread_map,
+)
 
 
 @dataclass(frozen=True)
@@ -55,6 +66,45 @@ def jacobian(tree: Tree, frame: Frame, q: ca.SX) -> ca.SX:
 def drift(J: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
     """J̇ v, the acceleration that is there without joint acceleration, shape (m,)."""
     return ca.jtimes(J @ v, q, v)
+
+
+def relative(
+    tree: Tree,
+    pose: Sequence[rigid_body.Rotation],
+    frames: Sequence[Frame],
+    points: Sequence[Sequence[float]],
+) -> tuple[ca.SX, ca.SX]:
+    """Rotation of a first frame in a second, and a point of the first seen from one of the second.
+
+    Joints that carry both frames do not enter.
+
+    Args:
+        tree: The links.
+        pose: Their placements, as from ``rigid_body.placements``.
+        frames: The two.
+        points: A point of each, in its own axes, in [m].
+
+    Returns:
+        Shape (3, 3), and in axes of the second frame in [m], shape (3,).
+    """
+    first, second = frames
+    a, b = (ca.SX(ca.DM(point)) for point in points)
+    common = common_link(tree, first.link, second.link)
+    R_a, p_a = _carried(tree, pose, first, ca.sparsify(a), common)
+    R_b, p_b = _carried(tree, pose, second, ca.sparsify(b), common)
+    return ca.sparsify(R_b.T @ R_a), ca.sparsify(R_b.T @ (p_a - p_b))
+
+
+def _carried(
+    tree: Tree, pose: Sequence[rigid_body.Rotation], frame: Frame, point: ca.SX, ancestor: int
+) -> tuple[ca.SX, ca.SX]:
+    """Rotation of a frame, and a point of it, in the axes of a link below it."""
+    R = constant(frame.R)
+    p = constant(frame.p) + R @ point
+    for link in links_between(tree, frame.link, ancestor):
+        here = pose[link]
+        R, p = ca.sparsify(here.R @ R), ca.sparsify(here.R @ p + here.p)
+    return R, p
 
 
 def _placed(tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:

@@ -71,6 +71,25 @@ class Tree:
         return bool(self.followers.shape[0] != self.followers.shape[1])
 
 
+def common_link(tree: Tree, i: int, j: int) -> int:
+    """The nearest link that carries both, -1 for the ground; parents come first in a tree."""
+    while i != j:
+        if i > j:
+            i = tree.links[i].parent
+        else:
+            j = tree.links[j].parent
+    return i
+
+
+def links_between(tree: Tree, i: int, below: int) -> list[int]:
+    """Links from ``i`` down to the one above ``below``, which carries it; none if they are one."""
+    chain = []
+    while i != below:
+        chain.append(i)
+        i = tree.links[i].parent
+    return chain
+
+
 def skew(x: ca.SX) -> ca.SX:
     """Matrix of the cross product with ``x``."""
     rows = ca.horzcat(0, -x[2], x[1]), ca.horzcat(x[2], 0, -x[0]), ca.horzcat(-x[1], x[0], 0)

@@ -10,6 +10,7 @@ from arm_dynamics.model.friction import JointFriction
 from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import FrameMotion, RigidTerms
 from arm_dynamics.model.robot import Robot
+from arm_dynamics.model.springs import SpringTerms, springs_of
 from arm_dynamics.model.tree_builder import (
     contact_points,
     frame_of,
@@ -20,5 +21,6 @@ from arm_dynamics.model.tree_builder import (
 
 __all__ = [
     "ArmModel", "Closure", "ConstraintRows", "FrameMotion", "JointFriction", "RigidTerms",
-    "Robot", "contact_points", "frame_of", "gravity_of", "linkage_of", "tree_of",
+    "Robot", "SpringTerms", "contact_points", "frame_of", "gravity_of", "linkage_of",
+    "springs_of", "tree_of",
 ]  # fmt: skip

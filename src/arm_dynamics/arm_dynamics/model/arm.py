@@ -9,10 +9,15 @@ from copy import copy
 import numpy as np
 
 from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.drive import drives_of
 from arm_dynamics.model.friction import Given, friction_of
 from arm_dynamics.model.loop_closure import Closure
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot, velocity_index
+from arm_dynamics.model.springs import springs_of
+from arm_dynamics.model.stops import Range, stops_of
 from arm_dynamics.scene.schema import Joint, Limits, Scene
 
 
@@ -21,22 +26,26 @@ class ArmModel(Robot):
 
     Attributes:
         friction: Friction of the joints.
+        springs: Springs of joints and between points.
         armature: Drive inertia in [kg m²] or [kg], that of rotors on rigid gears included, (n,).
         drives: Drive of each joint, None where the command acts on the link at once.
         effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).
         command_unit: What a command is for each joint: ``N m``, ``N``, ``A`` or ``V``.
         command_limit: Limits of the commands in their units, inf where there is none, shape (n,).
         velocity_limit: Speed limits in [rad/s] or [m/s], inf where there is none, shape (n,).
+        stops: Ranges of the joints and the stops at their ends.
         position_lower: Lower limits in [rad] or [m], shape (n,).
         position_upper: Upper limits in [rad] or [m], shape (n,).
+        held_at_start: Indices of joints that keep their state when loops are closed at the start.
         q0: Initial positions, shape (n,).
         v0: Initial velocities, shape (n,).
         constraint_rows: Rows of each bilateral constraint that imply all others, by the
             constraint's place in the scene.
 
     Raises:
-        ModelError: If Pinocchio cannot build the robot or no joint is left to move.
-        SceneError: If drives, friction or constraints of the scene do not go together.
+        ModelError: If Pinocchio cannot build the robot, no joint is left to move, or constraints
+            hold a robot whose mass matrix is singular.
+        SceneError: If drives, friction, springs or constraints of the scene do not go together.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -45,13 +54,19 @@ class ArmModel(Robot):
         self.drives = tuple(drives_of(scene, self.joint_names, self._rules))
         index = velocity_index(self._whole)
         self._set_drives(joints, index)
+        self.springs = springs_of(self)
         self._set_limits([joints[name].limits for name in self.joint_names], index)
-        q0 = np.array([scene.initial.position.get(name, 0.0) for name in self.joint_names])
+        self.stops = stops_of(self._ranges(), self.joint_names)
+        self.position_lower, self.position_upper = self.stops.limit
+        q0 = self._start()
         v0 = np.array([scene.initial.velocity.get(name, 0.0) for name in self.joint_names])
+        self.held_at_start = tuple(map(self.joint_names.index, scene.initial.hold))
         self.constraint_rows: dict[int, tuple[int, ...]] = {}
         if scene.bilateral:
+            check_regular(RigidTerms(self).mass(q0)[None], self.joint_names)
             closure = Closure(self)
-            q0, v0 = closure.closed(q0, v0)
+            q0, v0 = closure.closed(q0, v0, hold=self.held_at_start)
+            self._refuse(q0, "scene: when its constraints are closed, ")
             self.constraint_rows = closure.independent_rows(q0)
         self.q0, self.v0 = read_only(q0), read_only(v0)
 
@@ -71,6 +86,45 @@ class ArmModel(Robot):
         other.friction = self.friction.with_viscous(viscous)
         return other
 
+    def _ranges(self) -> list[Range]:
+        """Ranges of all moving joints, from the scene, else from the URDF."""
+        whole, found = self._whole, []
+        for name in self._index:
+            limits, joint = self.scene.joint(name).limits, whole.joints[whole.getJointId(name)]
+            lower, upper = -np.inf, np.inf
+            if joint.nq == 1:
+                lower, upper = (
+                    float(given[joint.idx_q])
+                    for given in (whole.lowerPositionLimit, whole.upperPositionLimit)
+                )
+            if lower == upper:  # a <limit> that names neither
+                lower, upper = -np.inf, np.inf
+            own = self._rules.get(name)
+            leader = own.leader if own else name
+            found.append(
+                Range(
+                    name,
+                    lower if limits.lower is None else limits.lower,
+                    upper if limits.upper is None else limits.upper,
+                    limits.stop,
+                    self.joint_names.index(leader),
+                    *((own.multiplier, own.offset) if own else (1.0, 0.0)),
+                )
+            )
+        return found
+
+    def _start(self) -> Array:
+        """Initial positions before constraints are closed, shape (n,)."""
+        given = self.scene.initial.position
+        q = np.array([given.get(name, 0.0) for name in self.joint_names])
+        nearest, named = self.stops.within(q), [name in given for name in self.joint_names]
+        self._refuse(np.where(named, q, nearest), "scene: 'initial.position': ")
+        return nearest
+
+    def _refuse(self, q: Array, where: str) -> None:
+        if refusal := self.stops.refusal(q, self.joint_names):
+            raise SceneError(where + refusal)
+
     def _set_drives(self, joints: Mapping[str, Joint], index: Mapping[str, int]) -> None:
         """Friction and armature from the scene, else from the URDF.
 
@@ -85,6 +139,7 @@ class ArmModel(Robot):
                 Given(
                     name,
                     joint.friction,
+                    self.scene.joints.get(name, Joint()).friction,
                     damping=float(whole.damping[i]),
                     dry=float(whole.upperDryFrictionLimit[i]),
                     more=drive.viscous if drive else 0.0,
@@ -99,11 +154,6 @@ class ArmModel(Robot):
         """Limits from the scene, else from the URDF, where zero or an absurd number is none."""
         whole = self._whole
         rows = [index[name] for name in self.joint_names]
-        joints = [whole.joints[whole.getJointId(name)] for name in self.joint_names]
-        lower = [-np.inf if x.nq == 2 else whole.lowerPositionLimit[x.idx_q] for x in joints]
-        upper = [np.inf if x.nq == 2 else whole.upperPositionLimit[x.idx_q] for x in joints]
-        self.position_lower = _chosen([x.lower for x in limits], lower)
-        self.position_upper = _chosen([x.upper for x in limits], upper)
         speeds = [_bound(whole.upperVelocityLimit[i]) for i in rows]
         self.velocity_limit = _chosen([x.velocity for x in limits], speeds)
         given = _chosen(

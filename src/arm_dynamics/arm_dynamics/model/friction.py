@@ -201,7 +201,8 @@ class Given:
 
     Attributes:
         name: The joint.
-        own: The scene's words.
+        own: The scene's words, those for all joints included.
+        named: Those of the joint's own entry alone.
         damping: Viscous friction if the scene has no word, in [N m s/rad] or [N s/m].
         dry: Dry friction likewise, in [N m] or [N].
         more: Viscous friction that the joint's drive adds.
@@ -210,6 +211,7 @@ class Given:
 
     name: str
     own: Friction
+    named: Friction
     damping: float
     dry: float
     more: float
@@ -255,6 +257,7 @@ def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) 
         efficiency=np.array([joint.efficiency for joint in mine]),
     )
     _check_loads(mine, made)
+    _check_effect(mine, fc, fs)
     return made
 
 
@@ -297,6 +300,8 @@ def _check_follower(joint: Given) -> None:
     for key in ("static", "position", "load", own.stateful):
         if key and getattr(own, key) is not None:
             raise refusal(joint.name, f"{key}': a mimic joint has none of its own")
+    if joint.named.stribeck_velocity is not None:
+        raise refusal(joint.name, "stribeck_velocity': a mimic joint has none of its own")
     for key in ("viscous", "coulomb"):
         if isinstance(getattr(own, key), Sides):
             raise refusal(joint.name, f"{key}': a mimic joint has one number for both directions")
@@ -316,6 +321,50 @@ def _check_loads(joints: Sequence[Given], made: JointFriction) -> None:
                 f"load': friction grows by {steepest:.3g} of the load that causes it; at most "
                 f"{STEEPEST} is allowed, or the joint could lock itself",
             )
+
+
+def _check_effect(joints: Sequence[Given], coulomb: Sided, static: Sided) -> None:
+    """Refuse what is said of one joint, or of all of them, and changes nothing."""
+    levels = zip(np.transpose(coulomb), np.transpose(static), strict=True)
+    silent = [
+        _without_effect(joint.own, *level) for joint, level in zip(joints, levels, strict=True)
+    ]
+    for joint, keys in zip(joints, silent, strict=True):
+        for key, why in keys.items():
+            if _said(joint.named, key):
+                raise refusal(joint.name, f"{key}' is without effect: {why}")
+    for key, why in silent[0].items():  # of "*": as long as one joint has use of it
+        if all(key in keys for keys in silent):
+            raise refusal("*", f"{key}' is without effect: {why}")
+
+
+def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, str]:
+    """Keys of a joint's friction that change nothing, and why.
+
+    Args:
+        own: What is said of it.
+        coulomb: Its level in sliding, followers' included: mean of both directions and skew.
+        static: Its level at rest, likewise.
+    """
+    lost = {}
+    if np.array_equal(coulomb, static):
+        lost["stribeck_velocity"] = (
+            "friction falls from 'static' to 'coulomb', and 'static' is not above"
+        )
+    if static[0] == 0.0:
+        none = "it multiplies dry friction, and there is no 'coulomb' and no 'static'"
+        lost |= {"position": none, "load": none}
+    if own.lugre is not None and own.lugre.sigma1 == 0.0:
+        lost["lugre.sigma1_velocity"] = "the damping that it fades, 'sigma1', is 0"
+    return {key: why for key, why in lost.items() if _said(own, key)}
+
+
+def _said(own: Friction, key: str) -> bool:
+    """Whether something is said by a key, its parts divided by dots."""
+    said: Any = own
+    for part in key.split("."):
+        said = getattr(said, part, None)
+    return said is not None
 
 
 def _column(x: Quantity, i: int) -> Quantity:

@@ -7,7 +7,7 @@ Y x = b with Y = A C^-ᵀ; everything here follows from the singular values of Y
 
 from __future__ import annotations
 
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -88,7 +88,11 @@ class Closure:
         return tuple(name for name in self.rows.names if name in active)
 
     def closed(
-        self, q: Array, v: Array, active: Collection[str] | None = None
+        self,
+        q: Array,
+        v: Array,
+        active: Collection[str] | None = None,
+        hold: Sequence[int] = (),
     ) -> tuple[Array, Array]:
         """The state near a given one that obeys the constraints, near in the metric of M.
 
@@ -96,17 +100,27 @@ class Closure:
             q: Joint positions, shape (n,).
             v: Joint velocities, shape (n,).
             active: Names of the constraints that hold; None for those that do at the start.
+            hold: Indices of joints that keep position and velocity.
 
         Returns:
             Positions and velocities.
 
         Raises:
-            ConstraintError: If there is none on the way downhill from here.
+            ConstraintError: If there is none on the way downhill from here, or the joints that
+                keep their velocities leave none.
         """
         names = self.chosen(active)
-        q = self._closed_position(q, names)
+        q = self._closed_position(q, names, hold)
         A = self.rows.stacked(q, v, names).jacobian
-        return q, v + self.factors(q, A, self.rank(names, q)).nearest(-(A @ v))
+        if not hold:
+            return q, v + self.factors(q, A, self.rank(names, q)).nearest(-(A @ v))
+        v = v + self._nearest_of_others(q, A, -(A @ v), hold)
+        if float(np.max(abs(A @ v), initial=0.0)) > CLOSED_TO * max(1.0, float(abs(v).max())):
+            said = ", ".join(f"'{self.rows.joint_names[i]}' = {v[i]:g}" for i in hold)
+            raise ConstraintError(
+                f"constraints allow no velocities of the other joints where {said} is held"
+            )
+        return q, v
 
     def residuals(self, q: Array, active: Collection[str] | None = None) -> dict[str, float]:
         """How far each constraint is open in [m] or [rad]."""
@@ -116,10 +130,16 @@ class Closure:
 
     def factors(self, q: Array, A: Array, rank: int) -> Factors:
         """Factors of rows A of shape (m, n) with at most ``rank`` singular values."""
-        C = cholesky(self._rigid.mass(q))
-        U, s, Vt = np.linalg.svd(np.linalg.solve(C, A.T).T, full_matrices=False)
-        r = min(rank, int(np.sum(s > RANK * s[0]))) if s.size and s[0] > 0.0 else 0
-        return Factors(C, U[:, :r], s[:r], Vt[:r])
+        return factored(self._rigid.mass(q), A, rank)
+
+    def _nearest_of_others(self, q: Array, A: Array, b: Array, hold: Sequence[int]) -> Array:
+        """Shortest motion with A a = b in the metric of M that leaves some joints alone."""
+        free = np.setdiff1d(np.arange(len(q)), hold)
+        motion, M = np.zeros(len(q)), self._rigid.mass(q)
+        if len(free):
+            rows = A[:, free]
+            motion[free] = factored(M[np.ix_(free, free)], rows, min(rows.shape)).nearest(b)
+        return motion
 
     def rank(self, names: tuple[str, ...], near: Array) -> int:
         """Independent rows of the named constraints at a general closed position.
@@ -128,7 +148,7 @@ class Closure:
         closed; where it is not, be it by rounding, they seem independent.
         """
         if names not in self._ranks:
-            places = self._wander(near, names)
+            places = self.wander(near, names)
             A = [self.rows.stacked(q, 0 * q, names).jacobian for q in places]
             found = [self.factors(q, a, min(a.shape)).s for q, a in zip(places, A, strict=True)]
             self._ranks[names] = max(len(s) for s in found)
@@ -175,7 +195,7 @@ class Closure:
         if not len(candidates):
             return []
         try:
-            bases = [self._metric_rows(q) for q in self._wander(near, names)]
+            bases = [self._metric_rows(q) for q in self.wander(near, names)]
         except ConstraintError:  # one that is off need not be within reach
             return [int(k) for k in candidates]
         for k in taken:
@@ -197,8 +217,19 @@ class Closure:
         Y: Array = np.linalg.solve(np.linalg.cholesky(self._rigid.mass(q)), A.T).T
         return Y
 
-    def _wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
-        """Some closed positions along the motion that the constraints leave."""
+    def wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
+        """Some closed positions along the motion that the named constraints leave.
+
+        Args:
+            start: Joint positions to start from, shape (n,).
+            names: Constraints that hold, in the order of the scene.
+
+        Returns:
+            Always the same ones, each of shape (n,), the one nearest to ``start`` first.
+
+        Raises:
+            ConstraintError: If none can be closed from ``start``.
+        """
         rng, places = np.random.default_rng(0), [self._closed_position(start, names)]
         for _ in range(SAMPLES - 1):
             q = places[-1]
@@ -212,7 +243,9 @@ class Closure:
             places.append(q)
         return places
 
-    def _closed_position(self, q: Array, names: tuple[str, ...]) -> Array:
+    def _closed_position(
+        self, q: Array, names: tuple[str, ...], hold: Sequence[int] = ()
+    ) -> Array:
         """Newton's method in the metric of M, damped so that the residual falls."""
         row = self.rows.stacked(q, 0 * q, names)
         size = float(np.linalg.norm(row.residual))
@@ -220,7 +253,7 @@ class Closure:
             if size == 0.0:
                 break
             A = row.jacobian
-            step = self.factors(q, A, min(A.shape)).nearest(-row.residual)
+            step = self._nearest_of_others(q, A, -row.residual, hold)
             step *= min(1.0, LONGEST / max(abs(step).max(), 1e-300))
             found = self._downhill(q, step, size, names)
             if found is None:
@@ -228,7 +261,7 @@ class Closure:
             q, row = found
             size = float(np.linalg.norm(row.residual))
         if size > CLOSED_TO:
-            raise self._open(q, names)
+            raise self._open(q, names, hold)
         return q
 
     def _downhill(
@@ -241,15 +274,29 @@ class Closure:
                 return trial, row
         return None
 
-    def _open(self, q: Array, names: tuple[str, ...]) -> ConstraintError:
+    def _open(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> ConstraintError:
         left = self.residuals(q, names)
         gaps = {name: size for name, size in left.items() if size > CLOSED_TO}
         said = ", ".join(f"'{name}' by {size:.3g}" for name, size in gaps.items())
+        held = ", ".join(f"'{self.rows.joint_names[i]}' at {q[i]:g}" for i in hold)
+        keeping = f" while {held} is held" if hold else ""
         return ConstraintError(
-            f"constraints cannot be closed from this position; left open, in m or rad: {said}. "
-            "Do they contradict one another, or is the position too far off?",
+            f"constraints cannot be closed from this position{keeping}; left open, in m or rad: "
+            f"{said}. Do they contradict one another, or is the position too far off?",
             left,
         )
+
+
+def factored(M: Array, A: Array, rank: int) -> Factors:
+    """Factors of rows A, shape (m, n), in the metric of M, with at most ``rank`` singular values.
+
+    Raises:
+        ModelError: If M is not positive definite.
+    """
+    C = cholesky(M)
+    U, s, Vt = np.linalg.svd(np.linalg.solve(C, A.T).T, full_matrices=False)
+    r = min(rank, int(np.sum(s > RANK * s[0]))) if s.size and s[0] > 0.0 else 0
+    return Factors(C, U[:, :r], s[:r], Vt[:r])
 
 
 def cholesky(M: Array) -> Array:

@@ -15,10 +15,13 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError, known_names
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.robot import Robot
+from arm_dynamics.model.springs import SpringTerms
 
 
 class RigidTerms:
-    """Terms of M a + C v + G for single states of shape (n,), friction left out.
+    """Terms of M a + C v + G + S for single states of shape (n,), friction left out.
+
+    S is what springs and their dampers take; see ``model.springs``.
 
     Source of the algorithms: Featherstone, Rigid Body Dynamics Algorithms, 2008, as implemented by
     Pinocchio.
@@ -30,6 +33,7 @@ class RigidTerms:
     def __init__(self, robot: Robot) -> None:
         self.robot, self._pin = robot, robot.pin
         self._data = robot.pin.createData()
+        self._springs = SpringTerms(robot)
 
     def inverse(self, q: Array, v: Array, a: Array, gravity: Array | None = None) -> Array:
         """M a + C v + G in [N m] or [N], shape (n,); ``gravity``: zeros for none."""
@@ -37,6 +41,10 @@ class RigidTerms:
         model = self._pin if gravity is None or gravity.any() else self._weightless
         full = robot.configuration(q), robot.spread(v), robot.spread(a)
         return np.array(robot.gather(pin.rnea(model, self._data, *full)))
+
+    def frictionless(self, q: Array, v: Array, a: Array) -> Array:
+        """M a + C v + G + S in [N m] or [N], shape (n,)."""
+        return self.inverse(q, v, a) + self.spring(q, v)
 
     def forward(self, q: Array, v: Array, tau: Array) -> Array:
         """M⁻¹ (tau - C v - G) in [rad/s²] or [m/s²], shape (n,).
@@ -69,6 +77,14 @@ class RigidTerms:
         tau = pin.computeGeneralizedGravity(self._pin, self._data, full)
         return np.array(self.robot.gather(tau))
 
+    def spring(self, q: Array, v: Array) -> Array:
+        """S in [N m] or [N], shape (n,)."""
+        return self._springs.torque(q, v)
+
+    def standing(self, q: Array) -> Array:
+        """G + S of an arm at rest, what holds it there, in [N m] or [N], shape (n,)."""
+        return self.gravity(q) + self.spring(q, np.zeros(self.robot.n))
+
     def mass(self, q: Array) -> Array:
         """M in [kg m²] or [kg], shape (n, n)."""
         full = self.robot.configuration(q)
@@ -91,12 +107,16 @@ class RigidTerms:
         return self._square(pin.computeCoriolisMatrix(self._pin, self._data, *full))
 
     def energies(self, q: Array, v: Array) -> Array:
-        """Kinetic energy, with that of the armature, and potential energy in [J], shape (2,)."""
+        """Kinetic energy, with that of the armature, and potential energy in [J], shape (2,).
+
+        The potential one is that of the weight and of the springs.
+        """
+        bent = self._springs.energy(q)
         q, v = self.robot.configuration(q), self.robot.spread(v)
         # Pinocchio 4.1 forgets the armature of joints whose axis is not a coordinate axis.
         drives = 0.5 * np.sum(self._pin.armature * v**2)
         kinetic = pin.computeKineticEnergy(self._driveless, self._data, q, v) + drives
-        return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q)])
+        return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q) + bent])
 
     def constraint_rows(self, q: Array, v: Array, names: tuple[str, ...]) -> Array:
         """A and γ = Ȧ v of the named bilateral constraints side by side, shape (m, n + 1)."""

@@ -10,12 +10,17 @@ Featherstone, Rigid Body Dynamics Algorithms, 2008, section 3.2).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from copy import copy
+from typing import Self
+
 import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array, read_only
-from arm_dynamics.exceptions import ModelError
-from arm_dynamics.scene.schema import Scene, inertia_matrix
+from arm_dynamics.exceptions import ModelError, SceneError
+from arm_dynamics.scene.inertia import inertia_matrix
+from arm_dynamics.scene.schema import Payload, Scene
 from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
 
 
@@ -31,14 +36,17 @@ class Robot:
         has_followers: Whether a mimic joint follows another one.
         followers: Matrix E of shape (pin.nv, n).
         offsets: Vector e of shape (pin.nv,).
+        doubtful: Links whose inertia no rigid body has, and why.
 
     Raises:
         ModelError: If Pinocchio cannot build the robot or no joint is left to move.
+        SceneError: If no joint moves a payload.
     """
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         urdf = read_urdf(scene.robot.urdf)
+        self.doubtful = urdf.doubtful
         self._whole = _parse(scene.robot.urdf)
         self._rules = _resolved(urdf)
         self.pin = _locked(self._whole, scene, self._rules)
@@ -56,6 +64,22 @@ class Robot:
         self.followers, self.offsets = _follower_map(self._index, self.joint_names, self._rules)
         self.has_followers = len(self._index) != len(moving)
         self._continuous = _continuous(self.pin)
+
+    def under(self, gravity: Array, payloads: Sequence[Payload]) -> Self:
+        """The same robot under other gravity, in [m/s²], shape (3,), and with other payloads.
+
+        Raises:
+            SceneError: If no joint moves a payload.
+        """
+        other = copy(self)
+        told = {"gravity": tuple(gravity.tolist()), "payloads": tuple(payloads)}
+        other.scene = self.scene.model_copy(update=told)
+        other.bare = self.bare.copy()
+        other.bare.gravity.linear = gravity
+        other.pin = other.bare.copy()
+        other.pin.armature = self.pin.armature
+        _weld(other.pin, other.scene)
+        return other
 
     @property
     def n(self) -> int:
@@ -150,8 +174,13 @@ def _locked(whole: pin.Model, scene: Scene, rules: dict[str, Mimic]) -> pin.Mode
 
 
 def _weld(model: pin.Model, scene: Scene) -> None:
-    for payload in scene.payloads:
+    for i, payload in enumerate(scene.payloads):
         frame = model.frames[model.getFrameId(payload.frame)]
+        if frame.parentJoint == 0:
+            raise SceneError(
+                f"scene: 'payloads.{i}.frame' = '{payload.frame}': no joint moves that frame, so "
+                "the payload is without effect"
+            )
         body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
         body.inertia = inertia_matrix(payload.inertia)  # the scene has checked it, to rounding
         model.appendBodyToJoint(frame.parentJoint, body, frame.placement)

@@ -20,7 +20,7 @@ from arm_dynamics.equations.frame import Frame
 from arm_dynamics.equations.tree import Link, Tree, clean, constant, moved, regrouped, skew, sparse
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
-from arm_dynamics.scene.constraint import WORLD, Contact, CouplingConstraint
+from arm_dynamics.scene.constraint import WORLD, Contact, CouplingConstraint, FrameConstraint
 
 
 def tree_of(robot: Robot, payloads: Sequence[ca.SX] | None = None, regroup: bool = True) -> Tree:
@@ -79,20 +79,46 @@ def contact_points(robot: Robot) -> list[ContactPoint]:
     """Describe the scene's contacts.
 
     Raises:
-        SceneError: If a contact's frame does not move.
+        SceneError: If a contact's frame does not move against its plane.
     """
     return [_contact_point(robot, name, contact) for name, contact in robot.scene.contacts]
 
 
 def _contact_point(robot: Robot, name: str, contact: Contact) -> ContactPoint:
-    frame = frame_of(robot, contact.frame)
-    if frame.link < 0:
-        raise SceneError(f"contact '{name}': no joint moves its frame '{contact.frame}'")
-    place = frame.R @ np.array(contact.point) + frame.p
-    axes = np.vstack([contact.plane.normal, across(contact.plane.normal)])
-    offset = float(axes[0] @ np.array(contact.plane.point))
-    levels = contact.friction, contact.sticking, contact.restitution
-    return ContactPoint(name, frame.link, place, axes, offset, *levels)
+    plane = contact.plane
+    frame, carrier = frame_of(robot, contact.frame), frame_of(robot, plane.frame)
+    if carrier.link in _one_body(robot, frame.link):
+        raise SceneError(
+            f"contact '{name}': no joint moves its frame '{contact.frame}' against its plane's "
+            f"frame '{plane.frame}'; frames of two bodies are expected"
+        )
+    normal = carrier.R @ np.array(plane.normal)
+    axes = np.vstack([normal, across(normal)])
+    return ContactPoint(
+        name,
+        frame.link,
+        place=frame.R @ np.array(contact.point) + frame.p,
+        radius=contact.radius,
+        carrier=carrier.link,
+        axes=axes,
+        offset=float(normal @ (carrier.R @ np.array(plane.point) + carrier.p)),
+        friction=contact.friction,
+        static_friction=contact.sticking,
+        restitution=contact.restitution,
+    )
+
+
+def _one_body(robot: Robot, link: int) -> set[int]:
+    """Links that a link is welded to by constraints that always hold, itself included."""
+    welds = [
+        {frame_of(robot, frame).link for frame in weld.frames}
+        for weld in robot.scene.bilateral.values()
+        if isinstance(weld, FrameConstraint) and not weld.switchable
+    ]
+    body = {link}
+    for _ in welds:
+        body = body.union(*(weld for weld in welds if weld & body))
+    return body
 
 
 def _turn(model: pin.Model, i: int) -> tuple[Array, bool]:

@@ -8,7 +8,7 @@ of the *second* frame.
 from __future__ import annotations
 
 from collections.abc import Collection, Iterable
-from typing import Annotated, ClassVar, Literal, get_args
+from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
 from pydantic import AfterValidator, Field, model_validator
@@ -31,6 +31,20 @@ Pair = Annotated[tuple[str, str], AfterValidator(_different)]
 ORIGIN = (0.0, 0.0, 0.0)
 UPWARD = (0.0, 0.0, 1.0)
 Fraction = Annotated[Finite, Field(ge=0.0, le=1.0)]
+
+
+class Touching(NamedTuple):
+    """Where an arm touches the world.
+
+    Attributes:
+        frame: Link or joint frame of the URDF.
+        point: In that frame, in [m].
+        offset: From there to what touches, in the world's axes, in [m].
+    """
+
+    frame: str
+    point: Vector3
+    offset: Vector3 = ORIGIN
 
 
 class _Constraint(Part):
@@ -65,21 +79,16 @@ class _BetweenFrames(_Constraint):
     points: tuple[Vector3, Vector3] = (ORIGIN, ORIGIN)
 
     @property
-    def at_world(self) -> tuple[str, Vector3] | None:
-        """The frame, and the point of it, that is tied to the world; None if neither is."""
+    def at_world(self) -> Touching | None:
+        """What of it is tied to the world; None if neither frame is the world's."""
         if WORLD not in self.frames:
             return None
         own = self.frames.index(WORLD) ^ 1
-        return self.frames[own], self.points[own]
+        return Touching(self.frames[own], self.points[own])
 
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
         """Refuse frames that the robot does not have; arguments as of ``check_constraints``."""
-        for frame in self.frames:
-            if frame != WORLD and frame not in urdf.frames:
-                raise SceneError(
-                    f"scene: 'constraints.{place}.frames' names '{frame}', which does not exist; "
-                    f"allowed: {known_names([WORLD, *urdf.frames])}"
-                )
+        check_frames(f"constraints.{place}.frames", self.frames, urdf)
 
 
 class PointConstraint(_BetweenFrames):
@@ -175,23 +184,26 @@ class CouplingConstraint(_Constraint):
 
 
 class Plane(Part):
-    """A plane of the world; the arm is on the side to which the normal points.
+    """A plane of the world or of a link; what touches it is on the side of its normal.
 
     Attributes:
-        point: Any point of it, in the world frame, in [m].
-        normal: Its direction in the world frame; any length but zero.
+        frame: ``world``, or the link or joint frame of the URDF that carries it.
+        point: Any point of it, in that frame, in [m].
+        normal: Its direction in that frame; any length but zero.
     """
 
+    frame: str = WORLD
     point: Vector3 = ORIGIN
     normal: Direction = UPWARD
 
 
 class Contact(Part):
-    """A point of the arm that a plane stops (unilateral), with Coulomb friction and restitution.
+    """A point or ball of the arm that a plane stops, with Coulomb friction and restitution.
 
     Attributes:
         frame: Link or joint frame of the URDF that carries the point.
-        point: Where it is in that frame in [m].
+        point: Where it, or the ball's centre, is in that frame in [m].
+        radius: Of the ball in [m]; 0: a point.
         plane: What it may touch.
         friction: Coulomb's coefficient µ of sliding: tangential force over the normal one.
         static_friction: The coefficient up to which a contact at rest sticks, µ or more; None: µ.
@@ -205,6 +217,7 @@ class Contact(Part):
     type: Literal["contact"]
     frame: str
     point: Vector3 = ORIGIN
+    radius: NonNegative = 0.0
     plane: Plane = Plane()
     friction: NonNegative = 0.0
     static_friction: NonNegative | None = None
@@ -226,13 +239,18 @@ class Contact(Part):
         return self.friction if self.static_friction is None else self.static_friction
 
     @property
-    def at_world(self) -> tuple[str, Vector3]:
-        """The frame, and the point of it, that may touch the world."""
-        return self.frame, self.point
+    def at_world(self) -> Touching | None:
+        """What of it may touch the world; None if its plane is on a link."""
+        if self.plane.frame != WORLD:
+            return None
+        x, y, z = (-self.radius * n for n in self.plane.normal)
+        return Touching(self.frame, self.point, (x, y, z))
 
     def check_names(self, place: int, urdf: Urdf, locked: set[str]) -> None:
-        """Refuse a frame that the robot does not have; arguments as of ``check_constraints``."""
+        """Refuse frames that the robot does not have; arguments as of ``check_constraints``."""
         check_frame(f"constraints.{place}.frame", self.frame, urdf)
+        if self.plane.frame != WORLD:
+            check_frame(f"constraints.{place}.plane.frame", self.plane.frame, urdf, WORLD)
 
 
 FrameBased = (
@@ -285,12 +303,31 @@ def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: s
         constraint.check_names(i, urdf, locked)
 
 
-def check_frame(key: str, frame: str, urdf: Urdf) -> None:
-    """Refuse a frame that the robot does not have; ``key`` is the one that names it."""
+def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:
+    """Refuse a frame that the robot does not have.
+
+    Args:
+        key: The one that names it.
+        frame: Its name.
+        urdf: The robot.
+        others: Names that are allowed besides.
+
+    Raises:
+        SceneError: Naming the key, the frame and what is allowed.
+    """
     if frame not in urdf.frames:
-        raise SceneError(
-            f"scene: '{key}' = '{frame}' does not exist; allowed: {known_names(urdf.frames)}"
-        )
+        allowed = known_names([*others, *urdf.frames])
+        raise SceneError(f"scene: '{key}' = '{frame}' does not exist; allowed: {allowed}")
+
+
+def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
+    """Refuse frames that are neither the robot's nor the world; ``key`` names them."""
+    for frame in frames:
+        if frame != WORLD and frame not in urdf.frames:
+            raise SceneError(
+                f"scene: '{key}' names '{frame}', which does not exist; "
+                f"allowed: {known_names([WORLD, *urdf.frames])}"
+            )
 
 
 def check_joints(

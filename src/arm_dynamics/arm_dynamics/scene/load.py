@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 import os
 import sys
 from collections.abc import Mapping
@@ -13,8 +14,11 @@ import yaml
 
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
-from arm_dynamics.scene.schema import Scene, validated
+from arm_dynamics.scene.schema import Joint, Scene, validated
+from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.urdf import Urdf, read_urdf
+
+_log = logging.getLogger(__name__)
 
 
 def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Scene:
@@ -65,7 +69,7 @@ def scene_from_urdf(text: str) -> Scene:
     Raises:
         ModelError: If the description cannot be used.
     """
-    read_urdf(text)
+    _tell(read_urdf(text))
     return validated({"robot": {"urdf": text}})
 
 
@@ -138,9 +142,24 @@ def _complete(data: dict[str, Any], folder: Path) -> Scene:
     text = scene.robot.urdf
     if not _is_urdf(text):
         text = _read(find_file(text, folder))
-    _check_names(scene, read_urdf(text))
+    urdf = read_urdf(text)
+    _check_names(scene, urdf)
+    _tell(urdf)
     robot = scene.robot.model_copy(update={"urdf": text})
     return scene.model_copy(update={"robot": robot})
+
+
+def _tell(urdf: Urdf) -> None:
+    """Say which links of a robot have an inertia that no body has."""
+    if urdf.doubtful:
+        name, trouble = next(iter(urdf.doubtful.items()))
+        count = len(urdf.doubtful)
+        many = f"{count} links have" if count > 1 else "a link has"
+        more = f" (and {known_names(list(urdf.doubtful)[1:], 5)})" if count > 1 else ""
+        _log.warning(
+            "robot description: %s an inertia that no rigid body has; it is computed with as it "
+            "is: link '%s'%s: %s", many, name, more, trouble,
+        )  # fmt: skip
 
 
 def _check_names(scene: Scene, urdf: Urdf) -> None:
@@ -155,19 +174,58 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
     for i, payload in enumerate(scene.payloads):
         check_frame(f"payloads.{i}.frame", payload.frame, urdf)
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))
-    _check_followers(scene, urdf)
-
-
-def _check_followers(scene: Scene, urdf: Urdf) -> None:
+    check_springs(scene.springs, urdf)
+    _check_hold(scene, urdf)
     for name, rule in urdf.mimics.items():
-        if name in scene.robot.lock and rule.leader not in scene.robot.lock:
+        _check_follower(scene, name, rule.leader)
+    for name in scene.robot.lock:
+        _check_locked(scene, name)
+
+
+def _check_hold(scene: Scene, urdf: Urdf) -> None:
+    """Refuse joints that cannot be held when loops are closed, and holding where none is."""
+    hold, lock = scene.initial.hold, scene.robot.lock
+    free = [name for name in urdf.moving if name not in urdf.mimics and name not in lock]
+    check_joints("initial.hold", hold, free, urdf, lock)
+    if hold and not scene.bilateral:
+        raise SceneError(
+            f"scene: 'initial.hold' = {list(hold)}, but no constraint but contacts is there to be "
+            "closed, so every joint keeps its initial position; leave it out"
+        )
+
+
+def _check_follower(scene: Scene, name: str, leader: str) -> None:
+    """Refuse what a joint that follows another one cannot have, and would be without effect."""
+    if name in scene.robot.lock and leader not in scene.robot.lock:
+        raise SceneError(
+            f"scene: 'robot.lock' locks '{name}', which follows '{leader}'; lock that one too"
+        )
+    if leader in scene.robot.lock:
+        _check_locked(scene, name)
+    for key in ("position", "velocity"):
+        if name in getattr(scene.initial, key):
             raise SceneError(
-                f"scene: 'robot.lock' locks '{name}', which follows '{rule.leader}'; "
-                "lock that one too"
+                f"scene: 'initial.{key}' names '{name}', which follows '{leader}'; set that one"
             )
-        for key in ("position", "velocity"):
-            if name in getattr(scene.initial, key) and name not in scene.robot.lock:
-                raise SceneError(
-                    f"scene: 'initial.{key}' names '{name}', which follows '{rule.leader}'; "
-                    "set that one"
-                )
+    own = scene.joints.get(name, Joint())
+    for key in ("effort", "velocity"):
+        if getattr(own.limits, key) is not None:
+            raise SceneError(
+                f"scene: 'joints.{name}.limits.{key}': '{name}' follows '{leader}' and has none "
+                "of its own; limit that one"
+            )
+
+
+def _check_locked(scene: Scene, name: str) -> None:
+    """Refuse what would be without effect at a joint that does not move."""
+    own = scene.joints.get(name)
+    if own is not None and (given := own.model_dump(exclude_unset=True, exclude_none=True)):
+        raise SceneError(
+            f"scene: 'joints.{name}' sets {known_names(given)} of a joint that 'robot.lock' holds "
+            "fast; take the entry or the lock out"
+        )
+    if scene.initial.velocity.get(name, 0.0) != 0.0:
+        raise SceneError(
+            f"scene: 'initial.velocity.{name}' = {scene.initial.velocity[name]:g}, but "
+            "'robot.lock' holds it fast; 0 is allowed"
+        )

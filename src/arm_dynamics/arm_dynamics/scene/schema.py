@@ -9,15 +9,29 @@ from __future__ import annotations
 
 from typing import Any, Literal, get_args
 
-import numpy as np
-from numpy.typing import NDArray
-from pydantic import Field, ValidationError, field_validator, model_validator
+from pydantic import (
+    Field,
+    StrictBool,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+    model_validator,
+)
 from pydantic_core import ErrorDetails
 
 from arm_dynamics.exceptions import SceneError, known_names
-from arm_dynamics.scene.constraint import SCHEMAS, Bilateral, Constraint, Contact, label
+from arm_dynamics.scene.constraint import (
+    SCHEMAS,
+    Bilateral,
+    Constraint,
+    Contact,
+    Fraction,
+    label,
+)
 from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.friction import KINDS, Friction
+from arm_dynamics.scene.inertia import fault
+from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import (
     Finite,
     Inertia6,
@@ -41,25 +55,55 @@ class RobotChoice(Part):
     lock: tuple[str, ...] = ()
 
 
+class Stop(Part):
+    """What happens where a joint meets its position limits: a rigid stop, or a compliant one.
+
+    Attributes:
+        restitution: Speed of rebound from a rigid stop over speed of approach, 0 to 1.
+        stiffness: Of a compliant stop in [N m/rad] or [N/m]; absent for a rigid one.
+        damping: Of a compliant stop in [N m s/rad] or [N s/m].
+    """
+
+    restitution: Fraction | None = None
+    stiffness: Positive | None = None
+    damping: NonNegative | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Stop:
+        if self.stiffness is None and self.damping is not None:
+            raise ValueError("damping belongs to a compliant stop, which needs its stiffness too")
+        if self.stiffness is not None and self.restitution is not None:
+            raise ValueError(
+                "a stop is rigid, with restitution, or compliant, with stiffness and damping"
+            )
+        return self
+
+
 class Limits(Part):
     """Limits of one joint that replace the URDF's ``<limit>``.
 
     Attributes:
         effort: Largest torque in [N m] or force in [N]; commands beyond it are saturated.
         velocity: Largest speed in [rad/s] or [m/s], for planning.
-        lower: Lower position in [rad] or [m], for planning.
-        upper: Upper position in [rad] or [m], for planning.
+        lower: Lower position in [rad] or [m], for planning, and where a stop is.
+        upper: Upper position in [rad] or [m], likewise.
+        stop: What the stops at both are; absent or true: rigid, without rebound; false: there are
+            none, and the limits are for planning only.
     """
 
     effort: Limit | None = None
     velocity: Limit | None = None
     lower: Finite | None = None
     upper: Finite | None = None
+    stop: StrictBool | Stop | None = None
 
     @model_validator(mode="after")
     def _ordered(self) -> Limits:
-        if self.lower is not None and self.upper is not None and self.lower > self.upper:
-            raise ValueError(f"lower = {self.lower} is above upper = {self.upper}")
+        if self.lower is not None and self.upper is not None and self.lower >= self.upper:
+            raise ValueError(
+                f"lower = {self.lower} is not below upper = {self.upper}; "
+                "robot.lock holds a joint where it is"
+            )
         return self
 
 
@@ -71,6 +115,7 @@ class Joint(Part):
         armature: Inertia of the drive seen at the joint in [kg m²] or [kg].
         actuator: Motor and gear; without one the command is the torque at the joint.
         transmission: What is flexible between gear and link.
+        spring: A spring and a damper that act on the link.
         limits: Limits in place of the URDF's.
     """
 
@@ -78,6 +123,7 @@ class Joint(Part):
     armature: NonNegative | None = None
     actuator: Actuator | None = None
     transmission: Transmission | None = None
+    spring: JointSpring | None = None
     limits: Limits = Limits()
 
 
@@ -88,7 +134,8 @@ class Payload(Part):
         frame: Link or joint frame of the URDF that carries it.
         mass: Mass in [kg].
         com: Centre of mass in the frame in [m].
-        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, frame axes, in [kg m²].
+        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, frame axes, in [kg m²]: as
+            a rigid body can have them, see ``scene.inertia``.
     """
 
     frame: str
@@ -98,25 +145,28 @@ class Payload(Part):
 
     @field_validator("inertia")
     @classmethod
-    def _positive_semidefinite(cls, value: Inertia6) -> Inertia6:
-        moments = np.linalg.eigvalsh(inertia_matrix(value))
-        if moments[0] < -1e-12 * max(1.0, moments[-1]):
-            raise ValueError(
-                f"the tensor must not be negative in any direction; principal {moments}"
-            )
+    def _of_a_body(cls, value: Inertia6, info: ValidationInfo) -> Inertia6:
+        mass = info.data.get("mass")  # absent if it was refused itself
+        if mass is not None and (trouble := fault(mass, value)):
+            raise ValueError(trouble)
         return value
 
 
 class Initial(Part):
     """Where the robot starts; a joint that is not named starts at zero, at rest.
 
+    Where zero is beyond a joint's stops, it starts at the nearer one.
+
     Attributes:
         position: Joint positions by name in [rad] or [m].
         velocity: Joint velocities by name in [rad/s] or [m/s].
+        hold: Names of joints that keep position and velocity when loops are closed at the start;
+            the others give way.
     """
 
     position: dict[str, Finite] = {}
     velocity: dict[str, Finite] = {}
+    hold: tuple[str, ...] = ()
 
 
 class Sim(Part):
@@ -141,6 +191,7 @@ class Scene(Part):
         gravity: Gravity in the world frame in [m/s²].
         joints: Joint settings by name; ``"*"`` speaks for all and gives way to a name.
         payloads: Bodies welded to frames.
+        springs: Springs between points of two frames.
         constraints: What ties the robot to itself or to the world.
         initial: Start of the motion.
         sim: Integration.
@@ -152,10 +203,18 @@ class Scene(Part):
     gravity: Vector3 = (0.0, 0.0, -9.81)
     joints: dict[str, Joint] = {}
     payloads: tuple[Payload, ...] = ()
+    springs: tuple[PointSpring, ...] = ()
     constraints: tuple[Constraint, ...] = ()
     initial: Initial = Initial()
     sim: Sim = Sim()
     tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
+
+    @field_validator("tunable")
+    @classmethod
+    def _there_to_be_tuned(cls, value: tuple[str, ...], info: ValidationInfo) -> tuple[str, ...]:
+        if "payload" in value and not info.data.get("payloads", True):
+            raise ValueError("'payload' is tunable, but there are no 'payloads'; one is expected")
+        return value
 
     @property
     def bilateral(self) -> dict[int, Bilateral]:
@@ -186,12 +245,6 @@ def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
         both = isinstance(value, dict) and isinstance(merged.get(key), dict)
         merged[key] = _overlay(merged[key], value) if both else value
     return merged
-
-
-def inertia_matrix(six: Inertia6) -> NDArray[np.float64]:
-    """Symmetric 3 by 3 tensor from ixx, ixy, ixz, iyy, iyz, izz in [kg m²]."""
-    xx, xy, xz, yy, yz, zz = six
-    return np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
 
 
 def validated(data: dict[str, Any]) -> Scene:

@@ -15,7 +15,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.dynamics.verify import compare, random_states
-from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations import rigid_body, spring
 from arm_dynamics.equations.frame import drift, jacobian, placement
 from arm_dynamics.exceptions import ModelError
 from arm_dynamics.model.arm import ArmModel
@@ -35,7 +35,7 @@ class TaskInstant(NamedTuple):
         velocity: J v, shape (m,).
         drift: J̇ v, shape (m,).
         M: Mass matrix, shape (n, n).
-        bias: C v + G, shape (n,).
+        bias: C v + G + S, shape (n,).
         B: M⁻¹ Jᵀ, shape (n, m).
         A: Mobility J M⁻¹ Jᵀ, shape (m, m).
         inertia: Λ = A⁻¹, damped near a singularity, shape (m, m).
@@ -120,7 +120,7 @@ def _functions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Fun
     moving = drift(J, q, v)
     rows = [AXES.index(axis) for axis in axes]
     gravity = gravity_of(model)
-    bias = rigid_body.inverse(tree, q, v, ca.SX(model.n, 1), gravity)
+    bias = spring.frictionless(model.springs, tree, q, v, ca.SX(model.n, 1), gravity)
     M, part = rigid_body.mass_matrix(tree, q), J[rows, :]
     B = _solved(M, part.T)
     A = part @ B
@@ -181,14 +181,14 @@ def _check(kernel: Kernel, model: ArmModel, frame: str, axes: tuple[str, ...]) -
                 "the joint an armature, or lock it"
             )
         position, rotation, J, J_dot = motion.moving(q, v)
-        M, bias = rigid.mass(q), rigid.bias(q, v)
+        M, bias = rigid.mass(q), rigid.bias(q, v) + rigid.spring(q, v)
         for what, made, expected in (
             ("position", now.position, position),
             ("rotation", now.rotation, rotation),
             ("J", now.J, J[rows]),
             ("J' v", now.drift, J_dot[rows] @ v),
             ("M", now.M, M),
-            ("C v + G", now.bias, bias),
+            ("C v + G + S", now.bias, bias),
             ("M inverse", M @ now.B, J[rows].T),
         ):
             size = np.maximum(abs(expected), 1.0)

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Dynamics of an arm as seen at one of its frames: f = Λ ẍ + µ + p.
+"""Dynamics of an arm as seen at one of its frames: f = Λ ẍ + µ + p + s.
 
 Source: Khatib, "A unified approach for motion and force control of robot manipulators: the
 operational space formulation", IEEE J. Robotics and Automation 3(1), 1987. Craig writes Λ, µ and p
-as M_x, V_x and G_x (Introduction to Robotics, section 6.9).
+as M_x, V_x and G_x (Introduction to Robotics, section 6.9). What springs take, s, is their S seen
+from the frame, as p is the weight G.
 """
 
 from __future__ import annotations
@@ -57,12 +58,14 @@ class TaskTerms:
         inertia: Λ = (J M⁻¹ Jᵀ)⁻¹ in [kg], [kg m], [kg m²], shape (m, m).
         coriolis: µ = Λ (J M⁻¹ C q̇ - J̇ q̇) in [N] and [N m], shape (m,).
         gravity: p = Λ J M⁻¹ G in [N] and [N m], shape (m,).
+        spring: s = Λ J M⁻¹ S in [N] and [N m], shape (m,); zero without springs.
         inverse: J̄ = M⁻¹ Jᵀ Λ, the dynamically consistent inverse of J, shape (n, m).
         null_space: N = 1 - J̄ J: velocities N z do not move the frame, torques Nᵀ z do not
             accelerate it, shape (n, n).
         manipulability: √det(J Jᵀ), zero at a singularity.
         condition: Ratio of the singular values of J, inf at a singularity.
-        damped: Whether the state is so near a singularity that Λ, µ, p, J̄ and N were damped.
+        damped: Whether the state is so near a singularity that Λ, µ, p, s, J̄ and N were
+            damped.
     """
 
     position: Array
@@ -73,6 +76,7 @@ class TaskTerms:
     inertia: Array
     coriolis: Array
     gravity: Array
+    spring: Array
     inverse: Array
     null_space: Array
     manipulability: Any
@@ -216,7 +220,7 @@ class TaskSpace:
         """
         still = np.zeros(self.n) if v is None else v
         q, v = vectors(self.n, q=q, v=still)
-        position, rotation, J, J_dot, W, bias, gravity = _each(self._state, q, v)
+        position, rotation, J, J_dot, W, bias, gravity, spring = _each(self._state, q, v)
         A, drift = self._mobility(J, W), _times(J_dot, v)
         inertia = task_inertia(A, self.linear, self.threshold)
         JW, L = J @ W, inertia.matrix
@@ -230,6 +234,7 @@ class TaskSpace:
             "inertia": L,
             "coriolis": _times(L, _times(JW, bias - gravity) - drift),
             "gravity": _times(L, _times(JW, gravity)),
+            "spring": _times(L, _times(JW, spring)),
             "inverse": J_bar,
             "null_space": np.eye(self.n) - J_bar @ J,
             "manipulability": manipulability(J),
@@ -282,7 +287,7 @@ class TaskSpace:
     def _state(self, q: Array, v: Array) -> tuple[Array, ...]:
         position, rotation, J, J_dot = self.motion.moving(q, v)
         rows, rigid = self.rows, self.rigid
-        terms = rigid.mobility(q), rigid.bias(q, v), rigid.gravity(q)
+        terms = rigid.mobility(q), rigid.bias(q, v), rigid.gravity(q), rigid.spring(q, v)
         return position, rotation, J[rows], J_dot[rows], *terms
 
     def _frozen(self, q: Array) -> tuple[Array, Array]:

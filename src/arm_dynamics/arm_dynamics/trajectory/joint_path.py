@@ -131,7 +131,7 @@ def paced(
         The motion, slower if need be.
 
     Raises:
-        Unreachable: If the arm's own weight and dry friction exceed a limit at any pace.
+        Unreachable: If the arm's own weight, springs and dry friction exceed a limit at any pace.
     """
     _, q, v, a = motion.table(count)
     by_torque = torque_stretch(dynamics, q, v, a, torque_limits(dynamics, limit))

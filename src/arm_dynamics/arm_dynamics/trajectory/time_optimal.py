@@ -73,8 +73,9 @@ def retimed(
 ) -> JointPath:
     """The same way as quickly as limits allow, from rest to rest.
 
-    Accelerations jump from limit to limit. Viscous friction, which the method does not know, and
-    what happens between its points are taken care of by slowing the whole down (``paced``).
+    Accelerations jump from limit to limit. Viscous friction and dampers, which the method does not
+    know, and what happens between its points are taken care of by slowing the whole down
+    (``paced``).
 
     Args:
         motion: The motion; its own timing does not matter.
@@ -133,7 +134,10 @@ def _rates(
         constraint.JointVelocityConstraint(_both(model.velocity_limit)),
         constraint.JointAccelerationConstraint(_both(rise), between),
         constraint.JointTorqueConstraint(
-            rigid.inverse, _both(torque), model.friction.coulomb.mean, between
+            lambda q, v, a: rigid.inverse(q, v, a) + rigid.spring(q, 0.0 * v),
+            _both(torque),
+            model.friction.coulomb.mean,
+            between,
         ),
     ]
     found = algorithm.TOPPRA(kept, _Way(motion), us, solver_wrapper="seidel")

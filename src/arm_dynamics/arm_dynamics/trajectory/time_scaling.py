@@ -35,16 +35,17 @@ def torque_stretch(dynamics: Dynamics, q: Array, v: Array, a: Array, limit: Arra
         limit: Largest torques in [N m] or [N], inf for none, shape (n,).
 
     Raises:
-        Unreachable: If weight and dry friction alone exceed a limit.
+        Unreachable: If weight, springs and dry friction alone exceed a limit.
     """
     k, rigid = len(q), Term.INERTIA | Term.CORIOLIS | Term.GRAVITY
     still = np.zeros_like(q)
     tau = dynamics.inverse(np.vstack([q, q]), np.vstack([v, still]), np.vstack([a, still]), rigid)
     weight, friction = tau[k:], dynamics.steady_friction
-    standing = weight
+    elastic, sprung = dynamics.spring(q), dynamics.spring(q, v)
+    standing = weight + elastic
     if friction.has_dry:
-        standing = weight + friction.dry(v, np.sign(v), q, tau[:k])
-    moving = friction.joints.smooth(v)
+        standing = standing + friction.dry(v, np.sign(v), q, tau[:k] + sprung)
+    moving = friction.joints.smooth(v) + sprung - elastic
     _check_standing(dynamics, standing, limit)
     x = np.ones_like(q)
     for sign in (1.0, -1.0):
@@ -68,8 +69,9 @@ def _check_standing(dynamics: Dynamics, standing: Array, limit: Array) -> None:
     excess = abs(standing) - limit
     i, joint = np.unravel_index(np.argmax(excess), excess.shape)
     if excess[i, joint] >= 0.0:
+        parts = "weight, springs" if dynamics.model.springs else "weight"
         raise Unreachable(
-            f"weight and dry friction of joint '{dynamics.joint_names[joint]}' take "
+            f"{parts} and dry friction of joint '{dynamics.joint_names[joint]}' take "
             f"{abs(standing[i, joint]):.4g} along the motion at any pace; its limit is "
             f"{limit[joint]:.4g}",
             float(excess[i, joint]),

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from rich.console import Console
 
     from arm_dynamics import ArmModel
+    from arm_dynamics.scene.spring import PointSpring
     from arm_sim import Simulator
 
 
@@ -64,6 +65,8 @@ def _show_robot(out: Console, model: ArmModel) -> None:
     )
     if model.scene.robot.lock:
         out.print(f"held fast: {', '.join(model.scene.robot.lock)}")
+    for link, trouble in model.doubtful.items():
+        out.print(f"link '{link}': {trouble}", style="yellow")
 
 
 def _show_joints(out: Console, model: ArmModel) -> None:
@@ -90,6 +93,7 @@ def _show_joints(out: Console, model: ArmModel) -> None:
         out.print(f"all zero: {', '.join(absent)}", style="dim")
     out.print(_units(set(model.joint_types)), style="dim")
     _show_drives(out, model)
+    _show_springs(out, model)
     _show_outside(out, model)
 
 
@@ -110,14 +114,50 @@ def _show_drives(out: Console, model: ArmModel) -> None:
     show(out, table(columns, rows, text=(0, 1, 6)))
 
 
+def _show_springs(out: Console, model: ArmModel) -> None:
+    from arm_dynamics.scene.spring import spring_name
+
+    springs = model.springs
+    if not springs:
+        return
+    names = list(model.pin.names)[1:]
+    pushing = springs.stiffness + springs.damping > 0.0
+    of_joints = zip(names, springs.stiffness, springs.rest, springs.damping, strict=True)
+    rows = [
+        (name, "joint", *(number(x, 4) for x in values))
+        for (name, *values), on in zip(of_joints, pushing, strict=True) if on
+    ]  # fmt: skip
+    rows += [
+        (spring_name(spring, i), _between(spring),
+         *(number(x, 4) for x in (spring.stiffness, spring.rest_length, spring.damping)))
+        for i, spring in enumerate(springs.points)
+    ]  # fmt: skip
+    columns = ("spring", "of", "stiffness", "at rest", "damping")
+    show(out, table(columns, rows, text=(0, 1)))
+
+
+def _between(spring: PointSpring) -> str:
+    kind = "cord, " if spring.tension_only else ""
+    preload = f", {spring.force:g} N" if spring.force else ""
+    return f"{kind}{' to '.join(spring.frames)}{preload}"
+
+
 def _show_outside(out: Console, model: ArmModel) -> None:
-    inside = (model.position_lower <= model.q0) & (model.q0 <= model.position_upper)
-    outside = [name for name, good in zip(model.joint_names, inside, strict=True) if not good]
-    if outside:
+    import numpy as np
+
+    if model.stops.contradicting:
         out.print(
-            f"[yellow]starts outside its limits:[/] {', '.join(outside)}; a scene's "
-            "initial.position changes that"
+            f"[yellow]limits left out:[/] {', '.join(model.stops.contradicting)}; with those of "
+            "the joints that they follow they allow no motion"
         )
+    outside = (model.q0 < model.position_lower) | (model.position_upper < model.q0)
+    at_stop = model.stops.touched(model.q0) & ~outside
+    for what, joints in {"outside its limits": outside, "at its stop": at_stop}.items():
+        if joints.any():
+            names = ", ".join(np.array(model.joint_names)[joints])
+            out.print(
+                f"[yellow]starts {what}:[/] {names}; a scene's initial.position changes that"
+            )
 
 
 def _units(types: set[str]) -> str:

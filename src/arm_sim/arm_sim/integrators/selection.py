@@ -3,13 +3,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.joint_laws import friction_laws
+from arm_dynamics.equations import spring
+from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.plant.plant import Plant
 
@@ -98,7 +100,8 @@ def choose(
 def _automatic(plant: Plant, dt: float, error_control: bool) -> tuple[Method, str]:
     rate = fastest_rate(plant)
     if rate * dt > STIFF:
-        what = "friction stops a joint" if plant.laws is None else "a joint or its drive responds"
+        alone = plant.laws is None and not plant.model.springs
+        what = "friction stops a joint" if alone else "a joint, its drive or a spring responds"
         return METHODS["implicit"], f"stiff: {what} in {1 / rate:.2g} s"
     if error_control:
         return METHODS["dop853"], "not stiff, error control: the highest order"
@@ -122,10 +125,16 @@ def fastest_rate(plant: Plant) -> float:
 
     Returns:
         Largest absolute eigenvalue of the exact Jacobian ∂x'/∂x: decay of currents, springs and
-        friction, and the frequency of springs; without laws that have states, of friction alone.
+        friction, and the frequency of springs; without laws that have states, of friction alone
+        and of springs alone, the larger one.
     """
     if plant.laws is None:
-        return damping_rate(plant.model)
+        return max(damping_rate(plant.model), spring_rate(plant.model))
+    return max(_response_rate(plant), spring_rate(plant.model))
+
+
+def _response_rate(plant: Plant) -> float:
+    """Largest absolute eigenvalue of ∂x'/∂x at the initial state in [1/s]."""
     x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
     J = ca.Function("J", [x, u, p], [ca.jacobian(plant.rhs(x, u, p), x)])
     model = plant.model
@@ -167,9 +176,37 @@ def damping_rate(model: ArmModel) -> float:
         return 0.0  # as in ``law_rate``
 
 
+def spring_rate(model: ArmModel) -> float:
+    """How fast the arm answers on its springs at the initial position, in [1/s].
+
+    A cord counts as taut: it may be slack now and pull later.
+
+    Args:
+        model: The robot.
+
+    Returns:
+        Largest absolute eigenvalue λ of M λ² + D λ + K = 0 with the springs' D and K; 0 without
+        springs.
+    """
+    if not model.springs:
+        return 0.0
+    points = tuple(s.model_copy(update={"tension_only": False}) for s in model.springs.points)
+    q, v = ca.SX.sym("q", model.n), ca.SX.sym("v", model.n)
+    S = spring.torque(replace(model.springs, points=points), tree_of(model), q, v)
+    both = ca.Function("KD", [q, v], [ca.jacobian(S, q), ca.jacobian(S, v)])
+    K, D = (np.array(matrix) for matrix in both(model.q0, 0.0))
+    M = Dynamics(model).mass_matrix(model.q0)
+    try:
+        lower = np.linalg.solve(M, -np.hstack([K, D]))
+    except np.linalg.LinAlgError:
+        return 0.0  # as in ``law_rate``
+    upper = np.eye(model.n, 2 * model.n, model.n)
+    return float(abs(np.linalg.eigvals(np.vstack([upper, lower]))).max())
+
+
 def _within(name: str, value: float, allowed: tuple[float, float], unit: str) -> float:
     try:
-        number = float(value)
+        number = np.nan if isinstance(value, bool) else float(value)
     except (TypeError, ValueError):
         number = np.nan
     if not allowed[0] <= number <= allowed[1]:

@@ -70,6 +70,14 @@ class Bilateral(Response):
         pushed = load + self._rows.jacobian.T @ self._projected(load)[1]
         return super().reactions(pushed, a)
 
+    def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """As ``Response``, under A v = 0 after it if that held before."""
+        A = self._rows.jacobian
+        free = self._metric.of_forces(self._sliding @ (push - self._M @ change))
+        found, shares = self._obeyed.solved(free, -(A @ change))
+        gain = change + self._metric.motion(found)
+        return gain, self._sticking @ (self._M @ gain - push - A.T @ shares)
+
     @property
     def rank(self) -> ca.SX:
         """How many motions of sliding joints the constraints take away."""

@@ -13,7 +13,7 @@ import casadi as ca
 
 from arm_dynamics import ArmModel
 from arm_dynamics.equations import contact
-from arm_dynamics.equations.contact import ContactPoint, Mode
+from arm_dynamics.equations.contact import ContactPoint, Delassus, Mode
 from arm_dynamics.model.tree_builder import contact_points
 from arm_sim.plant.response import Response
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
@@ -33,8 +33,12 @@ class ContactFunctions:
         geometry: (q, v) stacked -> places of the points in their planes' axes, speeds likewise,
             sizes.
         close: ((q, v) stacked, p, anchor) -> (q, v) brought back to closed gaps and to the anchors
-            of sticking points, nearest in the metric of M; one Newton step.
-        push: Torques of the contacts, and of what holds sticking joints, an expression.
+            of sticking points, nearest in the metric of M; one Newton step. A ball has no anchor.
+        sites: q -> normal, two tangents and touching point of each contact in the world frame, in
+            [m], shape (3, 4 nc).
+        push: Torques of the contacts on the joints, an expression.
+        reaction: Loads of joints that are held, likewise.
+        jacobian: Speeds of the points by velocities of the joints, likewise, shape (3 nc, n).
         lost: (q, v, tau, p) -> power that friction of the contacts turns into heat in [W].
     """
 
@@ -44,7 +48,10 @@ class ContactFunctions:
     inertia: ca.Function
     geometry: ca.Function
     close: ca.Function
+    sites: ca.Function
     push: ca.SX
+    reaction: ca.SX
+    jacobian: ca.SX
     lost: ca.Function
 
     def closing(self, step: ca.Function) -> ca.Function:
@@ -77,44 +84,43 @@ def contact_functions(
     anchor = ca.SX.sym("anchor", 2 * len(points))
     mode, S = Mode.of(joints.contacts), ca.diag(joints.sliding)
     where = contact.geometry(s.tree, points, s.q)
-    A = ca.jacobian(where.place, s.q)
+    A = where.rows
     speed = A @ s.v
     # A joint that has turned many times rounds its own position, and the gap with it.
     size = where.size + ca.fabs(A[::3, :]) @ ca.fabs(s.q)
     A_moving = ca.sparsify(A @ S)
     B = response.mobility(A.T)
     a_free = response.accelerations(response.load)
-    W, free = A_moving @ B, A_moving @ a_free + ca.jtimes(speed, s.q, s.v)
-    force = contact.forces(W, free, contact.shares(points, speed, mode), mode.rows())
+    free = A_moving @ a_free + ca.jtimes(speed, s.q, s.v)
+    delassus = Delassus(A_moving, B)
+    force = delassus.forces(free, contact.shares(points, speed, mode), mode.rows())
     a = a_free + B @ force
     push = A.T @ force
     held = response.reactions(response.load + push, a)
     reaction = model.friction.relative_hold(held, s.q, s.tau)
     x = ca.vertcat(s.q, s.v)
     arguments = [s.q, s.v, s.tau, joints.p]
-    closed = _closed(where.place, A_moving, W, B, s, mode, anchor)
-    grip = contact.grips(points, W, speed, mode)
+    returning = mode.rows() * contact.positional(points)
+    expected = ca.vec(ca.vertcat(ca.SX(1, len(points)), ca.reshape(anchor, 2, -1)))
+    closed = ca.vertcat(
+        s.q + B @ delassus.forces(where.place - expected, ca.diag(returning), returning),
+        s.v + B @ delassus.forces(A_moving @ s.v, ca.diag(mode.rows()), mode.rows()),
+    )
+    accelerations = delassus.accelerations(force) + free
+    grip = contact.grips(points, delassus.W, speed, mode)
     return ContactFunctions(
         tuple(points),
         dense_function("acceleration", arguments, a),
-        dense_function("loads", arguments, reaction, force, W @ force + free, grip),
-        dense_function("contact_inertia", arguments, W, B, free),
+        dense_function("loads", arguments, reaction, force, accelerations, grip),
+        dense_function("contact_inertia", arguments, delassus.W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),
-        push - held,
+        ca.Function("contact_sites", [s.q], [contact.sites(s.tree, points, s.q)], {"cse": True}),
+        push,
+        held,
+        A,
         dense_function("lost", arguments, _lost(force, speed)),
     )
-
-
-def _closed(
-    place: ca.SX, A: ca.SX, W: ca.SX, B: ca.SX, s: Symbols, mode: Mode, anchor: ca.SX
-) -> ca.SX:
-    rows = mode.rows()
-    expected = ca.vec(ca.vertcat(ca.SX(1, anchor.shape[0] // 2), ca.reshape(anchor, 2, -1)))
-    D = ca.diag(rows)
-    q = s.q + B @ contact.forces(W, place - expected, D, rows)
-    v = s.v + B @ contact.forces(W, A @ s.v, D, rows)
-    return ca.vertcat(q, v)
 
 
 def _lost(force: ca.SX, speed: ca.SX) -> ca.SX:

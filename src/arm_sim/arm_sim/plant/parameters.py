@@ -3,16 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-from numpy.typing import ArrayLike
+from numpy.typing import ArrayLike, NDArray
 
 from arm_dynamics import ArmModel, InvalidInput
 from arm_dynamics.arrays import Array, vector
 from arm_dynamics.scene.constraint import switches
+from arm_dynamics.scene.inertia import fault, possible
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,12 @@ class Parameters:
         self.items = tuple(
             Parameter(name, value) for name, value in nominal.items() if name in tunable
         )
+        least = abs(model.friction.viscous.skew)
+        self._checks: dict[str, Callable[[Array], None]] = {
+            "payload": _check_payloads,
+            "friction": lambda values: _check_friction(values, least, model.joint_names),
+            "constraints": _check_switches,
+        }
 
     @property
     def names(self) -> list[str]:
@@ -68,6 +75,15 @@ class Parameters:
         parts = dict(zip(self.names, np.split(p, ends)[:-1], strict=True))
         return parts.get(name, np.zeros(0))
 
+    def place(self, name: str) -> slice | None:
+        """Where one quantity is in p, None if it is not tunable."""
+        first = 0
+        for item in self.items:
+            if item.name == name:
+                return slice(first, first + item.nominal.size)
+            first += item.nominal.size
+        return None
+
     def symbols(self) -> dict[str, ca.SX]:
         """A symbol for each quantity, in the order of p."""
         return {item.name: ca.SX.sym(item.name, item.nominal.size) for item in self.items}
@@ -83,7 +99,8 @@ class Parameters:
             Shape (np,), or (b, np) if a value has rows.
 
         Raises:
-            InvalidInput: If a name is not tunable, or a size or number is not allowed.
+            InvalidInput: If a name is not tunable, a size or number is not allowed, a payload is
+                no rigid body's, or viscous friction is negative.
         """
         for name in values:
             if name not in self.names:
@@ -93,10 +110,51 @@ class Parameters:
                 )
         ends = np.cumsum([item.nominal.size for item in self.items])
         columns = [
-            vector(item.name, np.atleast_1d(values.get(item.name, current)), item.nominal.size)
+            self._checked(item, values[item.name]) if item.name in values else current
             for item, current in zip(self.items, np.split(p, ends)[:-1], strict=True)
         ]
         rows = max((len(column) for column in columns if column.ndim == 2), default=0)
         shape = (rows,) if rows else ()
         full = [np.broadcast_to(column, (*shape, column.shape[-1])) for column in columns]
         return np.concatenate([np.zeros((*shape, 0)), *full], axis=-1)
+
+    def _checked(self, item: Parameter, value: ArrayLike) -> Array:
+        values = vector(item.name, np.atleast_1d(value), item.nominal.size)
+        if item.name in self._checks:
+            self._checks[item.name](values)
+        return values
+
+
+def _check_payloads(values: Array) -> None:
+    """Refuse what no rigid body has; values of shape (…, 10 per payload)."""
+    loads = values.reshape(*values.shape[:-1], -1, 10)
+    bad = np.argwhere(~possible(loads[..., 0], loads[..., 4:]))
+    if len(bad):
+        load = loads[tuple(bad[0])]
+        raise InvalidInput(f"payload {bad[0][-1]}{_of_arm(bad[0])}: {fault(load[0], load[4:])}")
+
+
+def _check_friction(values: Array, least: Array, joints: Sequence[str]) -> None:
+    """Refuse viscous coefficients that are negative in a direction of motion."""
+    bad = np.argwhere(values < least)
+    if len(bad):
+        i = bad[0][-1]
+        why = " (half the difference of its two directions)" if least[i] else ""
+        raise InvalidInput(
+            f"friction[{i}]{_of_arm(bad[0])} = {values[tuple(bad[0])]:g} at joint '{joints[i]}'; "
+            f"at least {least[i]:g}{why} is expected"
+        )
+
+
+def _check_switches(values: Array) -> None:
+    bad = np.argwhere((values != 0.0) & (values != 1.0))
+    if len(bad):
+        raise InvalidInput(
+            f"constraints[{bad[0][-1]}]{_of_arm(bad[0])} = {values[tuple(bad[0])]:g}; "
+            "allowed: 1 (holds) and 0 (does not)"
+        )
+
+
+def _of_arm(place: NDArray[np.intp]) -> str:
+    """Which of many arms, for a message."""
+    return f" of arm {place[0]}" if len(place) > 1 else ""

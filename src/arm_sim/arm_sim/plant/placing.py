@@ -3,13 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
+from collections.abc import Collection, Sequence
 from typing import Any
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import ConstraintError
+from arm_dynamics.exceptions import ConstraintError, InvalidInput
 from arm_dynamics.scene.constraint import label, switchable
 from arm_sim.inputs import row
 from arm_sim.plant.plant import Plant
@@ -29,7 +29,9 @@ def packed(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
     return np.concatenate([q, v, plant.initial(q, v) if z is None else row("z", z, plant.nz)])
 
 
-def placed(plant: Plant, q: Any, v: Any, z: Any, names: Collection[str]) -> Array:
+def placed(
+    plant: Plant, q: Any, v: Any, z: Any, names: Collection[str], hold: Sequence[int] = ()
+) -> Array:
     """The state nearest to a given one that the scene allows.
 
     Args:
@@ -38,6 +40,7 @@ def placed(plant: Plant, q: Any, v: Any, z: Any, names: Collection[str]) -> Arra
         v: Joint velocities, shape (n,).
         z: States of the laws, shape (nz,); None for those that suit q and v.
         names: Constraints that hold.
+        hold: Indices of joints that keep position and velocity.
 
     Returns:
         x = (q, v, z), shape (nx,).
@@ -46,14 +49,23 @@ def placed(plant: Plant, q: Any, v: Any, z: Any, names: Collection[str]) -> Arra
         InvalidInput: If a shape or value is not allowed.
         ConstraintError: If there is no such state near by.
     """
-    n, x = plant.model.n, closed(plant, packed(plant, q, v, z), names)
+    n, x = plant.model.n, closed(plant, packed(plant, q, v, z), names, hold)
+    x[:n] = inside_stops(plant, x[:n])
     _check_outside(plant, x)
     if z is None and plant.nz:
         x[2 * n :] = plant.initial(x[:n], x[n : 2 * n])
     return x
 
 
-def closed(plant: Plant, x: Array, names: Collection[str]) -> Array:
+def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
+    """Positions of shape (n,) that rigid stops allow, rounding taken away, or InvalidInput."""
+    stops, model = plant.model.stops, plant.model
+    if refusal := stops.refusal(q, model.joint_names):
+        raise InvalidInput(who + refusal)
+    return stops.within(q)
+
+
+def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] = ()) -> Array:
     """The state near ``x`` that obeys the named constraints, near in the metric of M, shape (nx,).
 
     Raises:
@@ -62,7 +74,7 @@ def closed(plant: Plant, x: Array, names: Collection[str]) -> Array:
     if plant.project is None:
         return x
     n = plant.model.n
-    q, v = plant.closure.closed(x[:n], x[n : 2 * n], names)
+    q, v = plant.closure.closed(x[:n], x[n : 2 * n], names, hold)
     return np.concatenate([q, v, x[2 * n :]])
 
 

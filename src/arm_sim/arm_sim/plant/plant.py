@@ -19,6 +19,7 @@ from arm_dynamics.actuation.internal_state import Ensemble
 from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
+from arm_dynamics.codegen.recall import exact
 from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, algorithms
@@ -26,9 +27,11 @@ from arm_dynamics.model.loop_closure import Closure
 from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions, contact_functions
 from arm_sim.plant.parameters import Parameters
-from arm_sim.plant.response import RecursiveResponse, Response, response_of
-from arm_sim.plant.symbols import Joints, Symbols, dense_function
+from arm_sim.plant.response import AnyResponse, Response, response_of
+from arm_sim.plant.symbols import Joints, Symbols, dense_function, mode_sizes
 
+RECALLED_ABOVE = DENSE_AT_MOST
+"""Up to so many joints equations are written at every start."""
 Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 """Function (q, v, tau, p) -> power in [W]."""
 
@@ -37,11 +40,14 @@ class Plant:
     """Equation of motion of one scene.
 
     With dry friction the equation depends on what each joint does, -1 and 1 for sliding that way,
-    0 for sticking; these directions, one for each joint, follow the tunable quantities in p, and
-    after them what each contact does.
+    0 for sticking; these directions, one for each joint, follow the tunable quantities in p. So do
+    joints at stops: 0 for one that a rigid stop holds, and after the directions which joints lean
+    on compliant stops. Last comes what each contact does.
 
     Attributes:
         model: The robot.
+        free: The same arm away from its stops, where nothing else makes events: shorter, with the
+            tunable quantities alone in p. None where it has no stops, or is never without modes.
         parameters: What is tunable.
         laws: Drives and friction with states z of their own, or None if the scene has none.
         acceleration: CasADi function (q, v, tau, p) -> q̈ of vectors of n.
@@ -50,9 +56,9 @@ class Plant:
         contact: What contacts add, or None without any.
         rhs: CasADi function (x, u, p) -> x' with x = (q, v, z).
         events: CasADi functions that the engine asks at events: ``loads`` (x, u, p), with
-            bilateral constraints ``bilateral`` (x, u, p), and with contacts
-            ``contact_inertia`` (x, u, p), ``contact_geometry`` and ``contact_close``; empty where
-            nothing sticks or touches.
+            bilateral constraints ``bilateral`` (x, u, p), with stops ``stop_torques`` (x, u, p),
+            ``strike`` and ``pressures``, and with contacts ``contact_inertia`` (x, u, p),
+            ``contact_geometry`` and ``contact_close``; empty where nothing sticks or touches.
         torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
             the links, or None where the command itself acts.
         method: Which algorithm turned out shorter, as text.
@@ -65,9 +71,14 @@ class Plant:
     contact: ContactFunctions | None
     project: ca.Function | None
 
-    def __init__(self, model: ArmModel) -> None:
+    def __init__(self, model: ArmModel, stops: bool = True) -> None:
+        """Equations of an arm; without ``stops`` of one that is never at any."""
         self.model = model
         self.parameters = Parameters(model)
+        self.stops = stops and bool(model.stops)
+        always = model.has_dry_friction or bool(model.scene.contacts)
+        self.free = Plant(model, stops=False) if self.stops and not always else None
+        self.directions, self.pressed = mode_sizes(model, stops)
         laws = laws_of(model)
         self.laws = Ensemble(laws, model.n) if laws else None
         self.torques = _torques(self.laws) if self.laws else None
@@ -84,60 +95,79 @@ class Plant:
         return vars(self)[name]
 
     def described(self) -> str | None:
-        """All that the equations follow from, as text.
+        """All that the equations follow from, as text: the model with its scene and URDF.
 
-        None where they are needed in any case: to choose a method for laws, and to close gaps.
+        None for short arms, whose equations take no time worth a doubt, and where equations are
+        needed in any case: to choose a method for laws, and to close gaps.
         """
-        scene = self.model.scene
-        if self.laws or scene.contacts or scene.bilateral:
+        model, scene = self.model, self.model.scene
+        if model.n <= RECALLED_ABOVE or self.laws or scene.contacts or scene.bilateral:
             return None
-        model = self.model  # which may have been changed since it was made of the scene
-        numbers = model.viscous, model.friction.level, model.armature, model.command_limit
-        lists = [values.tolist() for values in numbers]
-        return f"{model.scene.model_dump_json()} {model.pin.saveToString()} {lists}"
+        return exact((vars(model), self.stops))
 
     def _write(self, model: ArmModel) -> None:
         self.contact, self.project = None, None
         self._loads: tuple[ca.Function, ...] = ()
+        self._of_joints: tuple[ca.Function, ...] = ()
         self.method = _method(Response.algorithm, model)
         s = Symbols(model, self.parameters)
-        joints = Joints(model, s)
+        joints = Joints(model, s, self.stops)
         self._joints = s, joints
+        self._stop_power = _stop_power(s, joints) if self.pressed else None
         held = Bilateral(model, s, joints) if model.scene.bilateral else None
         self.project = held.project(joints.p) if held else None
         if model.scene.contacts:
             response = held or Response(model, s, joints)
             self.contact = contact_functions(model, s, joints, response)
             self.acceleration, push = self.contact.acceleration, self.contact.push
+            reaction = self.contact.reaction
             self._loads = self.contact.loads, self.contact.inertia
-        elif model.has_dry_friction:
-            free = held or response_of(model, s, joints)
-            self.method = _method(free.algorithm, model)
-            self.acceleration, loads, push = _stick_slip(model, s, joints, free)
-            self._loads = (loads,)
+        elif self.directions or self.pressed:
+            response = held or response_of(model, s, joints)
+            self.method = _method(response.algorithm, model)
+            self.acceleration, loads, reaction = _stick_slip(model, s, joints, response)
+            self._loads, push = (loads,), ca.SX(model.n, 1)
         elif held:
             arguments, a = [s.q, s.v, s.tau, s.p], held.accelerations(held.load)
             self.acceleration = dense_function("acceleration", arguments, a)
         else:
             self.method, self.acceleration = _shortest(model, s)
         if held and self._loads:
-            self._loads = (*self._loads, _bilateral(s, joints, held, push))
+            self._loads = (*self._loads, _bilateral(s, joints, held, push - reaction))
+        if self.stops:
+            jacobian = self.contact.jacobian if self.contact else ca.SX(0, model.n)
+            self._loads = (*self._loads, _stop_torques(s, joints, reaction))
+            self._of_joints = _stop_functions(s, joints, response, jacobian)
+        if self.free:
+            self.method = self.free.method
         self._compose(self.laws)
 
-    def accounted(self, ledger: Ensemble) -> Plant:
-        """The same arm with laws whose last state is what friction of contacts has taken."""
+    def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
+        """The same arm with laws whose last states integrate powers.
+
+        The last of them is what friction of contacts and compliant stops take.
+        """
         if "rhs" not in vars(self):
             self._write(self.model)
         other = copy(self)
-        other._compose(ledger, [self.contact.lost] if self.contact else [_nothing])
+        other.free = self.free and self.free.accounted(ledger, powers)
+        other._compose(ledger, [*powers, self._taken])
         return other
 
+    def _taken(self, q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+        """Power that friction of contacts and compliant stops take from the joints in [W]."""
+        takers = [self.contact.lost] if self.contact else []
+        takers += [self._stop_power] if self._stop_power else []
+        return sum((taker(q, v, tau, p) for taker in takers), ca.SX(1, 1))
+
     def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
+        """Put laws, and with them powers as states more, around the arm."""
         self.laws = laws
         self.torques = _torques(laws) if laws else None
         n, a = self.model.n, self.acceleration
         self.rhs = _driven(a, laws, powers) if laws else _state_space(a, n)
         self.events = tuple(_of_state(function, laws, n) for function in self._loads)
+        self.events = (*self.events, *self._of_joints)
         if self.contact:
             self.events = (*self.events, self.contact.geometry, self.contact.close)
 
@@ -159,7 +189,7 @@ class Plant:
         slope = ca.SX.sym("slope", x.shape[0])
         q, v, z = split(x, n)
         tau = self.laws.equations(q, v, z, u).torque if self.laws else u
-        load = s.tau - s.viscous - joints.friction
+        load = s.tau - s.passive - joints.friction + joints.stop
         left = ca.Function("load", [s.q, s.v, s.tau, joints.p], [load])(q, v, tau, p)
         by_q, by_v, M = inverse_derivatives(tree, s.q, s.v, slope[n : 2 * n], s.gravity)
         inertial = ca.Function("inertial", [s.q, s.v, slope, joints.p], [by_q, by_v, M])
@@ -176,6 +206,11 @@ class Plant:
     def closure(self) -> Closure:
         """States that obey the bilateral constraints; for one thread only."""
         return Closure(self.model)
+
+    @property
+    def has_modes(self) -> bool:
+        """Whether anything sticks, touches or meets a stop, so that there are events."""
+        return bool(self.directions or self.pressed or self.model.scene.contacts)
 
     @property
     def points(self) -> tuple[ContactPoint, ...]:
@@ -218,7 +253,10 @@ class Plant:
         return torque.reshape(u.shape)
 
 
-_WRITTEN = ("acceleration", "rhs", "events", "method", "contact", "project", "_joints", "_loads")
+_WRITTEN = (
+    *("acceleration", "rhs", "events", "method", "contact", "project"),
+    *("_joints", "_loads", "_of_joints", "_stop_power"),
+)
 """Attributes of a plant that come with its equations."""
 
 
@@ -242,10 +280,6 @@ def _driven(acceleration: ca.Function, laws: Ensemble, powers: Sequence[Power]) 
     more = [power(q, v, flow.torque, p) for power in powers]
     slopes = ca.vertcat(v, acceleration(q, v, flow.torque, p), flow.slope, *more)
     return dense_function("rhs", [x, u, p], slopes)
-
-
-def _nothing(*_: ca.SX) -> ca.SX:
-    return ca.SX(1, 1)
 
 
 def _of_state(function: ca.Function, laws: Ensemble | None, n: int) -> ca.Function:
@@ -272,7 +306,7 @@ def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
     arguments = [s.q, s.v, s.tau, s.p]
     candidates = []
     for name, law in algorithms(s.tree, model.n):
-        result = law(s.tree, s.q, s.v, s.tau - s.viscous, s.gravity)
+        result = law(s.tree, s.q, s.v, s.tau - s.passive, s.gravity)
         candidates.append((name, ca.Function("acceleration", arguments, [result], {"cse": True})))
     return min(candidates, key=lambda candidate: operations(candidate[1]))
 
@@ -288,9 +322,9 @@ def _method(algorithm: str, model: ArmModel) -> str:
 
 
 def _stick_slip(
-    model: ArmModel, s: Symbols, joints: Joints, response: Response | RecursiveResponse
+    model: ArmModel, s: Symbols, joints: Joints, response: AnyResponse
 ) -> tuple[ca.Function, ca.Function, ca.SX]:
-    """Acceleration, and what holds sticking joints: as ``loads`` without contacts, as torques."""
+    """Acceleration, ``loads`` without contacts, and the loads of joints that are held."""
     a = response.accelerations(response.load)
     reaction = response.reactions(response.load, a)
     arguments = [s.q, s.v, s.tau, joints.p]
@@ -299,7 +333,7 @@ def _stick_slip(
     return (
         ca.Function("acceleration", arguments, [a], {"cse": True}),
         dense_function("loads", arguments, held, none, none, none),
-        -reaction,
+        reaction,
     )
 
 
@@ -312,3 +346,31 @@ def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.F
     starting = ca.if_else(s.v == 0, joints.friction, 0)
     arguments = [s.q, s.v, s.tau, joints.p]
     return dense_function("bilateral", arguments, held.rank, push - starting)
+
+
+def _stop_functions(
+    s: Symbols, joints: Joints, response: AnyResponse, jacobian: ca.SX
+) -> tuple[ca.Function, ...]:
+    """What the engine asks where joints meet their stops.
+
+    ``strike``: ((q, v), p, what held joints gain, impulses of contacts) -> velocities after a blow
+    and the impulses that hold the held joints. ``pressures``: (q, v) -> ``Joints.pressures``.
+    """
+    n, x = s.q.shape[0], ca.vertcat(s.q, s.v)
+    change, impulse = ca.SX.sym("change", n), ca.SX.sym("impulse", jacobian.shape[0])
+    gain, held = response.struck(jacobian.T @ impulse, change)
+    strike = dense_function("strike", [x, joints.p, change, impulse], s.v + gain, held)
+    if not joints.pressed.shape[0]:
+        return (strike,)
+    return strike, dense_function("pressures", [x], joints.pressures)
+
+
+def _stop_torques(s: Symbols, joints: Joints, reaction: ca.SX) -> ca.Function:
+    """Torques with which stops push joints, those held by friction alone included."""
+    arguments = [s.q, s.v, s.tau, joints.p]
+    return dense_function("stop_torques", arguments, joints.stop - reaction)
+
+
+def _stop_power(s: Symbols, joints: Joints) -> ca.Function:
+    """Power that compliant stops take from the joints, some of which they may give back, [W]."""
+    return dense_function("taken", [s.q, s.v, s.tau, joints.p], -ca.dot(joints.stop, s.v))

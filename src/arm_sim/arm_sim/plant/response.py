@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the joints respond to torques while some of them stick.
+"""How the joints respond to torques while some of them stick or are held by a stop.
 
 A joint at rest under dry friction is not a stiff spring but a constraint, q̈ = 0, with the
 friction as its reaction (Karnopp, "Computer simulation of stick-slip friction in mechanical
 dynamic systems", J. Dyn. Sys. Meas. Control 107, 1985; Glocker, Set-Valued Force Laws, 2001).
-Which joints stick is an input, so that the expression has no branches.
+A joint
+at a rigid stop is held likewise, by a reaction that only pushes. Which joints are held is an
+input, so that the expression has no branches.
 """
 
 from __future__ import annotations
@@ -26,8 +28,8 @@ class Response:
         joints: What the joints do.
 
     Attributes:
-        load: Torques that act: those of the drives less gravity, inertial forces and the friction
-            of sliding joints, in [N m] or [N], shape (n,).
+        load: Torques that act: those of the drives and compliant stops less gravity, inertial
+            forces, springs and the friction of sliding joints, in [N m] or [N], shape (n,).
         algorithm: How accelerations are computed, for people.
     """
 
@@ -36,7 +38,7 @@ class Response:
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
         n = model.n
         bias = rigid_body.inverse(s.tree, s.q, s.v, ca.SX(n, 1), s.gravity)
-        self.load = s.tau - bias - s.viscous - joints.friction
+        self.load = s.tau - bias - s.passive - joints.friction + joints.stop
         self._M = rigid_body.mass_matrix(s.tree, s.q)
         self._sliding = ca.diag(joints.sliding)
         self._sticking = ca.SX.eye(n) - self._sliding
@@ -59,6 +61,20 @@ class Response:
         """
         return self._sticking @ (load - self._M @ a)
 
+    def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """A blow: velocities that jump, those of held joints by given amounts.
+
+        Args:
+            push: Impulses on the joints in [N m s] or [N s], shape (n,).
+            change: What held joints gain in [rad/s] or [m/s], zero for the others, shape (n,).
+
+        Returns:
+            What all joints gain, and the impulses that hold the held ones, each of shape (n,).
+        """
+        free = self._sliding @ (push - self._M @ change)
+        gain = change + rigid_body.solve(self._held, free)
+        return gain, self._sticking @ (self._M @ gain - push)
+
 
 class RecursiveResponse:
     """The same in work that grows as the number of joints, where none follows another.
@@ -69,7 +85,7 @@ class RecursiveResponse:
         joints: What the joints do.
 
     Attributes:
-        load: Torques that act besides gravity and inertial forces, in [N m] or [N], shape (n,).
+        load: As of ``Response``, but for gravity and inertial forces, shape (n,).
         algorithm: How accelerations are computed, for people.
     """
 
@@ -77,7 +93,7 @@ class RecursiveResponse:
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
         self._still, self._s, self._sliding = ca.SX(model.n, 1), s, joints.sliding
-        self.load = s.tau - s.viscous - joints.friction
+        self.load = s.tau - s.passive - joints.friction + joints.stop
 
     def accelerations(self, load: ca.SX) -> ca.SX:
         """As ``Response``."""
@@ -87,12 +103,21 @@ class RecursiveResponse:
         """As ``Response``; ``a`` follows from the load."""
         return self._motion(load)[1]
 
+    def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
+        """As ``Response``: what accelerations are to torques, gains of speed are to impulses."""
+        s, still = self._s, self._still
+        gain, lacking = hybrid(s.tree, s.q, still, push, ca.SX(3, 1), self._sliding, change)
+        return gain, -lacking
+
     def _motion(self, load: ca.SX) -> tuple[ca.SX, ca.SX]:
         s = self._s
         return hybrid(s.tree, s.q, s.v, load, s.gravity, self._sliding, self._still)
 
 
-def response_of(model: ArmModel, s: Symbols, joints: Joints) -> Response | RecursiveResponse:
+type AnyResponse = Response | RecursiveResponse
+
+
+def response_of(model: ArmModel, s: Symbols, joints: Joints) -> AnyResponse:
     """The shorter way for an arm that nothing but its joints holds."""
     if model.n > DENSE_AT_MOST and not s.tree.has_followers:
         return RecursiveResponse(model, s, joints)

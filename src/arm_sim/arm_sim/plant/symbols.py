@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
+from arm_dynamics.equations import spring, stop
 from arm_dynamics.equations.contact import MODE
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
@@ -22,7 +23,7 @@ class Symbols:
         p: Tunable quantities, shape (np,).
         tree: The links, with payloads that may be tunable.
         gravity: In the world frame in [m/s²], shape (3,).
-        viscous: Viscous friction less what pushes from outside, shape (n,).
+        passive: Viscous friction and springs less what pushes from outside, shape (n,).
     """
 
     def __init__(self, model: ArmModel, parameters: Parameters) -> None:
@@ -33,9 +34,11 @@ class Symbols:
         self.gravity = p.get("gravity", gravity_of(model))
         self._switches = ca.vertsplit(p["constraints"]) if "constraints" in p else []
         self._switchable = switchable(model.scene.constraints)
-        self.viscous = model.friction.smooth(self.v, p.get("friction"))
+        self.passive = model.friction.smooth(self.v, p.get("friction"))
+        if model.springs:
+            self.passive += spring.torque(model.springs, self.tree, self.q, self.v)
         if "external" in p:  # acts where friction does: on the link, behind limits and drives
-            self.viscous -= p["external"]
+            self.passive -= p["external"]
 
     def active(self, place: int) -> ca.SX | float:
         """1 or 0 for the constraint at a place of the scene's list: does it hold?"""
@@ -44,27 +47,53 @@ class Symbols:
 
 
 class Joints:
-    """What joints with dry friction and contacts do.
+    """What joints with dry friction or stops, and contacts, do.
+
+    Args:
+        model: The robot.
+        s: Its symbols.
+        stops: Whether joints may be at their stops.
 
     Attributes:
-        direction: Symbols: -1 and 1 for sliding that way, 0 for sticking; empty without friction.
-        sliding: 1 for a joint that slides, 0 for one that sticks, shape (n,).
+        direction: Symbols: -1 and 1 for sliding that way, 0 for sticking or being held by a rigid
+            stop; empty where no joint can.
+        pressed: Symbols: -1 and 1 where a joint leans on its lower or upper compliant stop, else
+            0; empty without such stops.
+        sliding: 1 for a joint that slides, 0 for one that is held, shape (n,).
         friction: Dry friction of those that slide in [N m] or [N], shape (n,).
+        stop: Torque of compliant stops on the joints in [N m] or [N], shape (n,).
+        pressures: What compliant stops would push with, see ``equations.stop``, shape (2 n,).
         contacts: Symbols: the modes of the contacts, see ``equations.contact.Mode``.
         p: The whole vector of tunable numbers and modes.
     """
 
-    def __init__(self, model: ArmModel, s: Symbols) -> None:
+    def __init__(self, model: ArmModel, s: Symbols, stops: bool = True) -> None:
         n, contacts = model.n, len(model.scene.contacts)
-        self.direction = ca.SX.sym("direction", n if model.has_dry_friction else 0)
+        rigid = model.stops.rigid.any(axis=0) & stops
+        directions, pressed = mode_sizes(model, stops)
+        self.direction = ca.SX.sym("direction", directions)
+        self.pressed = ca.SX.sym("pressed", pressed)
         self.contacts = ca.SX.sym("mode", MODE * contacts)
-        self.p = ca.vertcat(s.p, self.direction, self.contacts)
-        self.sliding, self.friction = ca.SX.ones(n), ca.SX(n, 1)
+        self.p = ca.vertcat(s.p, self.direction, self.pressed, self.contacts)
+        self.sliding, self.friction, self.stop = ca.SX.ones(n), ca.SX(n, 1), ca.SX(n, 1)
+        if self.direction.shape[0]:
+            may = (model.friction.level > 0.0) | rigid
+            self.sliding = ca.vertcat(*(self.direction[i] ** 2 if may[i] else 1 for i in range(n)))
         if model.has_dry_friction:
-            levels = enumerate(model.friction.level)
-            moves = [self.direction[i] ** 2 if level else 1 for i, level in levels]
-            self.sliding = ca.vertcat(*moves)
             self.friction = ca.sparsify(model.friction.dry(s.v, self.direction, s.q, s.tau))
+        if pressed:
+            at = model.stops
+            self.pressures = stop.pressures(s.q, s.v, at.place, at.stiffness, at.damping)
+            lower, upper = ca.vertsplit(self.pressures, n)
+            leans = (self.pressed < 0, self.pressed > 0)
+            self.stop = ca.sparsify(leans[0] * lower - leans[1] * upper)
+
+
+def mode_sizes(model: ArmModel, stops: bool = True) -> tuple[int, int]:
+    """Lengths of ``Joints.direction`` and ``Joints.pressed``: n each, or 0 where none is needed."""
+    sticks = model.has_dry_friction or (stops and bool(model.stops.rigid.any()))
+    yields = stops and bool(model.stops.compliant.any())
+    return model.n * sticks, model.n * yields
 
 
 def dense_function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:

@@ -3,14 +3,15 @@
 
 Where a motion is smooth and the command is the torque, both can be had from the recorded states.
 Where laws have states, a current rises and bristles snap within a tick, and where there are events
-friction jumps within one: a quadrature on the recorded states would miss it. Every tick is made
-again from its recorded beginning, by the same method, with the work that came in and the heat that
-went out since as further states. They are integrated as accurately as the motion itself. Nothing
-of this is done before it is asked for.
+friction and stops jump within one: a quadrature on the recorded states would miss it. Every tick
+is made again from its recorded beginning, by the same method, with the work that came in and the
+heat that went out since as further states. They are integrated as accurately as the motion itself.
+Nothing of this is done before it is asked for.
 """
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -20,47 +21,54 @@ import numpy as np
 from arm_dynamics import Dynamics
 from arm_dynamics.actuation.internal_state import Ensemble, Flow
 from arm_dynamics.arrays import Array
-from arm_dynamics.model.friction import JointFriction
+from arm_dynamics.equations import spring
+from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.plant import Plant, split
+from arm_sim.plant.plant import Plant, Power, split
+from arm_sim.plant.present import PresentDynamics
 from arm_sim.stepping.stepper import Stepper
+
+# How many ticks a joint may be away from a stop, at its speed, and still have met it in a tick.
+MARGIN = 2.0
+
+FLOWS = (
+    "work supplied [J]", "heat lost [J]", "heat of friction [J]", "work from outside [J]",
+    "lost in contacts [J]",
+)  # fmt: skip
+"""Energies that a tick made again integrates."""
+
+TRUSTED = 1e-3
+"""Part of the energy that moved by which an account may be off for a motion to be trusted."""
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Ledger(Ensemble):
     """The laws of a scene with the energies that flow as states more, all of them last.
 
-    They are the work supplied, the heat lost, and what friction of contacts takes, which
-    ``Plant.accounted`` adds. Impacts are no part of it.
-
-    Attributes:
-        friction: The rest of the friction, whose heat counts too.
+    They are the work supplied and the heat lost in laws, and those of ``Plant.accounted``: heat of
+    the joints' friction and of dampers, work from outside, and what friction of contacts and
+    compliant stops take. Impacts are no part of it.
     """
-
-    friction: JointFriction
 
     @property
     def names(self) -> tuple[str, ...]:
         """The laws' states, and the account."""
-        return (*super().names, "work supplied [J]", "heat lost [J]", "lost in contacts [J]")
+        return (*super().names, *FLOWS)
 
     @property
     def scale(self) -> Array:
-        """Size that matters of each of them, shape (nz + 3,)."""
-        return np.concatenate([super().scale, np.ones(3)])
+        """Size that matters of each of them, shape (nz + 5,)."""
+        return np.concatenate([super().scale, np.ones(len(FLOWS))])
 
     def initial(self, q: Array, v: Array) -> Array:
         """The laws' states, and an empty account."""
-        return np.concatenate([super().initial(q, v), np.zeros(3)])
+        return np.concatenate([super().initial(q, v), np.zeros(len(FLOWS))])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What the laws do, and the powers but the last: heat by friction is one of them."""
-        flow, law = super().equations(q, v, z, u), self.friction
-        torque = law.smooth(v)
-        if law.has_dry:
-            torque = torque + law.dry(v, ca.sign(v), q, flow.torque)
-        lost = flow.lost + ca.dot(torque, v)
-        return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, lost))
+        """What the laws do, and their powers as slopes of the first two energies."""
+        flow = super().equations(q, v, z, u)
+        return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, flow.lost))
 
 
 class EnergyAccount:
@@ -68,25 +76,36 @@ class EnergyAccount:
 
     Args:
         plant: The scene's equation of motion.
-        dynamics: The scene's dynamics.
+        present: Its dynamics under tunable quantities.
         choice: How it is integrated.
         backend: As for ``Kernel``.
     """
 
-    def __init__(self, plant: Plant, dynamics: Dynamics, choice: Choice, backend: str) -> None:
-        self._plant, self._dynamics = plant, dynamics
+    def __init__(
+        self, plant: Plant, present: PresentDynamics, choice: Choice, backend: str
+    ) -> None:
+        self._plant, self._present = plant, present
         self._choice, self._backend = choice, backend
         self._laws = plant.laws or Ensemble((), plant.model.n)
 
-    @property
-    def makes_ticks_again(self) -> bool:
-        """Whether ``flows`` costs as much as the ticks themselves."""
-        return self._plant.laws is not None or bool(self._plant.events)
-
     def prepare(self) -> None:
         """Build now what the first ``flows`` would have to build."""
-        if self.makes_ticks_again:
+        if self._plant.laws is not None or self._plant.has_modes:
             self._ledger.restart()
+
+    def makes_ticks_again(self, x: Array) -> bool:
+        """Whether ``flows`` costs as much as the ticks themselves for states of shape (k+1, nx).
+
+        A smooth motion without laws needs it only where it meets a stop.
+        """
+        model = self._plant.model
+        smooth = self._plant.laws is None and (not self._plant.has_modes or self._plant.free)
+        if not smooth:
+            return True
+        q, v = x[:, : model.n], x[:, model.n : 2 * model.n]
+        # A rebound shows in how fast a joint leaves, even if it is nowhere at the stop in between.
+        near = [q, *(q + way * self._choice.dt * v for way in (-MARGIN, MARGIN))]
+        return any(model.stops.touched(place).any() for place in near)
 
     def stored(self, x: Array) -> Array:
         """Energy that the laws store at states of shape (k, nx), in [J], shape (k,)."""
@@ -94,42 +113,96 @@ class EnergyAccount:
             return np.zeros(len(x))
         return np.array(self._stored(x.T)).ravel()
 
-    def flows(self, x: Array, u: Array, p: Array) -> Array:
+    def energies(self, x: Array, p: Array) -> Array:
+        """Kinetic, potential and stored energy at states.
+
+        Args:
+            x: States, shape (k, nx).
+            p: Tunable quantities at each, shape (k, np).
+
+        Returns:
+            In [J], shape (k, 3).
+        """
+        q, v, _ = self._parts(x)
+        parts = [
+            np.transpose(self._present.at(p[run.start]).energy(q[run], v[run]))
+            for run in self._present.runs(p)
+        ]
+        return np.column_stack([np.concatenate(parts), self.stored(x)])
+
+    def multipliers(self, x: Array, tau: Array, p: Array, held: Collection[str]) -> Array:
+        """λ of the constraints at states, as ``Dynamics.constrained_forward`` has them.
+
+        Args:
+            x: States, shape (k, nx).
+            tau: Torques on the joints in [N m] or [N], shape (k, n).
+            p: Tunable quantities at each state, shape (k, np).
+            held: Names of the constraints that hold.
+
+        Returns:
+            In [N] and [N m], shape (k, m).
+        """
+        q, v, _ = self._parts(x)
+        parts = [
+            self._present.at(p[run.start]).constrained_forward(q[run], v[run], tau[run], held)[1]
+            for run in self._present.runs(p)
+        ]
+        return np.concatenate(parts)
+
+    def flows(self, x: Array, after: Array, u: Array, p: Array) -> Array:
         """Work supplied and heat lost in each tick.
 
         Args:
-            x: States before each tick and after the last, shape (k+1, nx).
+            x: States at the beginning of each tick, shape (k, nx).
+            after: States at its end, shape (k, nx).
             u: Command that acted in each tick, shape (k, n).
-            p: Tunable quantities, shape (np,).
+            p: Tunable quantities in each tick, shape (k, np).
 
         Returns:
             Work and heat in [J], shape (k, 2); NaN if a tick cannot be made again.
         """
-        if self.makes_ticks_again:
-            supplied, *lost = self._made_again(x, u, p).T
-            return np.stack([supplied, sum(lost)], axis=1)
-        q, v = np.split(x, 2, axis=1)
-        work = np.sum(u * np.diff(q, axis=0), axis=1)  # exact: a torque is held over its tick
-        return np.stack([work, dissipated_work(self._dynamics, self._choice.dt, q, v, u)], axis=1)
+        if not len(u):
+            return np.zeros((0, 2))
+        if self.makes_ticks_again(np.vstack([x, after[-1:]])):
+            supplied, lost, friction, outside, contacts, impacts = self._made_again(x, u, p).T
+            return np.stack([supplied + outside, lost + friction + contacts + impacts], axis=1)
+        pushed = self._plant.parameters.place("external")
+        acting = u if pushed is None else u + p[:, pushed]
+        way = self._parts(after)[0] - self._parts(x)[0]
+        work = np.sum(acting * way, axis=1)  # exact: what acts is held over its tick
+        heat = [
+            dissipated_work(
+                self._present.at(p[run.start]), self._choice.dt,
+                (x[run], after[run]), u[run],
+            )
+            for run in self._present.runs(p)
+        ]  # fmt: skip
+        return np.stack([work, np.concatenate(heat)], axis=1)
 
     def contact_losses(self, x: Array, u: Array, p: Array) -> Array:
         """Energy that impacts, and friction of contacts, took out in each tick, made again.
 
-        In [J], shape (k, 2); arguments as for ``flows``.
+        In [J], shape (k, 2); arguments as those of ``flows``.
         """
-        return self._made_again(x, u, p)[:, [3, 2]]
+        return self._made_again(x, u, p)[:, [5, 4]]
+
+    def _parts(self, x: Array) -> list[Array]:
+        """q, v and z of states."""
+        n = self._plant.model.n
+        return np.split(x, (n, 2 * n), axis=1)
 
     def _made_again(self, x: Array, u: Array, p: Array) -> Array:
-        """Work supplied, heat lost, losses in contacts and in impacts, shape (k, 4)."""
-        stepper, flows = self._ledger, np.full((len(u), 4), np.nan)
-        trace, effort = np.empty((1, x.shape[1] + 3)), np.empty((1, u.shape[1]))
-        stepper.p[:] = p
+        """The energies of ``FLOWS``, and losses in impacts, of each tick, shape (k, 6)."""
+        stepper, many = self._ledger, len(FLOWS)
+        flows = np.full((len(u), many + 1), np.nan)
+        trace, effort = np.empty((1, x.shape[1] + many)), np.empty((1, u.shape[1]))
         stepper.restart()
         for k in range(len(u)):
+            stepper.p[:] = p[k]
             before = stepper.report.impact_loss
-            start = np.concatenate([x[k], np.zeros(3)])
-            if stepper.roll(start, u[k].copy(), trace, effort, np.empty(1)) == 1:
-                flows[k] = [*trace[0, -3:], stepper.report.impact_loss - before]
+            start = np.concatenate([x[k], np.zeros(many)])
+            if stepper.roll(start, u[k].copy(), trace, effort, np.empty((1, 2))) == 1:
+                flows[k] = [*trace[0, -many:], stepper.report.impact_loss - before]
         return flows
 
     @cached_property
@@ -145,13 +218,55 @@ class EnergyAccount:
 
     @cached_property
     def _ledger(self) -> Stepper:
-        model = self._plant.model
-        ledger = Ledger(self._laws.laws, model.n, model.friction)
-        return Stepper(self._plant.accounted(ledger), self._choice, self._backend)
+        ledger = Ledger(self._laws.laws, self._plant.model.n)
+        powers = friction_heat(self._plant), outside_work(self._plant)
+        return Stepper(self._plant.accounted(ledger, powers), self._choice, self._backend)
 
 
-def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Array) -> Array:
-    """Energy that friction takes out in each tick: the integral of F·v by Simpson's rule.
+def relative_error(balance: float, moved: float, size: float) -> float:
+    """Energy from nowhere over the energy that moved.
+
+    Args:
+        balance: Energy from nowhere in [J].
+        moved: Energy that changed its form, came in or went out, in [J].
+        size: Largest energy there was in [J]; ``ROUNDING`` of it is no motion, but rounding.
+
+    Returns:
+        A ratio; infinite where an energy is not finite.
+    """
+    if not np.isfinite([balance, moved, size]).all():
+        return np.inf
+    return float(abs(balance) / (moved + ROUNDING * size + np.finfo(float).tiny))
+
+
+def friction_heat(plant: Plant) -> Power:
+    """Power that the joints' friction and dampers turn into heat, but for laws with states."""
+    model, tuned = plant.model, plant.parameters.place("friction")
+    law, tree = model.friction, tree_of(model)
+
+    def power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+        torque = law.smooth(v, None if tuned is None else p[tuned])
+        if law.has_dry:
+            torque = torque + law.dry(v, ca.sign(v), q, tau)
+        return ca.dot(torque, v) + spring.heat(model.springs, tree, q, v)
+
+    return power
+
+
+def outside_work(plant: Plant) -> Power:
+    """Power of the torques from outside."""
+    pushed = plant.parameters.place("external")
+
+    def power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+        return ca.SX(1, 1) if pushed is None else ca.dot(p[pushed], v)
+
+    return power
+
+
+def dissipated_work(
+    dynamics: Dynamics, dt: float, states: tuple[Array, Array], tau: Array
+) -> Array:
+    """Energy that friction and dampers take out in each tick: their power by Simpson's rule.
 
     Position and velocity in the middle of a tick are those of the cubic through both ends
     (Hermite).
@@ -159,19 +274,23 @@ def dissipated_work(dynamics: Dynamics, dt: float, q: Array, v: Array, tau: Arra
     Args:
         dynamics: The scene's dynamics.
         dt: Length of a tick in [s].
-        q: Joint positions in [rad] or [m], shape (k+1, n).
-        v: Joint velocities in [rad/s] or [m/s], shape (k+1, n).
+        states: States (q, v) at the beginning and at the end of each tick, each of shape (k, 2n).
         tau: Torque of each tick in [N m] or [N], shape (k, n).
 
     Returns:
         Energy in [J], shape (k,).
     """
-    if not len(tau):
-        return np.zeros(0)
-    middle = 0.5 * (q[:-1] + q[1:]) + 0.125 * dt * (v[:-1] - v[1:])
-    speed = 1.5 * np.diff(q, axis=0) / dt - 0.25 * (v[:-1] + v[1:])
+    (q0, v0), (q1, v1) = (np.split(x[:, : 2 * dynamics.n], 2, axis=1) for x in states)
+    middle = 0.5 * (q0 + q1) + 0.125 * dt * (v0 - v1)
+    speed = 1.5 * (q1 - q0) / dt - 0.25 * (v0 + v1)
+    torque = dynamics.friction
     power = [
-        np.sum(dynamics.friction(rate, q=at, load=tau) * rate, axis=1)
-        for at, rate in ((q[:-1], v[:-1]), (middle, speed), (q[1:], v[1:]))
+        np.sum((torque(rate, q=at, load=tau) + _damping(dynamics, at, rate)) * rate, axis=1)
+        for at, rate in ((q0, v0), (middle, speed), (q1, v1))
     ]
     return dt * (power[0] + 4.0 * power[1] + power[2]) / 6.0
+
+
+def _damping(dynamics: Dynamics, q: Array, v: Array) -> Array:
+    """The dampers' part of the springs' torques, shape (k, n)."""
+    return dynamics.spring(q, v) - dynamics.spring(q)

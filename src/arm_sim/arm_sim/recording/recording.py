@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -11,10 +12,13 @@ import numpy as np
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.energy_account import EnergyAccount
+from arm_sim.recording.changes import Jump
+from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_error
+
+_log = logging.getLogger(__name__)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Recording:
     """States at the beginning of a run and after each of its k ticks; arrays are read-only.
 
@@ -26,11 +30,13 @@ class Recording:
         command: What was commanded from each time on, limits applied, shape (k+1, n): torques in
             [N m] or [N], or what a joint's drive takes; the last row repeats the last tick's.
         error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
-        dynamics: The scene's dynamics, for the energies.
+        time_stepped: By each time, ticks in which events piled up; see ``State``, shape (k+1,).
+        dynamics: The arm's dynamics at the end of the run.
         plant: The scene's equation of motion.
         account: What keeps the energy account, when asked.
-        p: Tunable quantities during the run, shape (np,).
+        p: Tunable quantities from each time on, shape (k+1, np).
         held: Names of the constraints that held.
+        jumps: What the controller changed between two ticks.
     """
 
     time: Array
@@ -39,11 +45,13 @@ class Recording:
     z: Array
     command: Array
     error: Array
+    time_stepped: Array
     dynamics: Dynamics
     plant: Plant
     account: EnergyAccount
     p: Array
     held: tuple[str, ...] = ()
+    jumps: tuple[Jump, ...] = ()
 
     def __len__(self) -> int:
         """Number of recorded states."""
@@ -59,23 +67,23 @@ class Recording:
         return read_only(self.plant.joint_torque(after, self.command))
 
     @cached_property
-    def _energies(self) -> tuple[Array, Array]:
-        return self.dynamics.energy(self.q, self.v)
+    def _energies(self) -> Array:
+        return self.account.energies(self._x, self.p)
 
     @property
     def kinetic(self) -> Array:
         """Kinetic energy in [J], shape (k+1,)."""
-        return self._energies[0]
+        return self._energies[:, 0]
 
     @property
     def potential(self) -> Array:
-        """Potential energy in [J], shape (k+1,)."""
-        return self._energies[1]
+        """Potential energy of weight and springs in [J], shape (k+1,)."""
+        return self._energies[:, 1]
 
-    @cached_property
+    @property
     def stored(self) -> Array:
-        """What the laws store in [J], shape (k+1,): in springs, coils, bristles, rotors."""
-        return self.account.stored(self._x)
+        """What the laws store in [J], shape (k+1,): in flexible drives, coils, bristles."""
+        return self._energies[:, 2]
 
     @cached_property
     def energy(self) -> Array:
@@ -93,21 +101,87 @@ class Recording:
         return self._flows[:, 1]
 
     @cached_property
+    def stop_torque(self) -> Array:
+        """Torques with which stops hold joints back from each time on in [N m] or [N], (k+1, n).
+
+        See ``Simulator.stop_torque``.
+        """
+        stepper, torque = self.account.stepper, np.zeros_like(self.q)
+        stepper.p[:] = self.p
+        for k in np.flatnonzero(self.plant.model.stops.touched(self.q).any(axis=1)):
+            torque[k] = stepper.stop_torque(self._x[k], self.command[k])
+        return read_only(torque)
+
+    @cached_property
     def multipliers(self) -> Array:
         """λ of the constraints in [N] and [N m], shape (k+1, m): see ``constrained_forward``."""
-        tau = self.plant.joint_torque(self._x, self.command)
-        if self.plant.events and self.plant.project:
+        outside = self.plant.parameters.place("external")
+        tau = np.array(self.plant.joint_torque(self._x, self.command))
+        tau += 0.0 if outside is None else self.p[:, outside]
+        if self.plant.has_modes and self.plant.project:
             stepper = self.account.stepper
-            stepper.p[:] = self.p
-            pairs = zip(self._x, self.command, strict=True)
-            tau = tau + np.array([stepper.push(*pair) for pair in pairs])
-        return self.dynamics.constrained_forward(self.q, self.v, tau, self.held)[1]
+            for k, (x, u, p) in enumerate(zip(self._x, self.command, self.p, strict=True)):
+                stepper.p[:] = p
+                tau[k] += stepper.push(x, u)
+        return self.account.multipliers(self._x, tau, self.p, self.held)
 
     @cached_property
     def balance(self) -> Array:
-        """Energy from nowhere in [J], shape (k+1,): E - E(0) - supplied + lost."""
-        gained: Array = self.energy - self.energy[0]
-        return gained - self.supplied + self.lost
+        """Energy from nowhere in [J], shape (k+1,): E - E(0) - supplied - changed + lost."""
+        start = self.energy[0] - self.changed[0]
+        balance: Array = self.energy - start - self.supplied - self.changed + self.lost
+        return balance
+
+    @cached_property
+    def changed(self) -> Array:
+        """What changes between ticks had put in by each time in [J], shape (k+1,).
+
+        Of payload, gravity or friction, by ``set_parameter`` and its like, and of the state, by
+        ``set_state`` and ``set_constraint``, while the run went on.
+        """
+        changed = np.zeros(len(self))
+        for jump in self.jumps:
+            before = self.account.energies(jump.x[None], jump.p[None]).sum()
+            changed[jump.row] = self.energy[jump.row] - before
+        return np.cumsum(changed)
+
+    @cached_property
+    def energy_error(self) -> float:
+        """Largest energy from nowhere, relative to the energy that moved; inf if it is unknown.
+
+        Above 1e-3 the motion is not to be trusted: a warning is logged once for each recording.
+        """
+        parts = np.column_stack([self._energies, self.supplied, self.lost, self.changed])
+        moved = float(np.ptp(parts, axis=0).sum())
+        balance = float(np.max(abs(self.balance)))
+        error = relative_error(balance, moved, float(abs(self._energies).max()))
+        if error > TRUSTED:
+            _log.warning("%s; a smaller dt or a tolerance is expected", self._told(error))
+        return error
+
+    @property
+    def trusted(self) -> bool:
+        """Whether the energy account is off by no more than 1e-3 of the energy that moved."""
+        return self.energy_error <= TRUSTED
+
+    def __repr__(self) -> str:
+        """One line: how long, of what, and whether it is to be trusted if that is known.
+
+        It is looked at here where that is cheap: where no tick has to be made again.
+        """
+        known = "energy_error" in vars(self) or not self.account.makes_ticks_again(self._x)
+        told = self._told(self.energy_error) if known else "energy account not looked at yet"
+        span = f"{self.time[0]:g} to {self.time[-1]:g} s"
+        return f"<Recording: {len(self) - 1} ticks, {span}, {self.q.shape[1]} joints; {told}>"
+
+    @staticmethod
+    def _told(error: float) -> str:
+        if error <= TRUSTED:
+            return f"energy account closed to {error:.2g} of the energy that moved"
+        return (
+            f"not to be trusted: the energy account is off by {error:.2g} of the energy that "
+            f"moved, more than {TRUSTED:g}"
+        )
 
     @property
     def _x(self) -> Array:
@@ -115,5 +189,9 @@ class Recording:
 
     @cached_property
     def _flows(self) -> Array:
-        flows = self.account.flows(self._x, self.command[:-1], self.p)
+        x, after = self._x, self._x[1:].copy()
+        for jump in self.jumps:
+            if jump.row > 0:
+                after[jump.row - 1] = jump.x
+        flows = self.account.flows(x[:-1], after, self.command[:-1], self.p[:-1])
         return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])

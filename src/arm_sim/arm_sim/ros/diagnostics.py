@@ -8,9 +8,11 @@ from dataclasses import dataclass, field
 
 from rclpy.node import Node
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state import native
+from arm_sim.recording.energy_account import TRUSTED
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.params import SimParams
@@ -83,15 +85,28 @@ class SimDiagnostics:
 
     def _look_at_simulation(self) -> Finding:
         engine, found = self.engine, Finding("simulation")
-        state, account = engine.queue.run(lambda: (engine.simulator.state, engine.account()))
+        state, stops, account = engine.queue.run(
+            lambda: (engine.simulator.state, engine.simulator.stop_torque, engine.account())
+        )
         found.values = {
             "time [s]": state.time, "paused": engine.paused, "diverged": bool(engine.failure),
+            "at stops": _at_stops(engine.simulator.joint_names, stops),
             "method": engine.simulator.choice.method.name, "error estimate": state.error,
+            "time-stepped ticks": state.time_stepped,
             "energy balance [J]": "closed" if account is None else account.balance,
             "energy [J]": "closed" if account is None else account.total,
         }  # fmt: skip
+        piled_up = "ticks were stepped through at first order: too many events"
+        self.growth.warn(found, state.time_stepped, piled_up)
         if engine.failure:
             found.complain(ERROR, engine.failure)
+        if engine.energy_error > TRUSTED:
+            off, dt = engine.energy_error, engine.simulator.dt
+            found.complain(
+                WARN,
+                f"the energy account is off by {off:.2g} of the energy that moved, more than "
+                f"{TRUSTED:g}: with ticks of {dt:g} s a smaller dt or a tolerance is expected",
+            )
         return found
 
     def _look_at(self, lockstep: Lockstep) -> Finding:
@@ -104,3 +119,9 @@ class SimDiagnostics:
         if lockstep.gone:
             found.complain(ERROR, "the partner gives no answer; time stands still")
         return found
+
+
+def _at_stops(names: Sequence[str], torque: Array) -> str:
+    """Joints that lean on stops and the torques with which these hold them back, as text."""
+    pushed = [f"{name} {x:.4g}" for name, x in zip(names, torque, strict=True) if x != 0.0]
+    return ", ".join(pushed) or "none"

@@ -3,11 +3,13 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_sim.recording.energy_account import relative_error
 from arm_sim.simulator import Simulator
 
 
@@ -19,52 +21,64 @@ class Account(NamedTuple):
     total: float
     input: float
     dissipated: float
+    changed: float
     balance: float
 
 
 class EnergyMeter:
     """Notes every tick cheaply and adds up when asked.
 
-    Where laws have states a tick is added up at once, so that no tick has to wait for many.
+    A tick that must be made again for it is added up at once, so that no tick has to wait for
+    many.
+
+    Attributes:
+        error: Largest energy from nowhere when it was asked, relative to the energy that moved.
     """
 
     def __init__(self, simulator: Simulator) -> None:
         """Open the account at the simulator's present state."""
-        self._simulator = simulator
-        self._states, self._commands = [simulator.x.copy()], list[Array]()
-        self._flows = np.zeros(2)
-        self._start = sum(self._energies())
+        self._simulator, self.error = simulator, 0.0
+        self._last, self._ticks = simulator.x.copy(), list[tuple[Array, Array, Array, Array]]()
+        self._flows, self._changed = np.zeros(2), 0.0
+        self._start = self._energies()
+        self._most = np.zeros(3)
 
-    def note(self, push: Array | None = None) -> None:
-        """Take in the tick that was just made.
-
-        Args:
-            push: Joint torques from outside that acted beside the command, shape (n,).
-        """
-        x = self._simulator.x.copy()
-        if push is not None:
-            self._flows[0] += push @ (x - self._states[-1])[: len(push)]
-        self._commands.append(self._simulator.command)
-        self._states.append(x)
-        if self._simulator.energy_account.makes_ticks_again:
+    def note(self) -> None:
+        """Take in the tick that was just made."""
+        x, simulator = self._simulator.x.copy(), self._simulator
+        before, self._last = self._last, x
+        self._ticks.append((before, x, simulator.command, simulator.parameters))
+        if simulator.energy_account.makes_ticks_again(np.stack([before, x])):
             self._add_up()
+
+    def change(self, action: Callable[[], Any]) -> None:
+        """Run what changes payload, friction, gravity or state, and note what it puts in."""
+        self._add_up()
+        before = sum(self._energies())
+        action()
+        self._last = self._simulator.x.copy()
+        self._changed += sum(self._energies()) - before
 
     def account(self) -> Account:
         """Add up what happened since the account was opened."""
         self._add_up()
-        kinetic, potential, stored = self._energies()
-        total, (supplied, lost) = kinetic + potential + stored, self._flows.tolist()
-        balance = total - self._start - supplied + lost
-        return Account(kinetic, potential, total, supplied, lost, balance)
+        energies = self._energies()
+        total, (supplied, lost) = float(sum(energies)), self._flows.tolist()
+        balance = total - float(sum(self._start)) - supplied - self._changed + lost
+        self._most = np.maximum(self._most, abs(energies - self._start))
+        moved = self._most.sum() + abs(supplied) + lost + abs(self._changed)
+        self.error = relative_error(balance, moved, max(abs(total), abs(energies[1])))
+        kinetic, potential, _ = energies.tolist()
+        return Account(kinetic, potential, total, supplied, lost, self._changed, balance)
 
     def _add_up(self) -> None:
-        if self._commands:
-            x, u = np.array(self._states), np.array(self._commands)
-            flows = self._simulator.energy_account.flows(x, u, self._simulator.parameters)
-            self._flows += flows.sum(axis=0)
-            self._states, self._commands = self._states[-1:], []
+        if self._ticks:
+            x, after, u, p = (np.array(part) for part in zip(*self._ticks, strict=True))
+            self._flows += self._simulator.energy_account.flows(x, after, u, p).sum(axis=0)
+            self._ticks = []
 
-    def _energies(self) -> tuple[float, float, float]:
-        x, n = self._states[-1], self._simulator.n
-        kinetic, potential = self._simulator.dynamics.energy(x[:n], x[n : 2 * n])
-        return kinetic, potential, float(self._simulator.energy_account.stored(x[None])[0])
+    def _energies(self) -> Array:
+        """Kinetic, potential and stored energy, shape (3,)."""
+        simulator = self._simulator
+        energies = simulator.energy_account.energies(simulator.x[None], simulator.parameters[None])
+        return np.asarray(energies[0])

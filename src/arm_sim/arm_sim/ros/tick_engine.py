@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Any
 
-import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
@@ -142,7 +141,8 @@ class TickEngine:
 
     def _advance(self, tau: Sequence[float]) -> bool:
         """Make a tick; on divergence pause at the last good state and return False."""
-        push = self._push_torque() if self._pushable else None
+        if self._pushable:
+            self._push()
         try:
             self.simulator.advance(tau)
         except SimulationDiverged as error:
@@ -151,7 +151,7 @@ class TickEngine:
             )
             return False
         if self._meter is not None:
-            self._meter.note(push)
+            self._meter.note()
         _call(self.on_tick)
         return True
 
@@ -174,13 +174,20 @@ class TickEngine:
         self.arbiter.forget()
         self._wrenches.clear()
         self.failure, self._was_stale = "", False
+        self._meter = None
         self.change(self.simulator.reset)
 
     def change(self, action: Callable[[], Any]) -> None:
-        """Run what changes state or model at once; the energy account is closed."""
-        action()
-        self._meter = None
+        """Run what changes state or model at once; the energy account notes what it puts in."""
+        self._accounted(action)
         _call(self.on_jump)
+
+    def _accounted(self, action: Callable[[], Any]) -> None:
+        if self._meter is None:
+            action()
+        else:
+            self._meter.change(action)
+        self.commands.dynamics = self.simulator.dynamics  # the weight may be another one
 
     # --- wrenches ------------------------------------------------------------------------------
 
@@ -205,19 +212,18 @@ class TickEngine:
         simulator = self.simulator
         if not self._pushable:
             ExternalWrenches(simulator.dynamics).push(frame, wrench, 0)  # refuses at once
-            self.queue.run(external_change(simulator))
+            pushable = external_change(simulator)
+            self.queue.run(lambda: self._accounted(pushable))
             self._pushable = True
         last = self._wrench_ticks - 1
         self.queue.run(lambda: self._wrenches.push(frame, wrench, simulator.step_count + last))
 
-    def _push_torque(self) -> np.ndarray | None:
-        """Joint torques of the wrenches in the next tick, shape (n,), None if there are none."""
-        if not (self._wrenches.active or self._pushing):
-            return None
-        tau = self._wrenches.torque(self._q, self.simulator.step_count)
-        self.simulator.set_parameter(EXTERNAL, tau)
-        self._pushing = bool(self._wrenches.active)
-        return tau
+    def _push(self) -> None:
+        """Let the wrenches act in the next tick."""
+        if self._wrenches.active or self._pushing:
+            tau = self._wrenches.torque(self._q, self.simulator.step_count)
+            self.simulator.set_parameter(EXTERNAL, tau)
+            self._pushing = bool(self._wrenches.active)
 
     # --- energy --------------------------------------------------------------------------------
 
@@ -231,6 +237,11 @@ class TickEngine:
     def account(self) -> Account | None:
         """Energies since the account was opened; None while it is closed."""
         return None if self._meter is None else self._meter.account()
+
+    @property
+    def energy_error(self) -> float:
+        """Energy from nowhere in the last account, of the energy that moved; 0 without one."""
+        return 0.0 if self._meter is None else self._meter.error
 
 
 def _call(listeners: Listeners) -> None:

@@ -26,9 +26,9 @@ class Trouble(IntEnum):
 
     NONE = 0
     NUMBERS = 1
-    EVENTS = 2
-    UNDETERMINED = 3
-    INSIDE = 4
+    UNDETERMINED = 2
+    INSIDE = 3
+    STOP = 4  # without compiled code
 
 
 class EventReport(ctypes.Structure):
@@ -38,17 +38,19 @@ class EventReport(ctypes.Structure):
         impact_loss: Energy lost in impacts in [J].
         impacts: How many there were.
         trouble: Why the last tick failed, see ``Trouble``.
+        time_stepped: In how many ticks events piled up.
     """
 
     _fields_ = [
         ("impact_loss", ctypes.c_double),
         ("impacts", ctypes.c_longlong),
         ("trouble", ctypes.c_longlong),
+        ("time_stepped", ctypes.c_longlong),
     ]
 
     def restart(self) -> None:
         """Start afresh, as after a reset."""
-        self.impact_loss, self.impacts, self.trouble = 0.0, 0, 0
+        self.impact_loss, self.impacts, self.trouble, self.time_stepped = 0.0, 0, 0, 0
 
 
 class Modes:
@@ -57,17 +59,20 @@ class Modes:
     Attributes:
         p: The vector, shape (np,) with all that follows the tunable numbers.
         tunable: Its tunable numbers, a view.
-        direction: Of joints, -1 and 1 slide, 0 sticks; a view, empty without dry friction.
+        direction: Of joints, -1 and 1 slide, 0 sticks or is held by a rigid stop; a view, empty
+            without dry friction and rigid stops.
+        pressed: Of joints, -1 and 1 lean on the lower or upper compliant stop, else 0; a view,
+            empty without compliant stops.
         contact: Of contacts, a view of fields ``closed``, ``sticks``, ``along`` and ``fixed``.
     """
 
     def __init__(self, plant: Plant, tunable: Array) -> None:
         """Take over tunable numbers; every joint and contact is still to be determined."""
-        directions = plant.model.n if plant.model.has_dry_friction else 0
         layout = np.dtype(
             [
                 ("tunable", float, (len(tunable),)),
-                ("direction", float, (directions,)),
+                ("direction", float, (plant.directions,)),
+                ("pressed", float, (plant.pressed,)),
                 ("contact", CONTACT_MODE, (len(plant.points),)),
             ]
         )
@@ -75,5 +80,6 @@ class Modes:
         self.p: Array = record.view(float).reshape(-1) if layout.itemsize else np.zeros(0)
         self.tunable: Array = record["tunable"][0]
         self.direction: Array = record["direction"][0]
+        self.pressed: Array = record["pressed"][0]
         self.contact = record["contact"][0]
         self.tunable[:] = tunable

@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import ctypes
 import os
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
@@ -21,11 +22,13 @@ from arm_sim.inputs import whole
 from arm_sim.integrators.methods import build_step, build_tick
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
-from arm_sim.plant.placing import closed_rows
+from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.stepper import Stepper, pointer, sizes, source
+from arm_sim.stepping.stepper import Stepper, pointer, sizes, source, stop_places
 
 WIDTHS = (8, 4, 2, 1)
+# How CasADi writes a choice; C++ has no such operator for many arms at a time.
+_CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")
 
 
 @dataclass(frozen=True)
@@ -52,19 +55,25 @@ class Rollouts:
 
     def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
         self._plant, self._choice, self._backend = plant, choice, backend
-        # Error control, dry friction and contacts give every arm sub-steps of its own.
-        self._alike = choice.tolerance is None and not plant.events and backend != "vm"
+        # Error control, dry friction and contacts give every arm sub-steps of its own. So do
+        # stops: arms that meet one are advanced once more, alone.
+        self._smooth = plant.free or plant
+        self._alike = choice.tolerance is None and not self._smooth.events and backend != "vm"
         self._libraries: dict[int, ctypes.CDLL | None] = {}
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
+        if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
+            allowed = ", ".join(map(str, WIDTHS))
+            raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
         library, width = self._library(lanes) if self._alike else (None, 1)
 
         def work(first: int, last: int) -> None:
             if library is None:
-                self._one_by_one(batch, first, last)
+                self._one_by_one(batch, range(first, last))
             else:
-                self._in_lanes(library, batch, first, last)
+                stopped = self._in_lanes(library, batch, first, last)
+                self._one_by_one(batch, stopped)
 
         share(len(batch.x0), width, threads, work)
         n = self._plant.model.n
@@ -81,6 +90,9 @@ class Rollouts:
                 raise InvalidInput(f"{name}: {count} arms, but q0 has {arms}")
         rows = np.ascontiguousarray(np.broadcast_to(p, (arms, p.shape[-1])))
         nx, x0 = self._plant.nx, closed_rows(self._plant, np.hstack([q0, v0]), rows)
+        if self._plant.model.stops:
+            q0 = [inside_stops(self._plant, x[:n], f"arm {i}: ") for i, x in enumerate(x0)]
+            x0 = np.hstack([np.reshape(q0, (arms, n)), x0[:, n:]])
         if self._plant.nz:
             z0 = [self._plant.initial(*np.split(x, 2)) for x in x0]
             x0 = np.hstack([x0, np.reshape(z0, (arms, -1))])
@@ -98,7 +110,9 @@ class Rollouts:
         by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
         return np.broadcast_to(by_tick, (arms, max(1, steps), n))
 
-    def _in_lanes(self, library: ctypes.CDLL, batch: Batch, first: int, last: int) -> None:
+    def _in_lanes(self, library: ctypes.CDLL, batch: Batch, first: int, last: int) -> list[int]:
+        """Advance arms side by side; return those that would have met a stop."""
+        met = (ctypes.c_byte * len(batch.x0))()
         length = np.array([self._choice.dt])
         arm, tick = (ctypes.c_longlong(stride // 8) for stride in batch.tau.strides[:2])
         row = ctypes.c_longlong(batch.p.strides[0] // 8)
@@ -106,26 +120,27 @@ class Rollouts:
             pointer(batch.x0), pointer(batch.tau), arm, tick, pointer(batch.p), row,
             pointer(length), ctypes.c_longlong(batch.steps), ctypes.c_longlong(first),
             ctypes.c_longlong(last), pointer(batch.out), ctypes.c_int(batch.out.ndim == 2),
+            ctypes.byref(met),
         )  # fmt: skip
+        return [arm for arm in range(first, last) if met[arm]]
 
-    def _one_by_one(self, batch: Batch, first: int, last: int) -> None:
+    def _one_by_one(self, batch: Batch, arms: Sequence[int]) -> None:
+        if not arms:
+            return
         stepper = Stepper(self._plant, self._choice, self._backend)
         n, nx, steps = self._plant.model.n, self._plant.nx, batch.steps
-        trace, effort, errors = np.empty((steps, nx)), np.empty((steps, n)), np.empty(steps)
-        for arm in range(first, last):
+        trace, effort, notes = np.empty((steps, nx)), np.empty((steps, n)), np.empty((steps, 2))
+        for arm in arms:
             stepper.restart()
             stepper.p[:] = batch.p[arm]
             x, tau = batch.x0[arm].copy(), np.ascontiguousarray(batch.tau[arm])
-            done = stepper.roll(x, tau, trace, effort, errors)
+            done = stepper.roll(x, tau, trace, effort, notes)
             trace[done:] = np.nan
             motion = np.vstack([batch.x0[arm], trace])
             batch.out[arm] = motion[-1] if batch.out.ndim == 2 else motion
 
     def _library(self, lanes: int | None) -> tuple[ctypes.CDLL | None, int]:
         """Compiled code and the number of arms that it advances side by side."""
-        if lanes is not None and lanes not in WIDTHS:
-            allowed = ", ".join(map(str, WIDTHS))
-            raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
         for width in dict.fromkeys((lanes or natural_width(), 1)):
             if width not in self._libraries:
                 self._libraries[width] = self._built(width)
@@ -143,13 +158,15 @@ class Rollouts:
             return None
 
     def _source(self, width: int) -> str:
-        plant = self._plant
+        plant = self._smooth
         method, n, scaled = self._choice.method, plant.model.n, plant.scaled_jacobian
         step = build_step(method, plant.rhs, n, plant.project, scaled)
         tick = build_tick(step, actuation(plant))
-        lanes = f'#define LANES {width}\n#include "lanes.hpp"\n'
-        driver = source(sizes(plant, [tick]) | {"TICK": "tick"}, "rollout.c")
-        return (lanes if width > 1 else '#include "scalar.h"\n') + generate([tick]) + driver
+        driver = source(sizes(plant, [tick]) | {"TICK": "tick"} | stop_places(plant), "rollout.c")
+        if width == 1:
+            return '#include "scalar.h"\n' + generate([tick]) + driver
+        code = _CHOICE.sub(r"if_else_zero(\1,\2)", generate([tick]))
+        return f'#define LANES {width}\n#include "lanes.hpp"\n' + code + driver
 
 
 def natural_width() -> int:
@@ -170,8 +187,8 @@ def share(arms: int, width: int, threads: int | None, work: Callable[[int, int],
     Raises:
         InvalidInput: If the number of threads is not positive.
     """
-    if threads is not None and threads < 1:
-        raise InvalidInput(f"threads = {threads!r}; expected at least one")
+    if threads is not None:
+        whole("threads", threads, 1)
     count = threads or len(os.sched_getaffinity(0))
     groups = -(-arms // width)
     edges = [min(arms, groups * i // count * width) for i in range(count + 1)]

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
+import sys
 from collections.abc import Callable, Sequence
 from functools import partial
 from pathlib import Path
@@ -20,7 +21,7 @@ import numpy as np
 
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import Kernel
+from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.codegen.recall import recalled
 from arm_dynamics.dynamics.verify import check_constrained, check_forward
 from arm_dynamics.equations.contact import AT_REST
@@ -37,12 +38,20 @@ from arm_sim.stepping.adaptive import (
     controlled_tick,
     within_reach,
 )
-from arm_sim.stepping.events import EventReport, Modes
+from arm_sim.stepping.events import EventReport, Modes, Trouble
 
 _log = logging.getLogger(__name__)
 NATIVE_BACKENDS = ("auto", "native")
 PACKAGE = Path(__file__).parents[1]
 NATIVE = Path(__file__).parent / "native"
+FREE = "free_"
+"""What names of functions begin with that know of no stops."""
+NOWHERE = sys.float_info.max
+"""Place of a stop that is not there: beyond every position."""
+MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1e6, 100, 50, 200
+"""Arithmetic operations of a tick with events, about a millisecond, and smooth motions that it may
+take in any case, before it is time-stepped; who asks for error control waits longer. Each motion
+costs some operations besides its own."""
 WITH_EVENTS = ("cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c")
 """Parts of the engine that only scenes with events need, in their order."""
 
@@ -71,23 +80,25 @@ class Stepper:
         self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
     ) -> None:
         described = plant.described() if control is None and backend in NATIVE_BACKENDS else None
-        what = described and f"{described} {choice.method.name} {choice.tolerance is None}"
+        what = described and f"{described} {choice.method.name} {choice.dt} {choice.tolerance}"
         make = partial(_kernel, plant, choice, backend, control)
         self.kernel = recalled(what, (PACKAGE,), make)
-        _check(plant, self.kernel)
+        _check(plant, self.kernel, "rhs")
+        if plant.free:
+            _check(plant.free, self.kernel, f"{FREE}rhs")
         self._plant, self._dt = plant, choice.dt
         self.p = plant.parameters.nominal
         self.report = EventReport()
         self._control: SubstepControl | None = None
         if choice.tolerance is not None:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
-        smooth = "attempt" if self._control else "step"
+        smooth = (FREE if plant.free else "") + ("attempt" if self._control else "step")
         limits = 0 if self._control else self.kernel.operations("actuate")
         self.tick_operations = self.kernel.operations(smooth) + limits
         self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
 
     def bound(
-        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
+        self, x: Array, command: Array, trace: Array, effort: Array, notes: Array
     ) -> Callable[[], int]:
         """Make a function of k ticks, to be called as often as one likes.
 
@@ -99,26 +110,26 @@ class Stepper:
                 compiled controller's references.
             trace: Receives the state after each tick, shape (k, nx).
             effort: Receives the torque that acted in each tick, shape (k, n).
-            errors: Receives the estimated error of q after each tick, shape (k,); zeros without
-                estimate.
+            notes: Receives the estimated error of q after each tick, zero without estimate, and
+                how many ticks were time-stepped since the last restart, shape (k, 2).
 
         Returns:
             Function that advances by k ticks, or fewer if a number stops being finite, and says
             how many were good.
         """
         if self.kernel.library is None:
-            return partial(self._by_call, x, command, trace, effort, errors)
+            return partial(self._by_call, x, command, trace, effort, notes)
         stride = ctypes.c_longlong(command.shape[-1] if command.ndim == 2 else 0)
         control = None if self._control is None else ctypes.byref(self._control)
         return _library_function(
             self.kernel, "roll", pointer(x), pointer(command), stride, pointer(self.p),
             ctypes.c_double(self._dt), ctypes.c_longlong(len(trace)), pointer(trace),
-            pointer(effort), pointer(errors), control, ctypes.byref(self.report),
+            pointer(effort), pointer(notes), control, ctypes.byref(self.report),
         )  # fmt: skip
 
-    def roll(self, x: Array, command: Array, trace: Array, effort: Array, errors: Array) -> int:
+    def roll(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
         """Advance once, see ``bound``; return the number of good ticks."""
-        return self.bound(x, command, trace, effort, errors)()
+        return self.bound(x, command, trace, effort, notes)()
 
     def restart(self) -> None:
         """Forget what was learned from earlier steps."""
@@ -132,27 +143,39 @@ class Stepper:
         A contact that approaches its plane counts as closed already.
         """
         modes = Modes(self._plant, self.p)
-        if self._plant.events:
+        modes.direction[:] = 1.0
+        if self._plant.has_modes and self.kernel.native:
             state, torque = np.ascontiguousarray(x), np.ascontiguousarray(u)
             find = getattr(self.kernel.library, "find_modes")  # noqa: B009 - the library's
             find.restype = ctypes.c_longlong
             find(pointer(state), pointer(torque), pointer(modes.p))
         return modes
 
+    def stop_torque(self, x: Array, u: Array) -> Array:
+        """Torques with which stops hold joints back at a state under a torque, shape (n,)."""
+        q, (lower, upper) = x[: self._plant.model.n], self._plant.model.stops.place
+        if not (self.kernel.native and ((q <= lower) | (q >= upper)).any()):
+            return np.zeros(len(q))
+        torque = self.kernel.call("stop_torques")(x, u, self.modes_at(x, u).p)[0]
+        pushes = np.where(q <= lower, torque > 0.0, (q >= upper) & (torque < 0.0))
+        return np.where(pushes, torque, 0.0)
+
     def push(self, x: Array, u: Array) -> Array:
         """Torques of contacts and friction at rest, beside bilateral constraints, shape (n,)."""
         torque: Array = self.kernel.call("bilateral")(x, u, self.modes_at(x, u).p)[1]
         return torque
 
-    def _by_call(
-        self, x: Array, command: Array, trace: Array, effort: Array, errors: Array
-    ) -> int:
+    def _by_call(self, x: Array, command: Array, trace: Array, effort: Array, notes: Array) -> int:
         for k in range(len(trace)):
             u = self._actuate(x, command[k] if command.ndim == 2 else command)[0]
+            before = x.copy()
             if not self._flow(x, u):
                 return k
+            if self._plant.model.stops.touched(x[: len(u)]).any():
+                x[:], self.report.trouble = before, Trouble.STOP
+                return k
             trace[k], effort[k] = x, u
-            errors[k] = self._control.error if self._control else 0.0
+            notes[k] = self._control.error if self._control else 0.0, 0.0
         return len(trace)
 
     def _flow(self, x: Array, u: Array) -> bool:
@@ -170,8 +193,12 @@ def _kernel(plant: Plant, choice: Choice, backend: str, control: CompiledControl
     """What a stepper runs, from the equations."""
     if plant.model.n > DENSE_AT_MOST:
         _log.info("writing the equations of %d joints", plant.model.n)
-    functions = [plant.rhs, _smooth(plant, choice), actuation(plant, control), *plant.events]
-    engine = engine_source(plant, choice, functions)
+    smooth = _smooth(plant, choice)
+    functions = [plant.rhs, smooth, actuation(plant, control), *plant.events]
+    if plant.free:
+        smooth = _renamed(_smooth(plant.free, choice))
+        functions += [_renamed(plant.free.rhs), smooth]
+    engine = engine_source(plant, choice, functions, smooth)
     return Kernel(functions, backend, engine, needs_native=_eventful(plant))
 
 
@@ -188,16 +215,36 @@ def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
     }
 
 
-def engine_source(plant: Plant, choice: Choice, functions: Sequence[ca.Function]) -> str:
-    """C source of the engine for a scene, to be compiled after the functions that it calls."""
+def engine_source(
+    plant: Plant, choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function
+) -> str:
+    """C source of the engine for a scene, to be compiled after the functions that it calls.
+
+    ``smooth`` is the one that advances over a tick without events.
+    """
     defines = sizes(plant, functions)
     if choice.tolerance is not None:
         most = MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS
         order = str(choice.method.order)
         defines |= {"ADAPTIVE": "1", "ORDER": order, "MOST_SUBSTEPS": str(most)}
     if plant.events:
-        defines |= _event_sizes(plant)
+        defines |= _event_sizes(plant) | {"MOST_WORK": str(_most_work(choice, smooth))}
     return source(defines, "flow.c", *(WITH_EVENTS if plant.events else ()), "roll.c")
+
+
+def _most_work(choice: Choice, smooth: ca.Function) -> int:
+    """How many smooth motions a tick may take before the rest of it is time-stepped."""
+    bound = MOST_OPERATIONS * (1 if choice.tolerance is None else PATIENCE)
+    return round(max(LEAST_WORK, bound / (operations(smooth) + OVERHEAD)))
+
+
+def stop_places(plant: Plant) -> dict[str, str]:
+    """Where the stops of either kind are, for drivers of smooth motion; nothing without any."""
+    stops = plant.model.stops
+    if not stops:
+        return {}
+    lower, upper = np.clip(stops.place, -NOWHERE, NOWHERE)
+    return {"STOPS": "1", "LOWER": _braces(lower), "UPPER": _braces(upper)}
 
 
 def source(defines: dict[str, str], *files: str) -> str:
@@ -212,8 +259,11 @@ def pointer(array: Array) -> ctypes.c_void_p:
 
 
 def _eventful(plant: Plant) -> str:
-    """What of a scene only the compiled engine can do; nothing if its motion is smooth."""
-    dry = ["dry friction"] if plant.events and plant.model.has_dry_friction else []
+    """What of a scene only the compiled engine can do; nothing if its motion is smooth.
+
+    A joint away from its stops moves smoothly.
+    """
+    dry = ["dry friction"] if plant.model.has_dry_friction else []
     return " and ".join([*dry, *(["contact"] if plant.points else [])])
 
 
@@ -225,14 +275,29 @@ def _smooth(plant: Plant, choice: Choice) -> ca.Function:
     return build_attempt(choice.method, plant.rhs, n, plant.scale, plant.project, scaled)
 
 
+def _renamed(function: ca.Function) -> ca.Function:
+    """The function for joints away from their stops, under a name of its own."""
+    arguments = [ca.MX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
+    return ca.Function(f"{FREE}{function.name()}", arguments, function.call(arguments))
+
+
 def _event_sizes(plant: Plant) -> dict[str, str]:
-    model, points = plant.model, plant.points
-    dry = model.has_dry_friction
+    model, points, stops = plant.model, plant.points, plant.model.stops
+    lower, upper = np.clip(stops.bounds, -NOWHERE, NOWHERE)
     return {
         "NC": str(len(points)),
         "NB": "1" if plant.project else "0",
-        "ND": str(model.n if dry else 0),
-        "STATIC": _braces(model.friction.level if dry else np.zeros(model.n)),
+        "ND": str(plant.directions),
+        "NQ": str(plant.pressed),
+        **({"RIGID": "1"} if stops.rigid.any() else {}),
+        **({"FREE": "1"} if plant.free else {}),
+        "LOWER": _braces(lower),
+        "UPPER": _braces(upper),
+        "LOWER_REBOUND": _braces(stops.restitution[0]),
+        "UPPER_REBOUND": _braces(stops.restitution[1]),
+        "SOFT_LOWER": _braces(np.where(stops.compliant[0], stops.place[0], -NOWHERE)),
+        "SOFT_UPPER": _braces(np.where(stops.compliant[1], stops.place[1], NOWHERE)),
+        "STATIC": _braces(model.friction.level),
         "FRICTION": _braces([point.friction for point in points]),
         "HOLDING": _braces([point.static_friction for point in points]),
         "RESTITUTION": _braces([point.restitution for point in points]),
@@ -256,13 +321,13 @@ def _library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[]
     return call
 
 
-def _check(plant: Plant, kernel: Kernel) -> None:
+def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
     """Hold the kernel's accelerations against Pinocchio before anyone uses them."""
-    call, dynamics, n = kernel.call("rhs"), Dynamics(plant.model), plant.model.n
+    call, dynamics, n = kernel.call(rhs), Dynamics(plant.model), plant.model.n
     modes = Modes(plant, plant.parameters.nominal)
 
     def acceleration(q: Array, v: Array, tau: Array) -> Array:
-        modes.direction[:] = np.sign(v)[: len(modes.direction)]
+        modes.direction[:] = np.sign(v)[: len(modes.direction)]  # none is at a stop
         x = np.concatenate([q, v, plant.initial(q, v)])
         a = call(x, tau, modes.p)[0][n : 2 * n]
         if plant.torques is None:

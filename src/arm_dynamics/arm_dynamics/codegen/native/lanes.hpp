@@ -32,6 +32,17 @@ static inline real fmin(real x, real y) { return x.v < y.v ? x.v : y.v; }
 static inline real fmax(real x, real y) { return x.v > y.v ? x.v : y.v; }
 static inline real fabs(real x) { return (lanes_t)((bits)x.v & 0x7fffffffffffffffLL); }
 
+/* Truth is 1 or 0, as in C; what is not chosen may be anything, even no number. */
+static inline real truth(bits b) { return b ? 1.0 - lanes_t{} : lanes_t{}; }
+static inline real operator<(real x, real y) { return truth(x.v < y.v); }
+static inline real operator<=(real x, real y) { return truth(x.v <= y.v); }
+static inline real operator==(real x, real y) { return truth(x.v == y.v); }
+static inline real operator!=(real x, real y) { return truth(x.v != y.v); }
+static inline real operator!(real x) { return truth(x.v == 0.0); }
+static inline real operator&&(real x, real y) { return truth((x.v != 0.0) & (y.v != 0.0)); }
+static inline real operator||(real x, real y) { return truth((x.v != 0.0) | (y.v != 0.0)); }
+static inline real if_else_zero(real condition, real x) { return condition.v != 0.0 ? x.v : lanes_t{}; }
+
 static inline real sqrt(real x) {
   for (int i = 0; i < LANES; ++i) x.v[i] = __builtin_sqrt(x.v[i]);
   return x;

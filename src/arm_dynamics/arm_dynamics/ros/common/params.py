@@ -124,6 +124,8 @@ def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
     if not several:
         return value
     listed = [value] if isinstance(value, bool | int | float | str) else list(value)
+    if any(isinstance(one, bool) for one in listed) and not isinstance(like, bool):
+        raise InvalidInput(f"parameter '{name}' is {value}; numbers are expected")
     if about.get("each_joint"):  # as the core takes them
         return listed[0] if len(listed) == 1 else listed
     return type(like)(listed)

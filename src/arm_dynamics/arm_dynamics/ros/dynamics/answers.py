@@ -55,6 +55,7 @@ def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
     response.coriolis_matrix = batch.matrices(dynamics.coriolis_matrix(batch.q, v))
     response.gravity = batch.vectors(dynamics.gravity(batch.q))
     response.friction = batch.vectors(dynamics.friction(v, q=batch.q))
+    response.spring = batch.vectors(dynamics.spring(batch.q, v))
     response.kinetic_energy = to_array(finite_answer(kinetic))
     response.potential_energy = to_array(finite_answer(potential))
     response.joint_names = batch.joint_names
@@ -124,6 +125,7 @@ def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
         "inertia": terms.inertia,
         "coriolis": terms.coriolis,
         "gravity": terms.gravity,
+        "spring": terms.spring,
         "inverse": batch.by_joint(terms.inverse, -2),
         "null_space": batch.by_joint(batch.by_joint(terms.null_space, -1), -2),
         "manipulability": terms.manipulability,

@@ -37,7 +37,7 @@ if TYPE_CHECKING:
 
     from arm_dynamics.client import ArmClient, Postures
 
-TERMS = {"inertia": 1, "coriolis": 2, "gravity": 4, "friction": 8}
+TERMS = {"inertia": 1, "coriolis": 2, "gravity": 4, "friction": 8, "spring": 16}
 
 
 def _terms(context: click.Context, option: click.Parameter, text: str) -> int:
@@ -59,13 +59,13 @@ def _terms(context: click.Context, option: click.Parameter, text: str) -> int:
 @vector("velocity", "Joint velocities")
 @vector("acceleration", "Joint accelerations")
 @click.option("--terms", default="all", show_default=True, callback=_terms,
-              help="all, or some of inertia,coriolis,gravity,friction.")  # fmt: skip
+              help="all, or some of inertia,coriolis,gravity,friction,spring.")  # fmt: skip
 @joints
 @asks(DYNAMICS)
 def inverse_dynamics(
     client: ArmClient, as_json: bool, terms: int, joints: list[str], **vectors: Vector | None
 ) -> None:
-    """Torques that produce a motion: M(q) a + C(q, v) v + G(q) + F(v)."""
+    """Torques that produce a motion: M(q) a + C(q, v) v + G(q) + S(q, v) + F(v)."""
     question = Question(client, joints, vectors)
     q, v, a = question.given("position", "velocity", "acceleration")
     tau = client.inverse_dynamics(q, v, a, terms, question.order)
@@ -89,7 +89,7 @@ def forward_dynamics(
 
 
 @call.command(
-    short_help="Mass matrix, Coriolis matrix, gravity, friction, energies.",
+    short_help="Mass matrix, Coriolis matrix, gravity, friction, springs, energies.",
     epilog=examples('./arm call dynamics-terms --position "0 -0.8 0 -2.4 0 1.6 0.8" --json'),
 )
 @vector("position", "Joint positions in rad or m", required=True)
@@ -99,11 +99,11 @@ def forward_dynamics(
 def dynamics_terms(
     client: ArmClient, as_json: bool, joints: list[str], **vectors: Vector | None
 ) -> None:
-    """Mass matrix, Coriolis matrix, gravity, friction and energies."""
+    """Mass matrix, Coriolis matrix, gravity, friction, springs and energies."""
     question = Question(client, joints, vectors)
     terms = client.dynamics_terms(*question.given("position", "velocity"), question.order)
-    names = ("mass_matrix", "coriolis_matrix", "gravity", "friction", "kinetic_energy",
-             "potential_energy")  # fmt: skip
+    torques = ("gravity", "friction", "spring")
+    names = ("mass_matrix", "coriolis_matrix", *torques, "kinetic_energy", "potential_energy")
     found = {name: question.points(getattr(terms, name)) for name in names}
     if as_json:
         plain = {name: question.plain(values) for name, values in found.items()}
@@ -114,7 +114,7 @@ def dynamics_terms(
             heading = f"{name.replace('_', ' ')} [{question.unit(unit)}]"
             print_matrix(heading, question.names, question.names, found[name][k])
         torque = question.unit("effort")
-        columns = {f"{name} [{torque}]": found[name][k] for name in ("gravity", "friction")}
+        columns = {f"{name} [{torque}]": found[name][k] for name in torques}
         print_columns("joint", question.names, columns)
         for name in ("kinetic_energy", "potential_energy"):
             console().print(f"  {name.replace('_', ' ')}: {number(found[name][k])} J")
@@ -263,8 +263,8 @@ def constrained_dynamics(
 ) -> None:
     """Accelerations and forces that torques produce under the scene's constraints.
 
-    tau = M a + C v + G + F + A^T lambda with A v = 0. lambda is what the arm exerts against the
-    constraints: force and moment of a constraint's first frame upon its second.
+    tau = M a + C v + G + S + F + A^T lambda with A v = 0. lambda is what the arm exerts against
+    the constraints: force and moment of a constraint's first frame upon its second.
     """
     question = Question(client, joints, vectors)
     q, v, a, tau = question.given("position", "velocity", "acceleration", "effort")
@@ -348,6 +348,7 @@ def _print_task(question: Question, axes: list[str], answer: dict[str, Any]) -> 
     columns = {
         "velocity [m/s, rad/s]": answer["twist"], "bias [m/s², rad/s²]": answer["bias"],
         "Coriolis [N, N m]": answer["coriolis"], "gravity [N, N m]": answer["gravity"],
+        "springs [N, N m]": answer["spring"],
     }  # fmt: skip
     print_columns("axis", axes, columns)
     condition = number(answer["condition"])

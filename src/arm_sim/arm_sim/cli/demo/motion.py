@@ -122,7 +122,7 @@ def _better_start(dynamics: Dynamics) -> Array:
     best = light[0] if light.size else largest.argmin()
     if largest[best] > EFFORT_SHARE:
         joint = shares[best].argmax()
-        needed = abs(dynamics.gravity(tries[best])[joint])
+        needed = shares[best, joint] * model.effort_limit[joint]
         raise InvalidInput(
             f"this arm cannot carry its own weight: joint '{dynamics.joint_names[joint]}' needs "
             f"{needed:.4g} N m or N, its effort limit is {model.effort_limit[joint]:.4g}; "
@@ -132,8 +132,8 @@ def _better_start(dynamics: Dynamics) -> Array:
 
 
 def _weight_shares(dynamics: Dynamics, q: Array) -> Array:
-    """Parts of the effort limits that holding the arm needs."""
-    return np.abs(dynamics.gravity(q)) / dynamics.model.effort_limit
+    """Parts of the effort limits that holding the arm on its springs needs."""
+    return np.abs(dynamics.gravity(q) + dynamics.spring(q)) / dynamics.model.effort_limit
 
 
 def _shares(dynamics: Dynamics, trajectory: Trajectory) -> tuple[float, float]:

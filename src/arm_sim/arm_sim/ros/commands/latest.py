@@ -20,18 +20,24 @@ class LatestCommand:
     Age is counted in ticks since a command was first used, so a run by hand is repeatable.
 
     Attributes:
+        dynamics: The arm whose weight the policy ``gravity`` carries; may be replaced.
         age: Ticks since the newest command was first used; 0 without one.
         stale: Whether the policy is in force because commands have stopped.
         stale_count: How often commands have stopped.
     """
 
     def __init__(self, dynamics: Dynamics) -> None:
-        zero = np.zeros(dynamics.n)
+        self.dynamics, zero = dynamics, np.zeros(dynamics.n)
         none: Sequence[float] = zero.tolist()
+
+        def standing(q: Array) -> Sequence[float]:
+            held = self.dynamics.gravity(q) + self.dynamics.spring(q)
+            return list(self.dynamics.command_map(q, zero, held).tolist())
+
         self._policies: dict[str, Callable[[Array], Sequence[float]]] = {
             ZERO: lambda q: none,
             HOLD: lambda q: none if self._used is None else self._used,
-            GRAVITY: lambda q: dynamics.command_map(q, zero, dynamics.gravity(q)).tolist(),
+            GRAVITY: standing,
         }
         self._newest: Sequence[float] | None = None
         self._used: Sequence[float] | None = None
@@ -46,7 +52,8 @@ class LatestCommand:
         Args:
             timeout: Ticks that a command may act; 0: for ever.
             policy: What acts after that and before the first command: ``zero``, ``hold`` of the
-                last command, or the one that carries the arm's weight, ``gravity``.
+                last command, or the one that carries what springs leave of the arm's weight,
+                ``gravity``.
         """
         self._timeout, self._policy = timeout, self._policies[policy]
 

@@ -33,7 +33,8 @@
 #define SETTLED 1e-15    /* relative change of the forces at which sweeps end */
 #define FORCE_STEPS 60
 #define STEP_HALVINGS 12
-#define SOLVED 1e-13     /* relative size of what Newton's equations may leave ... */
+#define SOLVED 1e-13     /* relative size of what Newton's equations are to leave, ... */
+#define ROUNDED 1e-10    /* ... the same where rounding leaves more, ... */
 #define REGULAR 1e-12    /* ... and part of the trace that keeps them regular */
 #define CONTINUED 20     /* steps in which friction grows from nothing where all else fails */
 
@@ -294,34 +295,35 @@ static void read_answers(const cones_t* cones, const double* r, answer_t* answer
   }
 }
 
-/* Improve forces by Newton's method until they obey: 0 if that does not happen. */
+/* Improve forces by Newton's method until they obey, or as far as rounding lets them: 0 if they do not. */
 static int newton(const cones_t* cones, double* r, answer_t* answers) {
-  double trial[MC], after[MC], F[MC], J[MC][MC], step[MC];
+  double trial[MC], after[MC], F[MC], J[MC][MC], step[MC], left, largest;
   for (int i = 0; i < MC; ++i) trial[i] = r[i];
   double size = equations(cones, trial, F, J);
-  for (int turn = 0; turn < FORCE_STEPS; ++turn) {
-    double left = 0.0, largest = 0.0, length = 1.0, next = size;
+  for (int turn = 0, better = 1; ; ++turn) {
+    double length = 1.0, next = size;
+    left = largest = 0.0;
     for (int i = 0; i < MC; ++i) {
       left = fmax(left, fabs(F[i]));
       largest = fmax(largest, fabs(trial[i]));
       step[i] = -F[i];
     }
-    if (left <= SOLVED * (largest + 1e-300)) {
-      for (int i = 0; i < MC; ++i) r[i] = trial[i];
-      read_answers(cones, r, answers);
-      return 1;
-    }
-    if (!solve_linear(MC, J[0], step)) return 0;
-    for (int k = 0; k < STEP_HALVINGS; ++k) {
+    if (left <= (better ? SOLVED : ROUNDED) * (largest + 1e-300) || turn == FORCE_STEPS) break;
+    if (!solve_linear(MC, J[0], step)) break;
+    better = 0;
+    for (int k = 0; k < STEP_HALVINGS && !better; ++k) {
       for (int i = 0; i < MC; ++i) after[i] = trial[i] + length * step[i];
       next = equations(cones, after, F, J);
-      if (next < (1.0 - 1e-4 * length) * size) break;
+      better = next < (1.0 - 1e-4 * length) * size;
       length *= 0.5;
     }
     for (int i = 0; i < MC; ++i) trial[i] = after[i];
     size = next;
   }
-  return 0;
+  if (!(left <= ROUNDED * (largest + 1e-300))) return 0;
+  for (int i = 0; i < MC; ++i) r[i] = trial[i];
+  read_answers(cones, r, answers);
+  return 1;
 }
 
 static void take_part(cones_t* cones, double part) {

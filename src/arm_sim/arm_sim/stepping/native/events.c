@@ -7,11 +7,18 @@
  * (Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, 1996). A joint that sticks has acceleration zero, not a
  * small one: it stays where it is, to the bit. Joints alone are the case of no contacts.
  *
- * Before this file: impact.c, segments.c; DEEP (how far inside its plane a point may be and still be taken for touching).
+ * Where events pile up, as when a ball comes to rest, the search for all of them would take longer than anyone waits. Once
+ * a tick has taken MOST_WORK, the rest of it is time-stepped: modes are chosen at the beginning of a step and what went
+ * wrong is caught at its end, without rebound, as in Moreau's scheme (Jean, "The non-smooth contact dynamics method",
+ * Comput. Methods Appl. Mech. Eng. 177, 1999). That is of first order, and told.
+ *
+ * Before this file: impact.c, segments.c; DEEP (how far inside its plane a point may be and still be taken for touching),
+ * MOST_WORK (smooth motions that a tick may take before it is time-stepped).
  */
 
 #define EVENTS
-#define MOST_EVENTS (NC ? 5000 : 50 * NU) /* a tick with more is not a motion any more */
+#define CATCHES 10   /* ways back from inside a plane */
+#define TIME_STEPS 4 /* into which the rest of such a tick is divided */
 #define MOST_REBOUNDS 500 /* impacts in one tick after which its contacts do not rebound any more */
 
 static int is_inside(const real* x) {
@@ -38,9 +45,53 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
   report->impact_loss += lost;
   report->impacts += lost > 0.0;
   find_anchors(&geometry, anchor);
-  if (is_off(x, segment, &geometry)) close_contacts(x, segment, anchor);
+  if (is_off(x, segment, &geometry)) {
+    close_contacts(x, segment, anchor);
+    rest_touching(x, segment, anchor);
+  }
   return NONE;
 }
+
+/* Bring back what went through its plane or its stop, and stop what turned although it should have come to rest. Speeds
+ * into planes and stops stay, for the blow that takes them counts what it takes.
+ */
+static void catch_up(real* x, const segment_t* segment) {
+  segment_t caught = *segment;
+  geometry_t geometry;
+  real anchor[2 * NC], v[NU];
+  for (int i = 0; i < ND; ++i)
+    if (may_stick(i) && x[NU + i] * segment->p.direction[i] <= 0.0) x[NU + i] = 0.0;
+  for (int i = 0; i < NU; ++i) v[i] = x[NU + i];
+  find_geometry(x, &geometry);
+  find_anchors(&geometry, anchor);
+  for (int k = 0; k < NC; ++k)
+    if (geometry.place[3 * k] < 0.0) caught.p.contact[k].closed = 1.0;
+  for (int turn = 0; turn < CATCHES; ++turn) {
+    stop_at_limits(x);
+    for (int i = 0; i < ND; ++i)
+      if (at_stop(x, i)) caught.p.direction[i] = 0.0; /* a way back that passes a stop is none */
+    close_contacts(x, &caught, anchor);
+    if (turn > 0 && !is_inside(x)) break;
+  }
+  for (int i = 0; i < NU; ++i) x[NU + i] = v[i];
+}
+
+/* The rest of a tick in few steps of fixed length, in place. */
+static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
+  segment->step = left / TIME_STEPS;
+  for (int k = 0; k < TIME_STEPS; ++k) {
+    real after[NX], anchor[2 * NC];
+    const enum trouble trouble = begin_segment(x, segment, left, MOST_REBOUNDS, report, anchor);
+    if (trouble != NONE) return trouble;
+    if (!flow_once(x, segment->u, (const real*)&segment->p, segment->step, after)) return NUMBERS;
+    close_contacts(after, segment, anchor);
+    catch_up(after, segment);
+    for (int i = 0; i < NX; ++i) x[i] = after[i];
+  }
+  return NONE;
+}
+
+static long long time_stepped(const report_t* report) { return report->time_stepped; }
 
 static enum trouble tick_with_events(const real* x, segment_t* segment, double h, report_t* report, real* now) {
   const long long impacts_before = report->impacts;
@@ -48,7 +99,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
   for (int i = 0; i < NX; ++i) now[i] = x[i];
   if (is_inside(now)) return INSIDE;
   for (int k = 0; k < NC; ++k) segment->contact[k].ended = STICKS;
-  for (long long event = 0; event < MOST_EVENTS; ++event) {
+  while (*segment->work < MOST_WORK) {
     real after[NX], anchor[2 * NC];
     int calm;
     const long long impacts = report->impacts - impacts_before;
@@ -63,15 +114,39 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
     find_ended(after, segment, calm);
     close_contacts(after, segment, anchor);
     if (!stop_joints(after, segment)) return NUMBERS;
+    stop_at_limits(after);
     for (int i = 0; i < NX; ++i) now[i] = after[i];
     if ((calm && reach == left) || left - length <= 0.0) return NONE;
     left -= length;
   }
-  return EVENTS_WITHOUT_END;
+  ++report->time_stepped;
+  return step_through(now, segment, left, report);
 }
 
+#ifdef FREE
+/* A tick in which no joint comes to a stop, without looking at modes: 0 if it is not that. */
+static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
+  const control_t kept = control ? *control : (control_t){0};
+  if (touches_stop(x) || !flow_free(x, u, p, h, control, after)) goto other;
+  if (touches_stop(after)) goto other;
+  for (int i = 0; i < NU; ++i)
+    if (may_dip(x, after, h, i)) goto other;
+  return 1;
+other:
+  if (control) *control = kept;
+  return 0;
+}
+#endif
+
 static int tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report, real* after) {
-  segment_t segment = {.u = u, .control = control};
+#ifdef FREE
+  if (free_tick(x, u, p, h, control, after)) {
+    report->trouble = NONE;
+    return 1;
+  }
+#endif
+  long long work = 0;
+  segment_t segment = {.u = u, .control = control, .work = &work};
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
   report->trouble = tick_with_events(x, &segment, h, report, after);
   return report->trouble == NONE;

@@ -5,6 +5,7 @@
  * Before this file: NX, NU (lengths of state and command), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated
  * functions), the generated
  * `step`, or with ADAPTIVE the generated `attempt`, ORDER (of its error estimate plus one), MOST_SUBSTEPS (a tick may try).
+ * With FREE also `free_step` or `free_attempt`: the same while no joint is at a stop, with tunable numbers alone in p.
  */
 
 #include <math.h>
@@ -27,10 +28,15 @@ static int within_reach(const real* x) {
   return reached;
 }
 
+typedef int (*generated_t)(const real**, real**, casadi_int*, real*, int);
+
 #ifdef ADAPTIVE
+#define SMOOTH attempt
+#define FREE_SMOOTH free_attempt
 
 /* Step size: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, section II.4. */
-static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
+static inline int flow_by(generated_t smooth, const real* x, const real* u, const real* p, double h, control_t* c,
+                          real* after) {
   real next[NX], error, error_q, trial;
   WORKSPACE;
   double done = 0.0;
@@ -42,7 +48,7 @@ static int flow(const real* x, const real* u, const real* p, double h, control_t
     trial = last ? left : step;
     arg[0] = after; arg[1] = u; arg[2] = p; arg[3] = &trial;
     res[0] = next; res[1] = &error; res[2] = &error_q;
-    attempt(arg, res, iw, w, 0);
+    smooth(arg, res, iw, w, 0);
     ++c->attempts;
     const double size = error / c->tolerance;
     const int reached = within_reach(next), accepted = size <= 1.0 && reached;
@@ -64,14 +70,39 @@ static int flow(const real* x, const real* u, const real* p, double h, control_t
   return 0;
 }
 #else
-/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. */
-static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
+#define SMOOTH step
+#define FREE_SMOOTH free_step
+
+static inline int flow_by(generated_t smooth, const real* x, const real* u, const real* p, double h, control_t* c,
+                          real* after) {
   WORKSPACE;
   const real length = h;
   (void)c;
   arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = &length;
   res[0] = after;
-  step(arg, res, iw, w, 0);
+  smooth(arg, res, iw, w, 0);
   return within_reach(after);
+}
+#endif
+
+/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. */
+static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
+  return flow_by(SMOOTH, x, u, p, h, c, after);
+}
+
+/* The same in one step, however large its error. */
+static int flow_once(const real* x, const real* u, const real* p, double h, real* after) {
+  real error[2];
+  WORKSPACE;
+  const real length = h;
+  arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = &length;
+  res[0] = after; res[1] = error; res[2] = error + 1;
+  SMOOTH(arg, res, iw, w, 0);
+  return within_reach(after);
+}
+
+#ifdef FREE
+static int flow_free(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
+  return flow_by(FREE_SMOOTH, x, u, p, h, c, after);
 }
 #endif

@@ -1,79 +1,210 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Impacts: velocities that jump where a contact point meets its plane.
+ * Impacts: velocities that jump where a contact point meets its plane, or a joint its stop.
  *
  * Newton's restitution for the normal, Coulomb's law for the tangential impulse and the speed after (Moreau, "Unilateral
  * contact and dry friction in finite freedom dynamics", CISM 302, 1988). Both together may add energy (Kane, Levinson,
  * Dynamics, Theory and Applications, 1985); then the rebound is the highest that does not. A rebound for which no impulse
- * is found counts as one that does.
+ * is found counts as one that does. Which stops take part in a blow is found by pivoting, as modes are: a stop that would
+ * have to pull does not, one that its joint would pass does.
  *
  * Before this file: modes.c.
  */
 
 #define REBOUND_HALVINGS 60 /* that find the highest rebound that adds no energy */
+#define BLOW_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* stops that may change their part in a blow ... */
+#define BLOW_WORST_FIRST (3 * NU)                         /* ... and before they do in order, which cannot go in circles */
+#define PULLING 1e-12 /* part of the largest impulse that a stop may pull with */
 
-/* Impulse for rebound speeds; energy gained, or INFINITY if there is none. */
-static double find_impulse(const inertia_t* inertia, const real* before, const double* rebound, double part,
-                           const contact_t* contact, double* impulse) {
+/* A blow: how fast what is hit would leave again, and what came of it. */
+typedef struct {
+  double rebound[NC];     /* of contacts ... */
+  double leaves[NU];      /* ... and velocities of joints that hit their stops; others at stops stay there */
+  int touching;           /* whether a contact takes part */
+  double impulse[MC];     /* of contacts */
+  real after[NU];         /* velocities */
+  double gain;            /* energy, INFINITY if no impulse was found */
+} blow_t;
+
+/* Impulses of contacts that meet with `before` under the mobility of the other parts: the energy they add. */
+static double find_impulse(const inertia_t* inertia, const real* before, double part, const contact_t* contact,
+                           blow_t* blow) {
   double c[MC], gain = 0.0;
   answer_t answers[NC];
   cones_t cones = {.W = inertia->W, .c = c, .friction = friction, .holding = friction};
   for (int i = 0; i < MC; ++i) c[i] = before[i];
   for (int k = 0; k < NC; ++k) {
-    c[3 * k] -= part * rebound[k];
+    c[3 * k] -= part * blow->rebound[k];
     cones.allowed[k] = contact[k].touching;
   }
   if (!several(&cones, answers)) return INFINITY;
   for (int k = 0; k < NC; ++k) {
     if (answers[k].state == UNSOLVABLE) return INFINITY;
-    for (int i = 0; i < 3; ++i) impulse[3 * k + i] = answers[k].force[i];
+    for (int i = 0; i < 3; ++i) blow->impulse[3 * k + i] = answers[k].force[i];
   }
   for (int i = 0; i < MC; ++i) {
     double change = 0.0;
-    for (int j = 0; j < MC; ++j) change += AT(inertia->W, MC, i, j) * impulse[j];
-    gain += impulse[i] * (before[i] + 0.5 * change);
+    for (int j = 0; j < MC; ++j) change += AT(inertia->W, MC, i, j) * blow->impulse[j];
+    gain += blow->impulse[i] * (before[i] + 0.5 * change);
   }
   return gain;
 }
 
-/* Change the velocities where a touching contact approaches: energy lost, or -1 if no impulse is found.
+#ifdef RIGID
+
+/* Velocities after a blow in which joints without direction change by `change`, and the impulses of their stops. */
+static void find_strike(const real* x, const segment_t* segment, const real* change, const double* impulse, real* after,
+                        real* held) {
+  WORKSPACE;
+  arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = change; arg[3] = impulse;
+  res[0] = after; res[1] = held;
+  strike(arg, res, iw, w, 0);
+}
+
+/* The joint at a stop whose part in the blow is wrong, the worst or just the first; -1 if there is none. */
+static int find_wrong_part(const real* x, const segment_t* segment, const real* after, const real* held, int first) {
+  const double fastest = 1.0 + largest_of(x + NU, NU), hardest = largest_of(held, NU);
+  double most = 0.0;
+  int worst = -1;
+  for (int i = 0; i < NU; ++i) {
+    const int side = at_stop(x, i);
+    if (!side) continue;
+    const double excess = segment->p.direction[i] == 0.0 ? side * held[i] / fmax(hardest, 1e-300) - PULLING
+                                                         : side * after[i] / fastest - SPEED_ROUNDING;
+    if (!(excess > most)) continue;
+    most = excess;
+    worst = i;
+    if (first) return worst;
+  }
+  return worst;
+}
+
+/* Find who takes part in a blow, with a part of the full rebound, and what comes of it. */
+static void find_blow(const real* x, segment_t* segment, double part, blow_t* blow) {
+  inertia_t inertia;
+  geometry_t geometry;
+  real met[2 * NU], change[NU], held[NU];
+  blow->gain = INFINITY;
+  for (int i = 0; i < NU; ++i) segment->p.direction[i] = at_stop(x, i) * x[NU + i] > 0.0 ? 0.0 : 1.0;
+  for (int k = 0; k < BLOW_PIVOTS; ++k) {
+    for (int i = 0; i < NU; ++i) change[i] = segment->p.direction[i] == 0.0 ? part * blow->leaves[i] - x[NU + i] : 0.0;
+    for (int i = 0; i < MC; ++i) blow->impulse[i] = 0.0;
+    find_strike(x, segment, change, blow->impulse, blow->after, held);
+    if (blow->touching) {
+      for (int i = 0; i < NU; ++i) {
+        met[i] = x[i];
+        met[NU + i] = blow->after[i];
+      }
+      find_inertia(x, segment, &inertia);
+      find_geometry(met, &geometry);
+      if (find_impulse(&inertia, geometry.speed, part, segment->contact, blow) == INFINITY) return;
+      find_strike(x, segment, change, blow->impulse, blow->after, held);
+    }
+    const int wrong = find_wrong_part(x, segment, blow->after, held, k >= BLOW_WORST_FIRST);
+    if (wrong >= 0) {
+      segment->p.direction[wrong] = 1.0 - segment->p.direction[wrong];
+      continue;
+    }
+    find_geometry(x, &geometry);
+    blow->gain = 0.0;
+    for (int i = 0; i < NU; ++i) {
+      if (segment->p.direction[i] == 0.0) blow->after[i] = part * blow->leaves[i];
+      blow->gain += 0.5 * held[i] * (x[NU + i] + blow->after[i]);
+      met[i] = x[i];
+      met[NU + i] = blow->after[i];
+    }
+    for (int i = 0; i < MC; ++i) blow->gain += 0.5 * blow->impulse[i] * geometry.speed[i];
+    find_geometry(met, &geometry);
+    for (int i = 0; i < MC; ++i) blow->gain += 0.5 * blow->impulse[i] * geometry.speed[i];
+    return;
+  }
+}
+
+/* Velocities with which joints that hit their stops leave: 1 if one hits, 2 if one rebounds. */
+static int find_leaving(const real* x, segment_t* segment, int rebounds, double calm, double* leaves) {
+  int hits = 0;
+  real slope[NX];
+  for (int i = 0; i < NU; ++i) {
+    const int side = at_stop(x, i);
+    const double speed = side * x[NU + i];
+    leaves[i] = 0.0;
+    if (!(speed > calm)) continue;
+    const double rebound = rebounds ? rebound_of[side > 0][i] * speed : 0.0;
+    if (!hits && rebound > 0.0) find_slope(x, segment, slope);
+    const double hop = LEAST_REBOUND + sqrt(2.0 * (rebound > 0.0 ? fabs(slope[NU + i]) : 0.0) * HOP * (1.0 + fabs(x[i])));
+    hits |= 1;
+    if (rebound <= hop) continue;
+    leaves[i] = -side * rebound;
+    hits |= 2;
+  }
+  return hits;
+}
+
+#else
+
+static void find_blow(const real* x, segment_t* segment, double part, blow_t* blow) {
+  inertia_t inertia;
+  geometry_t geometry;
+  find_inertia(x, segment, &inertia);
+  find_geometry(x, &geometry);
+  blow->gain = find_impulse(&inertia, geometry.speed, part, segment->contact, blow);
+  if (blow->gain == INFINITY) return;
+  for (int i = 0; i < NU; ++i) {
+    blow->after[i] = x[NU + i];
+    for (int j = 0; j < MC; ++j) blow->after[i] += AT(inertia.B, NU, i, j) * blow->impulse[j];
+  }
+}
+
+static int find_leaving(const real* x, segment_t* segment, int rebounds, double calm, double* leaves) {
+  (void)x; (void)segment; (void)rebounds; (void)calm; (void)leaves;
+  return 0;
+}
+
+#endif
+
+/* Change the velocities where a touching contact approaches, or a joint hits its stop: energy lost, or -1 if no impulse
+ * is found.
  *
- * A contact that opens just then takes part too, for the blow may push it back.
+ * A contact that opens just then takes part too, for the blow may push it back, and so does a joint that rests at its stop.
  * A rebound that would not rise above the rounding of the gap is none, and without `rebounds` there are none at all: the
  * contact closes. `geometry` is that of x, before and after.
  */
 static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geometry) {
-  inertia_t inertia;
-  double rebound[NC], impulse[MC], hop[NC], gain;
+  blow_t blow = {.touching = 0};
+  double hop[NC];
   int any = 0, any_rebound = 0;
   for (int k = 0; k < NC; ++k) segment->p.contact[k].closed = segment->p.contact[k].sticks = 0.0;
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
   find_geometry(x, geometry);
   find_closed_gaps(segment, geometry);
   const double calm = speed_rounding(x);
-  for (int k = 0; k < NC; ++k) any |= segment->contact[k].touching && geometry->speed[3 * k] < -calm;
-  if (!any) return 0.0;
-  find_inertia(x, segment, &inertia);
-  find_hops(x, segment, geometry, hop);
+  const int stops = find_leaving(x, segment, rebounds, calm, blow.leaves);
+  for (int k = 0; k < NC; ++k) {
+    any |= segment->contact[k].touching && geometry->speed[3 * k] < -calm;
+    blow.touching |= segment->contact[k].touching;
+  }
+  if (!any && !stops) return 0.0;
+  any_rebound = stops & 2;
+  if (any) find_hops(x, segment, geometry, hop);
   for (int k = 0; k < NC; ++k) {
     const int hits = segment->contact[k].touching && geometry->speed[3 * k] < -calm;
-    rebound[k] = hits ? -restitution[k] * geometry->speed[3 * k] : 0.0;
-    if (rebound[k] <= hop[k] || !rebounds) rebound[k] = 0.0;
-    any_rebound |= rebound[k] > 0.0;
+    blow.rebound[k] = hits ? -restitution[k] * geometry->speed[3 * k] : 0.0;
+    if (!hits || blow.rebound[k] <= hop[k] || !rebounds) blow.rebound[k] = 0.0;
+    any_rebound |= blow.rebound[k] > 0.0;
   }
-  gain = find_impulse(&inertia, geometry->speed, rebound, 1.0, segment->contact, impulse);
-  if (gain > 0.0 && any_rebound) {
+  find_blow(x, segment, 1.0, &blow);
+  if (blow.gain > 0.0 && any_rebound) {
     double low = 0.0, high = 1.0;
     for (int k = 0; k < REBOUND_HALVINGS; ++k) {
       const double middle = 0.5 * (low + high);
-      if (find_impulse(&inertia, geometry->speed, rebound, middle, segment->contact, impulse) > 0.0) high = middle;
+      find_blow(x, segment, middle, &blow);
+      if (blow.gain > 0.0) high = middle;
       else low = middle;
     }
-    gain = find_impulse(&inertia, geometry->speed, rebound, low, segment->contact, impulse);
+    find_blow(x, segment, low, &blow);
   }
-  if (gain == INFINITY) return -1.0;
-  for (int i = 0; i < NU; ++i)
-    for (int j = 0; j < MC; ++j) x[NU + i] += AT(inertia.B, NU, i, j) * impulse[j];
+  if (blow.gain == INFINITY) return -1.0;
+  for (int i = 0; i < NU; ++i) x[NU + i] = blow.after[i];
   find_geometry(x, geometry);
-  return gain < 0.0 ? -gain : 0.0;
+  return blow.gain < 0.0 ? -blow.gain : 0.0;
 }

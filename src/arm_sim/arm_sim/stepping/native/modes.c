@@ -1,9 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What joints with dry friction and contacts do next.
+ * What joints with dry friction, joints at their stops, and contacts do next.
  *
  * A joint at rest sticks while the torque that holds it is within its static level; one that is let go moves the way it is
- * pulled (Glocker, Set-Valued Force Laws, 2001). A contact counts as touching where its gap is zero to rounding. Which of
+ * pulled (Glocker, Set-Valued Force Laws, 2001). One that rests at a rigid stop is held too, with a torque that may be
+ * any towards the stop. A contact counts as touching where its gap is zero to rounding. Which of
  * them stick, slide, carry or let go is a complementarity problem in the metric of M, solved by pivoting: the one that
  * disobeys most changes while the others stay as they are, until none disobeys. Should that go in circles, joints alone
  * are taken in order, which cannot (Murty, Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1),
@@ -11,7 +12,9 @@
  *
  * Before this file: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
  * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`;
- * SLOWEST (tangential speed up to which a contact rests); NB (whether there are bilateral constraints) and with them
+ * RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the generated
+ * `strike`; NQ (joints that may lean on compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
+ * `pressures`; SLOWEST (tangential speed up to which a contact rests); NB (whether there are bilateral constraints) and with them
  * the generated `bilateral`.
  */
 
@@ -32,15 +35,19 @@
 #if NB == 0
 #define bilateral(arg, res, iw, w, mem)
 #endif
+#if NQ == 0
+#define pressures(arg, res, iw, w, mem)
+#endif
 
 /* Why a tick could not be computed. Python: Trouble. */
-enum trouble { NONE, NUMBERS, EVENTS_WITHOUT_END, UNDETERMINED, INSIDE };
+enum trouble { NONE, NUMBERS, UNDETERMINED, INSIDE };
 
 /* What adds up over ticks. Python: EventReport. */
 typedef struct {
   double impact_loss; /* energy lost in impacts */
   long long impacts;
-  long long trouble; /* why the last tick failed */
+  long long trouble;      /* why the last tick failed */
+  long long time_stepped; /* ticks of which a part was time-stepped */
 } report_t;
 
 /* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
@@ -54,7 +61,8 @@ typedef struct {
 /* The vector p of the generated functions. Python: modes_type(). */
 typedef struct {
   real tunable[NP];
-  real direction[ND]; /* of joints: -1 and 1 slide, 0 sticks; 1 without dry friction */
+  real direction[ND]; /* of joints: -1 and 1 slide, 0 is held by friction or a stop; without friction sliding is 1 */
+  real pressed[NQ];   /* of joints: -1 and 1 lean on the lower and the upper compliant stop, else 0 */
   contact_mode_t contact[NC];
 } modes_t;
 
@@ -74,7 +82,9 @@ typedef struct {
   control_t* control;
   modes_t p;
   contact_t contact[NC];
-  int turned[ND]; /* whether a joint that moved the wrong way has been tried the other way */
+  int turned[ND];  /* whether a joint that moved the wrong way has been tried the other way */
+  long long* work; /* smooth motions computed in the tick, under error control their sub-steps */
+  double step;     /* length of the steps where the tick is time-stepped, else 0 */
 } segment_t;
 
 typedef struct { real place[MC], speed[MC], size[NC]; } geometry_t; /* contact points in their planes' axes */
@@ -84,6 +94,17 @@ static const double static_level[NU] = STATIC;
 static const double friction[NC] = FRICTION; /* coefficients of sliding ... */
 static const double holding[NC] = HOLDING;   /* ... and up to which a contact sticks */
 static const double restitution[NC] = RESTITUTION;
+
+/* Rigid stops: -1 and 1 for a joint at its lower or upper one, else 0. */
+#ifdef RIGID
+static const double lower_stop[NU] = LOWER;
+static const double upper_stop[NU] = UPPER;
+static const double rebound_of[2][NU] = {LOWER_REBOUND, UPPER_REBOUND};
+static int at_stop(const real* x, int joint) { return x[joint] <= lower_stop[joint] ? -1 : x[joint] >= upper_stop[joint]; }
+#else
+static int at_stop(const real* x, int joint) { (void)x; (void)joint; return 0; }
+#endif
+static const double soft_stop[2][NU] = {SOFT_LOWER, SOFT_UPPER};
 
 static void find_geometry(const real* x, geometry_t* geometry) {
   WORKSPACE;
@@ -126,9 +147,43 @@ static double sign_of(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
 /* Speed of a contact that is rounding. */
 static double speed_rounding(const real* x) { return SPEED_ROUNDING * (1.0 + largest_of(x + NU, NU)); }
 
-/* Whether dry friction may hold a joint, and whether it is at rest. */
+/* Whether dry friction may hold a joint, and whether it is at rest and held by friction or a stop, unless let go. */
 static int may_stick(int joint) { return ND && static_level[joint] > 0.0; }
-static int rests(const real* x, int joint) { return may_stick(joint) && x[NU + joint] == 0.0; }
+static int rests(const real* x, int joint) { return x[NU + joint] == 0.0 && (may_stick(joint) || at_stop(x, joint)); }
+
+/* Whether a joint is at or beyond a stop of either kind. */
+static int touches_stop(const real* x) {
+  int any = 0;
+  for (int i = 0; i < NU; ++i) any |= at_stop(x, i) || (NQ && (x[i] <= soft_stop[0][i] || x[i] >= soft_stop[1][i]));
+  return any;
+}
+
+/* What a compliant stop pushes with, by which it is met (no less than how deep it is), for both sides of all joints. */
+static void find_pressures(const real* x, double met[2][NU], double push[2][NU]) {
+  real found[2 * NU];
+  WORKSPACE;
+  arg[0] = x;
+  res[0] = found;
+  pressures(arg, res, iw, w, 0);
+  for (int i = 0; i < NQ; ++i)
+    for (int side = 0; side < 2; ++side) {
+      push[side][i] = found[NU * side + i];
+      met[side][i] = fmin(push[side][i], side ? x[i] - soft_stop[1][i] : soft_stop[0][i] - x[i]);
+    }
+}
+
+/* Joints that lean on compliant stops: those that press them, or are about to. */
+static void find_pressed(const real* x, segment_t* segment) {
+  double met[2][NU], push[2][NU];
+  if (!NQ) return;
+  find_pressures(x, met, push);
+  for (int i = 0; i < NQ; ++i) {
+    const real speed = x[NU + i];
+    const int lower = met[0][i] > 0.0 || (met[0][i] == 0.0 && speed < 0.0);
+    const int upper = met[1][i] > 0.0 || (met[1][i] == 0.0 && speed > 0.0);
+    segment->p.pressed[i] = upper - lower;
+  }
+}
 
 /* Up to which part of its normal force a contact sticks: one that creeps has broken away already. */
 static double stick_limit(const segment_t* segment, int k) {
@@ -137,25 +192,26 @@ static double stick_limit(const segment_t* segment, int k) {
 
 static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }
 
-/* Put joints with dry friction at rest that constraints or closed contacts keep there but for rounding: 1 if any moved. */
+/* Put joints with dry friction or at stops at rest that what holds the arm keeps there but for rounding: 1 if any moved. */
 static int stop_rounding(real* x) {
   const double limit = speed_rounding(x);
   int any = 0;
-  for (int i = 0; (NB || NC) && i < ND; ++i) {
-    if (!may_stick(i) || x[NU + i] == 0.0 || fabs(x[NU + i]) > limit) continue;
+  for (int i = 0; i < ND; ++i) {
+    const int side = at_stop(x, i), kept = side ? side * x[NU + i] > 0.0 || NB || NC : may_stick(i) && (NB || NC);
+    if (!kept || x[NU + i] == 0.0 || fabs(x[NU + i]) > limit) continue;
     x[NU + i] = 0.0;
     any = 1;
   }
   return any;
 }
 
-/* Speeds of hops that would not rise above the rounding of the gap. */
+/* Speeds of hops that would not rise above the rounding of the gap, or would end within a step. */
 static void find_hops(const real* x, const segment_t* segment, const geometry_t* geometry, double* hop) {
   inertia_t inertia;
   double fall = 0.0;
   find_inertia(x, segment, &inertia);
   for (int k = 0; k < NC; ++k) fall = fmax(fall, fabs(inertia.free[3 * k]));
-  for (int k = 0; k < NC; ++k) hop[k] = LEAST_REBOUND + sqrt(2.0 * fall * HOP * geometry->size[k]);
+  for (int k = 0; k < NC; ++k) hop[k] = LEAST_REBOUND + sqrt(2.0 * fall * HOP * geometry->size[k]) + 0.5 * fall * segment->step;
 }
 
 /* Contacts whose gap is closed to rounding. */
@@ -189,9 +245,10 @@ static void begin_as_ended(contact_mode_t* mode, const contact_t* contact) {
 /* Take it that moving joints slide and those at rest stick, that contacts that touch carry and those at rest stick. */
 static void guess(const real* x, segment_t* segment, const geometry_t* geometry) {
   for (int i = 0; i < ND; ++i) {
-    segment->p.direction[i] = may_stick(i) ? sign_of(x[NU + i]) : 1.0;
+    segment->p.direction[i] = rests(x, i) ? 0.0 : may_stick(i) ? sign_of(x[NU + i]) : 1.0;
     segment->turned[i] = 0;
   }
+  find_pressed(x, segment);
   find_touching(x, segment, geometry);
   for (int k = 0; k < NC; ++k) {
     contact_t* contact = segment->contact + k;
@@ -218,8 +275,17 @@ static void guess_turning(const real* x, segment_t* segment) {
   }
   if (!resting) return;
   find_slope(x, segment, slope);
-  for (int i = 0; i < ND; ++i)
-    if (rests(x, i)) segment->p.direction[i] = sign_of(slope[NU + i]);
+  for (int i = 0; i < ND; ++i) {
+    const double way = sign_of(slope[NU + i]);
+    if (rests(x, i)) segment->p.direction[i] = way * at_stop(x, i) > 0.0 ? 0.0 : way;
+  }
+}
+
+/* By how much the torque on a joint at rest is more than friction and its stop hold: not positive if they do. */
+static double joint_excess(const real* x, const loads_t* found, int joint) {
+  const double load = found->load[joint];
+  const int side = at_stop(x, joint);
+  return (side ? -side * load : fabs(load)) - static_level[joint];
 }
 
 /* How much a contact disobeys: not positive if it obeys. */
@@ -252,11 +318,11 @@ static int find_disobedient(const real* x, const segment_t* segment, const loads
   real slope[NX];
   find_slope(x, segment, slope);
   const real* a = slope + NU;
-  const double quickest = 1.0 + largest_of(a, NU), highest = largest_of(static_level, NU);
+  const double quickest = 1.0 + largest_of(a, NU), level = largest_of(static_level, NU), highest = level > 0.0 ? level : 1.0;
   for (int i = 0; i < ND; ++i) {
     if (!rests(x, i)) continue;
     const double excess =
-        d[i] == 0.0 ? (fabs(found->load[i]) - static_level[i]) / highest : -d[i] * a[i] / quickest - SLACK;
+        d[i] == 0.0 ? joint_excess(x, found, i) / highest : -d[i] * a[i] / quickest - SLACK;
     if (excess > most) {
       most = excess;
       worst = NC + i;
@@ -282,7 +348,7 @@ static void let_slip(answer_t* answer, const double* force) {
 /* Let the entry do what obeys while the others stay as they are: 0 if nothing does. */
 static int pivot(const real* x, segment_t* segment, const loads_t* found, int entry) {
   if (entry >= NC) {
-    const int joint = entry - NC, turns = NB && !segment->turned[joint];
+    const int joint = entry - NC, turns = NB && !segment->turned[joint] && !at_stop(x, joint);
     real* d = segment->p.direction + joint;
     segment->turned[joint] = *d != 0.0 && turns;
     *d = *d == 0.0 ? sign_of(found->load[joint]) : turns ? -*d : 0.0;
@@ -327,7 +393,7 @@ static void solve_together(const real* x, segment_t* segment) {
   }
 }
 
-/* Whether a contact touches or a joint with dry friction is at rest: else there is nothing to find. */
+/* Whether a contact touches or a joint that may be held is at rest: else there is nothing to find. */
 static int anything_rests(const real* x, const segment_t* segment) {
   int any = 0;
   for (int k = 0; k < NC; ++k) any |= segment->contact[k].touching;

@@ -13,17 +13,23 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   (void)report;
   return flow(x, u, p, h, control, after);
 }
+
+static long long time_stepped(const report_t* report) {
+  (void)report;
+  return 0;
+}
 #endif
 
 /* Advance `ticks` ticks of length h from x, in place.
  *
  * command: what is commanded in the first tick; the next tick's is `stride` numbers further (0: held throughout).
  * trace:   state after every tick.                   effort: what acted in every tick, limits applied.
- * errors:  estimated error of q after every tick.    control: of error control, else null.
+ * notes:   estimated error of q after every tick, and how many ticks were time-stepped.
+ * control: of error control, else null.
  * Returns the number of ticks that could be computed; x is the state after the last of them.
  */
 EXPORTED long long roll(real* x, const real* command, long long stride, const real* p, double h, long long ticks,
-                        real* trace, real* effort, real* errors, control_t* control, report_t* report) {
+                        real* trace, real* effort, real* notes, control_t* control, report_t* report) {
   real next[NX], acted[NU];
   WORKSPACE;
   for (long long k = 0; k < ticks; ++k) {
@@ -34,7 +40,8 @@ EXPORTED long long roll(real* x, const real* command, long long stride, const re
     for (int i = 0; i < NX; ++i) x[i] = next[i];
     for (int i = 0; i < NX; ++i) trace[k * NX + i] = next[i];
     for (int i = 0; i < NU; ++i) effort[k * NU + i] = acted[i];
-    errors[k] = control ? control->error : 0.0;
+    notes[2 * k] = control ? control->error : 0.0;
+    notes[2 * k + 1] = time_stepped(report);
   }
   return ticks;
 }

@@ -2,8 +2,21 @@
  *
  * Many arms, LANES at a time. C where `real` is a double, C++ where it is a vector of them.
  *
- * Before this file: as for roll.c, and NP (length of the parameters).
+ * Before this file: as for roll.c, and NP (length of the parameters); with STOPS also LOWER and UPPER, where joints have
+ * stops.
  */
+
+#ifdef STOPS
+static const double lower_stop[NU] = LOWER;
+static const double upper_stop[NU] = UPPER;
+
+/* Whether a joint is at a stop, or may have been beyond one before it turned back, in a tick of which the ends are known. */
+static int meets_stop(double q, double v, double q_end, double v_end, double length, int joint) {
+  const double far = q + v * length, low = lower_stop[joint], high = upper_stop[joint];
+  const int dips = v * v_end < 0.0 && (far < low || far > high);
+  return q <= low || q >= high || q_end <= low || q_end >= high || dips;
+}
+#endif
 
 #ifdef __cplusplus
 extern "C"
@@ -14,12 +27,13 @@ extern "C"
  * tau:  torques; arm i, tick k at tau + i * tau_arm + k * tau_tick.
  * p:    parameters; arm i at p + i * p_arm.
  * out:  states of every tick, the first included, (ticks + 1) * NX an arm; if last_only, NX an arm.
+ * met:  set to 1 for an arm that meets a stop; its states are worth nothing from there on.
  * An arm that diverges is NaN from there on; its neighbours do not notice.
  */
 __attribute__((visibility("default")))
 void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
              long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
-             int last_only) {
+             int last_only, signed char* met) {
   const long long row = last_only ? NX : (ticks + 1) * NX;
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
@@ -44,6 +58,13 @@ void rollout(const double* x0, const double* tau, long long tau_arm, long long t
       arg[0] = x; arg[1] = r; arg[2] = par; arg[3] = &length;
       res[0] = next; res[1] = acted;
       TICK(arg, res, iw, w, 0);
+#ifdef STOPS
+      for (int j = 0; j < LANES; ++j)
+        for (int i = 0; i < NU; ++i)
+          met[of_lane[j]] |= meets_stop(LANE(x[i], j), LANE(x[NU + i], j), LANE(next[i], j), LANE(next[NU + i], j), h[0], i);
+#else
+      (void)met;
+#endif
       for (int i = 0; i < NX; ++i) x[i] = next[i];
       for (int i = 0; i < NX; ++i)
         if (BEYOND(x[i], 1e150))

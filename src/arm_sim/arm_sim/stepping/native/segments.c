@@ -11,12 +11,17 @@
 #define HELD 1e-9          /* speed of an arm all of whose joints are held that is rounding */
 #define INDEPENDENT 1e-10  /* part of the trace that a row of the rank's matrix must exceed to count */
 #define MOST_PARTS 32      /* into which slow sliding may divide a tick ... */
+#define NOTHING 1e-15       /* disobedience that is rounding */
+#define RETURNED 1.2        /* when a joint is surely back, as a multiple of the time after which it should be */
 #define MUCH_TURN 0.05     /* ... and turn of its direction in a tick that is much [rad] */
 
 /* Motion over h in which error control does not learn: 1 if it can be computed. */
 static int try_flow(const real* x, const segment_t* segment, double h, real* after) {
   control_t kept = segment->control ? *segment->control : (control_t){0};
-  return flow(x, segment->u, (const real*)&segment->p, h, segment->control ? &kept : 0, after);
+  const long long before = kept.attempts;
+  const int good = flow(x, segment->u, (const real*)&segment->p, h, segment->control ? &kept : 0, after);
+  *segment->work += 1 + kept.attempts - before;
+  return good;
 }
 
 /* Whether a contact is closed or a joint sticks. */
@@ -25,6 +30,23 @@ static int anything_held(const segment_t* segment) {
   for (int k = 0; k < NC; ++k) any |= segment->p.contact[k].closed != 0.0;
   for (int i = 0; i < ND; ++i) any |= segment->p.direction[i] == 0.0;
   return any;
+}
+
+/* Positive if a joint is beyond a rigid stop, meets a compliant one or loses it, after a motion of length t. */
+static double stop_disobedience(const real* x, const segment_t* segment, double t) {
+  double worst = -INFINITY, met[2][NU], push[2][NU];
+#ifdef RIGID
+  for (int i = 0; i < NU; ++i)
+    if (segment->p.direction[i] != 0.0)
+      worst = fmax(worst, fmax(lower_stop[i] - x[i], x[i] - upper_stop[i]) - SINKING * t - GAP_ROUNDING * (1.0 + fabs(x[i])));
+#else
+  (void)t;
+#endif
+  if (NQ) find_pressures(x, met, push);
+  for (int i = 0; i < NQ; ++i)
+    for (int side = 0; side < 2; ++side)
+      worst = fmax(worst, segment->p.pressed[i] == (side ? 1.0 : -1.0) ? -push[side][i] : met[side][i]);
+  return worst;
 }
 
 /* Positive if a contact or joint does not obey its mode after a motion of length t. */
@@ -47,24 +69,27 @@ static double disobedience(const real* x, const segment_t* segment, const double
     if (mode->sticks != 0.0) worst = fmax(worst, hypot(r[1], r[2]) - stick_limit(segment, k) * r[0]);
     else if (holding[k] > 0.0) worst = fmax(worst, -(mode->along[0] * s[1] + mode->along[1] * s[2]) - rounding);
   }
-  for (int i = 0; i < ND; ++i)
-    if (may_stick(i))
-      worst = fmax(worst, d[i] != 0.0 ? -v[i] * d[i] - rounding : fabs(found.load[i]) - static_level[i]);
-  return worst;
+  for (int i = 0; i < ND; ++i) {
+    if (d[i] == 0.0) worst = fmax(worst, joint_excess(x, &found, i));
+    else if (may_stick(i)) worst = fmax(worst, -v[i] * d[i] - rounding);
+  }
+  return fmax(worst, stop_disobedience(x, segment, t));
 }
 
-/* What is looked for in a motion from x: a mode that is not obeyed, or (contact >= 0) a gap that begins to rise. */
+/* What is looked for in a motion from x: a mode that is not obeyed, or where a contact (contact >= 0) begins to rise, or a
+ * joint (joint >= 0) to come back from its upper (side 1) or lower (side -1) stop. */
 typedef struct {
   const real* x;
   const segment_t* segment;
   double ground[NC];
-  int contact;
+  int contact, joint, side;
 } search_t;
 
 static double value_at(const void* asked, double t) {
   const search_t* search = asked;
   real after[NX];
   if (!try_flow(search->x, search->segment, t, after)) return INFINITY;
+  if (search->joint >= 0) return -search->side * after[NU + search->joint];
   if (search->contact < 0) return disobedience(after, search->segment, search->ground, t);
   geometry_t geometry;
   find_geometry(after, &geometry);
@@ -83,7 +108,7 @@ static double dip_before(search_t* search, double length, const real* end, doubl
     const int apart = search->segment->p.contact[k].closed == 0.0;
     if (!apart || !(before.speed[3 * k] < 0.0 && back.speed[3 * k] > 0.0)) continue;
     search->contact = k;
-    const double turn = first_positive(value_at, search, length, back.speed[3 * k]);
+    const double turn = first_positive(value_at, search, length, back.speed[3 * k], NOTHING);
     search->contact = -1;
     *depth = value_at(search, turn);
     if (*depth > 0.0 && *depth < INFINITY) return turn;
@@ -91,15 +116,59 @@ static double dip_before(search_t* search, double length, const real* end, doubl
   return 0.0;
 }
 
+/* Whether a joint may have been beyond a stop in a motion of which only the ends are known: the stop's side, else 0. */
+static int may_dip(const real* x, const real* end, double length, int joint) {
+  const double v = x[NU + joint], far = x[joint] + v * length;
+  const int side = v > 0.0 ? 1 : -1;
+  if (!(v * end[NU + joint] < 0.0)) return 0;
+  int beyond = NQ && (side > 0 ? far > soft_stop[1][joint] : far < soft_stop[0][joint]);
+#ifdef RIGID
+  beyond |= side > 0 ? far > upper_stop[joint] : far < lower_stop[joint];
+#endif
+  return beyond ? side : 0;
+}
+
+/* A time before `length` at which a joint is beyond a stop, on its way back; 0 if there is none. */
+static double bump_before(search_t* search, double length, const real* end, double* depth) {
+  for (int i = 0; i < NU; ++i) {
+    const int side = may_dip(search->x, end, length, i);
+    if (!side) continue;
+    search->joint = i;
+    search->side = side;
+    const double turn = first_positive(value_at, search, length, -side * end[NU + i], NOTHING);
+    search->joint = -1;
+    *depth = value_at(search, turn);
+    if (*depth > 0.0 && *depth < INFINITY) return turn;
+  }
+  return 0.0;
+}
+
+/* About when a joint that has just left its stop is back there, and a little later: an interval that is short for what is
+ * searched otherwise, where stops pass blows to and fro. Infinite if none comes back. */
+static double find_return(const real* x, const segment_t* segment) {
+  double soonest = INFINITY;
+  real slope[NX];
+  int left = 0;
+  for (int i = 0; i < NU; ++i) left |= at_stop(x, i) * x[NU + i] < 0.0;
+  if (!left) return soonest;
+  find_slope(x, segment, slope);
+  for (int i = 0; i < NU; ++i) {
+    const double way = at_stop(x, i), speed = way * x[NU + i], push = way * slope[NU + i];
+    if (speed < 0.0 && push > 0.0) soonest = fmin(soonest, -2.0 * RETURNED * speed / push);
+  }
+  return soonest;
+}
+
 /* Motion to where the modes stop being right, at most over `reach`: its length, -1 if it cannot be computed. */
 static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
-  search_t search = {.x = x, .segment = segment, .contact = -1};
+  search_t search = {.x = x, .segment = segment, .contact = -1, .joint = -1};
   const control_t kept = segment->control ? *segment->control : (control_t){0};
   geometry_t geometry;
   double depth;
   find_geometry(x, &geometry);
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
   const int reached = flow(x, segment->u, (const real*)&segment->p, reach, segment->control, after);
+  *segment->work += 1 + (segment->control ? segment->control->attempts - kept.attempts : 0);
   const double wrong = reached ? disobedience(after, segment, search.ground, reach) : INFINITY;
   double length = reach;
   *calm = wrong <= 0.0;
@@ -107,14 +176,16 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
     const double known = reached || !segment->control ? reach : segment->control->reached;
     if (segment->control) *segment->control = kept;
     if (known <= 0.0) return -1.0;
-    length = first_positive(value_at, &search, known, wrong);
+    const double back = find_return(x, segment), early = back < known ? value_at(&search, back) : 0.0;
+    length = early > 0.0 ? first_positive(value_at, &search, back, early, NOTHING) : first_positive(value_at, &search, known, wrong, NOTHING);
     if (!flow(x, segment->u, (const real*)&segment->p, length, segment->control, after)) return -1.0;
   }
-  const double dip = dip_before(&search, length, after, &depth);
+  double dip = dip_before(&search, length, after, &depth);
+  if (dip == 0.0) dip = bump_before(&search, length, after, &depth);
   if (dip == 0.0) return length;
   if (segment->control) *segment->control = kept;
   *calm = 0;
-  length = first_positive(value_at, &search, dip, depth);
+  length = first_positive(value_at, &search, dip, depth, NOTHING);
   return flow(x, segment->u, (const real*)&segment->p, length, segment->control, after) ? length : -1.0;
 }
 
@@ -143,6 +214,24 @@ static void close_contacts(real* x, const segment_t* segment, const real* anchor
     contact_close(arg, res, iw, w, 0);
     for (int i = 0; i < 2 * NU; ++i) x[i] = after[i];
   }
+}
+
+/* Bring all that touches to rest where closing some contacts has set others moving into their planes.
+ *
+ * The blow that stopped those has opened these, but slower than counts: a body that rocks so little rests.
+ */
+static void rest_touching(real* x, const segment_t* segment, const real* anchor) {
+  const double calm = speed_rounding(x);
+  geometry_t geometry;
+  segment_t resting = *segment;
+  int any = 0;
+  find_geometry(x, &geometry);
+  for (int k = 0; k < NC; ++k) {
+    if (!segment->contact[k].touching) continue;
+    any |= segment->p.contact[k].closed == 0.0 && geometry.speed[3 * k] < -calm;
+    resting.p.contact[k].closed = 1.0;
+  }
+  if (any) close_contacts(x, &resting, anchor);
 }
 
 /* Where each point is in its plane's tangents. */
@@ -178,6 +267,17 @@ static int stop_joints(real* x, const segment_t* segment) {
       x[NU + i] = 0.0;
     }
   return 1;
+}
+
+/* Put joints that are beyond a rigid stop but for rounding at it. */
+static void stop_at_limits(real* x) {
+  (void)x;
+#ifdef RIGID
+  for (int i = 0; i < NU; ++i) {
+    if (x[i] < lower_stop[i]) x[i] = lower_stop[i];
+    if (x[i] > upper_stop[i]) x[i] = upper_stop[i];
+  }
+#endif
 }
 
 /* Rank of a symmetric matrix that is not negative, by elimination with diagonal pivots. */

@@ -1,0 +1,155 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Springs and dampers of joints, and between points of two links: S(q, v).
+
+S is what the drives must bring against them, M a + C v + G + S + F = τ. A joint spring takes
+k (q - rest) + c v. One between points pulls them together with the tension
+
+    T = k (L - L₀) + c L̇ + T₀
+
+along the line, hence S = T ∂L/∂q by virtual work. With u the way from one point to the other,
+∂L/∂q = ∂(u·u/2)/∂q / L and L̇ = u·u̇ / L, so that only the tension per length T/L appears, the
+force density of tensile structures (Schek, "The force density method for form finding and
+computation of general networks", Comp. Methods Appl. Mech. Eng. 3, 1974). For L₀ = T₀ = 0, the
+springs of zero free length that balance arms (Herder, Energy-free Systems, 2001), it is the
+constant k, and no length is computed.
+
+Where the points meet, the line has no direction. There the length is taken as
+L² = u·u + ``NEAR``², in the force and in the energy alike: the force passes through zero within a
+nanometre, nothing is divided by zero, and no energy comes from nowhere.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import casadi as ca
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations.elementary import Quantity, choose, larger, root
+from arm_dynamics.equations.frame import Frame, relative
+from arm_dynamics.equations.tree import Tree, constant, spread_map
+from arm_dynamics.scene.spring import PointSpring
+
+# Length in [m] below which a spring between points has no direction.
+NEAR = 1e-9
+
+
+@dataclass(frozen=True)
+class Springs:
+    """All springs of a tree.
+
+    Attributes:
+        stiffness: Of each link's joint in [N m/rad] or [N/m], shape (links,).
+        rest: Position of each in [rad] or [m] at which its spring does not push, likewise.
+        damping: In [N m s/rad] or [N s/m], likewise.
+        points: Springs between points.
+        frames: The frames that they name.
+    """
+
+    stiffness: Array
+    rest: Array
+    damping: Array
+    points: tuple[PointSpring, ...]
+    frames: Mapping[str, Frame]
+
+    def __bool__(self) -> bool:
+        """Whether there is any."""
+        return bool(self.points or self.stiffness.any() or self.damping.any())
+
+
+def tension(spring: PointSpring, square: Quantity, rate: Quantity) -> tuple[Quantity, Quantity]:
+    """Tension per length of a spring between points, elastic and of its damper, in [N/m].
+
+    A cord pulls or does nothing: slack, where the elastic part would push, its damper does nothing
+    either; taut, the damper takes off no more than the elastic part.
+
+    Args:
+        spring: The spring.
+        square: u·u in [m²].
+        rate: u·u̇ in [m²/s].
+    """
+    L2 = square + NEAR**2
+    preload = spring.force - spring.stiffness * spring.rest_length
+    elastic = spring.stiffness + preload / root(L2)
+    damping = spring.damping * rate / L2
+    if not spring.tension_only:
+        return elastic, damping
+    if spring.damping:
+        damping = choose(elastic > 0.0, larger(damping, -elastic), 0.0)
+    return larger(elastic, 0.0), damping
+
+
+def stored(spring: PointSpring, square: Quantity) -> Quantity:
+    """Energy of a spring between points in [J], the integral of its elastic tension.
+
+    A cord without stiffness, a weight on a pulley, stores its force times the length.
+    """
+    k, L = spring.stiffness, root(square + NEAR**2)
+    if spring.tension_only and k:
+        return larger(k * (L - spring.rest_length) + spring.force, 0.0) ** 2 / (2.0 * k)
+    return 0.5 * k * (L - spring.rest_length) ** 2 + spring.force * L
+
+
+def torque(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
+    """S(q, v) in [N m] or [N], shape (n,).
+
+    Args:
+        springs: The springs.
+        tree: The links.
+        q: Joint positions in [rad] or [m], shape (n,).
+        v: Joint velocities, shape (n,).
+    """
+    elastic, damping = _parts(springs, tree, q, v)
+    return elastic + damping
+
+
+def heat(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
+    """Power that the dampers take in [W]; arguments as of ``torque``."""
+    return ca.dot(_parts(springs, tree, q, v)[1], v)
+
+
+def energy(springs: Springs, tree: Tree, q: ca.SX) -> ca.SX:
+    """What the springs store in [J]; arguments as of ``torque``."""
+    bent = _full(tree, q) - constant(springs.rest)
+    whole = ca.dot(constant(springs.stiffness), bent**2) / 2
+    for spring, (square, _) in zip(springs.points, _ways(springs, tree, q), strict=True):
+        whole += stored(spring, square)
+    return whole
+
+
+def frictionless(
+    springs: Springs, tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
+) -> ca.SX:
+    """Torques M a + C v + G + S, shape (n,); see ``rigid_body.inverse``."""
+    return rigid_body.inverse(tree, q, v, a, gravity) + torque(springs, tree, q, v)
+
+
+def _parts(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """The part of S that does not depend on velocities, and that of the dampers."""
+    E = spread_map(tree)
+    elastic = E.T @ (constant(springs.stiffness) * (_full(tree, q) - constant(springs.rest)))
+    damping = E.T @ (constant(springs.damping) * (E @ v))
+    for spring, (square, slope) in zip(springs.points, _ways(springs, tree, q), strict=True):
+        static, moving = tension(spring, square, ca.dot(slope, v))
+        elastic, damping = elastic + static * slope, damping + moving * slope
+    return elastic, damping
+
+
+def _full(tree: Tree, q: ca.SX) -> ca.SX:
+    """Positions of all links' joints."""
+    return spread_map(tree) @ q + constant(tree.offsets)
+
+
+def _ways(springs: Springs, tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
+    """u·u in [m²] of each spring between points, and the slope ∂(u·u/2)/∂q, shape (n,)."""
+    at = ca.SX.sym("q", q.shape[0])  # q may be an expression, by which nothing is differentiated
+    pose = rigid_body.placements(tree, at) if springs.points else []
+    ways = []
+    for spring in springs.points:
+        frames = [springs.frames[name] for name in spring.frames]
+        square = ca.sumsqr(relative(tree, pose, frames, spring.points)[1])
+        both = ca.Function("way", [at], [square, ca.gradient(square, at) / 2])
+        ways.append(both(q))
+    return ways

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""End stops: where joints cannot go further, and what happens there."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.scene.schema import Stop
+
+# A limit of the URDF beyond this, in [rad] or [m], is none.
+NO_LIMIT = 1e15
+# How far beyond a stop a position may be, relative to the larger of it and 1, and still count as
+# at the stop: limits are often written with fewer digits.
+ROUNDED = 1e-9
+
+type Flags = NDArray[np.bool_]
+
+
+class Range(NamedTuple):
+    """Range of one joint of the robot description.
+
+    Attributes:
+        name: The joint's.
+        lower: Its lower limit in [rad] or [m], -inf for none.
+        upper: Its upper limit, inf for none.
+        stop: What the scene says of its stops.
+        leader: Index of the joint in a vector, or of the one that it follows.
+        ratio: How fast it moves with that one: 1 for itself.
+        offset: Its position where that one is at zero in [rad] or [m].
+    """
+
+    name: str
+    lower: float
+    upper: float
+    stop: Stop | bool | None
+    leader: int
+    ratio: float
+    offset: float
+
+
+@dataclass(frozen=True)
+class Stops:
+    """Stops of n joints; what a follower may do limits its leader. Arrays of shape (2, n).
+
+    The first row is for the lower stops, the second for the upper ones.
+
+    Attributes:
+        limit: Range for planning in [rad] or [m], infinite where there is none.
+        place: Where the stops are, infinite where there is none.
+        restitution: Of rigid stops.
+        stiffness: Of compliant stops in [N m/rad] or [N/m], zero for others.
+        damping: Of compliant stops in [N m s/rad] or [N s/m].
+        contradicting: Followers whose limits are left out, since with those of their leaders they
+            would allow no motion at all, as in some published robots.
+    """
+
+    limit: Array
+    place: Array
+    restitution: Array
+    stiffness: Array
+    damping: Array
+    contradicting: tuple[str, ...] = ()
+
+    def __bool__(self) -> bool:
+        """Whether there is any."""
+        return bool(np.isfinite(self.place).any())
+
+    @cached_property
+    def compliant(self) -> Flags:
+        """Whether a stop yields, booleans."""
+        compliant: Flags = self.stiffness > 0.0
+        return compliant
+
+    @cached_property
+    def rigid(self) -> Flags:
+        """Whether there is a stop that does not yield, booleans."""
+        rigid: Flags = np.isfinite(self.place) & ~self.compliant
+        return rigid
+
+    @cached_property
+    def bounds(self) -> Array:
+        """Positions that rigid stops allow in [rad] or [m], infinite where there is none."""
+        wide = np.array([[-np.inf], [np.inf]])
+        return read_only(np.where(self.rigid, self.place, wide))
+
+    def beyond(self, q: Array) -> Array:
+        """How far positions are beyond rigid stops, negative inside, shape as ``q``, (…, n)."""
+        lower, upper = self.bounds
+        beyond: Array = np.maximum(lower - q, q - upper)
+        return beyond
+
+    def touched(self, q: Array) -> Flags:
+        """Whether joints are at or beyond a stop of either kind, booleans, shape as ``q``."""
+        touched: Flags = (q <= self.place[0]) | (q >= self.place[1])
+        return touched
+
+    def within(self, q: Array) -> Array:
+        """Positions moved to the nearest that the rigid stops allow, shape as ``q``."""
+        nearest: Array = np.clip(q, *self.bounds)
+        return nearest
+
+    def refusal(self, q: Array, names: tuple[str, ...]) -> str:
+        """What is wrong with positions of shape (n,); nothing if the rigid stops allow them."""
+        beyond, (lower, upper) = self.beyond(q), self.bounds
+        beyond = beyond - ROUNDED * np.maximum(1.0, abs(q))
+        i = int(np.argmax(beyond))
+        if not beyond[i] > 0.0:
+            return ""
+        return (
+            f"joint '{names[i]}' at {q[i]:.6g} is beyond its stops; allowed: {lower[i]:.6g} to "
+            f"{upper[i]:.6g}, or a scene with joints.{names[i]}.limits.stop: false"
+        )
+
+
+def stops_of(ranges: Iterable[Range], names: tuple[str, ...]) -> Stops:
+    """Stops of independent joints.
+
+    Args:
+        ranges: Of all moving joints of the robot, followers too.
+        names: Of the independent joints.
+
+    Returns:
+        The nearest stop for each side of each joint.
+    """
+    shape, contradicting = (2, len(names)), []
+    limit = np.array([[-np.inf] * len(names), [np.inf] * len(names)])
+    place, (restitution, stiffness, damping) = limit.copy(), np.zeros((3, *shape))
+    for joint in sorted(ranges, key=lambda joint: joint.name != names[joint.leader]):
+        ends, i = _ends(joint), joint.leader
+        lower, upper = np.fmax(limit[0, i], ends[0]), np.fmin(limit[1, i], ends[1])
+        if lower >= upper:
+            contradicting.append(joint.name)
+            continue
+        limit[:, i] = lower, upper
+        stop = Stop() if joint.stop in (None, True) else joint.stop
+        for side, nearer in enumerate((ends[0] > place[0, i], ends[1] < place[1, i])):
+            if not isinstance(stop, Stop) or not nearer:
+                continue
+            place[side, i], restitution[side, i] = ends[side], stop.restitution or 0.0
+            stiffness[side, i] = (stop.stiffness or 0.0) * joint.ratio**2
+            damping[side, i] = (stop.damping or 0.0) * joint.ratio**2
+    return Stops(
+        read_only(limit),
+        read_only(place),
+        read_only(restitution),
+        read_only(stiffness),
+        read_only(damping),
+        tuple(contradicting),
+    )
+
+
+def _ends(joint: Range) -> tuple[float, float]:
+    """Range of the leading joint in which ``joint`` keeps its own."""
+    if joint.ratio == 0.0:
+        return -np.inf, np.inf
+    lower, upper = (
+        (value - joint.offset) / joint.ratio
+        if abs(value) <= NO_LIMIT
+        else np.copysign(np.inf, value * joint.ratio)
+        for value in (joint.lower, joint.upper)
+    )
+    return (lower, upper) if joint.ratio > 0.0 else (upper, lower)

@@ -1,0 +1,78 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene says of springs: those of joints, and those between points of two frames."""
+
+from __future__ import annotations
+
+from pydantic import Field, model_validator
+
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames
+from arm_dynamics.scene.types import Finite, NonNegative, Part, Vector3
+from arm_dynamics.scene.urdf import Urdf
+
+
+class JointSpring(Part):
+    """A spring and a damper beside a joint, on the side of the link.
+
+    Attributes:
+        stiffness: In [N m/rad] or [N/m]; must be given, for the joint or for all.
+        rest: Position in [rad] or [m] at which it does not push.
+        damping: In [N m s/rad] or [N s/m].
+    """
+
+    stiffness: NonNegative | None = None
+    rest: Finite = 0.0
+    damping: NonNegative = 0.0
+
+
+class PointSpring(Part):
+    """A massless spring and damper between a point of one frame and one of another.
+
+    Attributes:
+        frames: The two: links or joints of the URDF, or ``world``.
+        points: A point of each, in its own axes, in [m].
+        stiffness: In [N/m].
+        rest_length: Length in [m] at which it does not pull; 0 is allowed.
+        damping: In [N s/m].
+        force: Tension in [N] that it has besides, negative if it pushes, as a gas spring does.
+        tension_only: Whether it is a cord that only pulls; slack, it does nothing.
+        name: What messages call it; by default ``spring`` and its place in the list.
+    """
+
+    frames: Pair
+    points: tuple[Vector3, Vector3] = (ORIGIN, ORIGIN)
+    stiffness: NonNegative = 0.0
+    rest_length: NonNegative = 0.0
+    damping: NonNegative = 0.0
+    force: Finite = 0.0
+    tension_only: bool = False
+    name: str | None = Field(default=None, min_length=1)
+
+    @model_validator(mode="after")
+    def _does_something(self) -> PointSpring:
+        if not (self.stiffness or self.damping or self.force):
+            raise ValueError("a stiffness, a damping or a force is expected")
+        if self.tension_only and not self.stiffness and self.force <= 0.0:
+            raise ValueError(
+                f"tension_only with stiffness = 0 and force = {self.force:g} is never taut; "
+                "a stiffness or a force above zero is expected"
+            )
+        return self
+
+
+def spring_name(spring: PointSpring, place: int) -> str:
+    """What a spring is called: its name, else ``spring`` and its place in the scene's list."""
+    return spring.name or f"spring_{place}"
+
+
+def check_springs(springs: tuple[PointSpring, ...], urdf: Urdf) -> None:
+    """Every frame that a spring names must exist, and no two springs may share a name.
+
+    Raises:
+        SceneError: Naming the spring, the name and what is allowed.
+    """
+    names = [spring_name(spring, i) for i, spring in enumerate(springs)]
+    for i, (name, spring) in enumerate(zip(names, springs, strict=True)):
+        if name in names[:i]:
+            raise SceneError(f"scene: two springs are called '{name}'; names must differ")
+        check_frames(f"springs.{i}.frames", spring.frames, urdf)

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The arm as tunable quantities make it: other gravity, payloads and viscous friction."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_dynamics import ArmModel, Dynamics
+from arm_dynamics.arrays import Array
+from arm_dynamics.scene.schema import Payload
+from arm_sim.plant.plant import Plant
+
+OF_THE_ARM = ("gravity", "payload", "friction")
+"""Tunable quantities that the dynamics of the arm depend on."""
+KEPT = 8
+"""How many dynamics are kept, for a motion may go back and forth between a few."""
+
+
+class PresentDynamics:
+    """Numeric dynamics of a scene under the tunable quantities of the moment.
+
+    Args:
+        plant: The scene's equation of motion.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        self._made = {self._key(plant.parameters.nominal): Dynamics(plant.model)}
+
+    def at(self, p: Array) -> Dynamics:
+        """The dynamics under p, shape (np,); the same object for the same numbers."""
+        key, made = self._key(p), self._made
+        if key not in made:
+            dynamics = Dynamics(model_under(self._plant, p))
+            # Replaced as a whole: another thread may be looking something up.
+            self._made = made = {**dict(list(made.items())[-KEPT:]), key: dynamics}
+        return made[key]
+
+    def runs(self, p: Array) -> list[slice]:
+        """Rows of p, shape (k, np), that follow one another and have the same dynamics."""
+        keys = [self._key(row) for row in p]
+        ends = [i for i in range(1, len(keys)) if keys[i] != keys[i - 1]]
+        return [slice(a, b) for a, b in zip([0, *ends], [*ends, len(keys)], strict=True)]
+
+    def _key(self, p: Array) -> bytes:
+        parameters = self._plant.parameters
+        return b"".join(parameters.of(name, p).tobytes() for name in OF_THE_ARM)
+
+
+def model_under(plant: Plant, p: Array) -> ArmModel:
+    """The arm of a plant under its tunable quantities p, shape (np,)."""
+    parameters, model = plant.parameters, plant.model
+    gravity, loads, viscous = (parameters.of(name, p) for name in OF_THE_ARM)
+    if gravity.size or loads.size:
+        scene = model.scene
+        payloads = [
+            Payload.model_validate(
+                {"frame": load.frame, "mass": row[0], "com": row[1:4], "inertia": row[4:]}
+            )
+            for load, row in zip(scene.payloads, loads.reshape(-1, 10).tolist(), strict=False)
+        ]
+        weight = gravity if gravity.size else np.array(scene.gravity)
+        model = model.under(weight, payloads or scene.payloads)
+    return model.with_viscous(viscous) if viscous.size else model

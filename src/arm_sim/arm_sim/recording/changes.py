@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is changed in the middle of a run: tunable quantities, or where the robot is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from arm_dynamics.arrays import Array, read_only
+from arm_sim.plant.plant import Plant
+
+
+@dataclass(frozen=True)
+class Jump:
+    """A change between two ticks.
+
+    Attributes:
+        row: Of the recording: its time is that of the change, and its state the one after it.
+        x: State before, shape (nx,).
+        p: Tunable quantities before, shape (np,).
+    """
+
+    row: int
+    x: Array
+    p: Array
+
+
+class _Changing(Protocol):
+    @property
+    def plant(self) -> Plant: ...
+
+    @property
+    def parameters(self) -> Array: ...
+
+    @property
+    def x(self) -> Array: ...
+
+
+class Changes:
+    """Notes what a controller changes in the simulation that it controls.
+
+    Args:
+        simulator: At the beginning of a run.
+    """
+
+    def __init__(self, simulator: _Changing) -> None:
+        self._simulator = simulator
+        self._rows, self._states = [0], list[Array]()
+        self._tuned, self._last = [self._present()], self._token()
+
+    def look(self, row: int, x: Array) -> None:
+        """Compare with the last look; a state that was changed is put into its row of ``x``."""
+        token, here = self._token(), self._simulator.x
+        if token == self._last and here.tobytes() == x[row].tobytes():
+            return
+        self._rows.append(row)
+        self._tuned.append(self._present())
+        self._states.append(x[row].copy())
+        self._last, x[row] = token, here
+
+    def parameters(self, rows: int) -> Array:
+        """Tunable quantities from each time on, shape (rows, np)."""
+        ends = [*self._rows[1:], rows]
+        parts = [
+            np.broadcast_to(self._merged(tuned), (max(0, end - first), self._size))
+            for first, end, tuned in zip(self._rows, ends, self._tuned, strict=True)
+        ]
+        return read_only(np.concatenate(parts))
+
+    def jumps(self) -> tuple[Jump, ...]:
+        """What was changed, in the order of time."""
+        before = zip(self._rows[1:], self._states, self._tuned, strict=False)
+        return tuple(Jump(row, read_only(x), self._merged(tuned)) for row, x, tuned in before)
+
+    @property
+    def _size(self) -> int:
+        return len(self._simulator.plant.parameters.nominal)
+
+    def _token(self) -> tuple[Plant, bytes]:
+        """What differs when a tunable quantity does."""
+        return self._simulator.plant, self._simulator.parameters.tobytes()
+
+    def _present(self) -> dict[str, bytes]:
+        """By name, for a run may make more of them tunable."""
+        parameters, p = self._simulator.plant.parameters, self._simulator.parameters
+        return {name: parameters.of(name, p).tobytes() for name in parameters.names}
+
+    def _merged(self, tuned: dict[str, bytes]) -> Array:
+        parameters = self._simulator.plant.parameters
+        values = {name: np.frombuffer(value) for name, value in tuned.items()}
+        return parameters.merged(values, parameters.nominal)

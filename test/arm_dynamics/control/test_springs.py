@@ -1,0 +1,166 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers know the springs of their model: what those carry, drives need not."""
+
+from __future__ import annotations
+
+from functools import cache
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_dynamics.control import (
+    CompiledComputedTorque,
+    ComputedTorque,
+    DisturbanceObserver,
+    FeedForwardPD,
+    GravityCompensation,
+    HalfTickAhead,
+    JointImpedance,
+    Measured,
+    OperationalSpace,
+    PDGravity,
+    at_rest,
+)
+from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.trajectory import Reference
+from arm_dynamics.trajectory.time_scaling import torque_stretch
+from arm_sim import Simulator
+from models.sprung import slope
+from tolerances import ALGEBRA, INVERSE_PAIR, PINOCCHIO, SPRING, assert_close
+
+SCENE = {
+    "robot": {"urdf": models.scene("two_link").robot.urdf},
+    "joints": {"elbow": {"spring": {"stiffness": 12.0, "rest": 0.4, "damping": 0.3}}},
+    "springs": [
+        {
+            "frames": ["forearm", "world"], "points": [[0.2, 0, 0], [0, 0, 0.7]],
+            "stiffness": 60.0, "rest_length": 0.2, "damping": 2.0,
+        }
+    ],
+}  # fmt: skip
+
+
+@cache
+def arm() -> Dynamics:
+    return Dynamics(SCENE)
+
+
+def state(rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    q, v, a = 0.5 * rng.normal(size=(3, 2))
+    return q, v, a
+
+
+def test_arm_that_floats_stays(rng: np.random.Generator) -> None:
+    """Gravity compensation holds what weight and springs leave, so that the arm rests."""
+    q, still = state(rng)[0], np.zeros(2)
+    for control in (GravityCompensation(arm()), PDGravity(arm(), 10.0, 1.0)):
+        tau = control.torque(Measured(q, still), Reference(q, still, still))
+        assert_close(arm().forward(q, still, tau), still, INVERSE_PAIR)
+
+
+@pytest.mark.parametrize("kind", [ComputedTorque, CompiledComputedTorque])
+def test_error_obeys_the_linear_equation(
+    kind: type[ComputedTorque], rng: np.random.Generator
+) -> None:
+    q, v, a = state(rng)
+    at = Reference(*state(rng)[:2], a)
+    tau = kind(arm(), 10.0, 1.0, dt=0.0).torque(Measured(q, v), at)
+    wanted = a + 20.0 * (at.v - v) + 100.0 * (at.q - q)
+    assert_close(arm().forward(q, v, tau), wanted, INVERSE_PAIR)
+
+
+def test_without_error_all_give_inverse_dynamics(rng: np.random.Generator) -> None:
+    q, v, a = state(rng)
+    at, moving = Reference(q, v, a), Measured(q, v)
+    wanted = arm().inverse(q, v, a)
+    for control in (FeedForwardPD(arm(), 9.0, 1.0), JointImpedance(arm(), 9.0)):
+        assert_close(control.torque(moving, at), wanted, PINOCCHIO)
+
+
+def test_impedance_leaves_the_error_its_own_damping(rng: np.random.Generator) -> None:
+    """Dampers are fed forward from the reference's speed, as viscous friction is."""
+    bare = Dynamics({"robot": SCENE["robot"]})
+    (q, v, a), (q_d, v_d, _) = state(rng), state(rng)
+    more, less = (
+        JointImpedance(dyn, 9.0).torque(Measured(q, v), Reference(q_d, v_d, a))
+        for dyn in (arm(), bare)
+    )
+    assert_close(more - less, arm().spring(q, v_d), PINOCCHIO)
+
+
+def test_frame_stays_where_it_is_told() -> None:
+    task = TaskSpace(arm(), "tip", selection=("x", "z"))
+    q, still = np.array([0.3, -0.9]), np.zeros(2)
+    tau = OperationalSpace(task).torque(Measured(q, still), at_rest(task, q))
+    assert_close(arm().forward(q, still, tau), still, INVERSE_PAIR)
+
+
+def test_springs_seen_from_a_frame(rng: np.random.Generator) -> None:
+    """f = Λ x'' + µ + p + s is what the torques of the motion are at the frame."""
+    q, v, a = state(rng)
+    task = TaskSpace(arm(), "tip", selection=("x", "z"))
+    seen = task.terms(q, v)
+    x = task.jacobian(q) @ a + seen.bias
+    f = seen.inertia @ x + seen.coriolis + seen.gravity + seen.spring
+    assert_close(seen.jacobian.T @ f, arm().inverse(q, v, a), INVERSE_PAIR)
+
+
+def test_observer_does_not_take_springs_for_a_disturbance() -> None:
+    sim = Simulator(SCENE, dt=1e-3)
+    observer = DisturbanceObserver(GravityCompensation(arm()), arm(), sim.dt, 50.0)
+    sim.reset([0.6, -1.2], [1.0, -0.5])
+    for _ in range(500):
+        sim.step(observer.torque(sim.state, None))
+    assert abs(observer.disturbance).max() < 0.02
+    assert abs(arm().spring(sim.state.q)).max() > 1.0
+
+
+def test_state_half_a_tick_ahead_knows_springs(rng: np.random.Generator) -> None:
+    """The state that the inner controller sees is that of the motion, one step of Taylor's."""
+    sim, dt = Simulator(SCENE, dt=1e-3), 2e-3
+    q, v, _ = state(rng)
+    seen: list[Measured] = []
+
+    class Listener:
+        def torque(self, state: Measured, reference: object) -> np.ndarray:
+            seen.append(state)
+            return np.array([1.0, -1.0])
+
+    control = HalfTickAhead(Listener(), arm(), dt)
+    for _ in range(2):
+        control.torque(Measured(q, v), None)
+    sim.reset(q, v)
+    later = sim.step([1.0, -1.0])
+    np.testing.assert_allclose(seen[-1].q, later.q, rtol=0.0, atol=1e-6)
+    np.testing.assert_allclose(seen[-1].v, later.v, rtol=0.0, atol=5e-3)
+
+
+def test_motion_is_slowed_for_what_springs_take() -> None:
+    """Slowed by the factor found, the greatest torque is the limit."""
+    s = np.linspace(0.0, 1.0, 201)
+    q = np.column_stack([0.8 * np.sin(3 * s), -0.9 * np.cos(2 * s)])
+    v = np.column_stack([2.4 * np.cos(3 * s), 1.8 * np.sin(2 * s)])
+    a = np.column_stack([-7.2 * np.sin(3 * s), 3.6 * np.cos(2 * s)])
+    resting = abs(arm().inverse(q, 0 * q, 0 * q)).max(axis=0)
+    limit = 1.02 * resting
+    pace = torque_stretch(arm(), q, v, a, limit)
+    part = abs(arm().inverse(q, v / pace, a / pace**2)) / limit
+    assert pace > 1.0
+    assert part.max() == pytest.approx(1.0, abs=ALGEBRA)
+
+
+def test_standing_torque_is_the_slope_of_the_energy(rng: np.random.Generator) -> None:
+    q = state(rng)[0]
+    held = GravityCompensation(arm()).torque(Measured(q, np.zeros(2)))
+    assert_close(held, slope(lambda x: arm().energy(x, 0 * x)[1], q), SPRING)
+
+
+def test_models_without_springs_cost_no_code() -> None:
+    bare, zero = (
+        ArmModel(load_scene(SCENE | {"springs": [], "joints": {"elbow": spring}}))
+        for spring in ({}, {"spring": {"stiffness": 0.0}})
+    )
+    assert not bare.springs
+    assert not zero.springs

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mass matrices that cannot be solved with are refused by the joints that move nothing."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics, ModelError
+from arm_dynamics.model.regularity import check_regular, largest_condition
+from arm_sim import Simulator
+
+ARM = (models.FOLDER / "planar_3r.urdf").read_text()
+NAMES = ("a", "b", "c")
+
+
+def link(number: int, mass: float, moment: float) -> str:
+    """The inertial element of a link of the arm, with its centre of mass half way out."""
+    x = {1: 0.2, 2: 0.15, 3: 0.1}[number]
+    return (
+        f'<link name="link{number}"><inertial><origin xyz="{x} 0 0"/><mass value="{mass}"/>'
+        f'<inertia ixx="0" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="{moment}"/>'
+        "</inertial></link>"
+    )
+
+
+def arm(*inertias: tuple[float, float]) -> str:
+    """The arm with other masses and moments of its three links."""
+    text = ARM
+    for number, inertia in enumerate(inertias, 1):
+        start = text.index(f'<link name="link{number}">')
+        end = text.index("</link>", start) + len("</link>")
+        text = text[:start] + link(number, *inertia) + text[end:]
+    return text
+
+
+NONE, POINT, BODY = (0.0, 0.0), (1.0, 0.0), (1.0, 0.1)
+SINGULAR: dict[str, tuple[str, str]] = {
+    "nothing at the end": (arm(BODY, BODY, NONE), "joint 'joint3' moves no mass"),
+    "a point on two massless links, for three joints": (
+        arm(NONE, NONE, POINT),
+        "'joint2', 'joint3' can move together so that they move no mass",
+    ),
+    "two massless links in a row at the end": (
+        arm(BODY, NONE, NONE),
+        "joints 'joint2', 'joint3' move no mass",
+    ),
+}
+
+
+@pytest.mark.parametrize(("text", "said"), SINGULAR.values(), ids=SINGULAR)
+def test_joints_that_move_nothing_are_named(text: str, said: str) -> None:
+    dyn = Dynamics(text)
+    assert np.isfinite(dyn.inverse(*np.ones((3, 3)))).all()  # which needs no M⁻¹
+    for build in (lambda: dyn.forward(*np.zeros((3, 3))), lambda: Simulator(text)):
+        with pytest.raises(ModelError, match=f"{said}.* condition number .* up to 1.5e\\+15"):
+            build()
+
+
+@pytest.mark.parametrize(("text", "said"), SINGULAR.values(), ids=SINGULAR)
+def test_likewise_under_constraints(text: str, said: str) -> None:
+    held = [{"type": "plane", "frames": ["link3", "world"], "normal": [1, 0, 0], "height": 0.5}]
+    start = {"position": {"joint1": 0.3, "joint2": 0.4, "joint3": 0.5}}
+    with pytest.raises(ModelError, match="no mass.* condition number"):
+        Simulator({"robot": {"urdf": text}, "constraints": held, "initial": start})
+
+
+@pytest.mark.parametrize(
+    "joints",
+    [
+        {"joint3": {"armature": 0.01}},
+        {"joint3": {"actuator": {"rotor_inertia": 1e-5, "gear_ratio": 30}}},
+    ],
+)
+def test_an_armature_or_a_rotor_is_mass_enough(joints: dict[str, Any]) -> None:
+    dyn = Dynamics({"robot": {"urdf": SINGULAR["nothing at the end"][0]}, "joints": joints})
+    q, v, a = np.random.default_rng(1).normal(size=(3, 3))
+    np.testing.assert_allclose(dyn.forward(q, v, dyn.inverse(q, v, a)), a, rtol=1e-9, atol=1e-9)
+
+
+def test_massless_links_between_bodies_are_no_trouble() -> None:
+    dyn = Dynamics(arm(NONE, BODY, NONE).replace('name="joint3" type="revolute"',
+                                                 'name="joint3" type="fixed"'))  # fmt: skip
+    q, v, a = np.random.default_rng(2).normal(size=(3, 2))
+    np.testing.assert_allclose(dyn.forward(q, v, dyn.inverse(q, v, a)), a, rtol=1e-9, atol=1e-9)
+
+
+def test_an_arm_that_is_singular_only_where_it_starts_cannot_start() -> None:
+    """A point mass on one massless link: stretched, both joints move it alike."""
+    text = arm(NONE, POINT, NONE).replace('name="joint3" type="revolute"',
+                                          'name="joint3" type="fixed"')  # fmt: skip
+    with pytest.raises(ModelError, match="'joint1', 'joint2'"):
+        Simulator(text)
+    bent = Simulator({"robot": {"urdf": text}, "initial": {"position": {"joint2": 1.0}}})
+    assert np.isfinite(bent.step(np.zeros(2)).v).all()
+
+
+def spread(condition: float) -> np.ndarray:
+    """A matrix with a diagonal of ones and a condition number."""
+    c = (condition - 1.0) / (condition + 1.0)
+    return np.array([[1.0, c, 0.0], [c, 1.0, 0.0], [0.0, 0.0, 1.0]])
+
+
+def test_the_condition_number_decides_in_whatever_units() -> None:
+    units, most = np.diag([1e-3, 1e3, 1.0]), largest_condition(3)
+    assert most == pytest.approx(1.0 / (3 * 2.0**-52))
+    for M in (spread(1e-3 * most), units @ spread(1e-3 * most) @ units):
+        check_regular(M[None], NAMES)
+    for M in (spread(30.0 * most), units @ spread(30.0 * most) @ units):
+        with pytest.raises(
+            ModelError, match=r"^joints 'a', 'b' can .* is (inf|\d.*e\+1\d), up to"
+        ):
+            check_regular(np.array([np.eye(3), M]), NAMES)
+
+
+def test_kinetic_energy_that_is_negative_is_refused() -> None:
+    with pytest.raises(ModelError, match="'b', 'c'.* is inf"):
+        check_regular(np.array([[[1, 0, 0], [0, 1, 2], [0, 2, 1.0]]]), NAMES)
+    with pytest.raises(ModelError, match="^joint 'b' moves no mass"):
+        check_regular(np.diag([1.0, -0.1, 1.0])[None], NAMES)

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Springs in the equation of motion of any robot, against the slope of their potential."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, Dynamics, KernelError, SceneError, Term, load_scene
+from arm_dynamics.dynamics import MANY, compiled_backend, compiled_terms
+from arm_dynamics.model import RigidTerms
+from models.random_tree import random_tree
+from models.sprung import SprungOracle, slope, sprung
+from tolerances import ALGEBRA, CLOSED_FORM, INVERSE_PAIR, PINOCCHIO, SPRING, assert_close
+
+
+def tree(rng: np.random.Generator, joints: int, **about: Any) -> dict[str, Any]:
+    return sprung(random_tree(rng, joints), rng, **about)
+
+
+@pytest.mark.parametrize("joints", [1, 2, 4, 7])
+@pytest.mark.parametrize("cord", [False, True], ids=["spring", "cord"])
+def test_torque_is_tension_times_the_slope_of_the_length(
+    joints: int, cord: bool, rng: np.random.Generator
+) -> None:
+    scene = load_scene(tree(rng, joints, cord=cord))
+    dyn, oracle = Dynamics(scene), SprungOracle(scene)
+    for _ in range(5):
+        q, v, a = models.random_state(rng, dyn.n)
+        assert_close(dyn.spring(q, v), oracle.spring(q, v), SPRING)
+        assert_close(dyn.inverse(q, v, a), oracle.inverse(q, v, a), SPRING)
+        assert_close(dyn.forward(q, v, a), oracle.forward(q, v, a), SPRING)
+
+
+@pytest.mark.parametrize("joints", [1, 3, 6, 12, 20])
+def test_inverse_and_forward_undo_each_other(joints: int, rng: np.random.Generator) -> None:
+    dyn = Dynamics(tree(rng, joints, count=5))
+    q, v, x = models.random_state(rng, dyn.n)
+    assert_close(dyn.inverse(q, v, dyn.forward(q, v, x)), x, INVERSE_PAIR)
+    assert_close(dyn.forward(q, v, dyn.inverse(q, v, x)), x, INVERSE_PAIR)
+
+
+def test_either_end_may_be_named_first(rng: np.random.Generator) -> None:
+    data = tree(rng, 4)
+    dyn = Dynamics(data)
+    for spring in data["springs"]:
+        spring["frames"], spring["points"] = spring["frames"][::-1], spring["points"][::-1]
+    turned = Dynamics(data)
+    q, v, _ = models.random_state(rng, dyn.n)
+    assert_close(turned.spring(q, v), dyn.spring(q, v), PINOCCHIO)
+
+
+def test_torque_at_rest_is_the_slope_of_the_energy(rng: np.random.Generator) -> None:
+    dyn = Dynamics(tree(rng, 5))
+    q = rng.normal(size=dyn.n)
+    lifted = slope(lambda x: dyn.energy(x, 0.0 * x)[1], q)
+    assert_close(dyn.gravity(q) + dyn.spring(q), lifted, SPRING)
+
+
+def test_energy_is_that_of_the_weight_and_the_springs(rng: np.random.Generator) -> None:
+    scene = load_scene(tree(rng, 4))
+    dyn, oracle = Dynamics(scene), SprungOracle(scene)
+    q, v, _ = models.random_state(rng, dyn.n)
+    kinetic, potential = oracle.energy(q, v)
+    assert_close(dyn.energy(q, v), (kinetic, potential + oracle.bent(q)), PINOCCHIO)
+
+
+def test_terms_add_up_and_the_old_ones_know_no_springs(rng: np.random.Generator) -> None:
+    data = tree(rng, 5)
+    dyn, bare = Dynamics(data), Dynamics({"robot": data["robot"]})
+    q, v, a = models.random_state(rng, dyn.n)
+    assert_close(sum(dyn.inverse(q, v, a, t) for t in Term), dyn.inverse(q, v, a), PINOCCHIO)
+    assert_close(dyn.inverse(q, v, a, Term.SPRING), dyn.spring(q, v), PINOCCHIO)
+    old = Term.ALL & ~Term.SPRING
+    np.testing.assert_array_equal(dyn.inverse(q, v, a, old), bare.inverse(q, v, a))
+    assert_close(bare.inverse(q, v, a, Term.SPRING), np.zeros(dyn.n), PINOCCHIO)
+
+
+def test_batches_run_as_checked_code(rng: np.random.Generator) -> None:
+    dyn = Dynamics(tree(rng, 4, cord=True))
+    q, v, a = rng.normal(size=(3, MANY, dyn.n))
+    for many, one in (
+        (dyn.spring(q, v), [dyn.spring(*x) for x in zip(q, v, strict=True)]),
+        (dyn.inverse(q, v, a), [dyn.inverse(*x) for x in zip(q, v, a, strict=True)]),
+        (np.transpose(dyn.energy(q, v)), [dyn.energy(*x) for x in zip(q, v, strict=True)]),
+    ):
+        assert_close(many, np.array(one), ALGEBRA)
+
+
+@pytest.mark.parametrize("name", ["SPRING", "ENERGIES"])
+def test_code_that_differs_is_refused(name: str, rng: np.random.Generator) -> None:
+    """The check at build sees a stiffness that is off by a part in a million."""
+    data = tree(rng, 3)
+    term = getattr(compiled_terms, name)
+    answer = compiled_backend.rows(term.expression(ArmModel(load_scene(data))), False)
+    points = RigidTerms(ArmModel(load_scene(data)))
+    assert compiled_backend.check(term, points, answer) < 1e-10
+    data["springs"][0]["stiffness"] *= 1.0 + 1e-6
+    other = RigidTerms(ArmModel(load_scene(data)))
+    with pytest.raises(KernelError, match="differs from Pinocchio"):
+        compiled_backend.check(term, other, answer)
+
+
+def test_springs_of_followers_act_through_their_leader(rng: np.random.Generator) -> None:
+    scene = {
+        "robot": {"urdf": models.scene("gripper").robot.urdf},
+        "joints": {"cover_hinge": {"spring": {"stiffness": 2.0, "rest": 0.1, "damping": 0.5}}},
+    }
+    dyn = Dynamics(scene)
+    q, v = 0.1 * rng.normal(size=(2, dyn.n))
+    k = dyn.joint_names.index("left_slide")
+    wanted = np.zeros(dyn.n)
+    wanted[k] = 12.0 * (2.0 * (12.0 * q[k] + 0.4 - 0.1) + 0.5 * 12.0 * v[k])
+    assert_close(dyn.spring(q, v), wanted, CLOSED_FORM)
+
+
+def test_a_spring_for_all_gives_way_to_a_joints_own() -> None:
+    dyn = Dynamics(
+        {
+            "robot": {"urdf": models.scene("planar_3r").robot.urdf},
+            "joints": {
+                "*": {"spring": {"stiffness": 5.0}},
+                "joint2": {"spring": {"rest": 1.0}},
+                "joint3": {"spring": {"stiffness": 0.0}},
+            },
+        }
+    )
+    assert_close(dyn.spring([1.0, 2.0, 3.0]), [5.0, 5.0, 0.0], CLOSED_FORM)
+
+
+FRAMES = {"frames": ["link1", "world"], "stiffness": 1.0}
+REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
+    "stiffness missing": (
+        {"joints": {"*": {"spring": {"rest": 1.0}}}},
+        ("joints.joint1.spring.stiffness", "missing"),
+    ),
+    "locked joint": (
+        {
+            "robot": {"urdf": models.scene("planar_3r").robot.urdf, "lock": ["joint3"]},
+            "joints": {"joint3": {"spring": {"stiffness": 1.0}}},
+        },
+        ("joints.joint3.spring", "locked"),
+    ),
+    "frames on one link": (
+        {"springs": [{**FRAMES, "frames": ["link1", "joint1"], "name": "idle"}]},
+        ("'idle'", "link1", "joint1", "cannot move"),
+    ),
+    "frame of the ground": (
+        {"springs": [{**FRAMES, "frames": ["base", "world"]}]},
+        ("'spring_0'", "base", "cannot move"),
+    ),
+}
+
+
+@pytest.mark.parametrize(("changes", "words"), REFUSED.values(), ids=REFUSED)
+def test_refusals(changes: dict[str, Any], words: tuple[str, ...]) -> None:
+    scene = {"robot": {"urdf": models.scene("planar_3r").robot.urdf}} | changes
+    with pytest.raises(SceneError) as caught:
+        ArmModel(load_scene(scene))
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_a_locked_joint_may_be_among_all() -> None:
+    robot = {"urdf": models.scene("planar_3r").robot.urdf, "lock": ["joint3"]}
+    dyn = Dynamics({"robot": robot, "joints": {"*": {"spring": {"stiffness": 2.0}}}})
+    assert_close(dyn.spring([1.0, -1.0]), [2.0, -2.0], CLOSED_FORM)

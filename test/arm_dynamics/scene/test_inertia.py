@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Inertias that rigid bodies can have, and those that none has."""
+
+from __future__ import annotations
+
+import logging
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import models
+from arm_dynamics import Dynamics, ModelError, load_scene
+from arm_dynamics.scene.inertia import fault, inertia_matrix, moments, possible
+from arm_dynamics.scene.urdf import read_urdf
+
+SIX = ([0, 0], [0, 1], [0, 2], [1, 1], [1, 2], [2, 2])
+
+
+def six_of(tensor: np.ndarray) -> list[float]:
+    return [float(tensor[i, j]) for i, j in SIX]
+
+
+def random_rotation(rng: np.random.Generator) -> np.ndarray:
+    return np.array(pin.Quaternion(rng.normal(size=4)).normalized().matrix())
+
+
+def test_the_tensor_is_symmetric_and_in_the_order_of_a_urdf() -> None:
+    xx, xy, xz, yy, yz, zz = six = [1.0, 2.0, 3.0, 4.0, 5.0, 6.0]
+    expected = [[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]]
+    np.testing.assert_array_equal(inertia_matrix(six), expected)
+    np.testing.assert_array_equal(inertia_matrix([six, six]), [expected, expected])
+
+
+def test_bodies_of_point_masses_are_possible(rng: np.random.Generator) -> None:
+    """Any points with any masses: in a line, in a plane, in space."""
+    for points in rng.normal(size=(50, 4, 3)) * [[1.0], [0.0], [1.0], [0.0]]:
+        weights = rng.uniform(0.1, 1.0, 4)
+        arms = points - weights @ points / weights.sum()
+        tensor = sum(
+            m * ((r @ r) * np.eye(3) - np.outer(r, r)) for m, r in zip(weights, arms, strict=True)
+        )
+        assert fault(weights.sum(), six_of(np.array(tensor))) is None
+
+
+def test_a_moment_beyond_the_sum_of_the_others_is_not(rng: np.random.Generator) -> None:
+    for excess, fine in ((0.0, True), (0.009, True), (0.011, False), (1.0, False)):
+        R = random_rotation(rng)
+        tensor = R @ np.diag([0.3, 0.7, 1.0 / (1.0 - excess)]) @ R.T if excess < 1 else np.eye(3)
+        if excess == 1.0:
+            tensor = R @ np.diag([0.0, 0.0, 1.0]) @ R.T
+        assert bool(possible(1.0, six_of(tensor))) is fine
+        assert (fault(1.0, six_of(tensor)) is None) is fine
+
+
+def test_masses_and_tensors_in_rows() -> None:
+    mass = [1.0, -1.0, 0.0, 0.0, 1.0, 1.0, np.nan]
+    ball, none = [1.0, 0, 0, 1.0, 0, 1.0], [0.0] * 6
+    six = [ball, ball, none, ball, [-1.0, 0, 0, 1.0, 0, 1.0], none, ball]
+    assert possible(mass, six).tolist() == [True, False, True, False, False, True, False]
+    np.testing.assert_array_equal(moments(six)[:2], np.ones((2, 3)))
+    said = [fault(m, s) or "" for m, s in zip(mass, six, strict=True)]
+    words = ["", "mass = -1 kg", "", "mass = 0", "negative in any direction", "", "mass = nan"]
+    assert all(word in text for word, text in zip(words, said, strict=True))
+    assert [bool(text) for text in said] == [bool(word) for word in words]
+
+
+def test_a_link_with_an_inertia_of_no_body_is_told_and_computed_with(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    text = (models.FOLDER / "planar_3r.urdf").read_text()
+    old = '<inertia ixx="0" ixy="0" ixz="0" iyy="0.015" iyz="0" izz="0.015"/>'
+    assert old in text
+    text = text.replace(old, old.replace('izz="0.015"', 'izz="0.1"'))
+    with caplog.at_level(logging.WARNING):
+        dyn = Dynamics(load_scene(text))
+    assert "link 'link2': no body has principal moments 0, 0.015, 0.1 kg m²" in caplog.text
+    assert list(dyn.model.doubtful) == ["link2"]
+    assert np.isfinite(dyn.forward(*np.zeros((3, 3)))).all()
+
+
+def descriptions() -> list[Path]:
+    spec = find_spec("pinocchio")
+    assert spec is not None and spec.origin is not None
+    prefix = next(p for p in Path(spec.origin).parents if p.name == "cmeel.prefix")
+    return sorted((prefix / "share/example-robot-data/robots").rglob("*.urdf"))
+
+
+def test_robots_as_they_are_published_are_read() -> None:
+    """Every one of example-robot-data, but for two that are no robots: without links, and with a
+    joint that follows a fixed one."""
+    refused, doubtful = set(), 0
+    for path in descriptions():
+        try:
+            doubtful += bool(read_urdf(path.read_text()).doubtful)
+        except ModelError:
+            refused.add(path.stem)
+    assert refused == {"ur3", "alex_psyonic_hands"}
+    assert doubtful > 10

@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gaps, relative velocities and forces of contacts against Pinocchio's kinematics."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+import models
+from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_sim.plant.plant import Plant
+from models.touching import contact
+from tolerances import ALGEBRA, FINITE_DIFF, assert_close
+
+BALL, POINT = 0.07, 0.0
+NORMAL = np.array([0.48, -0.6, 0.64])
+PLACE, ON_PLANE = np.array([0.03, -0.05, 0.1034]), np.array([0.1, 0.2, -0.4])
+FINGERS = ["panda_finger_joint1", "panda_finger_joint2"]
+CASES = [
+    (plane, frame, radius)
+    for plane, frame in (("panda_link3", "panda_hand"), ("panda_hand", "panda_link3"),
+                         ("panda_hand", "panda_link0"), ("world", "panda_hand"))
+    for radius in (POINT, BALL)
+]  # fmt: skip
+ANY = pytest.mark.parametrize(("plane", "frame", "radius"), CASES)
+
+
+@cache
+def plant(plane: str, frame: str, radius: float, raised: float = 0.0) -> Plant:
+    """A Panda with one contact, nothing about which lies along an axis."""
+    on_plane = ON_PLANE + raised * NORMAL
+    surface = {"frame": plane, "point": on_plane.tolist(), "normal": NORMAL.tolist()}
+    touch = contact(frame, point=PLACE.tolist(), radius=radius, friction=0.4, plane=surface)
+    robot = {"urdf": models.scene("panda").robot.urdf, "lock": FINGERS}
+    joints = {"*": {"limits": {"stop": False}}}
+    return Plant(ArmModel(load_scene({"robot": robot, "joints": joints, "constraints": [touch]})))
+
+
+class Bodies:
+    """The ball and its plane at a state, by Pinocchio."""
+
+    def __init__(self, made: Plant, plane: str, frame: str, radius: float) -> None:
+        self.model, self.data = made.model.pin, made.model.pin.createData()
+        self._plane, self._frame, self._radius = plane, frame, radius
+
+    def at(self, q: np.ndarray, v: np.ndarray) -> dict[str, np.ndarray]:
+        pin.forwardKinematics(self.model, self.data, q, v)
+        pin.updateFramePlacements(self.model, self.data)
+        R, p, velocity = self._moving(self._plane)
+        _, _, velocity_of_ball = self._moving(self._frame)
+        n = R @ NORMAL
+        centre = self._placed(self._frame, PLACE)
+        touching = centre - self._radius * n
+        return {
+            "normal": n, "point": touching,
+            "gap": n @ (centre - p - R @ ON_PLANE) - self._radius,
+            "speed": velocity_of_ball(touching) - velocity(touching),
+        }  # fmt: skip
+
+    def rows(self, q: np.ndarray, point: np.ndarray) -> np.ndarray:
+        """Velocity of the ball's material point against the plane's by joint velocity, (3, n)."""
+        return self._jacobian(self._frame, q, point) - self._jacobian(self._plane, q, point)
+
+    def _moving(self, frame: str) -> tuple[np.ndarray, np.ndarray, Any]:
+        if frame == "world":
+            return np.eye(3), np.zeros(3), lambda _: np.zeros(3)
+        i = self.model.getFrameId(frame)
+        M = self.data.oMf[i]
+        w = pin.getFrameVelocity(self.model, self.data, i, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        p = M.translation
+        return M.rotation, p, lambda at: w.linear + np.cross(w.angular, at - p)
+
+    def _placed(self, frame: str, point: np.ndarray) -> np.ndarray:
+        R, p, _ = self._moving(frame)
+        return p + R @ point
+
+    def _jacobian(self, frame: str, q: np.ndarray, point: np.ndarray) -> np.ndarray:
+        if frame == "world":
+            return np.zeros((3, self.model.nv))
+        i, world = self.model.getFrameId(frame), pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        J = pin.computeFrameJacobian(self.model, self.data, q, i, world)
+        return J[:3] - pin.skew(point - self.data.oMf[i].translation) @ J[3:]
+
+
+def state(seed: int, n: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(seed)
+    return rng.uniform(-1.5, 1.5, n), rng.normal(size=n), rng.normal(0.0, 5.0, n)
+
+
+@ANY
+def test_gap_velocity_and_place_are_those_of_the_material_points(
+    plane: str, frame: str, radius: float
+) -> None:
+    made = plant(plane, frame, radius)
+    for seed in range(3):
+        q, v, _ = state(seed, made.model.n)
+        wanted = Bodies(made, plane, frame, radius).at(q, v)
+        assert made.contact is not None
+        place, speed, size = (
+            np.array(x).ravel() for x in made.contact.geometry(np.hstack([q, v]))
+        )
+        sites = np.array(made.contact.sites(q))
+        assert_close(place[0], wanted["gap"], ALGEBRA)
+        assert_close(sites[:, 0], wanted["normal"], ALGEBRA)
+        assert_close(sites[:, 3], wanted["point"], ALGEBRA)
+        assert_close(sites[:, :3].T @ sites[:, :3], np.eye(3), ALGEBRA)
+        assert_close(speed, sites[:, :3].T @ wanted["speed"], ALGEBRA)
+        assert size[0] > abs(place[0]) + radius
+
+
+@ANY
+@pytest.mark.parametrize("sticks", [1.0, 0.0])
+def test_forces_act_on_both_bodies_and_hold_what_they_are_to_hold(
+    plane: str, frame: str, radius: float, sticks: float
+) -> None:
+    """M a + h = τ + (J_ball - J_plane)ᵀ F; material points that stick do not accelerate."""
+    made = plant(plane, frame, radius)
+    dynamics, bodies = Dynamics(made.model), Bodies(made, plane, frame, radius)
+    q, v, tau = state(5, made.model.n)
+    p = np.array([1.0, sticks, 0.6, 0.8, 1.0])
+    assert made.contact is not None
+    a = np.array(made.contact.acceleration(q, v, tau, p)).ravel()
+    _, force, rate, _ = (np.array(x).ravel() for x in made.contact.loads(q, v, tau, p))
+    sites = np.array(made.contact.sites(q))
+    if not sticks:
+        assert_close(force[1:], -0.4 * force[0] * p[2:4], ALGEBRA)
+    push = bodies.rows(q, sites[:, 3]).T @ (sites[:, :3] @ force)
+    assert_close(dynamics.inverse(q, v, a), tau + push, ALGEBRA)
+    held = 3 if sticks else 1
+    assert_close(rate[:held], np.zeros(held), 1e-8)
+
+    def speed(h: float) -> np.ndarray:
+        """In the plane's own axes, by Pinocchio's velocities, along the motion."""
+        there, moving = q + h * v + 0.5 * h**2 * a, v + h * a
+        assert made.contact is not None
+        axes = np.array(made.contact.sites(there))[:, :3]
+        return np.array(axes.T @ bodies.at(there, moving)["speed"])
+
+    h = 1e-5
+    assert_close(rate, (speed(h) - speed(-h)) / (2 * h), FINITE_DIFF)
+
+
+@ANY
+def test_a_state_is_brought_back_to_closed_gaps_and_to_anchors_that_exist(
+    plane: str, frame: str, radius: float
+) -> None:
+    """A point returns to where it stuck in its plane's axes; a ball only stops slipping."""
+    made = plant(plane, frame, radius)
+    q, v, _ = state(7, made.model.n)
+    assert made.contact is not None
+    before = np.array(made.contact.geometry(np.hstack([q, v]))[0]).ravel()
+    x, anchor = np.hstack([q, v]), before[1:] + 1e-4
+    stuck = np.array([1.0, 1.0, 1.0, 0.0, 0.0])
+    shifted = plant(plane, frame, radius, before[0] - 1e-4)  # it nearly touches
+    assert shifted.contact is not None
+    for _ in range(4):
+        x = np.array(shifted.contact.close(x, stuck, anchor)).ravel()
+    place, speed, _ = (np.array(y).ravel() for y in shifted.contact.geometry(x))
+    assert_close(place[0], 0.0, 1e-14)
+    assert_close(speed, np.zeros(3), 1e-12)
+    if radius == POINT:
+        assert_close(place[1:], anchor, 1e-14)
+    else:
+        assert np.abs(place[1:] - before[1:]).max() < 1e-3
+        assert np.abs(place[1:] - anchor).max() > 1e-6

@@ -1,0 +1,415 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Balls that roll, and planes that links carry, against closed forms and other equations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+from scipy.spatial.transform import Rotation
+
+import models
+from arm_dynamics import SceneError
+from arm_sim import Simulator, contact_history
+from models.touching import carrier, contact, free_body, rails
+from tolerances import CLOSED_FORM, FINITE_DIFF, assert_close
+
+G = 9.81
+M, R, J = 2.0, 0.3, 0.05
+TWO_LINK = str(models.SCENES / "two_link.urdf")
+L1, L2 = 0.5, 0.4
+ROLLS = 1.0 + J / (M * R**2)
+OPTIONS: dict[str, dict[str, Any]] = {
+    "rk4 1 ms": {"integrator": "rk4", "dt": 1e-3},
+    "error control": {"tolerance": 1e-11, "dt": 1e-2},
+}
+ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
+
+
+def roller(mu: float, slope: float = 0.0, **options: Any) -> Simulator:
+    """A wheel in the x-z plane on a slope that falls towards +x."""
+    plane = {"point": [0, 0, 0], "normal": [np.sin(slope), 0, np.cos(slope)]}
+    wheel = contact("body", radius=R, friction=mu, plane=plane)
+    start = {"initial": {"position": {"z": R / np.cos(slope)}}}
+    scene = {**rails("xz", M, turns=True, iyy=J), **start, "constraints": [wheel]}
+    return Simulator(scene, **options)
+
+
+# --- balls on planes of the world ----------------------------------------------------------------
+
+
+@ALL
+def test_a_wheel_rolls_down_a_slope_or_slides_and_spins_up(options: dict[str, Any]) -> None:
+    """g sin θ / (1 + I/mr²) with enough friction; else g (sin θ - µ cos θ), turned by µ m g r."""
+    angle = 0.4
+    down = np.array([np.cos(angle), -np.sin(angle)])
+    needed = np.tan(angle) * (1 - 1 / ROLLS)
+    for mu, state in ((1.01 * needed, "sticks"), (0.99 * needed, "slides")):
+        sim = roller(mu, angle, **options)
+        run = sim.run(0.5)
+        pressed = G * np.cos(angle)
+        a = G * np.sin(angle) / ROLLS if state == "sticks" else G * np.sin(angle) - mu * pressed
+        spin = a / R if state == "sticks" else mu * M * pressed * R / J
+        assert_close(run.q[:, :2] - run.q[0, :2], 0.5 * a * np.outer(run.time**2, down), 1e-11)
+        assert_close(run.q[:, 2], 0.5 * spin * run.time**2, 1e-11)
+        (force,) = sim.contact_forces()
+        assert force.state == state
+        assert_close(force.normal, M * pressed, 1e-10)
+        touching = run.q[-1, :2] - R * np.array([np.sin(angle), np.cos(angle)])
+        assert_close(force.point[[0, 2]], touching, CLOSED_FORM)
+
+
+@ALL
+def test_a_bowled_ball_slides_until_it_rolls(options: dict[str, Any]) -> None:
+    """Thrown without spin it slides for (v0 - v)/µg and then rolls on with v = v0/(1 + I/mr²).
+
+    Its friction has then taken the rest of the energy, and takes no more.
+    """
+    mu, v0 = 0.3, 2.0
+    sim = roller(mu, **options)
+    sim.reset(v=[v0, 0.0, 0.0])
+    run = sim.run(1.0)
+    rolls_at, speed = (v0 - v0 / ROLLS) / (mu * G), v0 / ROLLS
+    rolling = run.time > rolls_at
+    assert_close(run.v[rolling], np.tile([speed, 0.0, speed / R], (rolling.sum(), 1)), CLOSED_FORM)
+    way = v0 * rolls_at - 0.5 * mu * G * rolls_at**2 + speed * (1.0 - rolls_at)
+    assert_close(run.q[-1, 0], way, CLOSED_FORM)
+    lost = 0.5 * M * v0**2 - 0.5 * M * ROLLS * speed**2
+    history = contact_history(sim, run)
+    assert_close(history.friction_loss[-1], lost, 1e-10)
+    assert_close(np.diff(history.friction_loss[rolling]), np.zeros(rolling.sum() - 1), CLOSED_FORM)
+    assert_close(run.balance, np.zeros(len(run)), 1e-10)
+
+
+def test_a_spinning_ball_bounces_off_askew() -> None:
+    """Dropped with back spin and much friction: it leaves with e times its speed, and rolling.
+
+    The tangential impulse P makes v - r ω zero: P (1/m + r²/I) = r ω.
+    """
+    e, spin, height = 0.6, -8.0, 0.4
+    ball = contact("body", radius=R, friction=5.0, restitution=e)
+    start = {"initial": {"position": {"z": R}}}
+    sim = Simulator({**rails("xz", M, turns=True, iyy=J), **start, "constraints": [ball]})
+    sim.reset(q=[0.0, R + height, 0.0], v=[0.0, 0.0, spin])
+    hit = np.sqrt(2 * height / G)
+    sim.run(hit + 0.01)
+    impulse = R * spin / (1 / M + R**2 / J)
+    assert_close(sim.state.v[0], impulse / M, 1e-10)
+    assert_close(sim.state.v[2], spin - R * impulse / J, 1e-10)
+    assert_close(sim.state.v[1], e * G * hit - G * (sim.state.time - hit), 1e-10)
+
+
+@ALL
+def test_chaplygins_ball_against_euler_equations(options: dict[str, Any]) -> None:
+    """A ball of three different moments rolls where its spin takes it (Chaplygin 1903).
+
+    The moment of momentum about where it touches changes as J ω x ω in the body turns; integrated
+    on quaternions by DOP853.
+    """
+    moments = np.array([0.02, 0.05, 0.06])
+    ball = contact("body", radius=R, friction=10.0)
+    start = {"initial": {"position": {"z": R}}}
+    scene = {**free_body(M, moments), **start, "constraints": [ball]}
+    sim = Simulator(scene, **options)
+    spin = np.array([2.0, -1.5, 1.0])
+    sim.reset(q=[0, 0, R, 0, 0, 0], v=[R * spin[1], -R * spin[0], 0.0, *spin])
+    run = sim.run(0.5)
+
+    def slope(_: float, x: np.ndarray) -> np.ndarray:
+        Q, w, n = Rotation.from_quat(x[:4]).as_matrix(), x[4:7], np.array([0.0, 0.0, 1.0])
+        own = Q @ np.diag(moments) @ Q.T
+        inertia = own + M * R**2 * (np.eye(3) - np.outer(n, n))
+        dw = np.linalg.solve(inertia, -np.cross(w, own @ w))
+        quat = 0.5 * np.array([*(x[3] * w + np.cross(w, x[:3])), -w @ x[:3]])
+        return np.array([*quat, *dw, R * w[1], -R * w[0]])
+
+    x0 = [0.0, 0.0, 0.0, 1.0, *spin, 0.0, 0.0]
+    exact = solve_ivp(slope, (0, 0.5), x0, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    assert_close(run.q[-1, :2], exact[7:], 1e-10)
+    found = Rotation.from_euler("XYZ", run.q[-1, 3:])
+    away = found.inv() * Rotation.from_quat(exact[:4] / np.linalg.norm(exact[:4]))
+    assert_close(away.magnitude(), 0.0, 1e-10)
+    assert_close(run.q[:, 2], np.full(len(run), R), 1e-15)
+    assert_close(run.energy, np.full(len(run), run.energy[0]), 1e-10)
+
+
+def test_a_ball_held_by_friction_keeps_its_bits() -> None:
+    """The tip of two links is a ball that presses on a slope: nothing moves at all."""
+    r, q = 0.05, np.array([0.6, -1.7])
+    height = L1 * np.sin(q[0]) + L2 * np.sin(q.sum())
+    ball = contact("tip", radius=r, friction=0.6, plane={"point": [0, 0, height - r]})
+    sim = Simulator({"robot": {"urdf": TWO_LINK}, "constraints": [ball]})
+    wrench = np.array([3.0, 20.0])
+    touching = np.array([L1 * np.cos(q[0]) + L2 * np.cos(q.sum()), height - r])
+    elbow = L1 * np.array([np.cos(q[0]), np.sin(q[0])])
+    below = np.array(
+        [[-touching[1], elbow[1] - touching[1]], [touching[0], touching[0] - elbow[0]]]
+    )
+    sim.reset(q=q)
+    run = sim.run(1.0, sim.dynamics.gravity(q) - below.T @ wrench)
+    (force,) = sim.contact_forces()
+    assert force.state == "sticks"
+    assert_close(force.force, [3.0, 0.0, 20.0], 1e-10)
+    np.testing.assert_array_equal(run.q[1:], np.broadcast_to(run.q[1], run.q[1:].shape))
+    np.testing.assert_array_equal(run.v, np.zeros_like(run.v))
+
+
+# --- planes that links carry ---------------------------------------------------------------------
+
+
+def wedge(mu: float, angle: float, base: float, mass: float, **options: Any) -> Simulator:
+    """A block on a wedge that is free to slide along x and falls towards +x."""
+    plane = {"frame": "tray", "normal": [np.sin(angle), 0, np.cos(angle)]}
+    scene = rails("xz", mass, branches=[carrier("prismatic", "x", base)])
+    return Simulator(
+        {**scene, "constraints": [contact("body", friction=mu, plane=plane)]}, **options
+    )
+
+
+def of_joints(sim: Simulator, **values: float) -> np.ndarray:
+    return np.array([values.get(name, 0.0) for name in sim.dynamics.joint_names])
+
+
+@ALL
+def test_a_block_slides_down_a_wedge_that_gives_way(options: dict[str, Any]) -> None:
+    """Newton for both bodies, with the same force N n - µ N d, once on each."""
+    angle, base, mass = 0.5, 3.0, 2.0
+    n, d = np.array([np.sin(angle), np.cos(angle)]), np.array([np.cos(angle), -np.sin(angle)])
+    for mu in (0.0, 0.2):
+        push = n - mu * d
+        # Unknown: acceleration of the wedge, of the block against it, normal force.
+        A = np.array(
+            [[mass, mass * d[0], -push[0]], [0, mass * d[1], -push[1]], [base, 0, push[0]]]
+        )
+        a_wedge, a_block, normal = np.linalg.solve(A, [0.0, -mass * G, 0.0])
+        sim = wedge(mu, angle, base, mass, **options)
+        run = sim.run(0.4)
+        half = 0.5 * run.time**2
+        x, z, drive = (run.q[:, sim.dynamics.joint_names.index(k)] for k in ("x", "z", "drive"))
+        assert_close(drive, a_wedge * half, CLOSED_FORM)
+        assert_close(x, (a_wedge + a_block * d[0]) * half, CLOSED_FORM)
+        assert_close(z, a_block * d[1] * half, CLOSED_FORM)
+        (force,) = sim.contact_forces()
+        assert force.state == "slides"
+        assert_close(force.force[[0, 2]], normal * push, 1e-10)
+        assert_close(force.point, [x[-1], 0.0, z[-1]], CLOSED_FORM)
+        assert_close(run.balance, np.zeros(len(run)), 1e-10)
+
+
+def test_a_block_sticks_to_a_wedge_that_is_pushed_against_it() -> None:
+    """Pushed with (M + m) g tan θ it stays where it is though friction alone would not hold it."""
+    angle, base, mass = 0.5, 3.0, 2.0
+    sim = wedge(0.1, angle, base, mass)
+    push = of_joints(sim, drive=(base + mass) * G * np.tan(angle))
+    run = sim.run(1.0, push)
+    assert sim.contact_forces()[0].state == "sticks"
+    x, z, drive = (run.q[:, sim.dynamics.joint_names.index(k)] for k in ("x", "z", "drive"))
+    assert_close(drive, 0.5 * G * np.tan(angle) * run.time**2, CLOSED_FORM)
+    assert_close(x - drive, np.zeros(len(run)), 1e-14)
+    assert_close(z, np.zeros(len(run)), 1e-14)
+    assert_close(run.lost[-1], 0.0, CLOSED_FORM)
+    assert_close(run.balance, np.zeros(len(run)), 1e-9)
+
+
+@ALL
+def test_a_ball_on_a_turntable_goes_in_circles(options: dict[str, Any]) -> None:
+    """Its centre turns with Ω / (1 + m r²/I), wherever and however fast (Routh 1884)."""
+    table, turning = 1e12, 3.0
+    branch = carrier("continuous", "z", 1.0, izz=table)
+    start = {"initial": {"position": {"z": R}}}
+    ball = contact("body", radius=R, friction=5.0, plane={"frame": "tray"})
+    scene = {**free_body(M, [J] * 3, branch), **start, "constraints": [ball]}
+    sim = Simulator(scene, **options)
+    place, v = np.array([0.2, -0.1]), np.array([0.15, 0.3])
+    slip = v - turning * np.array([-place[1], place[0]])
+    sim.reset(
+        q=of_joints(sim, x=place[0], y=place[1], z=R),
+        v=of_joints(sim, x=v[0], y=v[1], roll=-slip[1] / R, pitch=slip[0] / R, drive=turning),
+    )
+    run = sim.run(0.6)
+    rate = turning / (1.0 + M * R**2 / J)
+    turned = rate * run.time
+    ahead, aside = np.sin(turned) / rate, (1 - np.cos(turned)) / rate
+    circle = place + np.outer(ahead, v) + np.outer(aside, [-v[1], v[0]])
+    names = sim.dynamics.joint_names
+    assert_close(run.q[:, [names.index("x"), names.index("y")]], circle, 1e-9)
+    assert sim.contact_forces()[0].state == "sticks"
+
+
+def test_a_point_stays_on_a_turntable_until_it_flies_off() -> None:
+    """It keeps its place in the table's axes, and slips at r² (Ω⁴ + Ω̇²) = (µ g)²."""
+    table, mu, away, spin_up = 1e6, 0.5, 0.4, 2.0
+    branch = carrier("continuous", "z", 1.0, izz=table)
+    foot = contact("body", friction=mu, plane={"frame": "tray"})
+    sim = Simulator({**rails("xyz", M, branches=[branch]), "constraints": [foot]})
+    sim.reset(q=of_joints(sim, x=away))
+    slips = np.sqrt(np.sqrt((mu * G / away) ** 2 - spin_up**2)) / spin_up
+    torque = of_joints(sim, drive=spin_up * (table + M * away**2))
+    run = sim.run(np.floor(slips * 1e3) / 1e3, torque)
+    assert sim.contact_forces()[0].state == "sticks"
+    x, y, angle = (run.q[:, sim.dynamics.joint_names.index(k)] for k in ("x", "y", "drive"))
+    assert_close(angle, 0.5 * spin_up * run.time**2, CLOSED_FORM)
+    on_table = np.exp(-1j * angle) * (x + 1j * y)
+    assert_close(on_table.real, np.full(len(run), away), 1e-14)
+    assert_close(on_table.imag, np.zeros(len(run)), 1e-14)
+    sim.run(2e-3, torque)
+    assert sim.contact_forces()[0].state == "slides"
+
+
+@ALL
+def test_a_block_slides_on_a_plank_that_it_tilts(options: dict[str, Any]) -> None:
+    """Newton for both in the plank's axes, with centrifugal and Coriolis terms, by DOP853."""
+    plank, mass, mu = 1.5, 2.0, 0.3
+    branch = carrier("continuous", "y", 1.0, iyy=plank)
+    foot = contact("body", friction=mu, plane={"frame": "tray"})
+    sim = Simulator({**rails("xz", mass, branches=[branch]), "constraints": [foot]}, **options)
+    s0, phi0, slide, tilt = 0.3, 0.6, 0.4, 0.5
+    d, n = np.array([np.cos(phi0), -np.sin(phi0)]), np.array([np.sin(phi0), np.cos(phi0)])
+    v = slide * d - s0 * tilt * n
+    sim.reset(
+        q=of_joints(sim, x=s0 * d[0], z=s0 * d[1], drive=phi0),
+        v=of_joints(sim, x=v[0], z=v[1], drive=tilt),
+    )
+    run = sim.run(0.3)
+
+    def slope(_: float, x: np.ndarray) -> list[float]:
+        s, phi, ds, dphi = x
+        # m (s'' - s φ'²) = -µ N + m g sin φ;  m (s φ'' + 2 s' φ') = m g cos φ - N;  J φ'' = s N
+        normal = mass * (G * np.cos(phi) - 2 * ds * dphi) / (1 + mass * s**2 / plank)
+        return [ds, dphi, s * dphi**2 - mu * normal / mass + G * np.sin(phi), s * normal / plank]
+
+    start = [s0, phi0, slide, tilt]
+    s, phi, ds, dphi = solve_ivp(slope, (0, 0.3), start, "DOP853", rtol=1e-13, atol=1e-14).y[:, -1]
+    assert sim.contact_forces()[0].state == "slides"
+    place = of_joints(sim, x=s * np.cos(phi), z=-s * np.sin(phi), drive=phi)
+    assert_close(run.q[-1], place, 1e-10)
+    assert_close(run.balance, np.zeros(len(run)), 1e-10)
+
+
+# --- whatever they meet in the suite -------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def everything() -> Simulator:
+    """A ball that drops on a hinged tray and rolls off it, with a nose that hits the ground."""
+    branch = carrier("continuous", "y", 1.0, iyy=0.4)
+    ball = contact(
+        "body", radius=0.1, friction=0.3, static_friction=0.4, restitution=0.5,
+        plane={"frame": "tray", "point": [0, 0, 0.05], "normal": [0.1, 0.2, 1.0]},
+    )  # fmt: skip
+    edge = contact("body", point=[0.0, 0.05, -0.05], friction=0.2, plane={"point": [0, 0, -0.3]})
+    scene = free_body(1.5, [0.004, 0.005, 0.006], branch)
+    start = {
+        "initial": {"position": {"z": 0.4}, "velocity": {"x": 0.5, "roll": 3.0, "drive": 0.2}}
+    }
+    return Simulator({**scene, **start, "constraints": [ball, edge]})
+
+
+def test_energy_is_accounted_for_through_bounces_slides_and_rolling(everything: Simulator) -> None:
+    everything.reset()
+    run = everything.run(0.8)
+    assert everything.impacts > 1 and run.lost[-1] > 0.5
+    assert abs(run.balance).max() < 1e-8 * run.kinetic.max()
+    history = contact_history(everything, run)
+    assert history.gap.min() > -1e-12 and history.point.shape == history.force.shape
+
+
+def test_runs_rollouts_and_steps_repeat_to_the_bit(everything: Simulator) -> None:
+    everything.reset()
+    run = everything.run(0.5)
+    rolled = everything.rollout([run.q[0]] * 2, [run.v[0]] * 2, np.zeros(7), 500)
+    np.testing.assert_array_equal(rolled[1], np.hstack([run.q, run.v]))
+    everything.reset()
+    for _ in range(500):
+        everything.step(np.zeros(7))
+    np.testing.assert_array_equal(everything.state.q, run.q[-1])
+
+
+@pytest.mark.parametrize("state", ["slides", "sticks"])
+def test_linearize_is_the_derivative_of_a_tick_of_a_ball_on_a_tray(state: str) -> None:
+    """Along motions that keep the gap closed and, if it sticks, do not slip."""
+    sim = wedge_with_a_ball(0.05 if state == "slides" else 0.9)
+    sim.run(0.1)
+    at, h, tau = sim.state, 1e-6, np.zeros(4)
+    (force,) = sim.contact_forces()
+    assert force.state == state
+    A, B = sim.linearize(at, tau)
+    contact_rows = rows_of(sim, at.q)
+    held = contact_rows[:1] if state == "slides" else contact_rows[:2]
+    free = np.linalg.svd(held)[2][len(held) :]
+
+    def after(dv: np.ndarray, push: np.ndarray) -> np.ndarray:
+        sim.set_state(at.q, at.v + dv)
+        end = sim.step(tau + push)
+        return np.concatenate([end.q, end.v])
+
+    still = np.zeros(4)
+    for along in free:
+        difference = (after(h * along, still) - after(-h * along, still)) / (2 * h)
+        assert_close(A[:, 4:] @ along, difference, FINITE_DIFF)
+    for push in np.eye(4):
+        difference = (after(still, h * push) - after(still, -h * push)) / (2 * h)
+        assert_close(B @ push, difference, FINITE_DIFF)
+
+
+def wedge_with_a_ball(mu: float) -> Simulator:
+    """A wheel on a wedge that is free to slide."""
+    angle = 0.4
+    plane = {"frame": "tray", "normal": [np.sin(angle), 0, np.cos(angle)]}
+    wheel = contact("body", radius=R, friction=mu, plane=plane)
+    branch = carrier("prismatic", "x", 3.0)
+    start = {"initial": {"position": {"z": R / np.cos(angle)}}}
+    scene = {**rails("xz", M, turns=True, branches=[branch], iyy=J), **start}
+    return Simulator({**scene, "constraints": [wheel]})
+
+
+def rows_of(sim: Simulator, q: np.ndarray) -> np.ndarray:
+    """A, from the speeds that the scene's functions tell for unit velocities, shape (3, n)."""
+    assert sim.plant.contact is not None
+    columns = [sim.plant.contact.geometry(np.hstack([q, v]))[1] for v in np.eye(len(q))]
+    return np.hstack([np.array(column) for column in columns])
+
+
+BOTH = {"frame": "body", "plane": {"frame": "tray"}}
+
+
+@pytest.mark.parametrize(
+    ("change", "more", "said"),
+    [
+        ({"plane": {"frame": "nowhere"}}, [],
+         r"'constraints.0.plane.frame' = 'nowhere' does not exist; allowed: world, base"),
+        ({"frame": "world"}, [], r"'constraints.0.frame' = 'world' does not exist"),
+        ({"plane": {"frame": "body"}}, [], "'body' against its plane's frame 'body'"),
+        ({"plane": {"frame": "yaw"}}, [], "'body' against its plane's frame 'yaw'"),
+        ({"frame": "base", "plane": {"frame": "base"}}, [],
+         "'base' against its plane's frame 'base'"),
+        (BOTH, [{"type": "frame", "frames": ["tray", "body"], "name": "weld"}],
+         "'body' against its plane's frame 'tray'"),
+        ({"radius": -0.1}, [], "radius"),
+        ({"radius": 0.1}, [], r"0\.1 m inside its plane"),
+    ],
+)  # fmt: skip
+def test_what_cannot_touch_is_refused_by_name(
+    change: dict[str, Any], more: list[dict[str, Any]], said: str
+) -> None:
+    scene = free_body(1.0, [0.1] * 3, carrier("continuous", "y", 1.0, iyy=1.0))
+    with pytest.raises(SceneError, match=said):
+        Simulator({**scene, "constraints": [{**contact("body"), **change}, *more]})
+
+
+def test_torques_for_a_push_act_where_the_ball_touches() -> None:
+    sim = roller(0.5, 0.4)
+    sim.step(np.zeros(3))
+    push = np.array([1.0, 0.0, -3.0])
+    point, place = sim.contact_forces()[0].point, sim.state.q
+    arm = point - [place[0], 0.0, place[1]]
+    wanted = [push[0], push[2], np.cross(arm, push)[1]]
+    assert_close(sim.dynamics.contact_torque(place, push), wanted, CLOSED_FORM)
+
+
+def test_plan_names_balls_and_the_carriers_of_planes() -> None:
+    assert "1 ball" in str(wedge_with_a_ball(0.5).plan)
+    assert "planes on tray" in str(wedge_with_a_ball(0.5).plan)
+    assert "planes on" not in str(roller(0.5).plan)

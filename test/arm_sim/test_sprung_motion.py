@@ -1,0 +1,301 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arms that move on springs, against closed forms and independent integrations."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import models
+from arm_dynamics import ArmModel, Dynamics, load_scene
+from arm_sim import Simulator
+from arm_sim.integrators.selection import spring_rate
+from arm_sim.plant import Plant
+from arm_sim.runtime_changes import payload_change
+from models.sprung import slope
+from tolerances import (
+    BACKENDS,
+    ENERGY_DRIFT,
+    FINITE_DIFF,
+    MULTIPLIER,
+    PINOCCHIO,
+    SPRING,
+    assert_close,
+)
+
+TWO_LINK = {"urdf": models.scene("two_link").robot.urdf}
+PENDULUM = {"urdf": models.scene("pendulum").robot.urdf}
+STILL = {"friction": {"viscous": 0.0, "coulomb": 0.0}}
+BETWEEN = {
+    "frames": ["forearm", "upper_arm"], "points": [[0.15, 0, 0.02], [0.2, 0, 0.1]],
+    "stiffness": 120.0, "rest_length": 0.25, "damping": 1.5,
+}  # fmt: skip
+TO_WORLD = {
+    "frames": ["upper_arm", "world"], "points": [[0.3, 0, 0], [0, 0, 0.6]],
+    "stiffness": 80.0, "rest_length": 0.1, "damping": 0.5, "force": 15.0,
+}  # fmt: skip
+
+
+def test_a_pendulum_on_a_spring_swings_as_the_closed_form_says() -> None:
+    """No gravity, 1 kg m²: a damped oscillation about the spring's rest."""
+    k, c, rest = 40.0, 0.8, 0.3
+    joints = {"swing": {"spring": {"stiffness": k, "rest": rest, "damping": c}}}
+    scene = {"robot": PENDULUM, "gravity": [0, 0, 0], "joints": joints}
+    run = Simulator(scene, tolerance=1e-12).run(2.0)
+    omega, fall = np.sqrt(k - c**2 / 4), np.exp(-c / 2 * run.time)
+    wave = np.cos(omega * run.time) + c / (2 * omega) * np.sin(omega * run.time)
+    assert_close(run.q[:, 0], rest - rest * fall * wave, SPRING)
+    assert abs(run.balance).max() < SPRING
+
+
+def test_a_heavy_pendulum_on_a_spring() -> None:
+    k, c, rest, start = 6.0, 0.3, -0.4, 2.0
+    joints = {"swing": {"spring": {"stiffness": k, "rest": rest, "damping": c}}}
+    scene = {"robot": PENDULUM, "joints": joints, "initial": {"position": {"swing": start}}}
+    run = Simulator(scene, tolerance=1e-12).run(3.0)
+    exact = solve_ivp(
+        lambda _, x: [x[1], -9.81 * np.sin(x[0]) - k * (x[0] - rest) - c * x[1]],
+        (0.0, 3.0), [start, 0.0], method="DOP853", t_eval=run.time, rtol=1e-13, atol=1e-13,
+    )  # fmt: skip
+    assert_close(run.q[:, 0], exact.y[0], SPRING)
+
+
+def point(spring: dict[str, Any], end: int, q: np.ndarray) -> np.ndarray:
+    """Where an end of a spring of the two-link arm is in its plane, from the drawing."""
+    frame, (x, _, z) = spring["frames"][end], spring["points"][end]
+    if frame == "world":
+        return np.array([x, z])
+    angle = q[0] + (q[1] if frame == "forearm" else 0.0)
+    base = 0.5 * np.array([np.cos(q[0]), np.sin(q[0])]) if frame == "forearm" else np.zeros(2)
+    # Positive angles lift: x of the link is (cos, sin), its z is (-sin, cos).
+    turn = np.array([[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]])
+    return base + turn @ [x, z]
+
+
+def lagrange(springs: list[dict[str, Any]], x: np.ndarray) -> np.ndarray:
+    """Motion of the two rods by Lagrange's equations, forces of springs from their lengths."""
+    (q, v), g = np.split(x, 2), 9.81
+    m1, m2, l1, c1, c2, i1, i2 = 2.0, 1.5, 0.5, 0.25, 0.2, 0.5**2 / 6, 0.4**2 * 1.5 / 12
+    cosine, sine = np.cos(q[1]), np.sin(q[1])
+    m22 = i2 + m2 * c2**2
+    m12 = m22 + m2 * l1 * c2 * cosine
+    m11 = i1 + m1 * c1**2 + m22 + m2 * (l1**2 + 2 * l1 * c2 * cosine)
+    h = m2 * l1 * c2 * sine
+    inertial = np.array([-h * v[1] * (2 * v[0] + v[1]), h * v[0] ** 2])
+    second = g * m2 * c2 * np.cos(q[0] + q[1])
+    load = inertial + [g * (m1 * c1 + m2 * l1) * np.cos(q[0]) + second, second]
+    for spring in springs:
+
+        def length(at: np.ndarray, s: dict[str, Any] = spring) -> float:
+            return float(np.linalg.norm(point(s, 0, at) - point(s, 1, at)))
+
+        away = slope(length, q)
+        pull = spring["stiffness"] * (length(q) - spring["rest_length"])
+        load = load + (pull + spring["damping"] * (away @ v) + spring.get("force", 0.0)) * away
+    return np.r_[v, np.linalg.solve([[m11, m12], [m12, m22]], -load)]
+
+
+def test_two_links_on_springs_move_as_lagrange_says() -> None:
+    springs = [BETWEEN, TO_WORLD]
+    scene = {
+        "robot": TWO_LINK, "springs": springs, "joints": {"*": {"limits": {"stop": False}}},
+        "initial": {"position": {"shoulder": 0.4, "elbow": -1.1}},
+    }  # fmt: skip
+    run = Simulator(scene, tolerance=1e-12).run(0.6)
+    exact = solve_ivp(
+        lambda _, x: lagrange(springs, x), (0.0, 0.6), [0.4, -1.1, 0.0, 0.0],
+        method="DOP853", t_eval=run.time[::100], rtol=1e-12, atol=1e-12,
+    )  # fmt: skip
+    assert np.ptp(run.q, axis=0).min() > 0.3
+    assert_close(run.q[::100], exact.y[:2].T, SPRING)
+
+
+@pytest.mark.parametrize("damping", [0.0, 0.1])
+def test_energy_goes_from_springs_to_motion_and_heat(damping: float) -> None:
+    joints = {"*": {**STILL, "spring": {"stiffness": 8.0, "damping": damping}}}
+    springs = [{**BETWEEN, "damping": damping}, {**TO_WORLD, "damping": damping}]
+    start = {"position": {"shoulder": 0.9, "elbow": -1.5}}
+    scene = {"robot": TWO_LINK, "joints": joints, "springs": springs, "initial": start}
+    run = Simulator(scene).run(1.0, [1.0, -2.0])
+    assert np.ptp(run.kinetic) > 0.5
+    assert abs(run.balance).max() < ENERGY_DRIFT * np.ptp(run.potential)
+    assert run.lost[-1] > 0.1 if damping else abs(run.lost).max() == 0.0
+
+
+def test_heat_of_dampers_is_counted_beside_events() -> None:
+    """Where a joint sticks and slips the account makes every tick again."""
+    joints = {"elbow": {"friction": {"coulomb": 0.5}, "spring": {"stiffness": 9, "damping": 0.4}}}
+    run = Simulator({"robot": TWO_LINK, "joints": joints, "springs": [BETWEEN]}).run(0.5)
+    assert run.lost[-1] > 0.1
+    assert abs(run.balance).max() < 1e-8
+
+
+def test_a_joint_that_sticks_bears_its_spring() -> None:
+    """Held up to the static level, and let go beyond it."""
+    for bend, held in ((0.9, True), (1.1, False)):
+        joints = {"swing": {"friction": {"coulomb": 2.0}, "spring": {"stiffness": 2.0}}}
+        scene = {"robot": PENDULUM, "gravity": [0, 0, 0], "joints": joints}
+        sim = Simulator(scene | {"initial": {"position": {"swing": bend}}})
+        assert bool(sim.run(0.2).q[-1, 0] == bend) is held
+
+
+def test_a_cord_swings_free_until_it_is_taut() -> None:
+    """A pendulum whose cord is slack to 0.5 rad beyond the vertical, against an integration
+    that restarts there.
+    """
+    anchor = np.array([-0.6, 0.0])  # in the plane of the pendulum
+    slack = float(np.hypot(np.sin(0.5) + 0.6, np.cos(0.5)))
+    cord = {
+        "frames": ["bob", "world"], "points": [[0, 0, -1], [anchor[0], 0, anchor[1]]],
+        "stiffness": 300.0, "rest_length": slack, "tension_only": True,
+    }  # fmt: skip
+    scene = {"robot": PENDULUM, "springs": [cord], "initial": {"position": {"swing": -1.0}}}
+    run = Simulator(scene, integrator="rk4", dt=2e-4).run(1.6)
+
+    def swing(_: float, x: np.ndarray) -> list[float]:
+        way = np.array([np.sin(x[0]), -np.cos(x[0])]) - anchor
+        L = float(np.linalg.norm(way))
+        torque = 300.0 * max(0.0, L - slack) * (way @ [np.cos(x[0]), np.sin(x[0])]) / L
+        return [x[1], -9.81 * np.sin(x[0]) - torque]
+
+    def taut(_: float, x: np.ndarray) -> float:
+        return float(x[0] - 0.5)
+
+    taut.terminal = True  # type: ignore[attr-defined]
+    time, state = 0.0, np.array([-1.0, 0.0])
+    while time < 1.6:
+        part = solve_ivp(swing, (time, 1.6), state, "DOP853", events=taut, rtol=1e-12, atol=1e-12)
+        time, state = float(part.t[-1]), part.y[:, -1]
+        if time < 1.6:  # across the kink
+            state = state + 1e-9 * np.array(swing(time, state))
+            time += 1e-9
+    assert run.q.max() > 0.55
+    np.testing.assert_allclose(run.q[-1, 0], state[0], rtol=0.0, atol=1e-6)
+    assert abs(run.balance).max() < 1e-6
+
+
+def test_the_balanced_arm_stays_wherever_it_is_put(rng: np.random.Generator) -> None:
+    dyn = models.dynamics("spring_balanced_arm")
+    q = rng.uniform(-np.pi, np.pi, (1000, 2))
+    assert abs(dyn.gravity(q)).max() > 8.0
+    assert_close(dyn.inverse(q, 0.0 * q, 0.0 * q), 0.0 * q, PINOCCHIO)
+    assert np.ptp(dyn.energy(q, 0.0 * q)[1]) < PINOCCHIO
+    sim = models.simulator("spring_balanced_arm", stops=False)
+    for start in q[:3]:
+        sim.reset(start)
+        assert_close(sim.run(5.0).q[-1], start, PINOCCHIO)
+
+
+def test_springs_in_a_closed_chain() -> None:
+    """Four bars on a spring: balance, and multipliers that agree with the motion."""
+    scene = models.scene("four_bar").model_dump(exclude_unset=True)
+    first = Dynamics(scene).joint_names[0]
+    link = load_scene(scene).robot.urdf.split("<link name=")[2].split('"')[1]
+    scene["joints"] = {first: {"spring": {"stiffness": 3.0, "rest": 0.5, "damping": 0.05}}}
+    scene["springs"] = [
+        {"frames": [link, "world"], "points": [[0.05, 0, 0], [0, 0, 0.3]], "stiffness": 60.0}
+    ]
+    sim = Simulator(scene)
+    run = sim.run(0.5)
+    assert np.ptp(run.potential) > 1e-2
+    assert abs(run.balance).max() < ENERGY_DRIFT * np.ptp(run.potential)
+    state, dyn = sim.state, sim.dynamics
+    a, lam = dyn.constrained_forward(state.q, state.v, np.zeros(sim.n))
+    assert_close(lam, sim.multipliers(), MULTIPLIER)
+    assert_close(dyn.constrained_inverse(state.q, state.v, a, lam), np.zeros(sim.n), MULTIPLIER)
+    x = np.concatenate([state.q, state.v])
+    seen = np.array(sim.plant.rhs(x, np.zeros(sim.n), sim.parameters)).ravel()[sim.n :]
+    assert_close(seen, a, MULTIPLIER)
+
+
+CORD = {**BETWEEN, "tension_only": True}
+BACKLASH = {
+    "actuator": {"rotor_inertia": 1e-3},
+    "transmission": {"stiffness": 300.0, "damping": 1.0, "backlash": 1e-2},
+}
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [{"springs": [BETWEEN, TO_WORLD]}, {"springs": [CORD]}, {"joints": {"*": BACKLASH}}],
+    ids=["springs", "cord", "play"],
+)
+def test_arms_side_by_side_move_as_alone(changes: Any, rng: np.random.Generator) -> None:
+    """Choices in the equations are made for each arm of a register."""
+    sim = Simulator({"robot": TWO_LINK, **changes}, integrator="rk4")
+    q, v = rng.normal(size=(2, 5, 2))
+    lanes = sim.rollout(q, v, np.zeros(2), 100, lanes=4)
+    assert_close(lanes, sim.rollout(q, v, np.zeros(2), 100, lanes=1), BACKENDS)
+    sim.reset(q[0], v[0])
+    assert_close(lanes[0, :, :2], sim.run(0.1).q, BACKENDS)
+
+
+def test_derivatives_of_a_tick(rng: np.random.Generator) -> None:
+    sim = Simulator({"robot": TWO_LINK, "springs": [BETWEEN, TO_WORLD]}, integrator="rk4")
+    x, h = 0.5 * rng.normal(size=4), 1e-5
+    A, _ = sim.linearize(sim.reset(x[:2], x[2:]), np.zeros(2))
+
+    def after(y: np.ndarray) -> np.ndarray:
+        sim.reset(y[:2], y[2:])
+        state = sim.step(np.zeros(2))
+        return np.r_[state.q, state.v]
+
+    columns = [(after(x + h * e) - after(x - h * e)) / (2 * h) for e in np.eye(4)]
+    assert_close(A, np.column_stack(columns), FINITE_DIFF)
+
+
+def test_rate_of_springs_is_that_of_their_oscillation() -> None:
+    """A mass on a wire: the roots of m s² + c s + k = 0; a cord counts as taut."""
+    urdf = (
+        PENDULUM["urdf"]
+        .replace('"continuous"', '"prismatic"')
+        .replace("</joint>", '<limit lower="-9" upper="9" effort="9" velocity="9"/></joint>')
+    )
+    for k, c, wanted in ((400.0, 0.0, 20.0), (400.0, 50.0, 40.0), (0.0, 7.0, 7.0)):
+        joints = {"swing": {"spring": {"stiffness": k, "damping": c}}}
+        cord = {
+            "frames": ["bob", "world"], "points": [[0, 0, 0], [0, 3, 0]], "stiffness": k,
+            "damping": c, "force": 1e-9, "rest_length": 3.0 if k else 0.0, "tension_only": True,
+        }  # fmt: skip
+        for springs in ({"joints": joints}, {"springs": [cord]}):
+            model = ArmModel(load_scene({"robot": {"urdf": urdf}, **springs}))
+            assert spring_rate(model) == pytest.approx(wanted, rel=1e-6)
+
+
+@pytest.mark.parametrize("cord", [False, True], ids=["spring", "slack cord"])
+def test_a_stiff_spring_gets_an_implicit_method(cord: bool) -> None:
+    for stiffness, method in ((1e2, "rk4"), (1e8, "implicit")):
+        spring = {**TO_WORLD, "stiffness": stiffness, "rest_length": 2.0, "tension_only": cord}
+        assert Simulator({"robot": TWO_LINK, "springs": [spring]}).choice.method.name == method
+
+
+def test_springs_outlast_a_change_of_payload() -> None:
+    load = {"frame": "tip", "mass": 0.5, "com": [0, 0, 0.05]}
+    scene = {"robot": TWO_LINK, "springs": [BETWEEN, TO_WORLD]}
+    sim = Simulator({**scene, "payloads": [load], "tunable": ["payload"]}, integrator="rk4")
+    payload_change(sim, 0, 1.5, (0.0, 0.0, 0.1), np.zeros(6))()
+    heavy = {**load, "mass": 1.5, "com": [0, 0, 0.1]}
+    other = Simulator({**scene, "payloads": [heavy]}, integrator="rk4")
+    assert_close(sim.run(0.2).q, other.run(0.2).q, SPRING)
+    q, v = sim.state.q, sim.state.v
+    assert_close(sim.dynamics.spring(q, v), other.dynamics.spring(q, v), SPRING)
+
+
+def test_no_springs_no_code() -> None:
+    def work(**scene: Any) -> int:
+        plant = Plant(ArmModel(load_scene({"robot": TWO_LINK, **scene})))
+        return int(plant.acceleration.n_instructions())
+
+    bare = work()
+    assert work(springs=[], joints={"*": {"spring": {"stiffness": 0.0}}}) == bare
+    assert work(springs=[TO_WORLD]) > bare
+
+
+def test_plan_says_so() -> None:
+    joints = {"elbow": {"spring": {"stiffness": 3.0}}}
+    with_springs = Simulator({"robot": TWO_LINK, "joints": joints, "springs": [BETWEEN, CORD]})
+    assert "computed    springs: 1 of joints, 2 between points" in str(with_springs.plan)
+    assert "skipped     springs: none" in str(models.simulator("two_link").plan)

@@ -1,0 +1,265 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joints that meet their position limits, against closed forms and plain matrix algebra."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+import models
+from arm_dynamics import InvalidInput, SceneError
+from arm_sim import SimulationDiverged, Simulator
+from tolerances import CLOSED_FORM, assert_close
+
+G, MASS = 9.81, 2.0
+DROP = 0.5
+
+
+def rail(stop: Any = None, lower: float = 0.0, **joint: Any) -> dict[str, Any]:
+    """A mass on a vertical rail that ends at ``lower``; it starts at rest, ``DROP`` above zero."""
+    limits = {"lower": lower, "upper": 2.0, **({} if stop is None else {"stop": stop})}
+    urdf = f"""<robot name="rail"><link name="base"/><link name="mass"><inertial>
+      <mass value="{MASS}"/><inertia ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"/>
+      </inertial></link><joint name="rail" type="prismatic"><parent link="base"/>
+      <child link="mass"/><axis xyz="0 0 1"/>
+      <limit lower="-9" upper="9" effort="1e9" velocity="1e9"/></joint></robot>"""
+    return {
+        "robot": {"urdf": urdf},
+        "joints": {"rail": {"limits": limits, **joint}},
+        "initial": {"position": {"rail": DROP}},
+    }
+
+
+def two_link(stops: dict[str, Any], **scene: Any) -> dict[str, Any]:
+    return {
+        "robot": {"urdf": (models.FOLDER / "planar_3r.urdf").read_text()},
+        "joints": stops,
+    } | scene
+
+
+def test_a_mass_falls_on_a_rigid_stop_and_stays_there() -> None:
+    sim = Simulator(rail())
+    run = sim.run(1.0)
+    landing = np.sqrt(2 * DROP / G)
+    falling = run.time < landing
+    assert_close(run.q[falling, 0], DROP - 0.5 * G * run.time[falling] ** 2, CLOSED_FORM)
+    assert not run.q[~falling].any()
+    assert not run.v[~falling].any()
+    assert sim.impacts == 1
+    assert_close(run.lost[-1], MASS * G * DROP, CLOSED_FORM)
+    assert abs(run.balance).max() < 1e-11
+
+
+def test_it_rebounds_as_newton_says_and_comes_to_rest() -> None:
+    e = 0.6
+    sim = Simulator(rail({"restitution": e}))
+    run = sim.run(2.0)
+    hit, speed = np.sqrt(2 * DROP / G), np.sqrt(2 * G * DROP)
+    for _ in range(4):  # bounce after bounce, each a parabola
+        speed *= e
+        flight = 2 * speed / G
+        inside = (run.time > hit) & (run.time < hit + flight)
+        t = run.time[inside] - hit
+        assert_close(run.q[inside, 0], speed * t - 0.5 * G * t**2, 10 * CLOSED_FORM)
+        hit += flight
+    whole = np.sqrt(2 * DROP / G) * (1 + e) / (1 - e)
+    assert not run.q[run.time > whole + 1e-6].any()
+    assert abs(run.balance).max() < 1e-10
+
+
+def test_what_holds_a_joint_at_its_stop_is_reported() -> None:
+    sim = Simulator(rail())
+    assert not sim.stop_torque.any()
+    run = sim.run(1.0, [3.0])
+    assert_close(sim.stop_torque, [MASS * G - 3.0], CLOSED_FORM)
+    assert_close(run.stop_torque[-1], [MASS * G - 3.0], CLOSED_FORM)
+    assert not run.stop_torque[0].any()
+
+
+def test_a_stop_lets_go_at_the_torque_that_lifts_and_not_before() -> None:
+    sim = Simulator(rail())
+    sim.reset(q=[0.0])
+    assert sim.run(0.1, [MASS * G * (1 - 1e-12)]).q[-1, 0] == 0.0
+    run = sim.run(0.1, [MASS * G + 1.0])
+    assert_close(run.q[-1, 0], 0.5 * (1.0 / MASS) * 0.1**2, CLOSED_FORM)
+
+
+def test_friction_helps_a_stop() -> None:
+    """At the lower stop friction resists what lifts: the joint leaves at weight plus level."""
+    sim = Simulator(rail(friction={"coulomb": 4.0}))
+    sim.reset(q=[0.0])
+    assert sim.run(0.1, [MASS * G + 3.999]).q[-1, 0] == 0.0
+    assert sim.run(0.1, [MASS * G + 5.0]).q[-1, 0] == pytest.approx(0.5 * 0.5 * 0.01, abs=1e-12)
+
+
+def test_a_compliant_stop_is_a_spring_and_a_damper_that_never_pull() -> None:
+    k, c = 4e3, 20.0
+    run = Simulator(rail({"stiffness": k, "damping": c}), dt=1e-3, integrator="dop853").run(1.0)
+
+    def slope(t: float, x: np.ndarray) -> list[float]:
+        push = -k * x[0] - c * x[1]
+        return [x[1], -G + (max(push, 0.0) if x[0] < 0 else 0.0) / MASS]
+
+    events = [lambda t, x: x[0], lambda t, x: -k * x[0] - c * x[1]]
+    t, x, found = 0.0, np.array([DROP, 0.0]), []
+    while t < 1.0 - 1e-12:
+        for event in events:
+            event.terminal = True  # type: ignore[attr-defined]
+        piece = solve_ivp(
+            slope, (t, 1.0), x, "DOP853", rtol=1e-13, atol=1e-14, events=events, dense_output=True
+        )
+        inside = (run.time >= t) & (run.time <= piece.t[-1])
+        found.append((run.time[inside], piece.sol(run.time[inside])[0]))
+        t, x = piece.t[-1] + 1e-13, piece.y[:, -1] + 1e-13 * np.array(slope(0, piece.y[:, -1]))
+    time, q = (np.concatenate(part) for part in zip(*found, strict=True))
+    assert_close(run.q[np.searchsorted(run.time, time), 0], q, 1e-9)
+    assert abs(run.balance).max() < 1e-9
+
+
+@pytest.mark.parametrize("e", [0.0, 0.4])
+def test_a_blow_at_a_stop_reaches_all_joints_in_the_metric_of_inertia(e: float) -> None:
+    sim = Simulator(
+        two_link({"joint2": {"limits": {"lower": -1.0, "upper": 1.0, "stop": {"restitution": e}}}})
+    )
+    v = np.array([0.7, 2.0, -1.3])
+    sim.reset(q=[0.3, 1.0, -0.2], v=v)
+    M, row = sim.dynamics.mass_matrix(sim.state.q), np.array([0.0, 1.0, 0.0])
+    column = np.linalg.solve(M, row)
+    expected = v - column * (1 + e) * v[1] / column[1]
+    after = Simulator(two_link({"joint2": sim.model.scene.joints["joint2"].model_dump()}), dt=1e-7)
+    after.reset(q=[0.3, 1.0, -0.2], v=v)
+    assert_close(after.step(np.zeros(3)).v, expected, 1e-4)
+    assert after.impacts == 1
+
+
+def test_a_joint_at_rest_at_its_stop_passes_a_blow_on() -> None:
+    """Two joints at their stops, one hits: what both stops give is found together."""
+    limits = {"limits": {"lower": -1.0, "upper": 1.0}}
+    sim = Simulator(two_link({"joint2": limits, "joint3": limits}), dt=1e-7)
+    v = np.array([0.0, 2.0, 0.0])
+    sim.reset(q=[0.3, 1.0, 1.0], v=v)
+    M = sim.dynamics.mass_matrix(sim.state.q)
+    W, found = np.linalg.inv(M), None
+    for held in ([1], [2], [1, 2]):  # the only set that obeys
+        impulse = np.linalg.solve(W[np.ix_(held, held)], -v[held])
+        after = v + W[:, held] @ impulse
+        if (impulse <= 1e-12).all() and (after[1:] <= 1e-12).all():
+            found = after
+    assert found is not None
+    assert_close(sim.step(np.zeros(3)).v, found, 1e-4)
+
+
+def test_both_sides_of_a_short_range_hold() -> None:
+    sim = Simulator(rail({"restitution": 0.9}, lower=0.499))
+    sim.reset(q=[0.5], v=[-40.0])
+    run = sim.run(1.0)
+    assert run.q.min() >= 0.499
+    assert run.q.max() <= 2.0
+    assert abs(run.balance).max() < 1e-9
+
+
+def test_a_stop_inside_a_tick_is_found() -> None:
+    """A throw against gravity that would turn back just beyond a stop, within one tick."""
+    sim = Simulator(rail({"restitution": 0.5}, lower=0.0), dt=0.1)
+    sim.reset(q=[0.02], v=[-1.0])
+    lift = MASS * (G + 20.0)  # without the stop it would turn 5 mm below it
+    sim.step([lift])
+    a = lift / MASS - G
+    hit = (1.0 - np.sqrt(1.0 - 2 * a * 0.02)) / a
+    speed = 0.5 * np.sqrt(1.0 - 2 * a * 0.02)
+    left = 0.1 - hit
+    assert_close(sim.state.q, [speed * left + 0.5 * a * left**2], CLOSED_FORM)
+
+
+def test_what_a_follower_may_do_stops_its_leader() -> None:
+    urdf = (models.FOLDER / "gripper.urdf").read_text()
+    sim = Simulator({"robot": {"urdf": urdf}})
+    assert sim.model.has_followers
+    upper = sim.model.stops.place[1]
+    run = sim.run(1.0, np.full(sim.n, 20.0))
+    assert (run.q <= upper).all()
+
+
+def test_stops_can_be_left_out() -> None:
+    sim = Simulator(rail(False))
+    assert not sim.plant.events
+    assert sim.run(1.0).q[-1, 0] == pytest.approx(DROP - 0.5 * G, abs=1e-9)
+
+
+def test_positions_beyond_a_stop_are_refused() -> None:
+    sim = Simulator(rail())
+    with pytest.raises(InvalidInput, match=r"joint 'rail' at -0.1 is beyond its stops"):
+        sim.reset(q=[-0.1])
+    with pytest.raises(InvalidInput, match="arm 1: joint 'rail'"):
+        sim.rollout([[0.1], [2.5]], [[0.0], [0.0]], [0.0], 3)
+    with pytest.raises(SceneError, match=r"initial.position.*beyond its stops"):
+        Simulator(rail() | {"initial": {"position": {"rail": 2.1}}})
+
+
+def test_a_start_at_zero_beyond_the_range_is_at_the_nearer_stop() -> None:
+    scene = rail(lower=0.2)
+    del scene["initial"]
+    assert Simulator(scene).state.q.tolist() == [0.2]
+
+
+@pytest.mark.parametrize(
+    ("stop", "said"),
+    [
+        ({"damping": 1.0}, "needs its stiffness"),
+        ({"stiffness": 1.0, "restitution": 0.1}, "rigid, with restitution, or compliant"),
+        ({"restitution": 1.5}, "less than or equal to 1"),
+        ({"stiffness": 0.0}, "greater than 0"),
+    ],
+)
+def test_impossible_stops_are_refused(stop: dict[str, float], said: str) -> None:
+    with pytest.raises(SceneError, match=said):
+        Simulator(rail(stop))
+
+
+def test_lanes_give_what_single_arms_do() -> None:
+    """Arms that meet a stop and arms that do not, in one batch."""
+    sim = Simulator(rail({"restitution": 0.3}))
+    q0, v0 = np.linspace(0.05, 1.9, 20)[:, None], np.linspace(-2.0, 1.0, 20)[:, None]
+    together = sim.rollout(q0, v0, [1.0], 200)
+    for i in range(20):
+        sim.reset(q=q0[i], v=v0[i])
+        run = sim.run(0.2, [1.0])
+        assert_close(together[i], np.hstack([run.q, run.v]), 1e-12)
+
+
+def test_without_a_compiler_a_scene_runs_until_a_stop_is_met() -> None:
+    sim = Simulator(rail(), backend="vm")
+    assert_close(sim.run(0.3).q[-1], [DROP - 0.5 * G * 0.09], CLOSED_FORM)
+    with pytest.raises(SimulationDiverged, match="a joint meets its stop"):
+        sim.run(0.1)
+    assert 0.0 < sim.state.q[0] < 0.02
+
+
+def test_blows_that_pile_up_are_stepped_through_and_told() -> None:
+    """A million blows a tick, between stops a millimetre apart."""
+    scene = rail({"restitution": 1.0}, lower=0.4995)
+    scene["joints"]["rail"]["limits"]["upper"] = 0.5005
+    sim = Simulator(scene)
+    sim.reset(q=[0.5], v=[1e6])
+    run = sim.run(0.02)
+    assert run.time_stepped[-1] == sim.state.time_stepped > 0
+    assert (np.diff(run.time_stepped) >= 0).all()
+    assert run.q.min() >= 0.4995
+    assert run.q.max() <= 0.5005
+    assert (np.diff(run.energy) <= 1e-6).all()
+    assert sim.reset().time_stepped == 0
+    assert sim.run(0.1).time_stepped[-1] == 0
+
+
+def test_rest_at_a_stop_is_rest() -> None:
+    limits = {"limits": {"lower": -0.5, "upper": 0.5}}
+    sim = Simulator(two_link({f"joint{i}": limits for i in (1, 2, 3)}))
+    sim.run(20.0)
+    q = sim.state.q.copy()
+    assert (abs(q) == 0.5).any()
+    sim.run(1.0, None)
+    if not sim.state.v.any():
+        assert sim.state.q.tolist() == q.tolist()
