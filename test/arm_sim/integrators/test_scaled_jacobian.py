@@ -63,6 +63,7 @@ def test_is_the_jacobian_times_a_matrix(plant: Plant, rng: np.random.Generator) 
     assert scaled.nnz_out(1) < 0.7 * by_w.size
 
 
+@pytest.mark.parametrize("plant", ["dry", "bristles"], indirect=True)
 def test_gives_the_same_step(plant: Plant, rng: np.random.Generator) -> None:
     given, method, n = arguments(plant, rng), METHODS["implicit"], plant.model.n
     steps = [

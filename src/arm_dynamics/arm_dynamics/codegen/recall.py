@@ -84,13 +84,14 @@ def exact(value: Any) -> str | None:
 
 
 def _exact(value: Any) -> str:
-    """Numbers are written to the last bit, Pinocchio's models with 17 digits, which is the same."""
+    """Numbers stand to the last bit, in Pinocchio's models with 17 digits, which is the same."""
     if value is None or isinstance(value, bool | int | float | str | np.generic):
         return repr(value)
     if isinstance(value, np.ndarray) and not value.dtype.hasobject:
         return f"array({value.dtype.str} {value.shape} {value.tobytes().hex()})"
     if isinstance(value, pin.Model):
         return f"Model({value.saveToString()})"
+    parts: Iterable[str]
     if isinstance(value, Mapping):
         parts = (f"{_exact(key)}: {_exact(item)}" for key, item in value.items())
     elif isinstance(value, list | tuple):

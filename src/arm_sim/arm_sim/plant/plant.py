@@ -116,9 +116,10 @@ class Plant:
         self._stop_power = _stop_power(s, joints) if self.pressed else None
         held = Bilateral(model, s, joints) if model.scene.bilateral else None
         self.project = held.project(joints.p) if held else None
+        response: AnyResponse
         if model.scene.contacts:
-            response = held or Response(model, s, joints)
-            self.contact = contact_functions(model, s, joints, response)
+            response = dense = held or Response(model, s, joints)
+            self.contact = contact_functions(model, s, joints, dense)
             self.acceleration, push = self.contact.acceleration, self.contact.push
             reaction = self.contact.reaction
             self._loads = self.contact.loads, self.contact.inertia

@@ -90,7 +90,7 @@ class Joints:
 
 
 def mode_sizes(model: ArmModel, stops: bool = True) -> tuple[int, int]:
-    """Lengths of ``Joints.direction`` and ``Joints.pressed``: n each, or 0 where none is needed."""
+    """Lengths of ``Joints.direction`` and ``Joints.pressed``: n, or 0 where there is no need."""
     sticks = model.has_dry_friction or (stops and bool(model.stops.rigid.any()))
     yields = stops and bool(model.stops.compliant.any())
     return model.n * sticks, model.n * yields
