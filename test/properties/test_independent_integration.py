@@ -28,7 +28,7 @@ def by_scipy(name: str, q: np.ndarray, v: np.ndarray, tau: np.ndarray) -> np.nda
 
 @pytest.mark.parametrize("name", SMOOTH)
 def test_rk4_at_1_ms(name: str, rng: np.random.Generator) -> None:
-    sim = models.simulator(name, integrator="rk4")
+    sim = models.simulator(name, stops=False, integrator="rk4")
     q, v = rng.uniform(-1.0, 1.0, sim.n), 0.3 * rng.normal(size=sim.n)
     tau = sim.dynamics.inverse(q, v, rng.normal(size=sim.n))
     tau = tau.clip(-sim.model.effort_limit, sim.model.effort_limit)
@@ -41,8 +41,8 @@ def test_panda_falls_freely_for_a_second() -> None:
     """Its wrist reaches 40 rad/s; RK4 at 1 ms stays within 5e-6 rad, error control within what it
     is asked for.
     """
-    truth = models.simulator("panda_free", tolerance=1e-13).run(1.0).q[-1]
-    fixed = models.simulator("panda_free", integrator="rk4").run(1.0).q[-1]
-    controlled = models.simulator("panda_free", tolerance=1e-9).run(1.0).q[-1]
+    truth = models.simulator("panda_free", stops=False, tolerance=1e-13).run(1.0).q[-1]
+    fixed = models.simulator("panda_free", stops=False, integrator="rk4").run(1.0).q[-1]
+    controlled = models.simulator("panda_free", stops=False, tolerance=1e-9).run(1.0).q[-1]
     assert np.abs(fixed - truth).max() < 5e-6
     assert np.abs(controlled - truth).max() < 1e-8

@@ -119,7 +119,7 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     Args, returns and errors as those of ``check_forward``; the error is relative to what is
     allowed for rounding, see ``slack``.
     """
-    closure = Closure(dynamics.model)
+    closure = Closure(dynamics.model, dynamics.model.stops)
     names = closure.initially_active
     kept = closure.kept(names, dynamics.model.constraint_rows)
     q, v, tau, condition = closed_states(closure, dynamics.model.q0, kept)

@@ -133,7 +133,7 @@ class Plant:
     @cached_property
     def closure(self) -> Closure:
         """States that obey the bilateral constraints; for one thread only."""
-        return Closure(self.model)
+        return Closure(self.model, self.model.stops)
 
     @property
     def points(self) -> tuple[ContactPoint, ...]:
