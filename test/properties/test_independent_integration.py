@@ -41,8 +41,8 @@ def test_panda_falls_freely_for_a_second() -> None:
     """Its wrist reaches 40 rad/s; RK4 at 1 ms stays within 5e-6 rad, error control within what it
     is asked for.
     """
-    truth = models.simulator("panda_free", stops=False, tolerance=1e-13).run(1.0).q[-1]
-    fixed = models.simulator("panda_free", stops=False, integrator="rk4").run(1.0).q[-1]
-    controlled = models.simulator("panda_free", stops=False, tolerance=1e-9).run(1.0).q[-1]
+    truth = models.simulator("panda_free", tolerance=1e-13).run(1.0).q[-1]
+    fixed = models.simulator("panda_free", integrator="rk4").run(1.0).q[-1]
+    controlled = models.simulator("panda_free", tolerance=1e-9).run(1.0).q[-1]
     assert np.abs(fixed - truth).max() < 5e-6
     assert np.abs(controlled - truth).max() < 1e-8

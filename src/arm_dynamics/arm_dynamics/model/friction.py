@@ -348,7 +348,9 @@ def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, s
     """
     lost = {}
     if own.static is None and np.array_equal(coulomb, static):
-        lost["stribeck_velocity"] = "friction falls from 'static' to 'coulomb': 'static' is missing"
+        lost["stribeck_velocity"] = (
+            "friction falls from 'static' to 'coulomb': 'static' is missing"
+        )
     if static[0] == 0.0:
         none = "it multiplies dry friction, and there is no 'coulomb' and no 'static'"
         lost |= {"position": none, "load": none}
