@@ -97,6 +97,7 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
   inertia_t inertia;
   segment_t segment = {.u = still};
   for (int k = 0; k < NC; ++k) segment.contact[k].touching = 1;
+  for (int i = 0; i < ND; ++i) segment.p.direction[i] = 1.0;
   find_geometry(x, &geometry);
   find_inertia(x, &segment, &inertia);
   for (int i = 0; i < MC; ++i) before[i] = geometry.speed[i];

@@ -17,7 +17,7 @@ SECONDS = 0.3
 
 def lossless(name: str) -> Simulator:
     scene = models.scene(name)
-    still = {"friction": {"viscous": 0.0, "coulomb": 0.0}}
+    still = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "limits": {"stop": False}}
     joints = {
         name: joint.model_dump(exclude_unset=True) | still for name, joint in scene.joints.items()
     }
@@ -66,7 +66,7 @@ def test_power_balance(robot: str, rng: np.random.Generator) -> None:
     """What the drives give is in the energies or in the bearings; the integral by Simpson's rule
     over short ticks.
     """
-    sim = models.simulator(robot, integrator="rk4", dt=1e-4)
+    sim = models.simulator(robot, stops=False, integrator="rk4", dt=1e-4)
     run = sim.run(SECONDS, start(sim, rng))
     given = ((run.q[1:] - run.q[:-1]) * run.tau[:-1]).sum()
     power = np.einsum("ki,ki->k", sim.dynamics.friction(run.v), run.v)

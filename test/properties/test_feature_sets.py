@@ -3,16 +3,24 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
 from arm_sim import Recording, Simulator
-from models.features import TOUCHING, scene, sets
+from models.features import ALL, TOUCHING, command, scene, sets
 
 
 def allowed(chosen: tuple[str, ...]) -> float:
     """Part of that which may be missing: bristles run under error control."""
     return 1e-6 if "lugre" in chosen else 1e-8
+
+
+def driven(sim: Simulator, arm: str, given: dict[str, Any], seconds: float) -> Recording:
+    """A run under the command of the arm."""
+    named = command(arm, given)
+    return sim.run(seconds, [named.get(name, 0.0) for name in sim.joint_names])
 
 
 def moved(run: Recording) -> float:
@@ -22,20 +30,23 @@ def moved(run: Recording) -> float:
 
 @pytest.mark.parametrize("count", [2, 3, 4, 5, 6, 7])
 def test_any_features_go_together_on_a_planar_arm(count: int, rng: np.random.Generator) -> None:
-    possible = sets(count)
+    possible = sets(count, (*ALL, *TOUCHING))
     chosen = possible[rng.integers(len(possible))]
     print("features:", *chosen)
-    sim = Simulator(scene("planar", chosen), dt=5e-4)
-    run = sim.run(0.5)
+    given = scene("planar", chosen)
+    sim = Simulator(given, dt=5e-4)
+    run = driven(sim, "planar", given, 0.5)
     assert moved(run) > 0.1
     assert abs(run.balance).max() < allowed(chosen) * moved(run)
     sim.reset()
-    assert np.array_equal(sim.run(0.5).q, run.q)
+    assert np.array_equal(driven(sim, "planar", given, 0.5).q, run.q)
 
 
 def test_four_features_go_together_on_a_panda(rng: np.random.Generator) -> None:
-    possible = [chosen for chosen in sets(4) if TOUCHING.keys() & set(chosen)]
+    touching = {"contact", *TOUCHING}
+    possible = [c for c in sets(4, (*ALL, *TOUCHING)) if touching & set(c)]
     chosen = possible[rng.integers(len(possible))]
     print("features:", *chosen)
-    run = Simulator(scene("panda", chosen), dt=5e-4).run(0.3)
+    given = scene("panda", chosen)
+    run = driven(Simulator(given, dt=5e-4), "panda", given, 0.3)
     assert abs(run.balance).max() < allowed(chosen) * moved(run)

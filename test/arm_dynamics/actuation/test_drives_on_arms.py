@@ -32,7 +32,8 @@ KINDS: dict[str, dict[str, Any]] = {
 
 def driven(robot: str, kind: str, **options: Any) -> Simulator:
     scene = models.scene(robot).model_dump(exclude_unset=True)
-    return Simulator(scene | {"joints": {"*": KINDS[kind]}}, **options)
+    free = {"limits": {"stop": False}}  # some arms start at a stop
+    return Simulator(scene | {"joints": {"*": KINDS[kind] | free}}, **options)
 
 
 @pytest.mark.parametrize("kind", KINDS)

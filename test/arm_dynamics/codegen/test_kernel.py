@@ -34,8 +34,9 @@ def forward_error(oracle: Oracle, q: Array, v: Array, tau: Array, a: Array, bias
 
 
 def parameters(plant: Plant, v: Array) -> Array:
-    """Nominal values and, with dry friction, the direction in which each joint slides."""
-    return np.r_[plant.parameters.nominal, np.sign(v) if plant.model.has_dry_friction else []]
+    """Nominal values and, where joints may be held, the direction in which each slides."""
+    slides = np.sign(v) if plant.model.has_dry_friction else np.ones(plant.directions)
+    return np.r_[plant.parameters.nominal, slides]
 
 
 def laws(tree: Tree, n: int, gravity: tuple[float, ...]) -> ca.Function:

@@ -149,7 +149,7 @@ WIDE = {  # scenes whose start is an unlucky place to take inertia at, and robot
 def test_made_by_name_they_hold_any_arm(robot_name: str, name: str) -> None:
     """Led by 0.1 in a second and left alone for half of one, every law that knows the weight."""
     frame, axes, q = WIDE[robot_name]
-    sim = models.simulator(robot_name, dt=1e-3)
+    sim = models.simulator(robot_name, stops=False, dt=1e-3)
     sim.reset(np.array(q), np.zeros(len(q)))
     direction = (0.0, 0.0, -1.0) if "z" in axes or axes == "pose" else (1.0, 0.0, 0.0)
     settings = Settings(frame=frame, axes=axes, bandwidth=15.0, direction=direction)

@@ -116,11 +116,6 @@ SILENT: dict[str, tuple[dict[str, Any], str, dict[str, Any]]] = {
         "stribeck_velocity' is without effect: friction falls from 'static' to 'coulomb'",
         {"static": 1.1},
     ),
-    "a fall from and to the same level": (
-        {"coulomb": UNEQUAL, "static": UNEQUAL, "stribeck_velocity": 0.1},
-        "stribeck_velocity' is without effect",
-        {"static": {"positive": 1.0, "negative": 2.1}},
-    ),
     "a fall of bristles": (
         {"coulomb": 1.0, "stribeck_velocity": 0.1} | LUGRE,
         "stribeck_velocity' is without effect",

@@ -142,7 +142,7 @@ REFUSED: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
             "robot": {"urdf": models.scene("planar_3r").robot.urdf, "lock": ["joint3"]},
             "joints": {"joint3": {"spring": {"stiffness": 1.0}}},
         },
-        ("joints.joint3.spring", "locked"),
+        ("joints.joint3", "sets spring of a joint that 'robot.lock' holds fast"),
     ),
     "frames on one link": (
         {"springs": [{**FRAMES, "frames": ["link1", "joint1"], "name": "idle"}]},

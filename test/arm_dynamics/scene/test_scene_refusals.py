@@ -115,7 +115,11 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     ),
     "limits the wrong way round": (
         {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.25}}}},
-        ("joints.*.limits", "lower = 0.5 is above upper = 0.25"),
+        ("joints.*.limits", "lower = 0.5 is not below upper = 0.25"),
+    ),
+    "limits that coincide": (
+        {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.5}}}},
+        ("joints.*.limits", "robot.lock holds a joint where it is"),
     ),
     "limit of a position infinite": (
         {"joints": {"*": {"limits": {"lower": -INF}}}},
@@ -213,7 +217,6 @@ def test_bad_scene(scene: Any, words: tuple[str, ...]) -> None:
 
 
 FINE_KEYS: dict[str, dict[str, Any]] = {
-    "limits that coincide": {"joints": {"*": {"limits": {"lower": 0.5, "upper": 0.5}}}},
     "a lower limit alone": {"joints": {"*": {"limits": {"lower": 5}}}},
     "an upper limit alone": {"joints": {"*": {"limits": {"upper": -5}}}},
     "a limit of nothing": {"joints": {"*": {"limits": {"effort": 0, "velocity": 0.5}}}},

@@ -35,7 +35,7 @@ def alone(sim: Simulator, q: np.ndarray, v: np.ndarray, torques: np.ndarray) -> 
 def test_each_arm_moves_as_if_alone(
     name: str, options: dict[str, Any], rng: np.random.Generator
 ) -> None:
-    sim = models.simulator(name, **options)
+    sim = models.simulator(name, stops=False, **options)
     q, v, tau = batch(sim, rng, 11)
     together = sim.rollout(q, v, tau, STEPS)
     assert together.shape == (11, STEPS + 1, 2 * sim.n)

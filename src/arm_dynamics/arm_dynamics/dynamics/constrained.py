@@ -43,7 +43,7 @@ class Constrained:
 
     def __init__(self, model: ArmModel, rigid: RigidDynamics) -> None:
         self.model, self._rigid, self._friction = model, rigid, SteadyFriction.of(model)
-        self.closure = Closure(self.model)
+        self.closure = Closure(self.model, self.model.stops)
 
     @property
     def m(self) -> int:

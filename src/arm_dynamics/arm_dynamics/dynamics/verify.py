@@ -16,6 +16,8 @@ from arm_dynamics.model.regularity import check_regular
 
 CHECK_TOLERANCE = 1e-10
 CHECK_STATES = 20
+WITHOUT_FRICTION = 23
+"""The terms of inverse dynamics but friction; ``Term`` stands in a module that knows this one."""
 WELL_CONDITIONED = 1e4
 """Condition of constraints beyond which a position is not looked at, if there are better ones."""
 ROUNDINGS = 100.0
@@ -76,7 +78,9 @@ class Expected(Protocol):
     @property
     def model(self) -> ArmModel: ...  # noqa: D102
 
-    def inverse(self, q: Array, v: Array, a: Array) -> Array: ...  # noqa: D102
+    def inverse(self, q: Array, v: Array, a: Array, terms: int = ...) -> Array: ...  # noqa: D102
+
+    def friction(self, v: Array, *, q: Array, load: Array) -> Array: ...  # noqa: D102
 
     def forward(self, q: Array, v: Array, tau: Array) -> Array: ...  # noqa: D102
 
@@ -119,7 +123,7 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     Args, returns and errors as those of ``check_forward``; the error is relative to what is
     allowed for rounding, see ``slack``.
     """
-    closure = Closure(dynamics.model)
+    closure = Closure(dynamics.model, dynamics.model.stops)
     names = closure.initially_active
     kept = closure.kept(names, dynamics.model.constraint_rows)
     q, v, tau, condition = closed_states(closure, dynamics.model.q0, kept)
@@ -128,8 +132,13 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     rows = [closure.rows.stacked(*state, names) for state in zip(q, v, strict=True)]
     A = np.array([row.jacobian[kept] for row in rows])
     drift = np.array([row.drift[kept] for row in rows])
-    lacking = tau - dynamics.inverse(q, v, a)
-    free = np.linalg.solve(M, (tau - dynamics.inverse(q, v, np.zeros_like(q)))[..., None])
+    # A gear's loss follows the drive's torque, not what the constraints leave of it.
+    friction = dynamics.friction(v, q=q, load=tau)
+    lacking, unmoved = (
+        tau - friction - dynamics.inverse(q, v, way, terms=WITHOUT_FRICTION)
+        for way in (a, np.zeros_like(q))
+    )
+    free = np.linalg.solve(M, unmoved[..., None])
     terms = (abs(A) @ (abs(a)[..., None] + abs(free)))[..., 0] + abs(drift)
     basis = np.linalg.qr(np.swapaxes(A, 1, 2))[0]
     reaction = (basis @ (np.swapaxes(basis, 1, 2) @ lacking[..., None]))[..., 0]

@@ -64,7 +64,7 @@ class ArmModel(Robot):
         self.constraint_rows: dict[int, tuple[int, ...]] = {}
         if scene.bilateral:
             check_regular(RigidTerms(self).mass(q0)[None], self.joint_names)
-            closure = Closure(self)
+            closure = Closure(self, self.stops)
             q0, v0 = closure.closed(q0, v0, hold=self.held_at_start)
             self._refuse(q0, "scene: when its constraints are closed, ")
             self.constraint_rows = closure.independent_rows(q0)

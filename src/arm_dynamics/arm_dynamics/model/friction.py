@@ -347,9 +347,9 @@ def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, s
         static: Its level at rest, likewise.
     """
     lost = {}
-    if np.array_equal(coulomb, static):
+    if own.static is None and np.array_equal(coulomb, static):
         lost["stribeck_velocity"] = (
-            "friction falls from 'static' to 'coulomb', and 'static' is not above"
+            "friction falls from 'static' to 'coulomb': 'static' is missing"
         )
     if static[0] == 0.0:
         none = "it multiplies dry friction, and there is no 'coulomb' and no 'static'"

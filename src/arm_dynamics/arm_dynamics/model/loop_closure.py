@@ -18,6 +18,7 @@ from arm_dynamics.exceptions import ConstraintError, InvalidInput, ModelError, k
 from arm_dynamics.model.constraint_rows import ConstraintRows, Row
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
+from arm_dynamics.model.stops import Stops
 
 # Constraints count as closed at this residual in [m] or [rad]; Newton goes on to rounding.
 CLOSED_TO = 1e-10
@@ -59,6 +60,7 @@ class Closure:
 
     Args:
         robot: The robot; used from one thread only.
+        stops: Of its joints; positions beyond them are avoided where that is possible.
 
     Attributes:
         rows: Its constraint rows.
@@ -67,8 +69,9 @@ class Closure:
         SceneError: If a constraint leaves nothing to move.
     """
 
-    def __init__(self, robot: Robot) -> None:
+    def __init__(self, robot: Robot, stops: Stops) -> None:
         self.rows, self._rigid = ConstraintRows(robot), RigidTerms(robot)
+        self._stops = stops
         self._ranks: dict[tuple[str, ...], int] = {}
 
     @property
@@ -110,7 +113,7 @@ class Closure:
                 keep their velocities leave none.
         """
         names = self.chosen(active)
-        q = self._closed_position(q, names, hold)
+        q = self._inside_stops(self._closed_position(q, names, hold), names, hold)
         A = self.rows.stacked(q, v, names).jacobian
         if not hold:
             return q, v + self.factors(q, A, self.rank(names, q)).nearest(-(A @ v))
@@ -242,6 +245,20 @@ class Closure:
                 continue
             places.append(q)
         return places
+
+    def _inside_stops(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> Array:
+        """A closed position near ``q`` with joints beyond their stops put there, if there is one.
+
+        If there is none it is ``q``, for whoever wants it to refuse.
+        """
+        found, kept = q, set(hold)
+        while more := set(np.flatnonzero(self._stops.beyond(found) > 0.0).tolist()) - kept:
+            kept |= more
+            try:
+                found = self._closed_position(self._stops.within(found), names, sorted(kept))
+            except ConstraintError:
+                return q
+        return found
 
     def _closed_position(
         self, q: Array, names: tuple[str, ...], hold: Sequence[int] = ()

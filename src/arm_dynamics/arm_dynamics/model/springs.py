@@ -22,8 +22,8 @@ def springs_of(robot: Robot) -> Springs:
     """Describe the scene's springs; that of a mimic joint acts through its leader.
 
     Raises:
-        SceneError: If a joint that is locked is given a spring by its name, a stiffness is
-            missing, or a spring is between frames that cannot move against each other.
+        SceneError: If a stiffness is missing, or a spring is between frames that cannot move
+            against each other.
     """
     stiffness, rest, damping = map(read_only, _of_joints(robot))
     return Springs(stiffness, rest, damping, robot.scene.springs, _frames(robot))
@@ -32,12 +32,6 @@ def springs_of(robot: Robot) -> Springs:
 def _of_joints(robot: Robot) -> Array:
     """Stiffness, rest and damping of each of Pinocchio's joints, shape (3, joints)."""
     scene, names = robot.scene, list(velocity_index(robot.pin))
-    for name, joint in scene.joints.items():
-        if joint.spring and name not in ("*", *names):
-            raise SceneError(
-                f"scene: 'joints.{name}.spring' has no effect: the joint is locked; unlock it or "
-                "leave the spring out"
-            )
     numbers = np.zeros((3, len(names)))
     for column, name in zip(numbers.T, names, strict=True):
         if (spring := scene.joint(name).spring) is None:

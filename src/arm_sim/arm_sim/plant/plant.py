@@ -206,7 +206,7 @@ class Plant:
     @cached_property
     def closure(self) -> Closure:
         """States that obey the bilateral constraints; for one thread only."""
-        return Closure(self.model)
+        return Closure(self.model, self.model.stops)
 
     @property
     def has_modes(self) -> bool:

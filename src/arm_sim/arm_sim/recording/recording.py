@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -107,10 +108,15 @@ class Recording:
         See ``Simulator.stop_torque``.
         """
         stepper, torque = self.account.stepper, np.zeros_like(self.q)
-        stepper.p[:] = self.p
-        for k in np.flatnonzero(self.plant.model.stops.touched(self.q).any(axis=1)):
+        for k in self._at_stops:
+            stepper.p[:] = self.p[k]
             torque[k] = stepper.stop_torque(self._x[k], self.command[k])
         return read_only(torque)
+
+    @cached_property
+    def _at_stops(self) -> Sequence[int]:
+        """Times at which a joint is at a stop."""
+        return np.flatnonzero(self.plant.model.stops.touched(self.q).any(axis=1)).tolist()
 
     @cached_property
     def multipliers(self) -> Array:
@@ -120,9 +126,9 @@ class Recording:
         tau += 0.0 if outside is None else self.p[:, outside]
         if self.plant.has_modes and self.plant.project:
             stepper = self.account.stepper
-            for k, (x, u, p) in enumerate(zip(self._x, self.command, self.p, strict=True)):
-                stepper.p[:] = p
-                tau[k] += stepper.push(x, u)
+            for k in self._at_stops if self.plant.free else range(len(self)):
+                stepper.p[:] = self.p[k]
+                tau[k] += stepper.push(self._x[k], self.command[k])
         return self.account.multipliers(self._x, tau, self.p, self.held)
 
     @cached_property

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a law does to one joint at an instant, and the account of its energies."""
+
+from __future__ import annotations
+
+from typing import NamedTuple, Protocol
+
+import numpy as np
+
+Array = np.ndarray
+
+
+class Flow(NamedTuple):
+    """Torque on the joint [N m], rates of the law's states, energy [J] and powers [W]."""
+
+    torque: float
+    slope: tuple[float, ...] = ()
+    stored: float = 0.0
+    supplied: float = 0.0
+    lost: float = 0.0
+
+
+class Law(Protocol):
+    """Something that acts on one joint.
+
+    Absolute values are written sign · value with signs that do not change between two events, so
+    that a law is smooth there; ``kinks`` are the values whose signs these are.
+    """
+
+    joint: int
+    size: int
+
+    def initial(self, q: float, v: float) -> tuple[float, ...]:
+        """States of an arm that has just been put down."""
+
+    def kinks(self, q: float, v: float, z: Array) -> tuple[float, ...]:
+        """What changes the law where it goes through zero."""
+
+    def flow(self, q: float, v: float, z: Array, u: float, signs: Array) -> Flow:
+        """What it does under the command u."""
