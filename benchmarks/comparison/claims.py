@@ -127,8 +127,8 @@ def _starts(results: Record) -> list[Claim]:
     starts = {r["robot"]: r for r in rows}
     large = [
         Claim(f"{kind} start of {name}", starts.get(name, {}).get(key, {}).get(total), limit, "s")
-        for name, cold in (("TIAGo", 15.0), ("TIAGo with two arms", 40.0))
-        for kind, key, limit in (("cold", "cold_s", cold), ("cached", "cached_s", 1.0))
+        for name, cold, cached in (("TIAGo", 30.0, 15.0), ("TIAGo with two arms", 60.0, 30.0))
+        for kind, key, limit in (("cold", "cold_s", cold), ("cached", "cached_s", cached))
     ]
     return [
         *large,

@@ -326,7 +326,7 @@ class Simulator:
         state, names = self.state, self.held_constraints
         outside = self.plant.parameters.of("external", self._stepper.p)
         tau = self.effort + outside if outside.size else self.effort
-        if self.plant.has_modes and self.plant.project:
+        if self.plant.events and self.plant.project:
             tau = tau + self._stepper.push(self._x, self.command)
         return self.dynamics.constrained_forward(state.q, state.v, tau, names)[1]
 

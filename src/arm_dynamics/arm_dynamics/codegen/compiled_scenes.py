@@ -34,12 +34,10 @@ class Code:
     Attributes:
         library: The library; calls release the interpreter lock.
         origin: Who compiled it, as text.
-        key: By which it is found.
     """
 
     library: ctypes.CDLL
     origin: str
-    key: str
 
 
 class Manifest(BaseModel):
@@ -102,8 +100,7 @@ def load(entry: Path) -> Code:
         library = ctypes.CDLL(str(entry))
     except OSError as error:
         raise KernelError(f"{entry} cannot be loaded: {error}") from error
-    origin = f"{manifest.compiler}, compiled for {manifest.target} in {entry.parent}"
-    return Code(library, origin, entry.stem)
+    return Code(library, f"{manifest.compiler}, compiled for {manifest.target} in {entry.parent}")
 
 
 def read_manifest(entry: Path) -> Manifest:

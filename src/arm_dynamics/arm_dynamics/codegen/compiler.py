@@ -170,20 +170,6 @@ def building_into(destination: Destination) -> Iterator[None]:
         _destination.reset(token)
 
 
-def keeps_code() -> bool:
-    """Whether C code comes from a compiler and the user's own cache alone."""
-    elsewhere = _destination.get() is not None or compiled_scenes.folders()
-    return find_compiler() is not None and not elsewhere
-
-
-def kept(key: str) -> Code | None:
-    """C code that is in the user's own cache."""
-    command = find_compiler()
-    if command is None or not _sound(entry := _own_entry(key, command)):
-        return None
-    return _loaded(entry, command, key)
-
-
 def cache_folder() -> Path:
     """Folder of compiled kernels, owned by the user, mode 0700.
 
@@ -265,39 +251,26 @@ def _build_into(
 def _from_own_cache(
     key: str, source: str, language: str, command: tuple[str, ...], flags: tuple[str, ...]
 ) -> Code:
-    entry = _own_entry(key, command)
+    version = compiler_version(command)
+    name = _digest(key, *command, version, *sorted(processor.instructions()))
+    entry = cache_folder() / f"{name}.so"
     if not _sound(entry):
         library = _compiled(source, language, command, flags, processor.NATIVE)
         compiled_scenes.put(entry, library + hashlib.sha256(library).digest(), 0o600)
-    return _loaded(entry, command, key)
-
-
-def _own_entry(key: str, command: tuple[str, ...]) -> Path:
-    version, here = compiler_version(command), sorted(processor.instructions())
-    return cache_folder() / f"{_digest(key, *command, version, *here)}.so"
-
-
-def _loaded(entry: Path, command: tuple[str, ...], key: str) -> Code:
-    return Code(ctypes.CDLL(str(entry)), compiler_version(command), key)
+    return Code(ctypes.CDLL(str(entry)), version)
 
 
 def _sound(entry: Path) -> bool:
-    content = own_file(entry)
+    try:
+        if not stat.S_ISREG(entry.lstat().st_mode) or entry.lstat().st_uid != os.getuid():
+            return False
+        content = entry.read_bytes()
+    except OSError:
+        return False
     return (
-        content is not None
-        and len(content) > _DIGEST
+        len(content) > _DIGEST
         and hashlib.sha256(content[:-_DIGEST]).digest() == content[-_DIGEST:]
     )
-
-
-def own_file(path: Path) -> bytes | None:
-    """What is in a plain file of this user; None if there is no such file."""
-    try:
-        if not stat.S_ISREG(path.lstat().st_mode) or path.lstat().st_uid != os.getuid():
-            return None
-        return path.read_bytes()
-    except OSError:
-        return None
 
 
 def _compiled(

@@ -8,17 +8,15 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
-from pydantic import BaseModel, ConfigDict
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.compiled_scenes import Code
 from arm_dynamics.codegen.split_functions import divided
 from arm_dynamics.exceptions import CompilerMissing, InvalidInput, KernelError
 
@@ -50,31 +48,6 @@ class Call:
         return self.outputs
 
 
-class Interface(BaseModel):
-    """What a compiled function takes and gives.
-
-    Attributes:
-        inputs: Shape of each argument.
-        outputs: Shape of each result.
-        work: Lengths of its tables of arguments and results, and of its integers and numbers.
-    """
-
-    model_config = ConfigDict(extra="forbid", frozen=True)
-
-    inputs: tuple[tuple[int, int], ...]
-    outputs: tuple[tuple[int, int], ...]
-    work: tuple[int, int, int, int]
-
-    @staticmethod
-    def of(function: ca.Function) -> Interface:
-        """That of a CasADi function."""
-        return Interface(
-            inputs=tuple(function.size_in(i) for i in range(function.n_in())),
-            outputs=tuple(function.size_out(i) for i in range(function.n_out())),
-            work=(function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()),
-        )
-
-
 class Kernel:
     """Functions of one scene, compiled together.
 
@@ -90,12 +63,6 @@ class Kernel:
         InvalidInput: If the backend is unknown.
         KernelError: If native code is demanded, or needed, and cannot be had; it says how to get
             it.
-
-    Attributes:
-        interfaces: What each function takes and gives, by name.
-        library: The loaded code, None on the virtual machine.
-        backend: What runs it, as text.
-        key: Of the code, see ``compiler.build``; empty on the virtual machine.
     """
 
     def __init__(
@@ -108,10 +75,8 @@ class Kernel:
         if backend not in BACKENDS:
             raise InvalidInput(f"backend = {backend!r}; allowed: {', '.join(BACKENDS)}")
         self._functions = {function.name(): function for function in functions}
-        self.interfaces = {name: Interface.of(f) for name, f in self._functions.items()}
-        self._counts: dict[str, int] = {}
         self.library: ctypes.CDLL | None = None
-        self.backend, self.key = "virtual machine of CasADi", ""
+        self.backend = "virtual machine of CasADi"
         if backend != "vm":
             self._compile(backend, driver, needs_native)
         elif needs_native:
@@ -120,16 +85,6 @@ class Kernel:
                 "machine runs smooth scenes only; allowed here: auto, native"
             )
 
-    @classmethod
-    def of_code(
-        cls, code: Code, interfaces: Mapping[str, Interface], counts: Mapping[str, int]
-    ) -> Kernel:
-        """Code whose functions are known, without their expressions."""
-        kernel = cls.__new__(cls)
-        kernel._functions, kernel.interfaces, kernel._counts = {}, dict(interfaces), dict(counts)
-        kernel.library, kernel.backend, kernel.key = code.library, code.origin, code.key
-        return kernel
-
     @property
     def native(self) -> bool:
         """Whether the functions are native code."""
@@ -137,18 +92,15 @@ class Kernel:
 
     def operations(self, name: str) -> int:
         """Operations in one call of the function ``name``, with those of functions it calls."""
-        if name not in self._counts:
-            self._counts[name] = operations(self._functions[name])
-        return self._counts[name]
+        return operations(self._functions[name])
 
     def call(self, name: str) -> Call:
         """Bind the function ``name`` to fresh memory."""
-        interface = self.interfaces[name]
-        inputs = tuple(map(_memory, interface.inputs))
-        outputs = tuple(map(_memory, interface.outputs))
-        if self.library is None:
-            return Call(inputs, outputs, _virtual(self._functions[name], inputs, outputs))
-        return Call(inputs, outputs, self._bind(name, inputs, outputs))
+        function = self._functions[name]
+        inputs = tuple(_memory(function.size_in(i)) for i in range(function.n_in()))
+        outputs = tuple(_memory(function.size_out(i)) for i in range(function.n_out()))
+        bind = _virtual if self.library is None else self._bind
+        return Call(inputs, outputs, bind(function, inputs, outputs))
 
     def _compile(self, backend: str, driver: str, needs_native: str) -> None:
         source = '#include "scalar.h"\n' + generate(list(self._functions.values())) + driver
@@ -162,17 +114,17 @@ class Kernel:
                 ) from None
             _log.warning("%s: running on CasADi's virtual machine, slower", error)
             return
-        self.library, self.backend, self.key = code.library, code.origin, code.key
+        self.library, self.backend = code.library, code.origin
 
     def _bind(
-        self, name: str, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
+        self, function: ca.Function, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
     ) -> Callable[[], object]:
-        entry = getattr(self.library, name)
+        entry = getattr(self.library, function.name())
         entry.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
-        sz_arg, sz_res, sz_iw, sz_w = self.interfaces[name].work
-        arguments, results = pointers(inputs, sz_arg), pointers(outputs, sz_res)
-        integers = np.zeros(max(1, sz_iw), dtype=np.int64)
-        reals = np.zeros(max(1, sz_w))
+        arguments = pointers(inputs, function.sz_arg())
+        results = pointers(outputs, function.sz_res())
+        integers = np.zeros(max(1, function.sz_iw()), dtype=np.int64)
+        reals = np.zeros(max(1, function.sz_w()))
         addresses = (
             ctypes.addressof(arguments),
             ctypes.addressof(results),

@@ -6,10 +6,10 @@ It contains only what the scene asks for.
 
 from __future__ import annotations
 
+import logging
 from collections.abc import Callable, Sequence
 from copy import copy
 from functools import cached_property
-from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -19,7 +19,6 @@ from arm_dynamics.actuation.internal_state import Ensemble
 from arm_dynamics.actuation.joint_laws import laws_of
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import operations
-from arm_dynamics.codegen.recall import exact
 from arm_dynamics.equations.contact import ContactPoint
 from arm_dynamics.equations.derivatives import inverse_derivatives
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, algorithms
@@ -28,10 +27,9 @@ from arm_sim.plant.bilateral import Bilateral
 from arm_sim.plant.contact import ContactFunctions, contact_functions
 from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.response import AnyResponse, Response, response_of
-from arm_sim.plant.symbols import Joints, Symbols, dense_function, mode_sizes
+from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
-RECALLED_ABOVE = DENSE_AT_MOST
-"""Up to so many joints equations are written at every start."""
+_log = logging.getLogger(__name__)
 Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 """Function (q, v, tau, p) -> power in [W]."""
 
@@ -64,55 +62,24 @@ class Plant:
         method: Which algorithm turned out shorter, as text.
     """
 
-    acceleration: ca.Function
-    rhs: ca.Function
-    events: tuple[ca.Function, ...]
-    method: str
-    contact: ContactFunctions | None
-    project: ca.Function | None
-
     def __init__(self, model: ArmModel, stops: bool = True) -> None:
-        """Equations of an arm; without ``stops`` of one that is never at any."""
+        """Compose the equations; without ``stops`` those of an arm that is never at one."""
+        if model.n > DENSE_AT_MOST and stops:
+            _log.info("writing the equations of %d joints", model.n)
         self.model = model
         self.parameters = Parameters(model)
+        self.contact: ContactFunctions | None = None
+        self.project: ca.Function | None = None
         self.stops = stops and bool(model.stops)
         always = model.has_dry_friction or bool(model.scene.contacts)
         self.free = Plant(model, stops=False) if self.stops and not always else None
-        self.directions, self.pressed = mode_sizes(model, stops)
-        laws = laws_of(model)
-        self.laws = Ensemble(laws, model.n) if laws else None
-        self.torques = _torques(self.laws) if self.laws else None
-        if not model.scene.contacts:
-            self.contact = None
-        if not model.scene.bilateral:
-            self.project = None
-
-    def __getattr__(self, name: str) -> Any:
-        """Write the equations when one of them is first asked for; compiled code needs none."""
-        if name not in _WRITTEN:
-            raise AttributeError(f"{type(self).__name__!r} object has no attribute {name!r}")
-        self._write(self.model)
-        return vars(self)[name]
-
-    def described(self) -> str | None:
-        """All that the equations follow from, as text: the model with its scene and URDF.
-
-        None for short arms, whose equations take no time worth a doubt, and where equations are
-        needed in any case: to choose a method for laws, and to close gaps.
-        """
-        model, scene = self.model, self.model.scene
-        if model.n <= RECALLED_ABOVE or self.laws or scene.contacts or scene.bilateral:
-            return None
-        return exact((vars(model), self.stops))
-
-    def _write(self, model: ArmModel) -> None:
-        self.contact, self.project = None, None
         self._loads: tuple[ca.Function, ...] = ()
         self._of_joints: tuple[ca.Function, ...] = ()
         self.method = _method(Response.algorithm, model)
         s = Symbols(model, self.parameters)
-        joints = Joints(model, s, self.stops)
+        joints = Joints(model, s, stops)
         self._joints = s, joints
+        self.directions, self.pressed = joints.direction.shape[0], joints.pressed.shape[0]
         self._stop_power = _stop_power(s, joints) if self.pressed else None
         held = Bilateral(model, s, joints) if model.scene.bilateral else None
         self.project = held.project(joints.p) if held else None
@@ -141,15 +108,14 @@ class Plant:
             self._of_joints = _stop_functions(s, joints, response, jacobian)
         if self.free:
             self.method = self.free.method
-        self._compose(self.laws)
+        laws = laws_of(model)
+        self._compose(Ensemble(laws, model.n) if laws else None)
 
     def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
         """The same arm with laws whose last states integrate powers.
 
         The last of them is what friction of contacts and compliant stops take.
         """
-        if "rhs" not in vars(self):
-            self._write(self.model)
         other = copy(self)
         other.free = self.free and self.free.accounted(ledger, powers)
         other._compose(ledger, [*powers, self._taken])
@@ -209,11 +175,6 @@ class Plant:
         return Closure(self.model, self.model.stops)
 
     @property
-    def has_modes(self) -> bool:
-        """Whether anything sticks, touches or meets a stop, so that there are events."""
-        return bool(self.directions or self.pressed or self.model.scene.contacts)
-
-    @property
     def points(self) -> tuple[ContactPoint, ...]:
         """The contacts."""
         return self.contact.points if self.contact else ()
@@ -252,13 +213,6 @@ class Plant:
             return u
         torque: Array = np.array(self.torques(x.T, u.T)[0]).T
         return torque.reshape(u.shape)
-
-
-_WRITTEN = (
-    *("acceleration", "rhs", "events", "method", "contact", "project"),
-    *("_joints", "_loads", "_of_joints", "_stop_power"),
-)
-"""Attributes of a plant that come with its equations."""
 
 
 def split(x: ca.SX, n: int) -> tuple[ca.SX, ca.SX, ca.SX]:

@@ -90,7 +90,7 @@ class EnergyAccount:
 
     def prepare(self) -> None:
         """Build now what the first ``flows`` would have to build."""
-        if self._plant.laws is not None or self._plant.has_modes:
+        if self._plant.laws is not None or self._plant.events:
             self._ledger.restart()
 
     def makes_ticks_again(self, x: Array) -> bool:
@@ -99,7 +99,7 @@ class EnergyAccount:
         A smooth motion without laws needs it only where it meets a stop.
         """
         model = self._plant.model
-        smooth = self._plant.laws is None and (not self._plant.has_modes or self._plant.free)
+        smooth = self._plant.laws is None and (not self._plant.events or self._plant.free)
         if not smooth:
             return True
         q, v = x[:, : model.n], x[:, model.n : 2 * model.n]

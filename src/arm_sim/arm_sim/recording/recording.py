@@ -124,7 +124,7 @@ class Recording:
         outside = self.plant.parameters.place("external")
         tau = np.array(self.plant.joint_torque(self._x, self.command))
         tau += 0.0 if outside is None else self.p[:, outside]
-        if self.plant.has_modes and self.plant.project:
+        if self.plant.events and self.plant.project:
             stepper = self.account.stepper
             for k in self._at_stops if self.plant.free else range(len(self)):
                 stepper.p[:] = self.p[k]

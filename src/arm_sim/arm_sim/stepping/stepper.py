@@ -9,7 +9,6 @@ events also runs on CasADi's virtual machine.
 from __future__ import annotations
 
 import ctypes
-import logging
 import sys
 from collections.abc import Callable, Sequence
 from functools import partial
@@ -22,10 +21,8 @@ import numpy as np
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
-from arm_dynamics.codegen.recall import recalled
 from arm_dynamics.dynamics.verify import check_constrained, check_forward
 from arm_dynamics.equations.contact import AT_REST
-from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl, actuation
@@ -40,15 +37,10 @@ from arm_sim.stepping.adaptive import (
 )
 from arm_sim.stepping.events import EventReport, Modes, Trouble
 
-_log = logging.getLogger(__name__)
-NATIVE_BACKENDS = ("auto", "native")
-PACKAGE = Path(__file__).parents[1]
 NATIVE = Path(__file__).parent / "native"
-FREE = "free_"
-"""What names of functions begin with that know of no stops."""
 NOWHERE = sys.float_info.max
 """Place of a stop that is not there: beyond every position."""
-MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1e6, 100, 50, 200
+MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1e6, 100, 20, 200
 """Arithmetic operations of a tick with events, about a millisecond, and smooth motions that it may
 take in any case, before it is time-stepped; who asks for error control waits longer. Each motion
 costs some operations besides its own."""
@@ -79,23 +71,25 @@ class Stepper:
     def __init__(
         self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
     ) -> None:
-        described = plant.described() if control is None and backend in NATIVE_BACKENDS else None
-        what = described and f"{described} {choice.method.name} {choice.dt} {choice.tolerance}"
-        make = partial(_kernel, plant, choice, backend, control)
-        self.kernel = recalled(what, (PACKAGE,), make)
-        _check(plant, self.kernel, "rhs")
+        smooth, actuate = _smooth(plant, choice), actuation(plant, control)
+        functions = [plant.rhs, smooth, actuate, *plant.events]
         if plant.free:
-            _check(plant.free, self.kernel, f"{FREE}rhs")
+            free_rhs, smooth = _renamed(plant.free.rhs), _renamed(_smooth(plant.free, choice))
+            functions += [free_rhs, smooth]
+        engine = engine_source(plant, choice, functions, smooth)
+        self.kernel = Kernel(functions, backend, engine, needs_native=_eventful(plant))
+        _check(plant, self.kernel, plant.rhs.name())
+        if plant.free:
+            _check(plant.free, self.kernel, free_rhs.name())
         self._plant, self._dt = plant, choice.dt
         self.p = plant.parameters.nominal
         self.report = EventReport()
         self._control: SubstepControl | None = None
         if choice.tolerance is not None:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
-        smooth = (FREE if plant.free else "") + ("attempt" if self._control else "step")
-        limits = 0 if self._control else self.kernel.operations("actuate")
-        self.tick_operations = self.kernel.operations(smooth) + limits
-        self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
+        limits = 0 if self._control else self.kernel.operations(actuate.name())
+        self.tick_operations = self.kernel.operations(smooth.name()) + limits
+        self._smooth, self._actuate = self.kernel.call(smooth.name()), self.kernel.call("actuate")
 
     def bound(
         self, x: Array, command: Array, trace: Array, effort: Array, notes: Array
@@ -144,7 +138,7 @@ class Stepper:
         """
         modes = Modes(self._plant, self.p)
         modes.direction[:] = 1.0
-        if self._plant.has_modes and self.kernel.native:
+        if self._plant.events and self.kernel.native:
             state, torque = np.ascontiguousarray(x), np.ascontiguousarray(u)
             find = getattr(self.kernel.library, "find_modes")  # noqa: B009 - the library's
             find.restype = ctypes.c_longlong
@@ -189,19 +183,6 @@ class Stepper:
         return True
 
 
-def _kernel(plant: Plant, choice: Choice, backend: str, control: CompiledControl | None) -> Kernel:
-    """What a stepper runs, from the equations."""
-    if plant.model.n > DENSE_AT_MOST:
-        _log.info("writing the equations of %d joints", plant.model.n)
-    smooth = _smooth(plant, choice)
-    functions = [plant.rhs, smooth, actuation(plant, control), *plant.events]
-    if plant.free:
-        smooth = _renamed(_smooth(plant.free, choice))
-        functions += [_renamed(plant.free.rhs), smooth]
-    engine = engine_source(plant, choice, functions, smooth)
-    return Kernel(functions, backend, engine, needs_native=_eventful(plant))
-
-
 def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
     """What C drivers are told of a scene and of the functions that they call."""
     return {
@@ -234,8 +215,8 @@ def engine_source(
 
 def _most_work(choice: Choice, smooth: ca.Function) -> int:
     """How many smooth motions a tick may take before the rest of it is time-stepped."""
-    bound = MOST_OPERATIONS * (1 if choice.tolerance is None else PATIENCE)
-    return round(max(LEAST_WORK, bound / (operations(smooth) + OVERHEAD)))
+    work = max(LEAST_WORK, MOST_OPERATIONS / (operations(smooth) + OVERHEAD))
+    return round(work * (1 if choice.tolerance is None else PATIENCE))
 
 
 def stop_places(plant: Plant) -> dict[str, str]:
@@ -278,7 +259,7 @@ def _smooth(plant: Plant, choice: Choice) -> ca.Function:
 def _renamed(function: ca.Function) -> ca.Function:
     """The function for joints away from their stops, under a name of its own."""
     arguments = [ca.MX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
-    return ca.Function(f"{FREE}{function.name()}", arguments, function.call(arguments))
+    return ca.Function(f"free_{function.name()}", arguments, function.call(arguments))
 
 
 def _event_sizes(plant: Plant) -> dict[str, str]:
@@ -335,7 +316,8 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
         # What acts is not tau, but what the laws make of it, and bristles are not yet bent.
         acted, law = np.array(plant.torques(x, tau)[1]).ravel(), dynamics.steady_friction
         steady = [law(v, np.sign(v), q, load) for load in (acted, tau)]
-        missing = tau - steady[1] - (acted - steady[0] + law.of_laws(v, np.sign(v)))
+        bent = law.of_laws(v, np.sign(v), q, acted)
+        missing = tau - steady[1] - (acted - steady[0] + bent)
         if plant.project is None:
             return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
         still = np.zeros(n)
