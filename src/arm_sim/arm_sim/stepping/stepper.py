@@ -40,7 +40,7 @@ from arm_sim.stepping.events import EventReport, Modes, Trouble
 NATIVE = Path(__file__).parent / "native"
 NOWHERE = sys.float_info.max
 """Place of a stop that is not there: beyond every position."""
-MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1e6, 100, 50, 200
+MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1e6, 100, 20, 200
 """Arithmetic operations of a tick with events, about a millisecond, and smooth motions that it may
 take in any case, before it is time-stepped; who asks for error control waits longer. Each motion
 costs some operations besides its own."""
@@ -215,8 +215,8 @@ def engine_source(
 
 def _most_work(choice: Choice, smooth: ca.Function) -> int:
     """How many smooth motions a tick may take before the rest of it is time-stepped."""
-    bound = MOST_OPERATIONS * (1 if choice.tolerance is None else PATIENCE)
-    return round(max(LEAST_WORK, bound / (operations(smooth) + OVERHEAD)))
+    work = max(LEAST_WORK, MOST_OPERATIONS / (operations(smooth) + OVERHEAD))
+    return round(work * (1 if choice.tolerance is None else PATIENCE))
 
 
 def stop_places(plant: Plant) -> dict[str, str]:
