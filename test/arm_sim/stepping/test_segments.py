@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import models
-from arm_sim import SimulationDiverged, Simulator
+from arm_sim import Simulator
 from models.rotor import rotor
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
