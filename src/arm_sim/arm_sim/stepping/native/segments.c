@@ -11,6 +11,7 @@
 #define HELD 1e-9          /* speed of an arm all of whose joints are held that is rounding */
 #define INDEPENDENT 1e-10  /* part of the trace that a row of the rank's matrix must exceed to count */
 #define MOST_PARTS 32      /* into which slow sliding may divide a tick ... */
+#define SHORT_WAY 1e-9      /* way back to contacts whose square is far below rounding: a second step has nothing to do */
 #define AT_ITS_END 1e-9     /* disobedience where error control is stuck by which a mode is at its end there, not before */
 #define NOTHING 1e-15       /* disobedience that is rounding */
 #define RETURNED 1.2        /* when a joint is surely back, as a multiple of the time after which it should be */
@@ -222,7 +223,10 @@ static void close_contacts(real* x, const segment_t* segment, const real* anchor
     arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = anchor;
     res[0] = after;
     contact_close(arg, res, iw, w, 0);
+    double way = 0.0;
+    for (int i = 0; i < NU; ++i) way = fmax(way, fabs(after[i] - x[i]));
     for (int i = 0; i < 2 * NU; ++i) x[i] = after[i];
+    if (way < SHORT_WAY) break;
   }
 }
 
