@@ -140,7 +140,7 @@ def test_seven_joints_against_radau() -> None:
     assert np.abs(run.q[-1] - truth).max() < LUGRE
 
 
-# --- by direction, position and load --------------------------------------------------------------
+# --- by direction, position and load -------------------------------------------------------------
 
 SIDES = {
     "viscous": {"positive": 0.6, "negative": 0.9},

@@ -9,9 +9,11 @@ IEEE Trans. Automatic Control 40(3), 1995, equations (2) to (4); Åström, Canud
 
 g(v), what the friction of a steady motion at v comes to, is that of joints without bristles, see
 ``friction.dry``. It may differ by direction, and by the position and load of a joint: |v| z / g(v)
-stays continuous where v changes its sign, whatever the levels of the two sides. σ2 v is viscous friction, see ``friction.viscous``. The damping of the bristles may fade with
-speed, σ1(v) = σ1 exp(-(v/vd)²) (Olsson, Control systems with friction, thesis, Lund 1996, section
-4.3), which keeps the law passive. The laws take numpy arrays and CasADi expressions alike.
+stays continuous where v changes its sign, whatever the levels of the two sides. σ2 v is viscous
+friction, see ``friction.viscous``. The damping of the bristles may fade with speed, σ1(v) = σ1
+exp(-(v/vd)²) (Olsson, Control systems with friction, thesis, Lund 1996, section 4.3), which keeps
+the law passive.
+The laws take numpy arrays and CasADi expressions alike.
 """
 
 from __future__ import annotations
