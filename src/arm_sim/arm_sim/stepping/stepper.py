@@ -315,7 +315,8 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
         # What acts is not tau, but what the laws make of it, and bristles are not yet bent.
         acted, law = np.array(plant.torques(x, tau)[1]).ravel(), dynamics.steady_friction
         steady = [law(v, np.sign(v), q, load) for load in (acted, tau)]
-        missing = tau - steady[1] - (acted - steady[0] + law.of_laws(v, np.sign(v)))
+        bent = law.of_laws(v, np.sign(v), q, acted)
+        missing = tau - steady[1] - (acted - steady[0] + bent)
         if plant.project is None:
             return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
         still = np.zeros(n)
