@@ -199,6 +199,14 @@ def test_positions_beyond_a_stop_are_refused() -> None:
         Simulator(rail() | {"initial": {"position": {"rail": 2.1}}})
 
 
+def test_a_locked_joint_is_not_put_beyond_its_limits() -> None:
+    urdf = (models.FOLDER / "gantry.urdf").read_text()
+    name = Simulator({"robot": {"urdf": urdf}}).joint_names[0]
+    scene = {"robot": {"urdf": urdf, "lock": [name]}, "initial": {"position": {name: 1e4}}}
+    with pytest.raises(SceneError, match=f"locked joint '{name}' at 10000 is beyond its limits"):
+        Simulator(scene)
+
+
 def test_a_start_at_zero_beyond_the_range_is_at_the_nearer_stop() -> None:
     scene = rail(lower=0.2)
     del scene["initial"]

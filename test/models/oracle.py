@@ -9,6 +9,7 @@ P``. Nothing here is shared with the code under test but the scene, which is pla
 
 from __future__ import annotations
 
+from typing import Any
 from xml.etree import ElementTree
 
 import numpy as np
@@ -33,13 +34,14 @@ class Oracle:
         self.model = pin.buildModelFromXML(scene.robot.urdf)
         self.model.gravity.linear = np.array(scene.gravity)
         self.names = list(self.model.names)[1:]
+        self.levels = np.array([self.model.friction, self.model.friction])  # forwards, backwards
         for i, name in enumerate(self.names):
             said = scene.joint(name)
             self.model.armature[i] = said.armature or 0.0
             if said.friction.viscous is not None:
                 self.model.damping[i] = said.friction.viscous
             if said.friction.coulomb is not None:
-                self.model.friction[i] = said.friction.coulomb
+                self.levels[:, i] = _sides(said.friction.coulomb)
         self._add_payloads(scene)
         self.data = self.model.createData()
         self._project(scene)
@@ -88,7 +90,8 @@ class Oracle:
     def friction(self, v: Array) -> Array:
         """Viscous and Coulomb friction that the drives must overcome."""
         speeds = self.P @ v
-        return self.P.T @ (self.model.damping * speeds + self.model.friction * np.sign(speeds))
+        coulomb = np.where(speeds > 0.0, *self.levels) * np.sign(speeds)
+        return self.P.T @ (self.model.damping * speeds + coulomb)
 
     def inverse(self, q: Array, v: Array, a: Array) -> Array:
         """Torques of the whole equation."""
@@ -116,6 +119,10 @@ class Oracle:
         """Kinetic and potential energy in [J]."""
         potential = pin.computePotentialEnergy(self.model, self.data, self.full(q))
         return 0.5 * float(v @ self.mass_matrix(q) @ v), float(potential)
+
+
+def _sides(value: Any) -> tuple[float, float]:
+    return (value.positive, value.negative) if hasattr(value, "positive") else (value, value)
 
 
 def _mimics(urdf: str) -> dict[str, tuple[str, float, float]]:

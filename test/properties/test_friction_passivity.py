@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics.equations import lugre
+from arm_dynamics.equations import friction, lugre
 from arm_sim import Simulator
 from models.rotor import rotor
 from tolerances import assert_close
@@ -32,6 +32,18 @@ SCENES: dict[str, dict[str, Any]] = {
         "viscous": 0.1, "coulomb": 0.5, "static": 0.8, "stribeck_velocity": 0.02,
         "lugre": {"sigma0": 1e4, "sigma1": 30.0, "sigma1_velocity": 0.1},
     },
+    "LuGre by direction": {
+        "viscous": {"positive": 13.0, "negative": 0.0},
+        "coulomb": {"positive": 0.5, "negative": 0.3},
+        "static": {"positive": 0.7, "negative": 0.3},
+        "stribeck_velocity": 0.02, "lugre": {"sigma0": 1e4, "sigma1": 30.0},
+    },
+    "LuGre by position and load": {
+        "viscous": 0.1, "coulomb": 0.4, "static": 0.5, "stribeck_velocity": 0.02,
+        "position": {"at": [-2, -1, 0, 1], "factor": [1.0, 0.3, 2.0, 1.0]},
+        "load": {"at": [0, 1], "factor": [1.0, 1.2]},
+        "lugre": {"sigma0": 1e4, "sigma1": 30.0, "sigma1_velocity": 0.03},
+    },
     "LuGre, viscous enough": {
         "viscous": 13.0, "coulomb": 0.5, "static": 0.7, "stribeck_velocity": 0.02,
         "lugre": {"sigma0": 1e4, "sigma1": 30.0},
@@ -39,10 +51,10 @@ SCENES: dict[str, dict[str, Any]] = {
 }  # fmt: skip
 
 
-@pytest.mark.parametrize("friction", SCENES.values(), ids=SCENES)
-def test_friction_never_gives_energy(friction: dict[str, Any], rng: np.random.Generator) -> None:
-    """A thousand random runs in all: heat only grows, and no motion outlives its torque."""
-    sim = Simulator(rotor(0.05, **friction), dt=2e-3)
+@pytest.mark.parametrize("law", SCENES.values(), ids=SCENES)
+def test_friction_never_gives_energy(law: dict[str, Any], rng: np.random.Generator) -> None:
+    """Many random runs: heat only grows, and no motion outlives its torque."""
+    sim = Simulator(rotor(0.05, **law), dt=2e-3)
     dt = sim.dt
     for _ in range(RUNS):
         sim.reset(q=rng.normal(size=1), v=rng.normal(0.0, rng.choice([0.02, 2.0]), size=1))
@@ -66,7 +78,7 @@ def test_passive_is_what_the_test_says(rng: np.random.Generator) -> None:
         s2, vd = 10 ** rng.uniform(-2, 3), 10 ** rng.uniform(-4, 1)
         s0 = 1e5
         z = np.linspace(-fs, fs, 201)[None, :] / s0
-        level = lugre.level(v, fc, fs - fc, vs)
+        level = friction.dry(v, 1.0, fc, fs - fc, vs)
         for velocity in (None, vd):
             damping = lugre.faded(v, s1, velocity)
             rate = lugre.bending(v, z, s0, level)
@@ -79,6 +91,28 @@ def test_passive_is_what_the_test_says(rng: np.random.Generator) -> None:
                 refused += 1
                 assert least < 0.0
     assert passed > 50 and refused > 50
+
+
+def test_passive_from_one_place_and_direction_to_another(rng: np.random.Generator) -> None:
+    """Bristles bent anywhere within their bound meet every other level: the power lost is not
+    negative.
+    """
+    v = np.geomspace(1e-6, 1e3, 400)[:, None]
+    for _ in range(100):
+        fc, rise, vs = rng.uniform(0.2, 2.0), rng.uniform(0.0, 1.0), 10 ** rng.uniform(-3, 0)
+        factors, s1 = rng.uniform(0.3, 2.0, 3), 10 ** rng.uniform(-1, 3)
+        lowest, highest = fc * factors.min(), (fc + rise) * factors.max()
+        z = np.linspace(-highest, highest, 201)[None, :] / 1e5
+        enough = 1.000001 * s1 * (highest - lowest) / lowest
+        fading = 0.999999 * lugre.FADING * lowest / s1
+        for s2, velocity in ((enough, None), (0.0, fading)):
+            assert lugre.is_passive(s1, s2, lowest, highest, velocity)
+            for factor in factors:
+                level = factor * friction.dry(v, 1.0, fc, rise, vs)
+                damping = lugre.faded(v, s1, velocity)
+                rate = lugre.bending(v, z, 1e5, level)
+                heat = lugre.heat(v, z, rate, 1e5, damping, level) + s2 * v**2
+                assert np.min(heat / (np.abs(v) * highest + v**2 * (s1 + s2))) >= -1e-12
 
 
 def holding(dt: float, factor: float = 1.0) -> Simulator:

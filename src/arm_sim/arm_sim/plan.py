@@ -146,8 +146,11 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     states = sum(len(law.names) for law in laws if law.replaces_command.any())
     driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states of their own"
     gears = f"{len(model.friction.gears)} joints, friction by load solved by events"
-    by = zip(model.friction.position, model.friction.load, strict=True)
-    tables = sum(bool(place or load) for place, load in by)
+    tables = sum(
+        bool(place or load)
+        for dry in (model.friction, model.friction.by_law)
+        for place, load in zip(dry.position, dry.load, strict=True)
+    )
     return (
         Part("rigid body", True, f"{model.n} joints"),
         _part("gravity", any(gravity), f"{list(gravity)} m/s²", "zero", "gravity" in p),

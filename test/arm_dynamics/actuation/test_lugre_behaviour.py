@@ -140,6 +140,101 @@ def test_seven_joints_against_radau() -> None:
     assert np.abs(run.q[-1] - truth).max() < LUGRE
 
 
+# --- by direction, position and load -------------------------------------------------------------
+
+SIDES = {
+    "viscous": {"positive": 0.6, "negative": 0.9},
+    "coulomb": {"positive": 1.2, "negative": 0.7},
+    "static": {"positive": 1.5, "negative": 1.3},
+    "stribeck_velocity": 0.05,
+}
+WAVY = {"at": [-1.0, 0.0, 1.0], "factor": [0.5, 1.5, 1.0], "period": 3.0}
+LOADED = {"at": [0.0, 4.0], "factor": [1.0, 1.4]}
+BRISTLES = {"sigma0": 2e3, "sigma1": 8.0, "sigma1_velocity": 0.2}
+EVERYTHING = SIDES | {"position": WAVY, "load": LOADED, "lugre": BRISTLES}
+
+
+def wavy(q: float) -> float:
+    """Fritsch and Butland's cubics through ``WAVY``, written out: level where the points turn, at
+    0 and -1, and at 1 the slope of the fall -0.5 over 1 and -0.5 over 1, which is -0.5.
+    """
+    x = (q + 1.0) % 3.0
+    if x < 1.0:
+        return 0.5 + x * x * (3.0 - 2.0 * x)
+    t, m = (x - 1.0, (0.0, -0.5)) if x < 2.0 else (x - 2.0, (-0.5, 0.0))
+    start = 1.5 if x < 2.0 else 1.0
+    bend = t * t * (3.0 * -0.5 - 2.0 * m[0] - m[1]) + t**3 * (m[0] + m[1] + 1.0)
+    return start + m[0] * t + bend
+
+
+def steady_level(q: float, v: float, u: float) -> float:
+    """g of ``EVERYTHING``: the dry friction of a steady motion, of positive sign."""
+    fc, fs = (1.2, 1.5) if v >= 0.0 else (0.7, 1.3)
+    t = min(abs(u) / 4.0, 1.0)
+    load = 1.0 + 0.4 * t * t * (3.0 - 2.0 * t)
+    return wavy(q) * load * (fc + (fs - fc) * float(np.exp(-((v / 0.05) ** 2))))
+
+
+@pytest.mark.parametrize("v", [0.02, 0.3, -0.02, -0.3])
+@pytest.mark.parametrize("q", [-0.4, 0.3, 1.7])
+def test_steady_sliding_by_direction_position_and_load(q: float, v: float) -> None:
+    """A wheel at a speed at which bent bristles balance the torque keeps it, and
+    Dynamics.friction says the same; they follow the level as the wheel turns on.
+    """
+    sim, u = wheel(1e9, **EVERYTHING), 2.5 * np.sign(v)
+    level = steady_level(q, v, u)
+    F = np.sign(v) * level + (0.6 if v > 0.0 else 0.9) * v
+    assert_close(sim.dynamics.friction([v], q=[q], load=[u]), [F], ALGEBRA)
+    sim.reset(q=[q], v=[v], z=[np.sign(v) * level / 2e3])
+    run = sim.run(0.2, [u])
+    end = run.q[-1, 0]
+    bent = [steady_level(x, v, u) for x in (end, end - v * 1e-6)]
+    # Bristles are late by as much as g changes over the way g/σ0 on which they bend.
+    late = abs(bent[0] - bent[1]) / abs(v * 1e-6) * bent[0] / 2e3
+    assert abs(2e3 * abs(run.z[-1, 0]) - bent[0]) < 1.5 * late + 1e-7
+
+
+def test_by_direction_position_and_load_against_radau() -> None:
+    """Sticking, sliding and reversing over most of a period of the table."""
+    J, u = 0.05, np.repeat([0.5, 5.0, -6.0, 0.0, -4.0, 5.0], 150)
+    run = wheel(J, **EVERYTHING).run(0.9, u[:, None])
+
+    def slope(_: float, x: np.ndarray, torque: float) -> list[float]:
+        q, v, z = x
+        bend = v - 2e3 * abs(v) * z / steady_level(q, v, torque)
+        viscous = (0.6 if v > 0.0 else 0.9) * v
+        damping = 8.0 * np.exp(-((v / 0.2) ** 2))
+        return [v, (torque - 2e3 * z - damping * bend - viscous) / J, bend]
+
+    x = np.zeros(3)
+    for torque in u[::150]:
+        small = [1e-10, 1e-10, 1e-14]
+        x = solve_ivp(slope, (0, 0.15), x, "Radau", rtol=1e-9, atol=small, args=(torque,)).y[:, -1]
+    assert np.ptp(run.q[:, 0]) > 0.5 and run.v.min() < -1.0 < 1.0 < run.v.max()
+    assert abs(run.q[-1, 0] - x[0]) < LUGRE
+    assert np.abs(run.balance).max() < 1e-6 * run.supplied.max()
+
+
+def test_bristles_by_load_feel_the_motors_torque() -> None:
+    """Not the current that commands it: N K_t i."""
+    scene = rotor(0.1, **(EVERYTHING | {"load": LOADED}))
+    motor = {"command": "current", "torque_constant": 0.05, "gear_ratio": 40.0}
+    scene["joints"]["axle"]["actuator"] = motor
+    driven, plain = Simulator(scene), wheel(0.1, **EVERYTHING)
+    motion = driven.run(0.1, [1.5]), plain.run(0.1, [1.5 * 0.05 * 40.0])
+    assert motion[0].q[-1, 0] > 0.01
+    assert_close(motion[0].q, motion[1].q, 1e-12)
+
+
+def test_inverse_dynamics_with_bristles_by_load(rng: np.random.Generator) -> None:
+    """tau = rigid + F(tau), and forward dynamics gives the acceleration back."""
+    dyn = wheel(0.1, **EVERYTHING).dynamics
+    for q, v, a in rng.normal(size=(10, 3, 1)):
+        tau = dyn.inverse(q, v, a)
+        assert_close(tau, 0.1 * a + dyn.friction(v, q=q, load=tau), ALGEBRA)
+        assert_close(dyn.forward(q, v, tau), a, 1e-9)
+
+
 def test_order_where_the_motion_is_smooth() -> None:
     """At a fixed number of sub-steps the method of order 4 keeps its order through bristles."""
     errors = []

@@ -165,11 +165,6 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
         {"coulomb": 1.0, "static": 1.5, "lugre": {"sigma0": 1e5}},
         "needs a 'stribeck_velocity'",
     ),
-    "LuGre by direction": ({"coulomb": SIDES, "lugre": {"sigma0": 1e5}}, "both directions"),
-    "LuGre by position": (
-        {"coulomb": 1.0, "position": BY_PLACE, "lugre": {"sigma0": 1e5}},
-        "not together with 'lugre'",
-    ),
     "LuGre not passive": (
         {"viscous": 0.4, "coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.01,
          "lugre": {"sigma0": 1e5, "sigma1": 316}},

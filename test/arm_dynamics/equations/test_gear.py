@@ -167,6 +167,65 @@ def test_behind_a_spring_its_torque_arrives_in_part(torque: float) -> None:
     assert abs(recording.balance).max() < 1e-7
 
 
+# --- what the loss does not see: the torque that turns the rotor faster or slower ---------------
+
+ROTOR = 4e-5  # [kg m²]; at the joint 0.1, as much as the link has
+
+
+def by_power_flow(torque: float, load: float, way: float) -> float:
+    """Acceleration of a wheel if the loss is that of what passes the teeth, τ - J N² q̈.
+
+    Link: M q̈ + h = g(τ - J N² q̈), with g(x) = η x where the rotor drives, x s > 0, else x / η:
+    rising in q̈ on the left, falling on the right, so that one of the two is the answer.
+    """
+    J = ROTOR * GEAR["gear_ratio"] ** 2
+    answers = []
+    for share in (ETA, 1.0 / ETA):
+        a = (share * torque - load) / (LINK + share * J)
+        passes = (torque - J * a) * way
+        answers += [a] if (passes >= 0.0) == (share < 1.0) else []
+    assert len(answers) == 1
+    return answers[0]
+
+
+CASES = [(t, h, w) for t in (3.0, 0.4, -0.4, -3.0) for h in (1.0, -1.0, 0.0) for w in (1.0, -1.0)]
+
+
+@pytest.mark.parametrize(("torque", "load", "way"), CASES)
+def test_the_rotors_inertia_makes_at_most_this_difference(
+    torque: float, load: float, way: float
+) -> None:
+    """The loss is 1/η - 1 of what passes at most, and J N² |q̈| of that is not seen; see
+    docs/friction-and-actuation.md.
+    """
+    scene = wheel(LINK, rotor_inertia=ROTOR, **GEAR) | {"tunable": ["external"]}
+    sim = Simulator(scene)
+    sim.set_parameter("external", [-load])
+    sim.reset([0.0], [2.0 * way])
+    found = (sim.step([torque]).v[0] - 2.0 * way) / sim.dt
+    J, exact = ROTOR * GEAR["gear_ratio"] ** 2, by_power_flow(torque, load, way)
+    difference = (LINK + J) * abs(found - exact)
+    assert difference <= (1.0 / ETA - 1.0) * J * abs(exact) + 1e-9
+    driving = min(torque * way, (torque - J * exact) * way) > 0.0
+    if driving:  # and then the difference is this one
+        assert_close(difference, (1.0 - ETA) * J * abs(exact), 1e-9)
+
+
+@pytest.mark.parametrize(("torque", "way"), [(3.0, 1.0), (-1.0, 1.0), (0.5, -1.0)])
+def test_behind_a_stiff_spring_the_loss_sees_what_passes(torque: float, way: float) -> None:
+    """The way out where that matters: with a transmission the rotor is on the other side of the
+    teeth, and the stiffer it is, the nearer the acceleration is to that of the flow of power.
+    """
+    gaps = []
+    for stiffness in (3e3, 3e5):
+        spring = {"stiffness": stiffness, "damping": 0.02 * np.sqrt(stiffness)}
+        sim = Simulator(wheel(LINK, spring, rotor_inertia=ROTOR, **GEAR))
+        sim.reset([0.0], [20.0 * way])
+        sim.run(0.4, [torque])
+        gaps.append(abs((sim.state.v[0] - 20.0 * way) / 0.4 - by_power_flow(torque, 0.0, way)))
+    assert gaps[1] < 0.02 * abs(by_power_flow(torque, 0.0, way)) and gaps[1] < gaps[0]
+
+
 def test_behind_a_spring_it_holds() -> None:
     """A load within what the gear holds does not move, whatever the rotor does meanwhile."""
     scene = pendulum(rotor_inertia=1e-4)

@@ -44,22 +44,6 @@ def test_a_gear_that_loses_power_is_the_only_friction_by_load(key: str) -> None:
     assert build({"coulomb": 0.1, **WAVY}, actuator={"efficiency": 0.5}).friction.gears == (1,)
 
 
-@pytest.mark.parametrize("key", ["coulomb", "static"])
-def test_bristles_know_no_sides(key: str) -> None:
-    levels = {"coulomb": 1.0, "static": 2.0, key: UNEQUAL}
-    assert refusal(levels | LUGRE) == (
-        f"joint2.friction.{key}': with 'lugre' one number for both directions is expected"
-    )
-    assert build(levels | {"coulomb": 1.0}).friction.has_dry
-
-
-@pytest.mark.parametrize(("key", "table"), [("position", WAVY), ("load", LOAD)])
-def test_bristles_know_no_factors(key: str, table: dict[str, Any]) -> None:
-    said = refusal({"coulomb": 1.0} | LUGRE | table)
-    assert said == f"joint2.friction.{key}': not together with 'lugre'"
-    assert build({"coulomb": 1.0} | table).friction.by_load == (key == "load")
-
-
 STATIC: dict[str, tuple[dict[str, Any], str | None]] = {
     "equal": ({"coulomb": 0.5, "static": 0.5}, None),
     "less": ({"coulomb": 0.5, "static": 0.499}, "static' = 0.499: at least coulomb, 0.5, is"),
@@ -236,6 +220,52 @@ def test_bristles_are_passive_by_viscous_friction() -> None:
     sided = {"positive": 3.0, "negative": 5.0}
     assert "is expected, got 3;" in refusal(lugre(viscous=sided, **given))
     assert LugreFriction.of(build(lugre(viscous={"positive": 6.0, "negative": 7.0}, **given)))
+
+
+SIDES = [("positive", "negative"), ("negative", "positive")]
+
+
+@pytest.mark.parametrize(("weak", "strong"), SIDES)
+def test_bristles_are_passive_in_each_direction(weak: str, strong: str) -> None:
+    """8 · (3.5 - 2) / 2 = 6 one way, 8 · (6 - 5) / 5 = 1.6 the other way."""
+    given = {
+        "coulomb": {weak: 2.0, strong: 5.0},
+        "static": {weak: 3.5, strong: 6.0},
+        "stribeck_velocity": 0.1,
+        "sigma1": 8.0,
+    }
+    assert LugreFriction.of(build(lugre(viscous={weak: 6.0, strong: 1.601}, **given)))
+    said = refusal(lugre(viscous={weak: 5.999, strong: 6.0}, **given))
+    assert "coulomb = 6 is expected, got 5.999;" in said and "sigma1 = 2.332, got None" in said
+    said = refusal(lugre(viscous={weak: 6.0, strong: 1.599}, **given))
+    assert "coulomb = 1.6 is expected, got 1.599;" in said and "sigma1 = 5.829, got None" in said
+
+
+def test_bristles_carry_friction_in_both_directions() -> None:
+    for sides in SIDES:
+        said = refusal(lugre(coulomb=dict(zip(sides, (0.0, 1.0), strict=True))))
+        assert said == "joint2.friction.lugre' needs coulomb above zero, got 0.0"
+
+
+def test_bristles_are_passive_at_every_position_and_load() -> None:
+    """Bent where static is 3 · 2 · 1.2, they come to where coulomb is 2 · 0.5: 8 · 6.2 = 49.6."""
+    tables = {
+        "position": {"at": [0, 1, 2], "factor": [1, 2, 0.5]},
+        "load": {"at": [0, 10], "factor": [1, 1.2]},
+    }
+    given = tables | {"static": 3.0, "stribeck_velocity": 0.1, "sigma1": 8.0}
+    assert LugreFriction.of(build(lugre(viscous=49.6, **given)))
+    said = refusal(lugre(viscous=49.59, sigma1_velocity=1.166, **given))
+    assert "coulomb = 49.6 is expected, got 49.59;" in said
+    assert "sigma1 = 1.166, got 1.166" in said
+    assert LugreFriction.of(build(lugre(sigma1_velocity=1.1658, **given)))
+    # Without the Stribeck effect: 8 · (2 · 2 · 1.2 - 2 · 0.5) / 1.
+    assert "coulomb = 30.4 is expected" in refusal(lugre(sigma1=8.0, **tables))
+
+
+def test_bristles_by_load_grow_by_less_than_half_of_the_load() -> None:
+    assert LugreFriction.of(build(lugre() | growing(0.2495)))
+    assert "load': friction grows by 0.501 of the load" in refusal(lugre() | growing(0.2505))
 
 
 def test_bristles_are_passive_by_damping_that_fades() -> None:

@@ -11,7 +11,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import models
-from arm_sim import SimulationDiverged, Simulator
+from arm_sim import Simulator
 from models.rotor import rotor
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
@@ -72,7 +72,7 @@ def test_an_unbalance_tears_its_base_loose_and_stops_it_again() -> None:
     run = sim.run(0.4)
     held = run.time < slips
     assert 10 < held.sum() < 150
-    assert np.abs(run.q[held, 1]).max() < 1e-20
+    assert np.abs(run.q[held, 1]).max() < 1e-16
     middle = slips + 0.6 * stops
     tick = int(middle / sim.dt)
     wanted = integral(slope, [0.0, start + w * slips, 0.0, w], 0.0, run.time[tick] - slips)
@@ -230,12 +230,13 @@ def test_bounces_without_loss_go_on() -> None:
     assert_close(run.q[-1, 0], height - 0.5 * G * phase**2, 1e-9)
 
 
-def test_contacts_without_end_are_refused() -> None:
-    """Fifty thousand elastic bounces in one tick are no motion any more."""
+def test_contacts_without_end_are_stepped_through() -> None:
+    """Fifty thousand elastic bounces in one tick are not followed, and that is told."""
     sim = Simulator({**rails("z"), "constraints": [contact("body", restitution=1.0)]}, dt=10.0)
     sim.reset(q=[1e-8])
-    with pytest.raises(SimulationDiverged, match="without end"):
-        sim.step([0.0])
+    state = sim.step([0.0])
+    assert state.time_stepped == 1
+    assert 0.0 <= state.q[0] <= 1e-8
 
 
 def test_rollouts_from_inside_a_plane_have_no_motion() -> None:

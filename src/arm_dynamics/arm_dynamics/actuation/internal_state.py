@@ -62,7 +62,10 @@ class StatefulLaw(Protocol):
         """Its states when the arm is put to q, v, shape (nz,)."""
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What it does under the command u, shape (n,)."""
+        """What it does under the command u, shape (n,).
+
+        A law that takes no command's place gets the torques of the drives for u.
+        """
 
 
 class FrictionLaw(StatefulLaw, Protocol):
@@ -92,12 +95,14 @@ class FrictionLaw(StatefulLaw, Protocol):
             v: Initial velocities in [rad/s] or [m/s], shape (n,).
         """
 
-    def steady(self, v: Quantity, direction: Quantity) -> Quantity:
+    def steady(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Its part of F when the states have settled; numbers (…, n) or expressions.
 
         Args:
             v: Joint velocities in [rad/s] or [m/s].
             direction: Which way joints slide, or are about to, -1 to 1.
+            q: Joint positions in [rad] or [m].
+            load: Torques of the drives in [N m] or [N].
         """
 
 
@@ -129,7 +134,11 @@ class Ensemble:
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
         """What the laws do together, and u where it acts directly, as torque and as power."""
-        flows = [law.equations(q, v, part, u) for law, part in self._parts(z)]
+        load = self.drive(q, v, z, u)
+        flows = [
+            law.equations(q, v, part, u if law.replaces_command.any() else load)
+            for law, part in self._parts(z)
+        ]
         direct = ca.sparsify(self._direct()) * u
         return Flow(
             sum((flow.torque for flow in flows), direct),

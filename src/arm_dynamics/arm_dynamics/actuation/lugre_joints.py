@@ -11,9 +11,8 @@ import numpy as np
 
 from arm_dynamics.actuation.internal_state import Flow
 from arm_dynamics.arrays import Array
-from arm_dynamics.equations import friction, lugre
+from arm_dynamics.equations import lugre
 from arm_dynamics.equations.elementary import Quantity
-from arm_dynamics.equations.tree import constant
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.friction import Lugre, refusal
 
@@ -41,29 +40,32 @@ class LugreFriction:
             SceneError: If the coefficients of a joint do not go together.
         """
         self._n, self._joints = model.n, list(asked)
-        self._levels = model.friction.by_law.of(self._joints)
+        self._dry = model.friction.by_law.of(self._joints)
         self.names = tuple(
             f"{model.joint_names[i]} bristle deflection "
             f"[{'m' if model.joint_types[i] == 'prismatic' else 'rad'}]"
             for i in asked
         )
-        self._coulomb, self._static, self._fall = (x[self._joints] for x in self._levels)
         self._laws = tuple(asked.values())
         self._sigma0 = np.array([law.sigma0 for law in self._laws])
-        self.scale: Array = self._static / self._sigma0  # where bristles give way
+        lowest = [[level.min() for level in self._dry.extremes(i)] for i in asked]
+        self._coulomb, static = np.array(lowest).T
+        self.scale: Array = static / self._sigma0  # where bristles give way
         self.replaces_command = np.zeros(model.n, dtype=bool)
         self.summary = f"{len(self.names)} joints, as many states"
         for i, law in asked.items():
-            _check(model, i, law)
+            _check(model, i)
+            _check_passive(model, i, law)
 
     def initial(self, q: Array, v: Array) -> Array:
         """Straight bristles."""
         return np.zeros(len(self.names))
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """See ``equations.lugre``."""
+        """See ``equations.lugre``; u are the torques of the drives."""
         w = ca.vertcat(*[v[i] for i in self._joints])
-        level = lugre.level(w, self._coulomb, self._static - self._coulomb, self._fall)
+        everywhere = self._dry.level_at(v, q, u)
+        level = ca.vertcat(*[everywhere[i] for i in self._joints])
         rate = lugre.bending(w, z, self._sigma0, level)
         sigma1 = ca.vertcat(
             *[lugre.faded(w[k], x.sigma1, x.sigma1_velocity) for k, x in enumerate(self._laws)]
@@ -76,16 +78,15 @@ class LugreFriction:
         lost = ca.sum1(lugre.heat(w, z, rate, self._sigma0, sigma1, level))
         return Flow(torque, rate, stored, lost=lost)
 
-    def steady(self, v: Quantity, direction: Quantity) -> Quantity:
+    def steady(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """Friction of bristles that have bent, of the sign of ``direction``."""
-        coulomb, static, fall = self._levels
-        like = constant if isinstance(v, ca.SX) else np.asarray
-        return friction.dry(v, direction, like(coulomb), like(static - coulomb), like(fall))
+        return self._dry.sliding(v, direction, q, load)
 
     def fastest_rate(self, M: Array, v: Array) -> float:
         """The frequency of the arm on its bristles, or the rate at which they bend over.
 
-        That is σ0 |v| / Fc for a joint that slides at 1 rad/s or 1 m/s, or as fast as it starts.
+        That is σ0 |v| / Fc for a joint that slides at 1 rad/s or 1 m/s, or as fast as it starts,
+        with the lowest Fc that it has anywhere.
         """
         stiffness = np.zeros(self._n)
         stiffness[self._joints] = self._sigma0
@@ -95,21 +96,32 @@ class LugreFriction:
         return max(math.sqrt(max(0.0, float(swinging))), bending)
 
 
-def _check(model: ArmModel, i: int, law: Lugre) -> None:
-    joint, (mean, skew) = model.joint_names[i], model.friction.viscous
-    viscous = float(mean[i] - abs(skew[i]))
-    coulomb, static = (float(level[i]) for level in model.friction.by_law[:2])
+def _check(model: ArmModel, i: int) -> None:
+    joint, dry = model.joint_names[i], model.friction.by_law
+    coulomb = float(dry.coulomb.mean[i] - abs(dry.coulomb.skew[i]))
     if not coulomb > 0.0:
         raise refusal(joint, f"lugre' needs coulomb above zero, got {coulomb}")
-    if static > coulomb and model.scene.joint(joint).friction.stribeck_velocity is None:
+    falls = dry.static.mean[i] != dry.coulomb.mean[i]
+    if falls and model.scene.joint(joint).friction.stribeck_velocity is None:
         raise refusal(joint, "lugre' with static above coulomb needs a 'stribeck_velocity'")
-    if not lugre.is_passive(law.sigma1, viscous, coulomb, static, law.sigma1_velocity):
-        needed = law.sigma1 * (static - coulomb) / coulomb
-        slow = lugre.FADING * coulomb / law.sigma1
-        raise refusal(
-            joint,
-            f"lugre' is not passive, it could give out energy: viscous >= sigma1 (static - "
-            f"coulomb) / coulomb = {needed:.4g} is expected, got {viscous:.4g}; or let the "
-            f"damping fade: sigma1_velocity <= 4 sqrt(2 e) coulomb / sigma1 = {slow:.4g}, "
-            f"got {law.sigma1_velocity}",
-        )
+
+
+def _check_passive(model: ArmModel, i: int, law: Lugre) -> None:
+    """Refuse coefficients that may give out energy in the positive direction or the other one."""
+    friction, sigma1, fading = model.friction, law.sigma1, law.sigma1_velocity
+    viscous = friction.viscous.mean[i] + friction.viscous.skew[i] * np.array([1.0, -1.0])
+    coulomb, static = friction.by_law.extremes(i)
+    needed = sigma1 * (static - coulomb) / coulomb
+    given = zip(viscous, coulomb, static, strict=True)
+    active = [k for k, side in enumerate(given) if not lugre.is_passive(sigma1, *side, fading)]
+    if not active:
+        return
+    worst = max(active, key=lambda k: float(needed[k] - viscous[k]))
+    slow = lugre.FADING * coulomb[worst] / sigma1
+    raise refusal(
+        model.joint_names[i],
+        f"lugre' is not passive, it could give out energy: viscous >= sigma1 (static - "
+        f"coulomb) / coulomb = {needed[worst]:.4g} is expected, got {viscous[worst]:.4g}; or let "
+        f"the damping fade: sigma1_velocity <= 4 sqrt(2 e) coulomb / sigma1 = {slow:.4g}, "
+        f"got {fading}",
+    )

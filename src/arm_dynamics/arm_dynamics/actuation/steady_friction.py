@@ -19,9 +19,9 @@ class SteadyFriction:
     """F of the equation of motion, its laws with states settled.
 
     Arguments are joint velocities v in [rad/s] or [m/s], the direction in which joints slide or
-    are about to, -1 to 1, positions q in [rad] or [m], used only if ``joints.by_position``, and
-    the drives' torques in [N m] or [N], used only if ``joints.by_load``; each of shape (…, n), or
-    an expression.
+    are about to, -1 to 1, positions q in [rad] or [m], used only if ``by_position``, and the
+    drives' torques in [N m] or [N], used only if ``by_load``; each of shape (…, n), or an
+    expression.
 
     Attributes:
         joints: Friction without states.
@@ -42,6 +42,16 @@ class SteadyFriction:
         return self.joints.has_dry or bool(self.laws)
 
     @property
+    def by_position(self) -> bool:
+        """Whether it depends on the joints' positions."""
+        return self.joints.by_position or self.joints.by_law.by_position
+
+    @property
+    def by_load(self) -> bool:
+        """Whether it depends on the drives' torques."""
+        return self.joints.by_load or self.joints.by_law.by_load
+
+    @property
     def gearless(self) -> SteadyFriction:
         """The same without the gears' losses."""
         return replace(self, joints=self.joints.gearless)
@@ -56,11 +66,11 @@ class SteadyFriction:
         if not self.laws:
             return self.joints.dry(v, direction, q, load)
         rest = self.joints.dry(v, direction, q, load) if self.joints.has_dry else 0.0
-        return self.of_laws(v, direction) + rest
+        return self.of_laws(v, direction, q, load) + rest
 
-    def of_laws(self, v: Quantity, direction: Quantity) -> Quantity:
+    def of_laws(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
         """The part of the laws with states."""
-        return sum((law.steady(v, direction) for law in self.laws), 0.0 * v)
+        return sum((law.steady(v, direction, q, load) for law in self.laws), 0.0 * v)
 
     def demanded(self, rigid: Quantity, v: Quantity, direction: Quantity, q: Quantity) -> Quantity:
         """Torque that moves the rigid arm and overcomes its own load's friction.
@@ -79,6 +89,6 @@ class SteadyFriction:
         """
         friction = self.gearless
         tau = rigid + friction(v, direction, q, rigid)
-        for _ in range(REPETITIONS if self.joints.by_load else 0):
+        for _ in range(REPETITIONS if self.by_load else 0):
             tau = rigid + friction(v, direction, q, tau)
         return self.joints.gear_input(tau, direction)

@@ -214,7 +214,7 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed, or positions are expected.
         """
-        if q is None and self.model.friction.by_position:
+        if q is None and self.steady_friction.by_position:
             raise InvalidInput("friction depends on the position in this scene: q is expected")
         still = np.zeros(self.n)
         v, direction, q, load = vectors(

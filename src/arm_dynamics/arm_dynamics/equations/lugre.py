@@ -7,16 +7,19 @@ IEEE Trans. Automatic Control 40(3), 1995, equations (2) to (4); Åström, Canud
 
     z' = v - σ0 |v| z / g(v),   F = σ0 z + σ1(v) z' + σ2 v,   g(v) = Fc + (Fs - Fc) exp(-(v/vs)²)
 
-σ2 v is viscous friction, see ``friction.viscous``. The damping of the bristles may fade with
-speed, σ1(v) = σ1 exp(-(v/vd)²) (Olsson, Control systems with friction, thesis, Lund 1996, section
-4.3), which keeps the law passive. The laws take numpy arrays and CasADi expressions alike.
+g(v), what the friction of a steady motion at v comes to, is that of joints without bristles, see
+``friction.dry``. It may differ by direction, and by the position and load of a joint: |v| z / g(v)
+stays continuous where v changes its sign, whatever the levels of the two sides. σ2 v is viscous
+friction, see ``friction.viscous``. The damping of the bristles may fade with speed, σ1(v) = σ1
+exp(-(v/vd)²) (Olsson, Control systems with friction, thesis, Lund 1996, section 4.3), which keeps
+the law passive.
+The laws take numpy arrays and CasADi expressions alike.
 """
 
 from __future__ import annotations
 
 import math
 
-from arm_dynamics.equations import friction
 from arm_dynamics.equations.elementary import Quantity, exponential, size
 
 FADING = 4.0 * math.sqrt(2.0 * math.e)
@@ -33,11 +36,6 @@ def bending(v: Quantity, z: Quantity, sigma0: Quantity, level: Quantity) -> Quan
         level: g(v) in [N m] or [N], positive.
     """
     return v - sigma0 * size(v) * z / level
-
-
-def level(v: Quantity, coulomb: Quantity, excess: Quantity, stribeck: Quantity) -> Quantity:
-    """g(v): what the friction of a steady motion at v comes to, in [N m] or [N]."""
-    return friction.dry(v, 1.0, coulomb, excess, stribeck)
 
 
 def faded(v: Quantity, sigma1: Quantity, velocity: Quantity | None) -> Quantity:
@@ -63,10 +61,12 @@ def heat(
 def is_passive(
     sigma1: float, sigma2: float, coulomb: float, static: float, velocity: float | None
 ) -> bool:
-    """Whether the law never gives energy back that it does not store.
+    """Whether the law never gives energy back that it does not store, in one direction.
 
-    With y = σ0 z, of which |y| <= Fs always, and w = |v|, the power lost is
-    w (y²/g - σ1 w y/g + σ1 w + σ2 w) for y along the motion, the worst case.
+    With y = σ0 z and w = |v| the power lost is w (y²/g - σ1 w y/g + σ1 w + σ2 w) for y along the
+    motion, the worst case. Bristles are bent along it by motion in that direction alone, so
+    y <= Fs and g >= Fc of that direction. Where g has a factor, Fs is the highest static level
+    that it makes and Fc the lowest of Coulomb: bristles may come bent from one place to another.
 
     - At constant σ1 the bracket is at least w (σ1 (1 - Fs/Fc) + σ2), since y <= Fs and g >= Fc:
       σ2 >= σ1 (Fs - Fc)/Fc suffices, and at high speed it is needed (Barahona, Canudas de Wit,

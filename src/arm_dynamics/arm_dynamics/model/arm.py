@@ -17,7 +17,7 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of
-from arm_dynamics.model.stops import Range, stops_of
+from arm_dynamics.model.stops import ROUNDED, Range, stops_of
 from arm_dynamics.scene.schema import Joint, Limits, Scene
 
 
@@ -88,17 +88,9 @@ class ArmModel(Robot):
 
     def _ranges(self) -> list[Range]:
         """Ranges of all moving joints, from the scene, else from the URDF."""
-        whole, found = self._whole, []
+        found = []
         for name in self._index:
-            limits, joint = self.scene.joint(name).limits, whole.joints[whole.getJointId(name)]
-            lower, upper = -np.inf, np.inf
-            if joint.nq == 1:
-                lower, upper = (
-                    float(given[joint.idx_q])
-                    for given in (whole.lowerPositionLimit, whole.upperPositionLimit)
-                )
-            if lower == upper:  # a <limit> that names neither
-                lower, upper = -np.inf, np.inf
+            limits, (lower, upper) = self.scene.joint(name).limits, self._described_range(name)
             own = self._rules.get(name)
             leader = own.leader if own else name
             found.append(
@@ -113,9 +105,31 @@ class ArmModel(Robot):
             )
         return found
 
+    def _described_range(self, name: str) -> tuple[float, float]:
+        """Position limits of any joint in the URDF; infinite for a <limit> that names none."""
+        whole = self._whole
+        joint = whole.joints[whole.getJointId(name)]
+        if joint.nq != 1:
+            return -np.inf, np.inf
+        lower, upper = whole.lowerPositionLimit[joint.idx_q], whole.upperPositionLimit[joint.idx_q]
+        return (float(lower), float(upper)) if lower != upper else (-np.inf, np.inf)
+
+    def _refuse_locked(self) -> None:
+        """Refuse locked joints that are put beyond their limits."""
+        given = self.scene.initial.position
+        for name in set(self.scene.robot.lock) & given.keys():
+            lower, upper = self._described_range(name)
+            beyond = max(lower - given[name], given[name] - upper)
+            if beyond > ROUNDED * max(1.0, abs(given[name])):
+                raise SceneError(
+                    f"scene: 'initial.position': locked joint '{name}' at {given[name]:.6g} is "
+                    f"beyond its limits; allowed: {lower:.6g} to {upper:.6g}"
+                )
+
     def _start(self) -> Array:
         """Initial positions before constraints are closed, shape (n,)."""
         given = self.scene.initial.position
+        self._refuse_locked()
         q = np.array([given.get(name, 0.0) for name in self.joint_names])
         nearest, named = self.stops.within(q), [name in given for name in self.joint_names]
         self._refuse(np.where(named, q, nearest), "scene: 'initial.position': ")

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.equations import friction, transmission
-from arm_dynamics.equations.elementary import Quantity, size
+from arm_dynamics.equations.elementary import Quantity, choose, size
 from arm_dynamics.equations.interpolation import Curve
 from arm_dynamics.equations.tree import constant
 from arm_dynamics.scene.friction import Friction, Sides, Table, refusal
@@ -44,49 +44,108 @@ class Sided(NamedTuple):
         return Sided(read_only(self.mean * factor), read_only(self.skew * factor))
 
 
-class Levels(NamedTuple):
-    """Dry friction of joints by law; arrays of shape (n,), zero for joints without such a law.
-
-    Attributes:
-        coulomb: Fc in [N m] or [N].
-        static: Fs in [N m] or [N].
-        stribeck_velocity: vs in [rad/s] or [m/s]; 1 where Fs is Fc.
-    """
-
-    coulomb: Array
-    static: Array
-    stribeck_velocity: Array
-
-    def of(self, joints: Sequence[int]) -> Levels:
-        """Those of some joints; zero levels for the others."""
-        theirs = np.isin(np.arange(len(self.coulomb)), joints)
-        return self._replace(coulomb=self.coulomb * theirs, static=self.static * theirs)
-
-
 @dataclass(frozen=True)
-class JointFriction:
-    """Friction of the joints of a scene; arrays of shape (n,) in model order.
+class DryFriction:
+    """Dry friction of joints; arrays of shape (n,) in model order, zero for joints without it.
 
     Attributes:
-        viscous: Viscous friction in [N m s/rad] or [N s/m].
-        coulomb: Dry friction in sliding in [N m] or [N]; zero for joints with a law with states.
+        coulomb: Dry friction in sliding in [N m] or [N].
         static: Dry friction at rest in [N m] or [N], at least ``coulomb``.
         excess: Dry friction at creeping speed beyond ``coulomb``; zero where it falls at once.
         stribeck_velocity: Speed of that fall in [rad/s] or [m/s]; 1 where there is none.
-        by_law: Dry friction of the joints with a law with states, for that law.
         position: Factor of dry friction by position, or None, for each joint.
         load: Factor of dry friction by the size of the drive's torque, or None, for each joint.
-        efficiency: Part of the power that a joint's gear passes on.
     """
 
-    viscous: Sided
     coulomb: Sided
     static: Sided
     excess: Sided
     stribeck_velocity: Array
-    by_law: Levels
     position: tuple[Curve | None, ...]
     load: tuple[Curve | None, ...]
+
+    @property
+    def by_position(self) -> bool:
+        """Whether it depends on the joints' positions."""
+        return any(curve is not None for curve in self.position)
+
+    @property
+    def by_load(self) -> bool:
+        """Whether it depends on the drives' torques."""
+        return any(curve is not None for curve in self.load)
+
+    def of(self, joints: Sequence[int]) -> DryFriction:
+        """That of some joints; none of the others."""
+        everyone = range(len(self.position))
+        theirs = np.isin(everyone, joints)
+        return DryFriction(
+            coulomb=self.coulomb.times(theirs),
+            static=self.static.times(theirs),
+            excess=self.excess.times(theirs),
+            stribeck_velocity=self.stribeck_velocity,
+            position=tuple(self.position[i] if theirs[i] else None for i in everyone),
+            load=tuple(self.load[i] if theirs[i] else None for i in everyone),
+        )
+
+    def sliding(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        """Friction of joints that slide the way of ``direction``, of its sign.
+
+        Args:
+            v: Joint velocities in [rad/s] or [m/s], shape (…, n).
+            direction: -1, 0 or 1 for each joint.
+            q: Joint positions in [rad] or [m]; used only if ``by_position``.
+            load: Drives' torques in [N m] or [N]; used only if ``by_load``.
+        """
+        like, (coulomb, excess) = _like(v), (self.coulomb, self.excess)
+        fall = like(self.stribeck_velocity)
+        torque = friction.dry(v, direction, like(coulomb.mean), like(excess.mean), fall)
+        if coulomb.skew.any() or excess.skew.any():
+            skew = friction.dry(v, direction, like(coulomb.skew), like(excess.skew), fall)
+            torque = torque + direction * skew
+        factors = self._factors(q, load)
+        return torque if factors is None else torque * factors
+
+    def level_at(self, v: Quantity, q: Quantity, load: Quantity) -> Quantity:
+        """Size of ``sliding`` at v in [N m] or [N], in the positive direction where v is zero."""
+        sided = self.coulomb.skew.any() or self.excess.skew.any()
+        way = choose(v < 0.0, -1.0, 1.0) if sided else 1.0
+        return way * self.sliding(v, way, q, load)
+
+    def extremes(self, i: int) -> tuple[Array, Array]:
+        """The lowest Coulomb and the highest static level of joint ``i`` that its factors allow.
+
+        Returns:
+            Levels in [N m] or [N], each for the positive and the negative direction, shape (2,).
+        """
+        factors = [curve.values for curve in (self.position[i], self.load[i]) if curve]
+        least, most = (float(np.prod([f(v) for v in factors])) for f in (np.min, np.max))
+        coulomb, static = (
+            side.mean[i] + side.skew[i] * np.array([1.0, -1.0])
+            for side in (self.coulomb, self.static)
+        )
+        return least * coulomb, most * static
+
+    def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
+        product: Any = 1.0
+        if self.by_position:
+            product = product * _applied(self.position, q)
+        if self.by_load:
+            product = product * _applied(self.load, size(load))
+        return product if self.by_position or self.by_load else None
+
+
+@dataclass(frozen=True)
+class JointFriction(DryFriction):
+    """Friction of the joints of a scene; the dry part is that of joints that stick and slip.
+
+    Attributes:
+        viscous: Viscous friction in [N m s/rad] or [N s/m].
+        by_law: Dry friction of the joints with a law with states, for that law.
+        efficiency: Part of the power that a joint's gear passes on.
+    """
+
+    viscous: Sided
+    by_law: DryFriction
     efficiency: Array
 
     @cached_property
@@ -110,16 +169,6 @@ class JointFriction:
         """Joints with a gear that loses power."""
         return tuple(np.flatnonzero(self.efficiency < 1.0).tolist())
 
-    @cached_property
-    def by_position(self) -> bool:
-        """Whether it depends on the joints' positions."""
-        return any(curve is not None for curve in self.position)
-
-    @cached_property
-    def by_load(self) -> bool:
-        """Whether it depends on the drives' torques."""
-        return any(curve is not None for curve in self.load)
-
     def with_viscous(self, viscous: Array) -> JointFriction:
         """The same with another mean of the viscous coefficients, shape (n,)."""
         return replace(self, viscous=self.viscous._replace(mean=read_only(viscous)))
@@ -142,14 +191,7 @@ class JointFriction:
         Returns:
             Torques in [N m] or [N], of the sign of ``direction``.
         """
-        like, (coulomb, excess) = _like(v), (self.coulomb, self.excess)
-        fall = like(self.stribeck_velocity)
-        torque = friction.dry(v, direction, like(coulomb.mean), like(excess.mean), fall)
-        if coulomb.skew.any() or excess.skew.any():
-            skew = friction.dry(v, direction, like(coulomb.skew), like(excess.skew), fall)
-            torque = torque + direction * skew
-        factors = self._factors(q, load)
-        torque = torque if factors is None else torque * factors
+        torque = self.sliding(v, direction, q, load)
         lost = {
             i: _column(torque, i)
             + transmission.gear_loss(_column(direction, i), _column(load, i), self.efficiency[i])
@@ -185,14 +227,6 @@ class JointFriction:
             lost = transmission.gear_input(way, torque, self.efficiency[i]) - torque
             motors[i] = torque + size(way) * lost
         return _replaced(required, motors)
-
-    def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
-        product: Any = 1.0
-        if self.by_position:
-            product = product * _applied(self.position, q)
-        if self.by_load:
-            product = product * _applied(self.load, size(load))
-        return product if self.by_position or self.by_load else None
 
 
 @dataclass(frozen=True)
@@ -242,23 +276,25 @@ def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) 
     )
     fc, fs = (Sided(*(level.T @ abs(followers))) for level in (coulomb, static))
     mine = [next(joint for joint in joints if joint.name == name) for name in free]
-    sticks = np.array([joint.own.stateful is None for joint in mine])
     falls = np.array([joint.own.stribeck_velocity or 0.0 for joint in mine])
-    falling = sticks & (falls > 0.0)
-    made = JointFriction(
-        viscous=Sided(*map(read_only, viscous.T @ followers**2)),
-        coulomb=fc.times(sticks),
-        static=fs.times(sticks),
-        excess=Sided(fs.mean - fc.mean, fs.skew - fc.skew).times(falling),
-        stribeck_velocity=np.where(falling, falls, 1.0),
-        by_law=Levels(fc.mean * ~sticks, fs.mean * ~sticks, np.where(falls > 0.0, falls, 1.0)),
+    dry = DryFriction(
+        coulomb=fc,
+        static=fs,
+        excess=Sided(fs.mean - fc.mean, fs.skew - fc.skew).times(falls > 0.0),
+        stribeck_velocity=np.where(falls > 0.0, falls, 1.0),
         position=tuple(_curve(joint.own.position) for joint in mine),
         load=tuple(_curve(joint.own.load) for joint in mine),
+    )
+    _check_loads(mine, dry)
+    _check_effect(mine, fc, fs)
+    lawful = [i for i, joint in enumerate(mine) if joint.own.stateful]
+    sticking = [i for i in range(len(mine)) if i not in lawful]
+    return JointFriction(
+        **vars(dry.of(sticking)),
+        viscous=Sided(*map(read_only, viscous.T @ followers**2)),
+        by_law=dry.of(lawful),
         efficiency=np.array([joint.efficiency for joint in mine]),
     )
-    _check_loads(mine, made)
-    _check_effect(mine, fc, fs)
-    return made
 
 
 def _sides(value: float | Sides | None, mean: float, skew: float = 0.0) -> tuple[float, float]:
@@ -280,13 +316,6 @@ def _check(joint: Given) -> None:
         if joint.efficiency < 1.0 and key and getattr(own, key) is not None:
             both = f"{key}' and 'actuator.efficiency' = {joint.efficiency}"
             raise refusal(joint.name, f"{both}: one of them is allowed")
-    for key in ("coulomb", "static"):
-        if law and isinstance(getattr(own, key), Sides):
-            one = f"{key}': with '{law}' one number for both directions is expected"
-            raise refusal(joint.name, one)
-    for key in ("position", "load"):
-        if law and getattr(own, key) is not None:
-            raise refusal(joint.name, f"{key}': not together with '{law}'")
     fc, fc_skew = _sides(own.coulomb, joint.dry)
     fs, fs_skew = _sides(own.static, fc, fc_skew)
     if fs + fs_skew < fc + fc_skew or fs - fs_skew < fc - fc_skew:
@@ -307,11 +336,11 @@ def _check_follower(joint: Given) -> None:
             raise refusal(joint.name, f"{key}': a mimic joint has one number for both directions")
 
 
-def _check_loads(joints: Sequence[Given], made: JointFriction) -> None:
-    for i, (joint, curve) in enumerate(zip(joints, made.load, strict=True)):
+def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
+    for i, (joint, curve) in enumerate(zip(joints, dry.load, strict=True)):
         if curve is None:
             continue
-        level, place = float(made.static.mean[i] + abs(made.static.skew[i])), made.position[i]
+        level, place = float(dry.static.mean[i] + abs(dry.static.skew[i])), dry.position[i]
         level *= float(place.values.max()) if place else 1.0
         grid = np.linspace(curve.at[0], curve.at[-1], 1000)
         steepest = level * float(np.max(np.diff(curve(grid)) / np.diff(grid)))

@@ -85,7 +85,9 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
 }
 #endif
 
-/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. */
+/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. Else that
+ * says in `reached` how far it came, and `after` is the state there.
+ */
 static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
   return flow_by(SMOOTH, x, u, p, h, c, after);
 }

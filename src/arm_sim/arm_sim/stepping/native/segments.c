@@ -11,6 +11,8 @@
 #define HELD 1e-9          /* speed of an arm all of whose joints are held that is rounding */
 #define INDEPENDENT 1e-10  /* part of the trace that a row of the rank's matrix must exceed to count */
 #define MOST_PARTS 32      /* into which slow sliding may divide a tick ... */
+#define SHORT_WAY 1e-9      /* way back to contacts whose square is far below rounding: a second step has nothing to do */
+#define AT_ITS_END 1e-9     /* disobedience where error control is stuck by which a mode is at its end there, not before */
 #define NOTHING 1e-15       /* disobedience that is rounding */
 #define RETURNED 1.2        /* when a joint is surely back, as a multiple of the time after which it should be */
 #define MUCH_TURN 0.05     /* ... and turn of its direction in a tick that is much [rad] */
@@ -169,16 +171,25 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
   const int reached = flow(x, segment->u, (const real*)&segment->p, reach, segment->control, after);
   *segment->work += 1 + (segment->control ? segment->control->attempts - kept.attempts : 0);
-  const double wrong = reached ? disobedience(after, segment, search.ground, reach) : INFINITY;
-  double length = reach;
+  double known = reach, wrong = INFINITY, length = reach;
+  if (reached) wrong = disobedience(after, segment, search.ground, reach);
   *calm = wrong <= 0.0;
-  if (!*calm) {
-    const double known = reached || !segment->control ? reach : segment->control->reached;
-    if (segment->control) *segment->control = kept;
+  if (!reached && segment->control) {
+    /* A contact that comes to rest has no direction any more: error control follows it as far as it can. */
+    known = length = segment->control->reached;
     if (known <= 0.0) return -1.0;
+    wrong = disobedience(after, segment, search.ground, known);
+    if (wrong <= AT_ITS_END) wrong = 0.0;
+  }
+  if (wrong > 0.0) {
+    if (segment->control) *segment->control = kept;
     const double back = find_return(x, segment), early = back < known ? value_at(&search, back) : 0.0;
-    length = early > 0.0 ? first_positive(value_at, &search, back, early, NOTHING) : first_positive(value_at, &search, known, wrong, NOTHING);
-    if (!flow(x, segment->u, (const real*)&segment->p, length, segment->control, after)) return -1.0;
+    length = early > 0.0 ? first_positive(value_at, &search, back, early, NOTHING)
+                         : first_positive(value_at, &search, known, wrong, NOTHING);
+    if (!flow(x, segment->u, (const real*)&segment->p, length, segment->control, after)) {
+      if (!segment->control || segment->control->reached <= 0.0) return -1.0;
+      length = segment->control->reached;
+    }
   }
   double dip = dip_before(&search, length, after, &depth);
   if (dip == 0.0) dip = bump_before(&search, length, after, &depth);
@@ -212,7 +223,10 @@ static void close_contacts(real* x, const segment_t* segment, const real* anchor
     arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = anchor;
     res[0] = after;
     contact_close(arg, res, iw, w, 0);
+    double way = 0.0;
+    for (int i = 0; i < NU; ++i) way = fmax(way, fabs(after[i] - x[i]));
     for (int i = 0; i < 2 * NU; ++i) x[i] = after[i];
+    if (way < SHORT_WAY) break;
   }
 }
 

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A Panda with LuGre friction in its joints pushes on a table, and then along it until it slides.
+
+Where the table lets the hand go, the bristles of the joints still hold it: it gives by a fraction
+of a millimetre, like a spring, and slides when they have bent over. A controller that takes
+torques for forces does not know of that.
+"""
+
+from importlib.resources import files
+
+import numpy as np
+
+from arm_dynamics import load_scene
+from arm_dynamics.task_space import TaskSpace
+from arm_sim import Simulator, State, contact_history
+
+PRESS, MU, LANDED, RATE = 20.0, 0.4, 0.6, 12.0  # [N], the table's µ, [s], [N/s]
+scene = load_scene(files("arm_sim") / "scenes/panda_lugre_table.yaml")
+smooth = scene.model_dump(exclude_unset=True)
+smooth["joints"] = {"*": {"friction": {"viscous": 0.5}}}
+
+
+def sideways(time: float) -> float:
+    """The push along the table in [N]: it grows from when the hand has landed."""
+    return RATE * max(0.0, time - LANDED)
+
+
+def measured(sim: Simulator) -> list[float]:
+    """Pushes sideways in [N] at which the table lets go, and the hand is off by 0.1 and 1 mm."""
+    dyn, hand = sim.dynamics, TaskSpace(sim.dynamics, "panda_hand", selection="position")
+
+    def push(state: State) -> np.ndarray:
+        force = [0.0, sideways(state.time), -PRESS]
+        return dyn.gravity(state.q) + dyn.contact_torque(state.q, force) - 4.0 * state.v
+
+    run = sim.run(1.7, push)
+    felt = contact_history(sim, run).force[:, 0]
+    landed = round(LANDED / sim.dt)
+    along = np.linalg.norm(felt[:, :2], axis=1)[landed:]
+    start = hand.pose(run.q[landed]).position
+    moved = np.array([np.linalg.norm(hand.pose(q).position - start) for q in run.q[landed:]])
+    signs = along > 0.9999 * MU * felt[landed:, 2], moved > 1e-4, moved > 1e-3
+    pushes = [sideways(run.time[landed + int(np.argmax(sign))]) for sign in signs]
+    print(f"  presses with {felt[landed, 2]:.2f} N; let go at {pushes[0]:.2f} N,", end=" ")
+    print(f"0.1 mm off at {pushes[1]:.2f} N, 1 mm off at {pushes[2]:.2f} N")
+    return pushes
+
+
+print(f"{PRESS:.0f} N on the table, which holds {MU * PRESS:.1f} N sideways")
+print("joints without dry friction:")
+plain = measured(Simulator(smooth, dt=2e-3))
+print("joints with bristles:")
+bristles = measured(Simulator(scene, dt=2e-3, tolerance=1e-5))
+assert abs(plain[0] - MU * PRESS) < 0.1 and bristles[2] > plain[2] + 0.5
