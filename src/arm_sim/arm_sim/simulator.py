@@ -332,7 +332,7 @@ class Simulator:
         tau = self.effort + outside if outside.size else self.effort
         if self.plant.events and self.plant.project:
             tau = tau + self._stepper.push(self._x, self.command)
-        return self.dynamics.constrained_forward(state.q, state.v, tau, names)[1]
+        return self.dynamics.constrained.without_sticking(state.q, state.v, tau, names)[1]
 
     def set_constraint(self, name: str, on: bool) -> State:
         """Switch a constraint that the scene declares switchable.

@@ -2,8 +2,8 @@
 """Derivative of a blow: the velocities after it, by positions and velocities before it.
 
 Who takes part, who rebounds, which contacts stick and which slide is as it was; the impulses
-follow from Newton's law for the normal and Coulomb's for the tangents, and so do their derivatives,
-by the theorem of implicit functions.
+follow from Newton's law for the normal and Coulomb's for the tangents, and so do their
+derivatives, by the theorem of implicit functions.
 """
 
 from __future__ import annotations
