@@ -162,6 +162,13 @@ CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
         lambda: touching(rails("xyz"), friction=3.0), 0.02,
         ([0.0, 0.0, 0.005], [1.0, 0.4, -0.5], [0.3, 0.1, 0.2]),
     ),
+    "ball on an arm lands and slides": (
+        lambda: touching(
+            rails("xz", turns=True), point=[0.1, 0, 0], radius=0.1, friction=0.3,
+            plane={"point": [0, 0, -0.5]},
+        ),
+        0.02, ([0.0, -0.365, 0.3], [1.0, -0.5, 0.4], [0.3, 0.1, 0.2]),
+    ),
 }  # fmt: skip
 
 
