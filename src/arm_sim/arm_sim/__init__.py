@@ -12,7 +12,7 @@ from arm_dynamics.lazy import on_demand
 if TYPE_CHECKING:
     from arm_sim.closed_loop import ClosedLoop
     from arm_sim.contact_forces import contact_history
-    from arm_sim.exceptions import SimulationDiverged
+    from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
     from arm_sim.plan import Plan
     from arm_sim.plant.actuation import CompiledControl, computed_torque
     from arm_sim.recording.recording import Recording
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
 __all__ = [
     "ClosedLoop",
     "CompiledControl",
+    "NotDifferentiable",
     "Plan",
     "Recording",
     "SimulationDiverged",
@@ -35,6 +36,7 @@ __getattr__, __dir__ = on_demand(
     {
         "ClosedLoop": "closed_loop",
         "CompiledControl": "plant.actuation",
+        "NotDifferentiable": "exceptions",
         "Plan": "plan",
         "Recording": "recording.recording",
         "SimulationDiverged": "exceptions",

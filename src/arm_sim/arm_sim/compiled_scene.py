@@ -61,7 +61,7 @@ class CompiledScene:
     @cached_property
     def linearizer(self) -> Linearizer:
         """Exact derivatives of ticks."""
-        return Linearizer(self.plant, self.choice)
+        return Linearizer(self.plant, self.choice, self.stepper)
 
     @cached_property
     def rollouts(self) -> Rollouts:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from arm_dynamics import ArmError
+from arm_dynamics import ArmError, InvalidInput
 
 
 class SimulationDiverged(ArmError):
@@ -16,3 +16,11 @@ class SimulationDiverged(ArmError):
     """
 
     recording: Any = None
+
+
+class NotDifferentiable(InvalidInput):
+    """A tick has no derivative at a state: the least change of it would change the events.
+
+    A state on the edge between two modes, events at the same instant or at the very beginning or
+    end of the tick, a contact that is grazed.
+    """

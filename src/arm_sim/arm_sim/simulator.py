@@ -310,16 +310,20 @@ class Simulator:
     def linearize(self, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
         """Exact derivatives of the state after a tick (or several, torque held).
 
+        Across events, which move with the state: see ``docs/derivatives.md``.
+
         Returns:
             A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z).
 
         Raises:
             InvalidInput: If an argument is not allowed.
+            NotDifferentiable: If a tick has no derivative: a state on the edge of a mode, events
+                at the same instant, a contact that is grazed.
+            SimulationDiverged: If a tick cannot be computed.
         """
         whole("ticks", ticks, 1)
         x, command = packed(self.plant, state.q, state.v, state.z), np.array(torque(tau, self.n))
-        modes = self._stepper.modes_at(x, command)
-        return self._compiled.linearizer(x, command, modes.p, ticks)
+        return self._compiled.linearizer(x, command, ticks)
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
@@ -328,7 +332,7 @@ class Simulator:
         tau = self.effort + outside if outside.size else self.effort
         if self.plant.events and self.plant.project:
             tau = tau + self._stepper.push(self._x, self.command)
-        return self.dynamics.constrained_forward(state.q, state.v, tau, names)[1]
+        return self.dynamics.constrained.without_sticking(state.q, state.v, tau, names)[1]
 
     def set_constraint(self, name: str, on: bool) -> State:
         """Switch a constraint that the scene declares switchable.

@@ -1,9 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Constrained dynamics as numbers: τ = M a + h + Aᵀλ under A v = 0.
 
-Gauss' principle: the acceleration is the one nearest to the free one, in the metric of M, that
-obeys A a + γ = 0; λ is of least norm where rows depend on one another (Udwadia, Kalaba, Analytical
-Dynamics, 1996, chapter 3). λ is what the robot exerts against the constraints: force and moment of
+See ``gauss``; λ is what the robot exerts against the constraints: force and moment of
 the first frame upon the second, in axes of the second.
 """
 
@@ -17,10 +15,12 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, each, real_array
+from arm_dynamics.dynamics.at_rest import AtRest, Points
+from arm_dynamics.dynamics.gauss import constrained_motion, times
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model.arm import ArmModel
-from arm_dynamics.model.loop_closure import RANK, Closure, cholesky
+from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import FrameMotion
 from arm_dynamics.scene.constraint import ORIGIN, Touching
 
@@ -44,6 +44,7 @@ class Constrained:
     def __init__(self, model: ArmModel, rigid: RigidDynamics) -> None:
         self.model, self._rigid, self._friction = model, rigid, SteadyFriction.of(model)
         self.closure = Closure(self.model, self.model.stops)
+        self._at_rest = AtRest(self._friction)
 
     @property
     def m(self) -> int:
@@ -60,6 +61,8 @@ class Constrained:
         self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of τ = M a + C v + G + S + F + Aᵀλ under A a + Ȧ v = 0.
+
+        Joints at rest that dry friction holds stay: see ``at_rest``.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n); the constraints should hold.
@@ -78,13 +81,21 @@ class Constrained:
             a, lam = self.forward(q[None], v[None], tau[None], active)
             return a[0], lam[0]
         names = self.closure.chosen(active)
-        free = tau - self._friction(v, np.sign(v), q, tau)
-        parts = [
-            self._solved(q[part], v[part], free[part], names)
-            for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE))
-        ]
-        accelerations, multipliers = zip(*parts, strict=True)
-        return np.concatenate(accelerations), np.concatenate(multipliers)
+        a, lam = self._moving(q, v, tau, names)
+        rows = np.flatnonzero(self._at_rest.resting(v).any(axis=1))
+        if len(rows):
+            shares = np.isin(self.names, names)
+            a[rows], lam[np.ix_(rows, shares)] = self._begun(q[rows], v[rows], tau[rows], names)
+        return a, lam
+
+    def without_sticking(
+        self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
+    ) -> tuple[Array, Array]:
+        """As ``forward``, where what friction at rest bears is part of ``tau`` already."""
+        if q.ndim == 1:
+            a, lam = self.without_sticking(q[None], v[None], tau[None], active)
+            return a[0], lam[0]
+        return self._moving(q, v, tau, self.closure.chosen(active))
 
     def inverse(self, q: Array, v: Array, a: Array, lam: ArrayLike) -> Array:
         """Torques M a + C v + G + S + F + Aᵀλ for a motion and forces λ against the constraints.
@@ -103,29 +114,47 @@ class Constrained:
         """
         multipliers = self._checked("lam", lam, self.m, q)
         rows = self._rigid.constraint_rows(q, np.zeros_like(q), self.closure.rows.names)
-        reaction = _times(_transposed(rows[..., :-1]), multipliers)
+        reaction = times(_transposed(rows[..., :-1]), multipliers)
         needed = self._rigid.frictionless(q, v, a) + reaction
         tau: Array = self._friction.demanded(needed, v, np.sign(v), q)
         return tau
 
+    def _moving(
+        self, q: Array, v: Array, tau: Array, active: tuple[str, ...]
+    ) -> tuple[Array, Array]:
+        """Accelerations and multipliers of a batch, friction at rest left out."""
+        free = tau - self._friction(v, np.sign(v), q, tau)
+        parts = [
+            self._solved(q[part], v[part], free[part], active)
+            for part in (slice(k, k + AT_ONCE) for k in range(0, len(q), AT_ONCE))
+        ]
+        accelerations, multipliers = zip(*parts, strict=True)
+        return np.concatenate(accelerations), np.concatenate(multipliers)
+
+    def _begun(
+        self, q: Array, v: Array, tau: Array, active: tuple[str, ...]
+    ) -> tuple[Array, Array]:
+        """Accelerations and active multipliers of points at which joints are at rest."""
+        M, bias, rows = self._terms(q, v, active)
+        rank = self._rank(active, q[0])
+        points = Points(q, v, tau, M, bias, rows[..., :-1], rows[..., -1], rank)
+        return self._at_rest.motion(points)
+
+    def _terms(self, q: Array, v: Array, active: tuple[str, ...]) -> tuple[Array, Array, Array]:
+        """M, C v + G + S, and A and γ side by side."""
+        rigid = self._rigid
+        bias = rigid.frictionless(q, v, np.zeros_like(q))
+        return rigid.mass_matrix(q), bias, rigid.constraint_rows(q, v, active)
+
     def _solved(
         self, q: Array, v: Array, free: Array, active: tuple[str, ...]
     ) -> tuple[Array, Array]:
-        """Accelerations and multipliers of a batch; see the singular values of ``Factors``."""
-        still, rigid = np.zeros_like(q), self._rigid
-        rows, C = rigid.constraint_rows(q, v, active), cholesky(rigid.mass_matrix(q))
-        forces = free - rigid.frictionless(q, v, still)
-        U, s, Vt = np.linalg.svd(_transposed(np.linalg.solve(C, _transposed(rows[..., :-1]))),
-                                 full_matrices=False)  # fmt: skip
-        counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < self._rank(active, q[0]))
-        inverted = np.divide(1.0, s, out=np.zeros_like(s), where=counted)
-        x = np.linalg.solve(C, forces[..., None])[..., 0]
-        required = inverted * _times(_transposed(U), -rows[..., -1])
-        lacking = required - counted * _times(Vt, x)
-        multipliers = np.zeros((len(q), self.m))
-        multipliers[:, np.isin(self.names, active)] = -_times(U, lacking * inverted)
-        a = np.linalg.solve(_transposed(C), (x + _times(_transposed(Vt), lacking))[..., None])
-        return a[..., 0], multipliers
+        """Accelerations and multipliers of a batch under ``free`` torques."""
+        M, bias, rows = self._terms(q, v, active)
+        rank, multipliers = self._rank(active, q[0]), np.zeros((len(q), self.m))
+        a, lam = constrained_motion(M, free - bias, rows[..., :-1], rows[..., -1], rank)
+        multipliers[:, np.isin(self.names, active)] = lam
+        return a, multipliers
 
     def _rank(self, active: tuple[str, ...], near: Array) -> int:
         """Independent rows; those that hold at the start are closed at the initial position."""
@@ -194,8 +223,3 @@ def _contact_place(model: ArmModel, frame: str | None) -> Touching:
 
 def _transposed(matrices: Array) -> Array:
     return np.swapaxes(matrices, -1, -2)
-
-
-def _times(matrices: Array, vectors: Array) -> Array:
-    product: Array = (matrices @ vectors[..., None])[..., 0]
-    return product

@@ -14,6 +14,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics.actuation.command_map import CommandMap
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, vectors
+from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
@@ -62,6 +63,7 @@ class Dynamics:
         self.steady_friction = SteadyFriction.of(self.model)
         self.command_map = CommandMap(self.model)
         self._rigid = RigidDynamics(self.model)
+        self._at_rest = AtRest(self.steady_friction)
         self._gravity = np.array(self.model.scene.gravity)
         self._regular = False  # looked at when accelerations are first asked for
 
@@ -79,6 +81,8 @@ class Dynamics:
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, terms: Term | int = Term.ALL
     ) -> Array:
         """Torques that produce a motion: the chosen terms of M a + C v + G + S + F.
+
+        Dry friction of a joint at rest may be anything up to its level; it counts as zero here.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
@@ -118,6 +122,9 @@ class Dynamics:
     def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Accelerations that torques produce: M⁻¹ (τ - C v - G - S - F).
 
+        A joint with dry friction that is exactly at rest stays, with acceleration zero, while what
+        holds it is within its static level, and else begins to move the way it is pulled, as in
+        the simulator. End stops and contacts are left out.
         Where the scene has bilateral constraints, they hold: see ``constrained_forward``.
 
         Args:
@@ -141,7 +148,18 @@ class Dynamics:
         free = tau - self.steady_friction(v, np.sign(v), q, tau)
         if self.model.springs:
             free = free - self._rigid.spring(q, v)
-        return self._rigid.forward(q, v, free)
+        a = self._rigid.forward(q, v, free)
+        rows = self._at_rest.resting(v).any(axis=-1)
+        if rows.any():
+            a[rows] = self._begun(*(np.atleast_2d(x)[np.atleast_1d(rows)] for x in (q, v, tau)))
+        return a
+
+    def _begun(self, q: Array, v: Array, tau: Array) -> Array:
+        """Accelerations of points at which joints with dry friction are at rest, shape (k, n)."""
+        bias = self._rigid.frictionless(q, v, np.zeros_like(v))
+        none = np.zeros((len(q), 0, self.n))
+        points = Points(q, v, tau, self._rigid.mass_matrix(q), bias, none, none[..., 0], 0)
+        return self._at_rest.motion(points)[0]
 
     @cached_property
     def constrained(self) -> Constrained:

@@ -34,6 +34,8 @@ class ContactFunctions:
             sizes.
         close: ((q, v) stacked, p, anchor) -> (q, v) brought back to closed gaps and to the anchors
             of sticking points, nearest in the metric of M; one Newton step. A ball has no anchor.
+        settle: ((q, v) stacked, p) -> velocities with which the closed contacts go on, after a
+            blow along the forces that they bear.
         sites: q -> normal, two tangents and touching point of each contact in the world frame, in
             [m], shape (3, 4 nc).
         push: Torques of the contacts on the joints, an expression.
@@ -48,22 +50,12 @@ class ContactFunctions:
     inertia: ca.Function
     geometry: ca.Function
     close: ca.Function
+    settle: ca.Function
     sites: ca.Function
     push: ca.SX
     reaction: ca.SX
     jacobian: ca.SX
     lost: ca.Function
-
-    def closing(self, step: ca.Function) -> ca.Function:
-        """A step (x, u, p, h) -> x that ends at the closed contacts and where points stick."""
-        x, u, p, h = (step.mx_in(i) for i in range(4))
-        whole = self.close.size1_in(0)
-        place = ca.reshape(self.geometry(x[:whole])[0], 3, len(self.points))
-        after = step(x, u, p, h)
-        found = after[:whole]
-        for _ in range(2):
-            found = self.close(found, p, ca.vec(place[1:, :]))
-        return ca.Function("step", [x, u, p, h], [ca.vertcat(found, after[whole:])])
 
 
 def contact_functions(
@@ -92,8 +84,8 @@ def contact_functions(
     B = response.mobility(A.T)
     a_free = response.accelerations(response.load)
     free = A_moving @ a_free + ca.jtimes(speed, s.q, s.v)
-    delassus = Delassus(A_moving, B)
-    force = delassus.forces(free, contact.shares(points, speed, mode), mode.rows())
+    delassus, shares = Delassus(A_moving, B), contact.shares(points, speed, mode)
+    force = delassus.forces(free, shares, mode.rows())
     a = a_free + B @ force
     push = A.T @ force
     held = response.reactions(response.load + push, a)
@@ -106,6 +98,7 @@ def contact_functions(
         s.q + B @ delassus.forces(where.place - expected, ca.diag(returning), returning),
         s.v + B @ delassus.forces(A_moving @ s.v, ca.diag(mode.rows()), mode.rows()),
     )
+    settled = s.v + B @ delassus.forces(speed, shares, mode.rows())
     accelerations = delassus.accelerations(force) + free
     grip = contact.grips(points, delassus.W, speed, mode)
     return ContactFunctions(
@@ -115,6 +108,7 @@ def contact_functions(
         dense_function("contact_inertia", arguments, delassus.W, B, free),
         dense_function("contact_geometry", [x], where.place, speed, size),
         dense_function("contact_close", [x, joints.p, anchor], closed),
+        dense_function("contact_settle", [x, joints.p], settled),
         ca.Function("contact_sites", [s.q], [contact.sites(s.tree, points, s.q)], {"cse": True}),
         push,
         held,

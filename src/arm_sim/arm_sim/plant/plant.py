@@ -9,7 +9,7 @@ from __future__ import annotations
 import logging
 from collections.abc import Callable, Sequence
 from copy import copy
-from functools import cached_property
+from functools import cached_property, partial
 
 import casadi as ca
 import numpy as np
@@ -102,10 +102,13 @@ class Plant:
             self.method, self.acceleration = _shortest(model, s)
         if held and self._loads:
             self._loads = (*self._loads, _bilateral(s, joints, held, push - reaction))
-        if self.stops:
+        if self._loads:
             jacobian = self.contact.jacobian if self.contact else ca.SX(0, model.n)
+            self._strike = partial(_strike, s, joints, response, jacobian)
+        if self.stops:
             self._loads = (*self._loads, _stop_torques(s, joints, reaction))
-            self._of_joints = _stop_functions(s, joints, response, jacobian)
+            pressures = (_pressures(s, joints),) if self.pressed else ()
+            self._of_joints = (self.strike, *pressures)
         if self.free:
             self.method = self.free.method
         laws = laws_of(model)
@@ -168,6 +171,15 @@ class Plant:
         H = ca.diagcat(free @ M @ free + ca.SX.eye(n) - free, ca.SX.eye(z.shape[0]))
         found = [ca.sparsify(part) for part in (K[:, :n], K[:, n:], H)]
         return ca.Function("jacobian", [x, u, p, slope], found, {"cse": True})
+
+    @cached_property
+    def strike(self) -> ca.Function:
+        """CasADi function of a blow in a scene with events.
+
+        ((q, v), p, what held joints gain, impulses of contacts) -> velocities after it and the
+        impulses that hold the held joints.
+        """
+        return self._strike()
 
     @cached_property
     def closure(self) -> Closure:
@@ -303,21 +315,17 @@ def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.F
     return dense_function("bilateral", arguments, held.rank, push - starting)
 
 
-def _stop_functions(
-    s: Symbols, joints: Joints, response: AnyResponse, jacobian: ca.SX
-) -> tuple[ca.Function, ...]:
-    """What the engine asks where joints meet their stops.
-
-    ``strike``: ((q, v), p, what held joints gain, impulses of contacts) -> velocities after a blow
-    and the impulses that hold the held joints. ``pressures``: (q, v) -> ``Joints.pressures``.
-    """
+def _strike(s: Symbols, joints: Joints, response: AnyResponse, jacobian: ca.SX) -> ca.Function:
+    """See ``Plant.strike``; ``jacobian``: of the places of the contacts by q."""
     n, x = s.q.shape[0], ca.vertcat(s.q, s.v)
     change, impulse = ca.SX.sym("change", n), ca.SX.sym("impulse", jacobian.shape[0])
     gain, held = response.struck(jacobian.T @ impulse, change)
-    strike = dense_function("strike", [x, joints.p, change, impulse], s.v + gain, held)
-    if not joints.pressed.shape[0]:
-        return (strike,)
-    return strike, dense_function("pressures", [x], joints.pressures)
+    return dense_function("strike", [x, joints.p, change, impulse], s.v + gain, held)
+
+
+def _pressures(s: Symbols, joints: Joints) -> ca.Function:
+    """``Joints.pressures`` of (q, v), which the engine asks where joints meet compliant stops."""
+    return dense_function("pressures", [ca.vertcat(s.q, s.v)], joints.pressures)
 
 
 def _stop_torques(s: Symbols, joints: Joints, reaction: ca.SX) -> ca.Function:

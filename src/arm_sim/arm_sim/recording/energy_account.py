@@ -135,7 +135,7 @@ class EnergyAccount:
 
         Args:
             x: States, shape (k, nx).
-            tau: Torques on the joints in [N m] or [N], shape (k, n).
+            tau: Torques on the joints, friction at rest included, in [N m] or [N], shape (k, n).
             p: Tunable quantities at each state, shape (k, np).
             held: Names of the constraints that hold.
 
@@ -144,7 +144,9 @@ class EnergyAccount:
         """
         q, v, _ = self._parts(x)
         parts = [
-            self._present.at(p[run.start]).constrained_forward(q[run], v[run], tau[run], held)[1]
+            self._present.at(p[run.start]).constrained.without_sticking(
+                q[run], v[run], tau[run], held
+            )[1]
             for run in self._present.runs(p)
         ]
         return np.concatenate(parts)

@@ -1,50 +1,91 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives of ticks.
+"""Exact derivatives of ticks, across the events in them.
 
-CasADi differentiates the very step that is integrated.
+CasADi differentiates the very step that is integrated. Where an event ends a motion, the instant
+moves with the state: with a guard g that is zero there, and the step Φ of length h, the instant
+moves by dh = −(g_x Φ_x dx)/(g_x Φ_h), the state that is reached by Φ_x dx + Φ_h dh, a blow by its
+own derivative, and what is left of the tick is that much shorter. Together these are the saltation
+matrix (Leine, Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, chapter
+7; Kong, Payne, Zhu, Johnson, "Saltation matrices: the essential tool for linearizing hybrid
+dynamical systems", Proc. IEEE 112, 2024), of the method's step instead of the exact motion.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
 
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
-from arm_sim.exceptions import SimulationDiverged
-from arm_sim.integrators.methods import build_attempt, build_step, build_tick
+from arm_dynamics.equations.contact import AT_REST
+from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
+from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.adaptive import SubstepControl, controlled_tick
+from arm_sim.stepping.blow import Blow
+from arm_sim.stepping.events import Modes
+from arm_sim.stepping.guards import INSTANT, Guards
+from arm_sim.stepping.settling import Settling
+from arm_sim.stepping.stepper import Stepper
+from arm_sim.stepping.trace import segment_type, trace_tick
+from arm_sim.stepping.turning import Turning
+
+# Derivatives of instants that differ by less than this part are of one instant.
+SAME = 1e-9
+
+
+@dataclass
+class Motion:
+    """A motion on its way, with derivatives by the state x and the command u at its beginning.
+
+    Attributes:
+        x: State, shape (nx,).
+        slope: Its derivative by (x, u), shape (nx, nx + n).
+        delay: That of the time that has passed, shape (nx + n,).
+    """
+
+    x: Array
+    slope: Array
+    delay: Array
 
 
 class Linearizer:
     """Derivatives of a scene's ticks.
 
     They are computed on CasADi's virtual machine, since they are seldom asked for in a loop.
+
+    Args:
+        plant: The scene's equations.
+        choice: Method, tick and tolerance.
+        stepper: What runs its ticks, and knows the modes of joints and contacts.
     """
 
-    def __init__(self, plant: Plant, choice: Choice) -> None:
-        self._plant, self._choice = plant, choice
+    def __init__(self, plant: Plant, choice: Choice, stepper: Stepper) -> None:
+        self._plant, self._choice, self._stepper = plant, choice, stepper
         n = plant.model.n
         step = build_step(choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian)
-        step = plant.contact.closing(step) if plant.contact else step
-        tick = build_tick(step, actuation(plant))
-        x, r, p, h = (
-            ca.MX.sym(name, tick.size1_in(i)) for i, name in enumerate(("x", "r", "p", "h"))
-        )
-        after = tick(x, r, p, h)[0]
-        results = [after, ca.jacobian(after, x), ca.jacobian(after, r)]
-        self._derivatives = ca.Function("derivatives", [x, r, p, h], results, {"cse": True})
+        x, u, p, h = (step.mx_in(i) for i in range(4))
+        after = step(x, u, p, h)
+        results = [after, *(ca.jacobian(after, by) for by in (x, u, h))]
+        self._derivatives = ca.Function("derivatives", [x, u, p, h], results, {"cse": True})
+        act = actuation(plant)
+        x, r = act.mx_in(0), act.mx_in(1)
+        u = act(x, r)
+        results = [u, ca.jacobian(u, x), ca.jacobian(u, r)]
+        self._actuation = ca.Function("actuation", [x, r], results)
 
-    def __call__(self, x: Array, r: Array, p: Array, ticks: int) -> tuple[Array, Array]:
+    def __call__(self, x: Array, r: Array, ticks: int) -> tuple[Array, Array]:
         """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``.
 
         Args:
             x: State, shape (nx,).
             r: Command, shape (n,).
-            p: Vector of the plant's functions, modes of joints and contacts included.
             ticks: How many.
 
         Returns:
@@ -52,26 +93,207 @@ class Linearizer:
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
+            NotDifferentiable: If a tick has no derivative.
         """
-        A, B = np.eye(len(x)), np.zeros((len(x), len(r)))
+        nx, choice = len(x), self._choice
+        A, B, control = np.eye(nx), np.zeros((nx, len(r))), None
+        if choice.tolerance is not None:
+            control = SubstepControl(choice.tolerance, choice.method.order)
         for _ in range(ticks):
-            for h in self._lengths(x, r, p):
-                after, A_h, B_h = (np.array(value) for value in self._derivatives(x, r, p, h))
-                x, A, B = after.ravel(), A_h @ A, A_h @ B + B_h
+            u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
+            x, slope = self._tick(x, u.ravel(), control)
+            by_x, by_u = slope[:, :nx] + slope[:, nx:] @ u_x, slope[:, nx:] @ u_r
+            A, B = by_x @ A, by_x @ B + by_u
         return A, B
 
-    def _lengths(self, x: Array, r: Array, p: Array) -> list[float]:
-        """Lengths of the sub-steps that a tick from ``x`` takes."""
-        choice, plant = self._choice, self._plant
+    def _tick(self, x: Array, u: Array, control: SubstepControl | None) -> tuple[Array, Array]:
+        """State after a tick, and its derivative by (x, u)."""
+        segments, after = self._segments(x, u, control)
+        whole = len(x) + len(u)
+        motion = Motion(x, np.eye(len(x), whole), np.zeros(whole))
+        if self._eventful:
+            self._events.check_ends(segments, u)
+        for k, segment in enumerate(segments):
+            self._advance(motion, segment, u, last=k == len(segments) - 1)
+        return (motion.x if after is None else after), motion.slope
+
+    @property
+    def _eventful(self) -> bool:
+        return bool(self._plant.events) and self._stepper.kernel.native
+
+    @cached_property
+    def _events(self) -> Events:
+        return Events(self._plant, self._choice)
+
+    def _segments(
+        self, x: Array, u: Array, control: SubstepControl | None
+    ) -> tuple[np.ndarray, Array | None]:
+        """Segments of a tick, and the state after it unless there is but one smooth motion."""
+        choice, plant, stepper = self._choice, self._plant, self._stepper
+        if self._eventful:
+            return trace_tick(stepper.kernel, plant, choice, x, u, stepper.p, control)
+        if plant.model.stops.touched(x[: plant.model.n]).any():
+            raise NotDifferentiable("linearize: a joint at a stop needs compiled code")
+        segment = np.zeros(1, segment_type(plant))
+        segment["begin"], segment["p"] = x, stepper.modes_at(x, u).p
+        segment["length"], segment["calm"] = choice.dt, 1.0
+        segment["step"] = control.step if control else 0.0
+        return segment, None
+
+    def _advance(self, motion: Motion, segment: np.void, u: Array, last: bool) -> None:
+        """Take a motion along a segment, and what begins and ends it."""
+        nx, p = len(motion.x), segment["p"]
+        if self._eventful:
+            motion.slope = self._events.begun(segment, u, motion.slope)
+        begin, motion.x = motion.slope, segment["begin"].copy()
+        by_u = np.eye(len(u), nx + len(u), nx)
+        speed = np.zeros(nx)
+        for h in self._lengths(segment, u):
+            after, *slopes = (np.array(found) for found in self._derivatives(motion.x, u, p, h))
+            motion.x, speed = after.ravel(), slopes[2].ravel()
+            motion.slope = slopes[0] @ motion.slope + slopes[1] @ by_u
+        delay = np.zeros(nx + len(u))
+        if last:
+            delay = -motion.delay
+        elif segment["calm"]:
+            delay = self._events.part(segment, u, begin)
+        else:
+            delay = self._events.delay(segment, u, motion.slope, speed)
+        motion.slope = motion.slope + np.outer(speed, delay)
+        motion.delay = motion.delay + delay
+        if self._eventful:
+            motion.slope = self._events.closed(segment, motion.slope, begin)
+
+    def _lengths(self, segment: np.void, u: Array) -> list[float]:
+        """Lengths of the sub-steps that a segment takes; all but the last stay as they are."""
+        choice, length = self._choice, float(segment["length"])
         if choice.tolerance is None:
-            return [choice.dt]
-        scale, project = plant.scale, plant.project
-        attempt = build_attempt(
-            choice.method, plant.rhs, plant.model.n, scale, project, plant.scaled_jacobian
-        )
-        kernel = Kernel([attempt], "vm")
-        u = np.array(actuation(plant)(x, r)).ravel()
+            return [length]
         control, taken = SubstepControl(choice.tolerance, choice.method.order), list[float]()
-        if not controlled_tick(kernel.call("attempt"), x.copy(), u, p, choice.dt, control, taken):
+        control.step = float(segment["step"])
+        x, attempt = segment["begin"].copy(), self._attempt.call("attempt")
+        if not controlled_tick(attempt, x, u, segment["p"], length, control, taken):
             raise SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
         return taken
+
+    @cached_property
+    def _attempt(self) -> Kernel:
+        plant, method, n = self._plant, self._choice.method, self._plant.model.n
+        scaled = plant.scaled_jacobian
+        function = build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled)
+        return Kernel([function], "vm")
+
+
+class Events:
+    """What events do to the derivatives of a motion.
+
+    Args:
+        plant: Equations of a scene with events.
+        choice: Method, tick and tolerance.
+    """
+
+    def __init__(self, plant: Plant, choice: Choice) -> None:
+        self._plant, self._h = plant, choice.dt
+        self._guards, self._settling = Guards(plant), Settling(plant)
+
+    @cached_property
+    def _blow(self) -> Blow:
+        return Blow(self._plant)
+
+    @cached_property
+    def _turning(self) -> Turning:
+        return Turning(self._plant)
+
+    def check_ends(self, segments: np.ndarray, u: Array) -> None:
+        """Refuse a tick that begins or ends with an event, or on the edge of a mode."""
+        first, last = segments[0], segments[-1]
+        if first["hit"]:
+            raise NotDifferentiable("linearize: the tick begins with a blow")
+        for segment, state, where in ((first, "begin", "beginning"), (last, "end", "end")):
+            if zero := self._zero(segment, segment[state], u):
+                raise NotDifferentiable(
+                    f"linearize: {self._names(zero)} is on the edge between two modes at the "
+                    f"{where} of the tick"
+                )
+        if self._plant.points:
+            for segment, following in zip(segments, [*segments[1:], None], strict=True):
+                self._check_sliding(segment, following, u)
+
+    def begun(self, segment: np.void, u: Array, slope: Array) -> Array:
+        """Derivative of the state with which a segment begins, after its blow."""
+        if segment["hit"]:
+            n = self._plant.model.n
+            slope = slope.copy()
+            slope[n : 2 * n] = self._blow.slope(segment) @ slope[: 2 * n]
+        return self._settling.begun(segment["begin"], u, self._modes(segment), slope)
+
+    def closed(self, segment: np.void, slope: Array, begin: Array) -> Array:
+        """Derivative of the state at the end of a segment, back at closed contacts and anchors."""
+        ends = segment["begin"], segment["end"]
+        return self._settling.closed(*ends, self._modes(segment), slope, begin)
+
+    def part(self, segment: np.void, u: Array, slope: Array) -> Array:
+        """Derivative of the length of a segment that no event ends, though the tick goes on."""
+        x, length = segment["begin"], float(segment["length"])
+        return self._turning.delay(x, u, self._modes(segment), slope, length)
+
+    def delay(self, segment: np.void, u: Array, slope: Array, speed: Array) -> Array:
+        """Derivative of the length of a segment that an event ends, shape (nx + n,).
+
+        Args:
+            segment: The segment.
+            u: What acts.
+            slope: Derivative of its end while the length stays, shape (nx, nx + n).
+            speed: Derivative of its end by the length, shape (nx,).
+        """
+        if segment["length"] <= INSTANT * self._h:
+            raise NotDifferentiable("linearize: two events at the same instant, or at the start")
+        begin, end, modes, limit = (segment["begin"], segment["end"], self._modes(segment),
+                                    segment["limit"])  # fmt: skip
+        zero = self._zero(segment, end, u)
+        if not zero or any(self._guards.grazes(i, begin, end, u, modes, limit) for i in zero):
+            raise NotDifferentiable(f"linearize: {self._names(zero) or 'an event'} is grazed")
+        delays = []
+        for guard in zero:
+            by_x, by_u = self._guards.slopes(guard, end, u, modes, limit)
+            moved = by_x @ slope
+            moved[len(by_x) :] += by_u
+            delays.append(-moved / (by_x @ speed))
+        # Joints of a loop come to rest together: that is one event.
+        if np.ptp(delays, axis=0).max() > SAME * np.abs(delays).max():
+            raise NotDifferentiable(f"linearize: {self._names(zero)} at the same instant")
+        delay: Array = delays[0]
+        return delay
+
+    def _zero(self, segment: np.void, x: Array, u: Array) -> list[int]:
+        return self._guards.zero(x, u, self._modes(segment), segment["limit"], self._h)
+
+    def _modes(self, segment: np.void) -> Modes:
+        modes = Modes(self._plant, self._plant.parameters.nominal)
+        modes.p[:] = segment["p"]
+        return modes
+
+    def _names(self, guards: Sequence[int]) -> str:
+        return ", ".join(self._guards.names[i] for i in guards)
+
+    def _check_sliding(self, segment: np.void, following: np.void | None, u: Array) -> None:
+        """Refuse a contact whose direction of sliding no step follows where it could turn.
+
+        That is one which starts to slide, or comes to rest straight on: there the least push
+        across turns it as much as one likes.
+        """
+        modes, n = self._modes(segment), self._plant.model.n
+        sticks = self._modes(segment if following is None else following).contact["sticks"]
+        speeds = np.array(self._plant.contact.geometry(segment["end"][: 2 * n])[1])  # type: ignore[union-attr]
+        for k, point in enumerate(self._plant.points):
+            contact = modes.contact[k]
+            slides = contact["closed"] and not contact["sticks"] and point.friction > 0.0
+            rests = sticks[k] and np.hypot(*speeds[3 * k + 1 : 3 * k + 3, 0]) <= AT_REST
+            if not (slides and (contact["fixed"] or rests)):
+                continue
+            if self._turning.can_turn(segment["begin"], u, modes, k):
+                what = "comes to rest straight on" if rests else "starts to slide"
+                raise NotDifferentiable(
+                    f"linearize: contact '{point.name}' {what}, where its direction may change "
+                    "faster than any step follows"
+                )

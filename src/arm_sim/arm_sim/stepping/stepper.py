@@ -320,9 +320,9 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
         missing = tau - steady[1] - (acted - steady[0] + bent)
         if plant.project is None:
             return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
-        still = np.zeros(n)
-        both = dynamics.forward(q, still, missing), dynamics.forward(q, still, still)
-        return a + both[0] - both[1]
+        still, under = np.zeros(n), dynamics.constrained.without_sticking
+        lacking: Array = under(q, still, missing)[0] - under(q, still, still)[0]
+        return a + lacking
 
     check = check_forward if plant.project is None else check_constrained
     check(dynamics, acceleration)

@@ -93,7 +93,33 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
 
 static long long time_stepped(const report_t* report) { return report->time_stepped; }
 
-static enum trouble tick_with_events(const real* x, segment_t* segment, double h, report_t* report, real* now) {
+/* The next record of a traced tick, which begins at x; none beyond the last there is room for. */
+static record_t* next_record(trace_t* trace, const real* x) {
+  if (!trace || trace->count++ >= trace->most) return 0;
+  record_t* record = trace->records + trace->count - 1;
+  *record = (record_t){.calm = 1.0};
+  for (int i = 0; i < NX; ++i) record->before[i] = x[i];
+  return record;
+}
+
+static void note_segment(const segment_t* segment, const real* x, double step) {
+  record_t* record = segment->record;
+  if (!record) return;
+  record->p = segment->p;
+  record->step = step;
+  for (int k = 0; k < NC; ++k) record->limit[k] = stick_limit(segment, k);
+  for (int i = 0; i < NX; ++i) record->begin[i] = x[i];
+}
+
+static void note_end(record_t* record, const real* x, double length, int calm) {
+  if (!record) return;
+  record->length = length;
+  record->calm = calm;
+  for (int i = 0; i < NX; ++i) record->end[i] = x[i];
+}
+
+static enum trouble tick_with_events(const real* x, segment_t* segment, double h, report_t* report, trace_t* trace,
+                                     real* now) {
   const long long impacts_before = report->impacts;
   double left = h;
   for (int i = 0; i < NX; ++i) now[i] = x[i];
@@ -103,14 +129,18 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
     real after[NX], anchor[2 * NC];
     int calm;
     const long long impacts = report->impacts - impacts_before;
+    segment->record = next_record(trace, now);
     const enum trouble trouble = begin_segment(now, segment, h, impacts, report, anchor);
     if (trouble != NONE) return trouble;
+    note_segment(segment, now, segment->control ? segment->control->step : 0.0);
     if (NX == 2 * NU && is_held(now, segment)) { /* with states of its own, a drive may still break it loose */
       for (int i = NU; i < NX; ++i) now[i] = 0.0;
+      note_end(segment->record, now, left, 1);
       return NONE;
     }
     const double reach = fmin(left, find_reach(now, segment, h)), length = advance(now, segment, reach, after, &calm);
     if (length < 0.0) return NUMBERS;
+    note_end(segment->record, after, length, calm);
     find_ended(after, segment, calm);
     close_contacts(after, segment, anchor);
     if (!stop_joints(after, segment)) return NUMBERS;
@@ -148,6 +178,17 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   long long work = 0;
   segment_t segment = {.u = u, .control = control, .work = &work};
   for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
-  report->trouble = tick_with_events(x, &segment, h, report, after);
+  report->trouble = tick_with_events(x, &segment, h, report, 0, after);
   return report->trouble == NONE;
+}
+
+/* One tick of which every segment is told: how many there were, even if there was room for fewer, or -1. */
+EXPORTED long long trace_tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report,
+                              record_t* records, long long most, real* after) {
+  long long work = 0;
+  segment_t segment = {.u = u, .control = control, .work = &work};
+  trace_t trace = {.records = records, .most = most};
+  for (int i = 0; i < NP; ++i) segment.p.tunable[i] = p[i];
+  report->trouble = tick_with_events(x, &segment, h, report, &trace, after);
+  return report->trouble == NONE ? trace.count : -1;
 }

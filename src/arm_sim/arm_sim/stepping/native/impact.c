@@ -162,6 +162,17 @@ static int find_leaving(const real* x, segment_t* segment, int rebounds, double 
 
 #endif
 
+/* Tell a traced tick of a blow with a part of the full rebound. */
+static void note_blow(record_t* record, const segment_t* segment, const blow_t* blow, double part) {
+  if (!record) return;
+  record->hit = 1.0;
+  record->part = part;
+  for (int i = 0; i < ND; ++i) record->meets[i] = segment->p.direction[i];
+  for (int i = 0; i < NU; ++i) record->leaves[i] = blow->leaves[i];
+  for (int k = 0; k < NC; ++k) record->rebound[k] = blow->rebound[k];
+  for (int i = 0; i < MC; ++i) record->impulse[i] = blow->impulse[i];
+}
+
 /* Change the velocities where a touching contact approaches, or a joint hits its stop: energy lost, or -1 if no impulse
  * is found.
  *
@@ -173,6 +184,7 @@ static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geom
   blow_t blow = {.touching = 0};
   double hop[NC];
   int any = 0, any_rebound = 0;
+  double part = 1.0;
   for (int k = 0; k < NC; ++k) segment->p.contact[k].closed = segment->p.contact[k].sticks = 0.0;
   for (int i = 0; i < ND; ++i) segment->p.direction[i] = 1.0;
   find_geometry(x, geometry);
@@ -202,8 +214,10 @@ static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geom
       else low = middle;
     }
     find_blow(x, segment, low, &blow);
+    part = low;
   }
   if (blow.gain == INFINITY) return -1.0;
+  note_blow(segment->record, segment, &blow, part);
   for (int i = 0; i < NU; ++i) x[NU + i] = blow.after[i];
   find_geometry(x, geometry);
   return blow.gain < 0.0 ? -blow.gain : 0.0;

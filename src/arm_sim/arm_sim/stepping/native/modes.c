@@ -76,6 +76,20 @@ typedef struct {
   double slips[2];          /* ... and in which direction it will slide */
 } contact_t;
 
+/* A segment of a tick as derivatives need it, all of it real numbers. Python: segment_type(). */
+typedef struct {
+  real before[NX], begin[NX], end[NX]; /* states before its blow, after it, and where its motion ended */
+  modes_t p;
+  real limit[NC];         /* part of its normal force up to which a contact sticks */
+  real length, step;      /* of its motion, and with error control of the sub-step tried first */
+  real calm;              /* 1 if no event ended it */
+  real hit, part;         /* 1 if a blow began it, and the part of the full rebound it had */
+  real meets[ND];         /* 0 for joints that took part in the blow at their stops */
+  real leaves[NU];        /* velocities with which they leave */
+  real rebound[NC], impulse[MC]; /* of contacts: speeds with which they leave, impulses */
+} record_t;
+typedef struct { record_t* records; long long most, count; } trace_t;
+
 /* A smooth segment of a tick: what acts, and what every joint and contact does. */
 typedef struct {
   const real* u;
@@ -85,6 +99,7 @@ typedef struct {
   int turned[ND];  /* whether a joint that moved the wrong way has been tried the other way */
   long long* work; /* smooth motions computed in the tick, under error control their sub-steps */
   double step;     /* length of the steps where the tick is time-stepped, else 0 */
+  record_t* record; /* of this segment, if the tick is traced */
 } segment_t;
 
 typedef struct { real place[MC], speed[MC], size[NC]; } geometry_t; /* contact points in their planes' axes */

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Accelerations where joints with dry friction are at rest: some stick, others are let go.
+
+A joint at rest stays while the torque that holds it is within its static level; one that is let go
+moves the way it is pulled (Glocker, Set-Valued Force Laws, 2001). Joints at rest feel one another
+through M: which of them go is a linear complementarity problem, solved by pivoting. The one that
+disobeys most changes while the others stay as they are, until none disobeys; should that go in
+circles, the first one in order does, which cannot (Murty, Linear Complementarity, Linear and
+Nonlinear Programming, 1988, section 4.1). The simulator does the same in C, with contacts and
+stops.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.arrays import Array
+from arm_dynamics.dynamics.gauss import constrained_motion, times
+from arm_dynamics.exceptions import InvalidInput
+
+# Acceleration, relative to the largest, by which a joint about to move may go the wrong way.
+SLACK = 1e-9
+# Joints of which all sets may be tried.
+MANY = 12
+
+type Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Points:
+    """Equations of motion of k states without friction: M a + bias + Aᵀλ = τ, A a + γ = 0.
+
+    Attributes:
+        q: Joint positions, shape (k, n).
+        v: Joint velocities, shape (k, n).
+        tau: Torques, shape (k, n).
+        M: Mass matrices, shape (k, n, n).
+        bias: C v + G + S, shape (k, n).
+        A: Rows of the constraints, shape (k, m, n).
+        drift: γ, shape (k, m).
+        rank: How many of the rows are independent.
+    """
+
+    q: Array
+    v: Array
+    tau: Array
+    M: Array
+    bias: Array
+    A: Array
+    drift: Array
+    rank: int
+
+    def chosen(self, rows: NDArray[np.intp]) -> Points:
+        """Some of them."""
+        arrays = ("q", "v", "tau", "M", "bias", "A", "drift")
+        return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
+
+
+@dataclass(frozen=True)
+class Motion:
+    """What comes of choices of joints that stick.
+
+    Attributes:
+        a: Accelerations, exactly zero for those joints, shape (k, n).
+        multipliers: λ, shape (k, m).
+        reaction: Torques that hold those joints, zero for the others, shape (k, n).
+    """
+
+    a: Array
+    multipliers: Array
+    reaction: Array
+
+
+class AtRest:
+    """Joints at rest under the friction of an arm.
+
+    Args:
+        friction: The friction.
+    """
+
+    def __init__(self, friction: SteadyFriction) -> None:
+        self._friction, self._joints = friction, friction.joints
+
+    def resting(self, v: Array) -> Flags:
+        """Which joints are at rest and may stick, booleans, shape as ``v``."""
+        resting: Flags = (v == 0.0) & (self._joints.level > 0.0)
+        return resting
+
+    def motion(self, points: Points) -> tuple[Array, Array]:
+        """The motions that begin at states with joints at rest.
+
+        Returns:
+            Accelerations, shape (k, n), and λ, shape (k, m).
+
+        Raises:
+            InvalidInput: If at a point no choice of joints that stick obeys.
+        """
+        (k, n), m = points.v.shape, points.A.shape[1]
+        a, multipliers = np.empty((k, n)), np.empty((k, m))
+        direction, turned = self._guess(points), np.zeros((k, n), dtype=bool)
+        left = np.arange(k)
+        for turn in range(3 * n + 2 ** min(n, MANY)):
+            some, way = points.chosen(left), direction[left]
+            resting = self.resting(some.v)
+            motion = self._moved(some, way, resting & (way == 0.0))
+            a[left], multipliers[left] = motion.a, motion.multipliers
+            pull = self._joints.relative_hold(motion.reaction, some.q, some.tau)
+            excess = np.where(resting, self._excess(motion.a, pull, way), 0.0)
+            wrong = np.flatnonzero((excess > 0.0).any(axis=1))
+            if not len(wrong):
+                return a, multipliers
+            order = np.argmax(excess[wrong] > 0.0 if turn >= 3 * n else excess[wrong], axis=1)
+            left = left[wrong]
+            _pivot(direction, turned, (left, order), pull[wrong, order], m > 0)
+        raise InvalidInput("no choice of joints that stick obeys: the motion is not determined")
+
+    def _guess(self, points: Points) -> Array:
+        """Joints at rest stick; in a loop that moves they are taken along, the way it goes."""
+        direction, resting = np.sign(points.v), self.resting(points.v)
+        loops = resting & (points.v.any(axis=1, keepdims=True) & (points.A.shape[1] > 0))
+        if loops.any():
+            ways = np.where(loops, 1.0, direction)
+            a = self._moved(points, ways, resting & ~loops).a
+            direction = np.where(loops, np.sign(a), direction)
+        return direction
+
+    def _excess(self, a: Array, pull: Array, direction: Array) -> Array:
+        """How much each joint at rest disobeys: not positive if it obeys."""
+        level = self._joints.level
+        wrong_way = -direction * a / (1.0 + abs(a).max(axis=1, keepdims=True)) - SLACK
+        excess: Array = np.where(direction == 0.0, (abs(pull) - level) / level.max(), wrong_way)
+        return excess
+
+    def _moved(self, points: Points, direction: Array, held: Flags) -> Motion:
+        """Motions while ``held`` joints stick and the others slide their way."""
+        sliding, (q, v, tau) = ~held, (points.q, points.v, points.tau)
+        load = tau - points.bias - self._friction(v, direction, q, tau)
+        moving = sliding[:, :, None] & sliding[:, None, :]
+        M = np.where(moving, points.M, 0.0) + np.eye(v.shape[1]) * held[:, None, :]
+        A, forces = points.A * sliding[:, None, :], load * sliding
+        if A.shape[1]:
+            a, multipliers = constrained_motion(M, forces, A, points.drift, points.rank)
+        else:
+            a, multipliers = np.linalg.solve(M, forces[..., None])[..., 0], points.drift
+        a = a * sliding
+        reaction = load - times(points.M, a) - times(np.swapaxes(points.A, 1, 2), multipliers)
+        return Motion(a, multipliers, held * reaction)
+
+
+def _pivot(
+    direction: Array,
+    turned: Flags,
+    entry: tuple[NDArray[np.intp], NDArray[np.intp]],
+    pull: Array,
+    loops: bool,
+) -> None:
+    """Let the entries do something else: go the way they are pulled, or turn, or stick."""
+    held, turns = direction[entry] == 0.0, ~turned[entry] & loops
+    otherwise = np.where(turns, -direction[entry], 0.0)
+    turned[entry] = ~held & turns
+    direction[entry] = np.where(held, np.sign(pull), otherwise)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gauss' principle as linear algebra, for many points at once.
+
+The acceleration is the one nearest to the free one, in the metric of M, that obeys A a + γ = 0; λ
+is of least norm where rows depend on one another (Udwadia, Kalaba, Analytical Dynamics, 1996,
+chapter 3).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.model.loop_closure import RANK, cholesky
+
+
+def constrained_motion(
+    M: Array, forces: Array, A: Array, drift: Array, rank: int
+) -> tuple[Array, Array]:
+    """Accelerations and multipliers of M a + Aᵀλ = forces under A a + γ = 0.
+
+    Args:
+        M: Mass matrices, shape (k, n, n).
+        forces: Generalized forces, shape (k, n).
+        A: Rows of the constraints, shape (k, m, n).
+        drift: γ, shape (k, m).
+        rank: Most rows that are independent.
+
+    Returns:
+        a of shape (k, n) and λ of shape (k, m).
+
+    Raises:
+        ModelError: If a mass matrix is not positive definite.
+    """
+    C = cholesky(M)
+    U, s, Vt = np.linalg.svd(_transposed(np.linalg.solve(C, _transposed(A))), full_matrices=False)
+    counted = (s > RANK * s[:, :1]) & (np.arange(s.shape[1]) < rank)
+    inverted = np.divide(1.0, s, out=np.zeros_like(s), where=counted)
+    x = np.linalg.solve(C, forces[..., None])[..., 0]
+    required = inverted * times(_transposed(U), -drift)
+    lacking = required - counted * times(Vt, x)
+    a = np.linalg.solve(_transposed(C), (x + times(_transposed(Vt), lacking))[..., None])
+    return a[..., 0], -times(U, lacking * inverted)
+
+
+def times(matrices: Array, vectors: Array) -> Array:
+    """Products of matrices (k, m, n) and vectors (k, n), shape (k, m)."""
+    product: Array = (matrices @ vectors[..., None])[..., 0]
+    return product
+
+
+def _transposed(matrices: Array) -> Array:
+    return np.swapaxes(matrices, -1, -2)

@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Derivative of a blow: the velocities after it, by positions and velocities before it.
+
+Who takes part, who rebounds, which contacts stick and which slide is as it was; the impulses
+follow from Newton's law for the normal and Coulomb's for the tangents, and so do their
+derivatives, by the theorem of implicit functions.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations.contact import AT_REST
+from arm_sim.exceptions import NotDifferentiable
+from arm_sim.plant.plant import Plant
+
+# Part of its cone that an impulse may lack and still be on the edge.
+EDGE = 1e-9
+
+
+class Blow:
+    """Blows of a scene with events.
+
+    Args:
+        plant: The scene's equations.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        n, nc = plant.model.n, len(plant.points)
+        modes = plant.rhs.numel_in(2)
+        x, p, e, f, carries, sticks, r = (
+            ca.MX.sym(name, size)
+            for name, size in (
+                ("x", 2 * n), ("p", modes), ("e", n), ("f", nc),
+                ("carries", nc), ("sticks", nc), ("r", 3 * nc),
+            )
+        )  # fmt: skip
+        place = len(plant.parameters.nominal)
+        meets = 1 - p[place : place + n] if plant.directions else ca.MX(n, 1)
+        v = x[n:]
+        after = plant.strike(x, p, -meets * (1 + e) * v, r)[0]
+        laws, speed = [ca.MX(0, 1)], ca.MX(0, 1)
+        if plant.contact:
+            met, speed = (plant.contact.geometry(ca.vertcat(x[:n], w))[1] for w in (v, after))
+        for k, point in enumerate(plant.points):
+            normal, tangents = 3 * k, slice(3 * k + 1, 3 * k + 3)
+            obeyed = speed[normal] + f[k] * met[normal]
+            laws.append(ca.if_else(carries[k] > 0, obeyed, r[normal]))
+            slides = r[tangents]
+            if point.friction > 0.0:
+                s = speed[tangents]
+                slides = slides + point.friction * r[normal] * s / ca.norm_2(s)
+            moves = ca.if_else(sticks[k] > 0, speed[tangents], slides)
+            laws.append(ca.if_else(carries[k] > 0, moves, r[tangents]))
+        law = ca.vertcat(*laws)
+        slopes = [ca.jacobian(y, by) for y in (after, law) for by in (x, r)]
+        arguments = [x, p, e, f, carries, sticks, r]
+        self._slopes = ca.Function("blow", arguments, slopes, {"cse": True})
+        self._speeds = ca.Function("speeds", [x, p, e, r], [after, speed])
+
+    def slope(self, record: np.void) -> Array:
+        """Derivative of the velocities after a blow by (q, v) before it, shape (n, 2n).
+
+        Args:
+            record: The segment that begins with the blow, see ``segment_type``.
+
+        Raises:
+            NotDifferentiable: If it has none.
+        """
+        n, nc = self._plant.model.n, len(self._plant.points)
+        if record["part"] < 1.0:
+            raise NotDifferentiable("linearize: a blow rebounds less, lest it add energy")
+        x, p, r = record["before"][: 2 * n], record["p"].copy(), record["impulse"]
+        place = len(self._plant.parameters.nominal)
+        p[place : place + len(record["meets"])] = record["meets"]
+        v = x[n:]
+        e = np.divide(-record["leaves"], v, out=np.zeros(n), where=record["leaves"] != 0.0)
+        met = np.zeros(3 * nc)
+        if nc:
+            met = np.array(self._plant.contact.geometry(x)[1]).ravel()  # type: ignore[union-attr]
+        f = np.divide(
+            record["rebound"], -met[::3], out=np.zeros(nc), where=record["rebound"] > 0.0
+        )
+        carries, sticks = self._parts(x, p, e, r)
+        after_x, after_r, law_x, law_r = (
+            np.array(slope) for slope in self._slopes(x, p, e, f, carries, sticks, r)
+        )
+        moved: Array = np.linalg.lstsq(law_r, law_x)[0] if nc else law_x
+        slope: Array = after_x - after_r @ moved
+        return slope
+
+    def _parts(self, x: Array, p: Array, e: Array, r: Array) -> tuple[Array, Array]:
+        """1 for contacts that bear an impulse, and for those of them that stick."""
+        _, speed = (np.array(value).ravel() for value in self._speeds(x, p, e, r))
+        normal = r[::3]
+        friction = np.array([point.friction for point in self._plant.points])
+        size, slip = np.hypot(r[1::3], r[2::3]), np.hypot(speed[1::3], speed[2::3])
+        carries = normal > 0.0
+        sticks = carries & (size < (1.0 - EDGE) * friction * normal)
+        edge = carries & ~sticks & (slip <= AT_REST) & (friction > 0.0)
+        if edge.any():
+            name = self._plant.points[int(np.flatnonzero(edge)[0])].name
+            raise NotDifferentiable(f"linearize: contact '{name}' is hit between stick and slip")
+        return carries.astype(float), sticks.astype(float)

@@ -1,0 +1,195 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Guards: the functions of the state whose zeros are the instants of events.
+
+The engine (``native/segments.c``) watches them to find the instants; here they are expressions,
+for derivatives. Each belongs to what a joint or contact does.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations.contact import AT_REST, MODE
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.events import Modes
+
+# A guard that reaches zero within this part of a tick counts as zero; likewise one that is smaller
+# than this part of what it is made of.
+INSTANT, ROUNDING = 1e-9, 1e-12
+# A guard that approaches zero this much more slowly than it did at the beginning grazes it.
+GRAZING = 1e-4
+
+
+NONE = (ca.MX(1), ca.MX(0))
+"""Stands for what is never watched."""
+
+
+class Guards:
+    """Guards of a scene with events, in the order contacts (normal, tangential), joints, stops.
+
+    Args:
+        plant: The scene's equations.
+
+    Attributes:
+        names: What each guard watches, for messages.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        points = [f"contact '{point.name}'" for point in plant.points]
+        joints = [f"joint '{name}'" for name in plant.model.joint_names]
+        stops = [f"{joint} at its {side} stop" for side in ("lower", "upper") for joint in joints]
+        self.names = [*points, *(f"sliding of {p}" for p in points), *joints, *stops]
+        x, u, p, limit = (
+            ca.MX.sym("x", plant.nx), ca.MX.sym("u", plant.model.n),
+            ca.MX.sym("p", plant.rhs.numel_in(2)), ca.MX.sym("limit", len(points)),
+        )  # fmt: skip
+        self._joints = slice(2 * len(points), 2 * len(points) + len(joints))
+        values, sizes = _guards(plant, x, u, p, limit)
+        rates = ca.jtimes(values, x, plant.rhs(x, u, p))
+        slopes = ca.jacobian(values, x), ca.jacobian(values, u)
+        arguments = [x, u, p, limit]
+        self._values = ca.Function("guards", arguments, [values, sizes, rates], {"cse": True})
+        self._slopes = ca.Function("slopes", arguments, list(slopes), {"cse": True})
+
+    def zero(self, x: Array, u: Array, modes: Modes, limit: Array, h: float) -> list[int]:
+        """Watched guards that are zero, or will be or were within an instant, of a tick ``h``.
+
+        Args:
+            x: State, shape (nx,).
+            u: What acts, shape (n,).
+            modes: What joints and contacts do.
+            limit: Part of its normal force up to which each contact sticks.
+            h: Length of a tick in [s].
+        """
+        value, size, rate = self._at(x, u, modes, limit)
+        near = abs(value) <= INSTANT * h * abs(rate) + ROUNDING * size
+        near[self._joints] &= ~self._carried(x, u, modes)
+        found: list[int] = np.flatnonzero(near & self._watched(modes)).tolist()
+        return found
+
+    def _carried(self, x: Array, u: Array, modes: Modes) -> NDArray[np.bool_]:
+        """Joints that would slide, but that a loop holds at rest with others that stick."""
+        n, plant = self._plant.model.n, self._plant
+        if plant.project is None or not plant.directions:
+            return np.zeros(n, dtype=bool)
+        a = np.array(plant.rhs(x, u, modes.p)).ravel()[n : 2 * n]
+        still = np.maximum(abs(x[n : 2 * n]), abs(a)) <= AT_REST
+        carried: NDArray[np.bool_] = still & (modes.direction != 0.0)
+        return carried
+
+    def grazes(
+        self, guard: int, begin: Array, end: Array, u: Array, modes: Modes, limit: Array
+    ) -> bool:
+        """Whether a guard reaches zero at ``end`` without speed, against that at ``begin``."""
+        before, after = (abs(self._at(x, u, modes, limit)[2][guard]) for x in (begin, end))
+        return not after > GRAZING * before
+
+    def slopes(self, guard: int, x: Array, u: Array, modes: Modes, limit: Array) -> list[Array]:
+        """Derivatives of a guard by x and u, shapes (nx,) and (n,)."""
+        return [np.array(slope)[guard] for slope in self._slopes(x, u, modes.p, limit)]
+
+    def _at(self, x: Array, u: Array, modes: Modes, limit: Array) -> list[Array]:
+        return [np.array(found).ravel() for found in self._values(x, u, modes.p, limit)]
+
+    def _watched(self, modes: Modes) -> NDArray[np.bool_]:
+        """Which guards the modes have."""
+        plant, contact = self._plant, modes.contact
+        n, friction, stops = plant.model.n, plant.model.friction, plant.model.stops
+        holds = np.array([point.static_friction > 0.0 for point in plant.points], dtype=bool)
+        tangential = (contact["closed"] > 0.0) & ((contact["sticks"] > 0.0) | holds)
+        held, dry = np.zeros(n, dtype=bool), np.zeros(n, dtype=bool)
+        if plant.directions:
+            held, dry = modes.direction == 0.0, friction.level > 0.0
+        rigid = stops.rigid & ~held
+        yields = stops.compliant
+        normal = np.ones(len(holds), dtype=bool)
+        watched: NDArray[np.bool_] = np.concatenate(
+            [normal, tangential, held | dry, *(rigid | yields)]
+        )
+        return watched
+
+
+Guard = tuple[ca.MX, ca.MX]
+"""Value, and size of what it is made of."""
+
+
+def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX) -> Guard:
+    """All guards; the values of those that the modes do not have are without meaning."""
+    n, function = plant.model.n, {event.name(): event for event in plant.events}
+    ends = np.cumsum([0, len(plant.parameters.nominal), plant.directions, plant.pressed])
+    _, direction, pressed, contacts = ca.vertsplit(p, [*ends.tolist(), p.shape[0]])
+    load, force, *_ = function["loads"](x, u, p)
+    whole = x[: 2 * n]
+    geometry = plant.contact.geometry(whole) if plant.contact else ()
+    push = function["pressures"](whole) if plant.pressed else ca.MX(2 * n, 1)
+    guards = [
+        *_contact_guards(force, geometry, contacts, limit, _fastest(x, n)),
+        *_joint_guards(plant, x, load, direction),
+        *_stop_guards(plant, x, push, pressed),
+    ]
+    values, sizes = zip(*guards, strict=True)
+    return ca.vertcat(*values), ca.vertcat(*sizes)
+
+
+def _fastest(x: ca.MX, n: int) -> ca.MX:
+    return 1.0 + ca.norm_inf(x[n : 2 * n])
+
+
+def _contact_guards(
+    force: ca.MX, geometry: Sequence[ca.MX], contacts: ca.MX, limit: ca.MX, fastest: ca.MX
+) -> list[Guard]:
+    """Gaps or normal forces; what friction could bear more, or speeds ahead."""
+    normal, tangential = [], []
+    heaviest = 1.0 + ca.norm_1(force)
+    for k in range(limit.shape[0]):
+        place, speed, length = geometry
+        closed, sticks, *along = ca.vertsplit(contacts[MODE * k : MODE * k + 4])
+        r, s = force[3 * k : 3 * k + 3], speed[3 * k + 1 : 3 * k + 3]
+        gap = place[3 * k], length[k]
+        spare = (limit[k] * r[0]) ** 2 - ca.sumsqr(r[1:]), heaviest**2
+        ahead = ca.dot(ca.vertcat(*along), s), fastest
+        normal.append(_either(closed > 0, (r[0], heaviest), gap))
+        tangential.append(_either(sticks > 0, spare, ahead))
+    return normal + tangential
+
+
+def _joint_guards(plant: Plant, x: ca.MX, load: ca.MX, direction: ca.MX) -> list[Guard]:
+    """What friction at rest could hold more, or speeds."""
+    n = plant.model.n
+    if not plant.directions:
+        return [NONE] * n
+    guards, (lower, upper) = [], plant.model.stops.bounds
+    for i in range(n):
+        away = ca.if_else(x[i] >= upper[i], -load[i], ca.fabs(load[i]))
+        away = ca.if_else(x[i] <= lower[i], load[i], away)
+        spare = float(plant.model.friction.level[i]) - away, 1.0 + ca.fabs(load[i])
+        guards.append(_either(direction[i] == 0, spare, (x[n + i], _fastest(x, n))))
+    return guards
+
+
+def _stop_guards(plant: Plant, x: ca.MX, push: ca.MX, pressed: ca.MX) -> list[Guard]:
+    """Ways to stops, the lower ones first; what compliant ones push with that are met."""
+    guards, n, stops = [], plant.model.n, plant.model.stops
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        for i in range(n):
+            if not np.isfinite(stops.place[side, i]):
+                guards.append(NONE)
+                continue
+            room, size = sign * (stops.place[side, i] - x[i]), 1.0 + ca.fabs(x[i])
+            if stops.compliant[side, i]:  # it is met where it is both reached and pushes
+                pushes = push[n * side + i]
+                room = ca.if_else(pressed[i] == sign, pushes, ca.fmax(room, -pushes))
+                size = stops.stiffness[side, i] * size + stops.damping[side, i] * _fastest(x, n)
+            guards.append((room, size))
+    return guards
+
+
+def _either(condition: ca.MX, one: Guard, other: Guard) -> Guard:
+    value, size = (ca.if_else(condition, a, b) for a, b in zip(one, other, strict=True))
+    return value, size

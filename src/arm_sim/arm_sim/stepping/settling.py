@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How changes of a state settle where joints are held and contacts closed.
+
+A held joint that is given a little speed is at rest again at once; what its friction or stop then
+bears, the other joints feel as an impulse. That is the projection onto the motions that the modes
+allow, along the forces that hold.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.events import Modes
+
+
+class Settling:
+    """Settling in a scene with events.
+
+    Args:
+        plant: The scene's equations.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        self._plant = plant
+        n, modes = plant.model.n, plant.rhs.numel_in(2)
+        x, p, change = ca.MX.sym("x", 2 * n), ca.MX.sym("p", modes), ca.MX.sym("change", n)
+        struck = plant.strike(x, p, change, ca.MX(3 * len(plant.points), 1))[0]
+        self._gain = ca.Function("gain", [x, p, change], [ca.jacobian(struck, change)])
+        if contact := plant.contact:
+            settled = contact.settle(x, p)
+            self._settled = ca.Function("settled", [x, p], [ca.jacobian(settled, x)])
+            before = ca.MX.sym("before", 2 * n)
+            place = ca.reshape(contact.geometry(before)[0], 3, -1)
+            found = x
+            for _ in range(2):
+                found = contact.close(found, p, ca.vec(place[1:, :]))
+            slopes = [ca.jacobian(found, by) for by in (x, before)]
+            self._closed = ca.Function("closed", [x, p, before], slopes)
+        self._loads = next(f for f in plant.events if f.name() == "loads")
+
+    def begun(self, x: Array, u: Array, modes: Modes, slope: Array) -> Array:
+        """Derivative of a state in which motion begins, held joints at rest, contacts settled.
+
+        Args:
+            x: The state, shape (nx,).
+            u: What acts, shape (n,).
+            modes: What joints and contacts do from there on.
+            slope: Derivative of the state without that, shape (nx, …).
+        """
+        n, slope = self._plant.model.n, slope.copy()
+        q, v, whole = slice(n), slice(n, 2 * n), slice(2 * n)
+        held = np.flatnonzero(modes.direction == 0.0)
+        if len(held):
+            gain = np.array(self._gain(x[whole], modes.p, np.zeros(n)))
+            slope[v] -= gain[:, held] @ slope[n + held]
+            back = held[self._leans(x, u, modes)[held]]
+            slope[q] -= gain[:, back] @ slope[back]
+        if self._plant.contact and (modes.contact["closed"] > 0.0).any():
+            slope[v] = np.array(self._settled(x[whole], modes.p)) @ slope[whole]
+        return slope
+
+    def _leans(self, x: Array, u: Array, modes: Modes) -> NDArray[np.bool_]:
+        """Joints at rigid stops that friction alone would not hold there: they would come back."""
+        n = self._plant.model.n
+        q, (lower, upper) = x[:n], self._plant.model.stops.bounds
+        load = np.array(self._loads(x, u, modes.p)[0]).ravel()
+        push = np.where(q <= lower, -load, np.where(q >= upper, load, 0.0))
+        leans: NDArray[np.bool_] = push > self._plant.model.friction.level
+        return leans
+
+    def closed(self, begin: Array, end: Array, modes: Modes, slope: Array, begun: Array) -> Array:
+        """Derivative of the end of a segment, back at the closed contacts and to anchors.
+
+        Args:
+            begin: State at its beginning, shape (nx,).
+            end: State at its end.
+            modes: What joints and contacts do.
+            slope: Derivative of the end without that, shape (nx, …).
+            begun: Derivative of the beginning.
+        """
+        if not (self._plant.contact and (modes.contact["closed"] > 0.0).any()):
+            return slope
+        whole = slice(2 * self._plant.model.n)
+        by_end, by_begin = (np.array(s) for s in self._closed(end[whole], modes.p, begin[whole]))
+        slope = slope.copy()
+        slope[whole] = by_end @ slope[whole] + by_begin @ begun[whole]
+        return slope

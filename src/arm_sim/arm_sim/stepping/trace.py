@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What happened in a tick: its segments, as the compiled engine tells them."""
+
+from __future__ import annotations
+
+import ctypes
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.kernel import Kernel
+from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
+from arm_sim.integrators.selection import Choice
+from arm_sim.plant.plant import Plant
+from arm_sim.stepping.adaptive import SubstepControl
+from arm_sim.stepping.events import EventReport
+
+MOST_SEGMENTS = 1000
+
+
+def segment_type(plant: Plant) -> np.dtype[np.void]:
+    """Fields of a segment, all real numbers, as ``record_t`` in ``native/modes.c`` says."""
+    nx, n, nc, modes = plant.nx, plant.model.n, len(plant.points), plant.rhs.numel_in(2)
+    sizes = {
+        "before": nx, "begin": nx, "end": nx, "p": modes, "limit": nc, "length": None,
+        "step": None, "calm": None, "hit": None, "part": None, "meets": plant.directions,
+        "leaves": n, "rebound": nc, "impulse": 3 * nc,
+    }  # fmt: skip
+    return np.dtype(
+        [(name, float) if size is None else (name, float, (size,)) for name, size in sizes.items()]
+    )
+
+
+def trace_tick(
+    kernel: Kernel, plant: Plant, choice: Choice, x: Array, u: Array, p: Array,
+    control: SubstepControl | None,
+) -> tuple[np.ndarray, Array]:  # fmt: skip
+    """Compute one tick of a scene with events, segment by segment.
+
+    Args:
+        kernel: Compiled functions and engine of the scene.
+        plant: Its equations.
+        choice: Its method and tick.
+        x: State at the beginning, shape (nx,).
+        u: What acts, shape (n,).
+        p: Tunable numbers.
+        control: With error control, what is remembered from one tick to the next.
+
+    Returns:
+        The segments, an array of ``segment_type``, and the state at the end.
+
+    Raises:
+        SimulationDiverged: If the tick cannot be computed.
+        NotDifferentiable: If events pile up in it.
+    """
+    records, after = np.zeros(MOST_SEGMENTS, segment_type(plant)), np.zeros(plant.nx)
+    report, entry = EventReport(), kernel.library.trace_tick  # type: ignore[union-attr]
+    entry.restype = ctypes.c_longlong
+    given = [np.ascontiguousarray(array) for array in (x, u, p)]
+    count = entry(
+        *(ctypes.c_void_p(array.ctypes.data) for array in given),
+        ctypes.c_double(choice.dt),
+        None if control is None else ctypes.byref(control),
+        ctypes.byref(report),
+        ctypes.c_void_p(records.ctypes.data),
+        ctypes.c_longlong(len(records)),
+        ctypes.c_void_p(after.ctypes.data),
+    )
+    if count < 0:
+        raise SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
+    if report.time_stepped or count > len(records):
+        raise NotDifferentiable("linearize: events pile up in the tick, which has no derivative")
+    return records[:count], after

@@ -1,0 +1,134 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Accelerations of joints at rest: as the simulator begins, and by trying all sets."""
+
+from __future__ import annotations
+
+from itertools import product
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.dynamics import MANY
+from arm_sim import Simulator
+from models.touching import rails
+from tolerances import ALGEBRA, CLOSED_FORM, assert_close
+
+FRICTION: dict[str, dict[str, Any]] = {
+    "static above sliding": {"friction": {"coulomb": 2.0, "static": 3.0, "viscous": 0.1}},
+    "by direction": {"friction": {"coulomb": {"positive": 2.0, "negative": 1.0}}},
+    "by position and load": {
+        "friction": {
+            "coulomb": 2.0,
+            "position": {"at": [-2.0, 0.0, 2.0], "factor": [0.5, 1.0, 1.5]},
+            "load": {"at": [0.0, 20.0], "factor": [1.0, 2.0]},
+        }
+    },
+    "gear": {
+        "friction": {"coulomb": 0.5},
+        "actuator": {"efficiency": 0.8, "rotor_inertia": 1e-4, "gear_ratio": 50.0},
+    },
+}
+
+
+def scene(name: str, joint: dict[str, Any]) -> Any:
+    given = models.scene(name).model_dump(exclude_unset=True)
+    return load_scene(given | {"joints": {"*": {**joint, "limits": {"stop": False}}}})
+
+
+def states(dyn: Dynamics, count: int, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
+    """Random states; some joints are at rest, torques are near what the arm's weight asks for."""
+    q, v, push = rng.normal(size=(3, count, dyn.n))
+    v[rng.random(v.shape) < 0.6] = 0.0
+    return q, v, dyn.gravity(q) + 3.0 * push
+
+
+@pytest.mark.parametrize("friction", FRICTION)
+@pytest.mark.parametrize("name", ["two_link", "skew_axes", "panda"])
+def test_forward_is_how_a_tick_begins(name: str, friction: str, rng: np.random.Generator) -> None:
+    dt = 1e-6
+    sim = Simulator(scene(name, FRICTION[friction]), integrator="rk4", dt=dt)
+    dyn = sim.dynamics
+    limit = dyn.model.command_limit
+    stuck = loose = 0
+    for q, v, tau in zip(*states(dyn, 15, rng), strict=True):
+        tau = np.clip(tau, -limit, limit)
+        a = dyn.forward(q, v, tau)
+        sim.reset(q, v)
+        sim.step(tau)
+        assert_close((sim.state.v - v) / dt, a, 1e-4)
+        at_rest = v == 0.0
+        np.testing.assert_array_equal(a[at_rest] == 0.0, sim.state.v[at_rest] == 0.0)
+        stuck += np.sum(a[at_rest] == 0.0)
+        loose += np.sum(a[at_rest] != 0.0)
+    assert stuck > 3
+    assert loose > 3
+
+
+def brute_force(M: np.ndarray, load: np.ndarray, level: np.ndarray) -> np.ndarray:
+    """The one choice of sticking and sliding, either way, that obeys, for joints all at rest."""
+    found = []
+    for ways in product((-1.0, 0.0, 1.0), repeat=len(load)):
+        way = np.array(ways)
+        slides = way != 0.0
+        a = np.zeros(len(load))
+        free = load - way * level
+        a[slides] = np.linalg.solve(M[np.ix_(slides, slides)], free[slides])
+        held = abs((load - M @ a)[~slides]) <= level[~slides]
+        if held.all() and (a * way >= 0.0)[slides].all():
+            found.append(a)
+    assert len(found) == 1
+    return np.asarray(found[0])
+
+
+def test_joints_at_rest_are_one_complementarity_problem(rng: np.random.Generator) -> None:
+    """Coulomb's law at three joints at rest, against all sets tried one by one."""
+    dyn = Dynamics(scene("skew_axes", {"friction": {"coulomb": 1.0}}))
+    level, still = np.ones(dyn.n), np.zeros(dyn.n)
+    moved = 0
+    for q, push in rng.normal(size=(40, 2, dyn.n)):
+        tau = dyn.gravity(q) + 1.5 * push
+        wanted = brute_force(dyn.mass_matrix(q), 1.5 * push, level)
+        assert_close(dyn.forward(q, still, tau), wanted, ALGEBRA)
+        moved += wanted.any()
+    assert 5 < moved < 40
+
+
+def test_one_joint_at_its_level_by_hand() -> None:
+    """2 kg on a rail: stays up to F_s exactly, then starts under F_c."""
+    rail = rails("x", mass=2.0, friction={"coulomb": 3.0, "static": 4.0})
+    dyn = Dynamics(load_scene(rail))
+    for push, wanted in ((0.0, 0.0), (4.0, 0.0), (-4.0, 0.0), (5.0, 1.0), (-5.0, -1.0)):
+        assert_close(dyn.forward([0.0], [0.0], [push]), [wanted], CLOSED_FORM)
+    assert_close(dyn.forward([0.0], [1e-9], [4.0]), [0.5], CLOSED_FORM)
+
+
+@pytest.mark.parametrize("friction", FRICTION)
+def test_batches_answer_as_single_points_do(friction: str, rng: np.random.Generator) -> None:
+    dyn = Dynamics(scene("skew_axes", FRICTION[friction]))
+    batch = states(dyn, MANY + 10, rng)
+    a = dyn.forward(*batch)
+    for k in range(0, MANY + 10, 7):
+        alone = dyn.forward(*(x[k] for x in batch))
+        assert_close(a[k], alone, ALGEBRA)
+        np.testing.assert_array_equal(a[k] == 0.0, alone == 0.0)
+
+
+@pytest.mark.parametrize("push", [0.0, 1.0, 12.0])
+def test_a_loop_at_rest_is_held_by_its_joints(push: float) -> None:
+    """Constrained forward dynamics against a tick; the loop holds in any case."""
+    given = models.scene("four_bar").model_dump(exclude_unset=True)
+    friction = {"friction": {"coulomb": 1.0, "static": 1.5}, "limits": {"stop": False}}
+    sim = Simulator(load_scene(given | {"joints": {"*": friction}, "gravity": [0, 0, 0]}),
+                    integrator="rk4", dt=1e-6)  # fmt: skip
+    q, tau = sim.state.q, push * np.eye(sim.n)[0]
+    a, _ = sim.dynamics.constrained_forward(q, np.zeros(sim.n), tau)
+    sim.reset(q, np.zeros(sim.n))
+    sim.step(tau)
+    assert_close(sim.state.v / 1e-6, a, 1e-4)
+    assert a.any() == (push > 10.0)
+    closure = sim.dynamics.constrained.closure
+    A = closure.rows.stacked(q, np.zeros(sim.n), closure.initially_active).jacobian
+    assert_close(A @ a, np.zeros(len(A)), 1e-8)

@@ -1,0 +1,332 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Derivatives of ticks with events: against differences of ticks, closed forms, and refusals."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_sim import NotDifferentiable, Simulator
+from models.driven import WINDING, wheel
+from models.touching import contact, rails
+from tolerances import CLOSED_FORM, assert_close
+
+ACROSS = 1e-6
+"""Derivatives of a tick with events against extrapolated differences, relative."""
+
+OPTIONS: dict[str, dict[str, Any]] = {
+    "rk4": {"integrator": "rk4"},
+    "euler": {"integrator": "euler"},
+    "error control": {"tolerance": 1e-12},
+}
+ALL = pytest.mark.parametrize("options", OPTIONS.values(), ids=OPTIONS)
+PLANAR = (models.FOLDER / "planar_3r.urdf").read_text()
+G = 9.81
+
+
+def rail(friction: Any = None, stop: Any = False) -> dict[str, Any]:
+    """A mass of 2 kg on a vertical rail, with a stop at zero if one is given."""
+    scene = rails("z", mass=2.0)
+    limits = {"lower": 0.0, "upper": 2.0, "stop": stop}
+    scene["joints"] = {"z": {"limits": limits, **({"friction": friction} if friction else {})}}
+    return scene
+
+
+def planar(stop: Any, friction: Any, **scene: Any) -> dict[str, Any]:
+    """Three links in a vertical plane; joints as said."""
+    limits = {"lower": -1.0, "upper": 1.0, "stop": stop}
+    return {
+        "robot": {"urdf": PLANAR},
+        "joints": {"*": {"friction": friction, "limits": limits}},
+    } | scene
+
+
+def touching(scene: dict[str, Any], **settings: Any) -> dict[str, Any]:
+    return scene | {"constraints": [contact("body", **settings)]}
+
+
+def spinning(**settings: Any) -> dict[str, Any]:
+    """A base on a table, free along x and z, with an unbalanced rotor about y; no weight."""
+    inertia = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
+    free = '<limit lower="-9" upper="9" effort="1e9" velocity="1e9"/>'
+    urdf = f"""<robot name="rotor"><link name="floor"/><link name="slide"/><link name="body">
+      <inertial><mass value="1"/><inertia {inertia}/></inertial></link><link name="arm"><inertial>
+      <origin xyz="0.2 0 0"/><mass value="0.5"/><inertia ixx="0" iyy="0" izz="0" ixy="0" ixz="0"
+      iyz="0"/></inertial></link><joint name="x" type="prismatic"><parent link="floor"/>
+      <child link="slide"/><axis xyz="1 0 0"/>{free}</joint><joint name="z" type="prismatic">
+      <parent link="slide"/><child link="body"/><axis xyz="0 0 1"/>{free}</joint>
+      <joint name="turn" type="continuous"><parent link="body"/><child link="arm"/>
+      <axis xyz="0 -1 0"/></joint></robot>"""
+    return touching({"robot": {"urdf": urdf}, "gravity": [0, 0, 0]}, **settings)
+
+
+def tied(*contacts: Any, **scene: Any) -> dict[str, Any]:
+    """A body on rails x and z and a weight that drops as the body goes along x, by a cord.
+
+    Joints are drop, x, z.
+    """
+    inertia = 'ixx="1" iyy="1" izz="1" ixy="0" ixz="0" iyz="0"'
+    limits = '<limit lower="-9" upper="9" effort="1e9" velocity="1e9"/>'
+    body = f'<inertial><mass value="2"/><inertia {inertia}/></inertial>'
+    urdf = f"""<robot name="tied"><link name="base"/><link name="rail"/><link name="body">{body}
+      </link><link name="weight">{body}</link>
+      <joint name="x" type="prismatic"><parent link="base"/><child link="rail"/><axis xyz="1 0 0"/>
+      {limits}</joint><joint name="z" type="prismatic"><parent link="rail"/><child link="body"/>
+      <axis xyz="0 0 1"/>{limits}</joint><joint name="drop" type="prismatic">
+      <parent link="base"/><child link="weight"/><axis xyz="0 0 -1"/>{limits}</joint></robot>"""
+    cord = {"type": "coupling", "name": "cord", "joints": ["x", "drop"], "ratio": 1.0}
+    return {"robot": {"urdf": urdf}, "constraints": [cord, *contacts]} | scene
+
+
+def motor() -> dict[str, Any]:
+    scene: dict[str, Any] = wheel(
+        0.1, command="voltage", gear_ratio=20.0, rotor_inertia=5e-5, **WINDING
+    )
+    scene["joints"]["axle"]["friction"] = {"coulomb": 0.5, "static": 0.8}
+    return scene
+
+
+def flexible() -> dict[str, Any]:
+    scene: dict[str, Any] = wheel(
+        0.1, {"stiffness": 500.0, "damping": 0.3},
+        command="torque", gear_ratio=20.0, rotor_inertia=5e-5,
+    )  # fmt: skip
+    scene["joints"]["axle"]["limits"] = {"lower": -1, "upper": 1, "stop": {"restitution": 0.4}}
+    return scene
+
+
+@cache
+def simulator(build: Callable[[], dict[str, Any]], dt: float, name: str) -> Simulator:
+    return Simulator(build(), dt=dt, **OPTIONS[name])
+
+
+def compare(
+    sim: Simulator, q: Any, v: Any, tau: Any, ticks: int = 1, free: Any = None, h: float = 1e-5
+) -> None:
+    """A and B against central differences, extrapolated; ``free``: columns of x that may vary."""
+    tau, start = np.array(tau, dtype=float), sim.reset(q, v)
+    x, n = np.concatenate([start.q, start.v, start.z]), sim.n
+    A, B = sim.linearize(start, tau, ticks)
+    ways = np.eye(len(x)) if free is None else np.array(free, dtype=float).T
+
+    def after(dx: np.ndarray, du: np.ndarray) -> np.ndarray:
+        sim.reset(*np.split(x + dx, (n, 2 * n)))
+        for _ in range(ticks):
+            end = sim.step(tau + du)
+        return np.concatenate([end.q, end.v, end.z])
+
+    def slope(dx: np.ndarray, du: np.ndarray) -> np.ndarray:
+        coarse, fine = (
+            (after(s * dx, s * du) - after(-s * dx, -s * du)) / (2 * s) for s in (h, h / 2)
+        )
+        return np.asarray((4 * fine - coarse) / 3)
+
+    by_x = [slope(way, np.zeros(n)) for way in ways.T]
+    by_u = [slope(np.zeros(len(x)), push) for push in np.eye(n)]
+    wanted = np.column_stack([*by_x, *by_u])
+    assert_close(np.column_stack([A @ ways, B]), wanted, ACROSS)
+
+
+RAIL = ([0.05], [-1.0], [1.0])
+CASES: dict[str, tuple[Callable[[], dict[str, Any]], float, Any]] = {
+    "lands": (lambda: rail(stop={}), 0.1, RAIL),
+    "rebounds": (lambda: rail(stop={"restitution": 0.6}), 0.1, RAIL),
+    "meets a compliant stop": (lambda: rail(stop={"stiffness": 3000, "damping": 5}), 0.1, RAIL),
+    "loses a compliant stop": (
+        lambda: rail(stop={"stiffness": 3000, "damping": 5}), 0.1, ([-0.01], [1.0], [1.0])
+    ),
+    "comes to rest": (
+        lambda: rail({"coulomb": 30, "static": 40, "viscous": 0.3}), 0.1, ([0.5], [0.3], [3.0])
+    ),
+    "turns back": (
+        lambda: rail({"coulomb": 5, "static": 10, "viscous": 0.3}), 0.1, ([0.5], [0.3], [-3.0])
+    ),
+    "arm comes to rest and strikes": (
+        lambda: planar({"restitution": 0.3}, {"coulomb": 0.5, "static": 0.8, "viscous": 0.1}),
+        0.01, ([0.3, 0.992, -0.2], [0.5, 2.0, 0.05], [0.1, 0.2, 0.0]),
+    ),
+    "bounces on a rough table": (
+        lambda: touching(rails("xyz"), friction=0.3, restitution=0.5), 0.02,
+        ([0.0, 0.0, 0.005], [1.0, 0.4, -0.5], [0.3, 0.1, 0.2]),
+    ),
+    "lands and slides": (
+        lambda: touching(rails("xyz"), friction=0.3), 0.02,
+        ([0.0, 0.0, 0.005], [1.0, 0.4, -0.5], [0.3, 0.1, 0.2]),
+    ),
+    "lands and sticks": (
+        lambda: touching(rails("xyz"), friction=3.0), 0.02,
+        ([0.0, 0.0, 0.005], [1.0, 0.4, -0.5], [0.3, 0.1, 0.2]),
+    ),
+    "ball on an arm lands and slides": (
+        lambda: touching(
+            rails("xz", turns=True), point=[0.1, 0, 0], radius=0.1, friction=0.3,
+            plane={"point": [0, 0, -0.5]},
+        ),
+        0.02, ([0.0, -0.365, 0.3], [1.0, -0.5, 0.4], [0.3, 0.1, 0.2]),
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", OPTIONS)
+@pytest.mark.parametrize("name", CASES)
+def test_ticks_with_events_against_differences(name: str, method: str) -> None:
+    build, dt, state = CASES[name]
+    compare(simulator(build, dt, method), *state)
+
+
+KEPT: dict[str, tuple[Callable[[], dict[str, Any]], float, Any, Any]] = {
+    "slides to rest": (
+        lambda: touching(rails("xz"), friction=0.3), 0.02,
+        ([0, 0], [0.03, 0], [0.3, 0.1]), np.eye(4)[[0, 2]],
+    ),
+    "slides to rest while pushed aside": (
+        lambda: touching(rails("xyz"), friction=0.3), 0.02,
+        ([0, 0, 0], [0.03, 0.01, 0], [0.3, 0.6, 0.1]), np.eye(6)[[0, 1, 3, 4]],
+    ),
+    "slides to rest and back": (
+        lambda: touching(rails("xz"), friction=0.3), 0.02,
+        ([0, 0], [0.03, 0], [-5, 0.1]), np.eye(4)[[0, 2]],
+    ),
+    "lifts off": (
+        spinning, 0.02, ([0, 0, 0.6], [0, 0, 10], [0, -6, 0]), np.eye(6)[[0, 2, 3, 5]],
+    ),
+    "slips": (
+        lambda: spinning(friction=0.4, static_friction=0.45), 0.02,
+        ([0, 0, 2.1], [0, 0, 10], [0, -20, 0]), np.eye(6)[[0, 2, 5]],
+    ),
+    "loop slides to rest": (
+        lambda: tied(contact("body", friction=1.5)), 0.02,
+        ([0, 0, 0], [0.03, 0.03, 0], [0, -8, 0]), [[1, 1, 0, 0, 0, 0], [0, 0, 0, 1, 1, 0]],
+    ),
+    "loop with friction comes to rest": (
+        lambda: tied(joints={"*": {"friction": {"coulomb": 1.0, "static": 2.0}}},
+                     gravity=[0, 0, -0.5]),
+        0.02, ([0, 0, 0.3], [0.003, 0.003, 0.2], [0, 0, 0]),
+        [[1, 1, 0, 0, 0, 0], [0, 0, 0, 1, 1, 0], [0, 0, 1, 0, 0, 0], [0, 0, 0, 0, 0, 1]],
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("method", ["rk4", "error control"])
+@pytest.mark.parametrize("name", KEPT)
+def test_along_what_holds_against_differences(name: str, method: str) -> None:
+    """Only changes that keep contacts closed and loops obeyed can be tried from both sides."""
+    build, dt, state, free = KEPT[name]
+    compare(simulator(build, dt, method), *state, free=free, h=1e-4)
+
+
+def test_motor_breaks_a_joint_away() -> None:
+    """Its current, a state, grows until static friction is overcome."""
+    sim = simulator(motor, 2e-3, "error control")
+    assert sim.step([2.0]).v[0] > 0.0
+    compare(sim, [0.0], [0.0], [2.0], free=np.eye(sim.plant.nx)[[0, 2]])
+
+
+def test_link_behind_a_flexible_drive_strikes_its_stop() -> None:
+    sim = simulator(flexible, 0.02, "error control")
+    compare(sim, [0.99], [1.0], [0.1])
+    assert sim.impacts == 1
+
+
+def test_several_ticks() -> None:
+    compare(simulator(CASES["rebounds"][0], 0.1, "rk4"), [0.3], [-1.0], [1.0], ticks=4)
+
+
+def bounce(z: float, v: float, u: float, e: float, h: float) -> tuple[np.ndarray, np.ndarray]:
+    """A and B of a tick in which a mass of 2 kg falls on a stop at zero, by hand."""
+    a = u / 2.0 - G
+    hit = -np.sqrt(v**2 - 2 * a * z)  # speed at the stop
+    t = (hit - v) / a
+    by = np.array([[1.0, 0.0], [t, 1.0], [t**2 / 4, t / 2]])  # of z and v where time is t
+    delay = -by[:, 0] / hit
+    leaves = -e * (by[:, 1] + a * delay)
+    left, end = h - t, -e * hit + a * (h - t)
+    slope = np.array([left * leaves - end * delay, leaves - a * delay])
+    slope[:, 2] += np.array([left**2 / 4, left / 2])
+    return slope[:, :2], slope[:, 2:]
+
+
+def test_bouncing_mass_by_hand() -> None:
+    sim = simulator(CASES["rebounds"][0], 0.1, "rk4")
+    for derivative, wanted in zip(
+        sim.linearize(sim.reset([0.05], [-1.0]), [1.0]), bounce(0.05, -1.0, 1.0, 0.6, 0.1),
+        strict=True,
+    ):  # fmt: skip
+        assert_close(derivative, wanted, 100 * CLOSED_FORM)
+
+
+def test_block_that_stops_by_hand() -> None:
+    """x⁺ = x + v²/2d with d = (F + m g - u)/m, v⁺ = 0."""
+    sim = simulator(lambda: rail({"coulomb": 30.0}), 0.1, "rk4")
+    d, v = (30.0 + 2.0 * G - 3.0) / 2.0, 0.3
+    A, B = sim.linearize(sim.reset([0.5], [v]), [3.0])
+    assert_close(A, [[1.0, v / d], [0.0, 0.0]], CLOSED_FORM)
+    assert_close(B, [[v**2 / (4 * d**2)], [0.0]], CLOSED_FORM)
+
+
+def test_a_stuck_joint_stays_and_passes_its_momentum_on() -> None:
+    """A speed given to it stops at once; the others feel that as a blow."""
+    friction = {"coulomb": 0.5, "static": 0.8, "viscous": 0.1}
+    sim = Simulator(planar(False, friction, gravity=[0, 0, 0]), dt=0.02)
+    q, v = [0.3, 0.5, -0.2], [0.5, 0.6, 0.0]
+    compare(sim, q, v, [0.1, 0.2, 0.0], h=1e-6)
+    A, B = sim.linearize(sim.reset(q, v), [0.1, 0.2, 0.0])
+    np.testing.assert_array_equal(A[5], np.zeros(6))
+    np.testing.assert_array_equal(B[:, 2], np.zeros(6))
+    assert abs(A[:2, 5]).min() > 1e-4
+
+
+def test_a_joint_that_leans_on_its_stop_stays_there() -> None:
+    sim = simulator(CASES["lands"][0], 0.1, "rk4")
+    A, B = sim.linearize(sim.reset([0.0], [0.0]), [1.0])
+    assert not A.any()
+    assert not B.any()
+
+
+def test_does_not_move_the_simulation() -> None:
+    sim = simulator(CASES["rebounds"][0], 0.1, "rk4")
+    state = sim.reset([0.05], [-1.0])
+    sim.linearize(state, [1.0])
+    assert sim.state is state
+    assert sim.impacts == 0
+
+
+H = 0.1
+STUCK = {"coulomb": 1.0, "static": 1.5}
+REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
+    "grazed": (rail(stop={}), [0.00125], [-0.05 * (1 + 1e-10)], [2 * (G + 1)], "grazed"),
+    "hit at the beginning": (rail(stop={}), [0.0], [-1.0], [0.0], "begins with a blow"),
+    "left at the beginning": (rail(stop={}), [0.0], [1.0], [0.0], "beginning"),
+    "hit at the end": (rail(stop={}), [H], [-1.0], [2 * G], "end"),
+    "at a compliant stop": (rail(stop={"stiffness": 1e3}), [0.0], [1.0], [0.0], "beginning"),
+    "holds to the limit": (rail(STUCK) | {"gravity": [0, 0, 0]}, [0.5], [0.0], [1.5], "beginning"),
+    "pulled loose": (rail(STUCK), [0.5], [0.0], [0.0], "beginning"),
+    "both at once": (
+        rails("xz") | {"gravity": [0, 0, 0], "joints": {
+            name: {"limits": {"lower": 0.0, "upper": 1.0}} for name in "xz"}},
+        [0.05, 0.05], [-1.0, -1.0], [-1.0, -1.0], "same instant",
+    ),
+    "piles up": (rail(stop={"restitution": 0.99}), [1e-8], [0.0], [0.0], "pile up"),
+    "straight on": (
+        touching(rails("xyz"), friction=0.3), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0], "straight",
+    ),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_refuses_where_there_is_no_derivative(name: str) -> None:
+    scene, q, v, tau, why = REFUSED[name]
+    sim = Simulator(scene, dt=H, integrator="rk4")
+    with pytest.raises(NotDifferentiable, match=why):
+        sim.linearize(sim.reset(q, v), tau)
+
+
+def test_without_a_compiler_a_joint_at_its_stop_is_refused() -> None:
+    sim = Simulator(rail(stop={}), backend="vm")
+    with pytest.raises(NotDifferentiable, match="compiled"):
+        sim.linearize(sim.reset([0.0], [0.0]), [0.0])
