@@ -24,7 +24,12 @@ MADE = tuple(sorted(path.stem for path in FOLDER.glob("*.urdf")))
 HELD = ("slider_crank", "four_bar", "five_bar", "bricard", "parallel_gripper", "panda_pen")
 BOTH = ("slider_crank_motor",)  # a loop and a motor
 BALANCED = ("spring_balanced_arm",)  # by springs, of which the oracle knows nothing
-TOUCHING = ("panda_table",)  # with constraints and contacts: a torque is not all that acts there
+TOUCHING = (
+    "panda_table",
+    "panda_lugre_table",
+    "flexible_arm_wall",
+    "lifting_gripper",
+)  # with constraints and contacts: a torque is not all that acts there
 ROBOTS = (*REAL, *OWN, *MADE)
 
 

@@ -211,7 +211,7 @@ def test_describe_takes_urdf_paths_and_packages() -> None:
 def test_describe_tells_of_a_start_at_a_stop() -> None:
     robots = "package://example-robot-data/robots"
     said = run("describe", f"{robots}/panda_description/urdf/panda.urdf").output
-    assert re.search("starts at its stop: panda_joint4;", said)
+    assert re.search("starts at its stop: panda_joint4, panda_finger_joint1;", said)
 
 
 # --- the motion of the demo --------------------------------------------------------------------
