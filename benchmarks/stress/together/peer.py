@@ -117,7 +117,18 @@ def compiled(case: Case) -> Any:
         )  # fmt: skip
         equality.data[:] = 0.0
         equality.data[1] = -0.5
-    return spec.compile()
+    model = spec.compile()
+    _set_lengths(model, case.scene.get("constraints", ()))
+    return model
+
+
+def _set_lengths(model: Any, constraints: Any) -> None:
+    """Rods hold their length, which MuJoCo counts from that where all joints are at zero."""
+    rods = [each["distance"] for each in constraints if each["type"] == "distance"]
+    held = np.flatnonzero(model.eq_type == int(mujoco().mjtEq.mjEQ_TENDON))  # type: ignore[union-attr]
+    for equality, distance in zip(held, rods, strict=True):
+        tendon = model.eq_obj1id[equality]
+        model.eq_data[equality, 0] = distance - model.tendon_length0[tendon]
 
 
 def _bare(robot: dict[str, Any]) -> str:
@@ -189,7 +200,6 @@ def _constraint(spec: Any, constraint: dict[str, Any], dt: float) -> None:
     assert mj is not None
     if constraint["type"] == "distance":
         tendon = _tendon(spec, constraint["frames"], constraint["points"])
-        tendon.springlength = [constraint["distance"]] * 2  # its length at rest is what is held
         equality = spec.add_equality(
             type=mj.mjtEq.mjEQ_TENDON, objtype=mj.mjtObj.mjOBJ_TENDON, name1=tendon.name,
             solref=_solref(0.0, dt),
