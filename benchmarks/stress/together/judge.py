@@ -20,7 +20,7 @@ REFERENCE, OTHER = ("dop853", 0.5, 1e-10), ("dop853", 1.0, 1e-8)  # method, tick
 BUMP = 1e-4  # a larger nudge: events that a small one leaves as they are may change
 WRONG = 0.05  # of the way, that a motion may be off
 LEAST = 1e-3  # relative to 1 + |q|: less is not wrong, however short the way
-RIGHT = 1e-3  # of the way: a motion that is no further off is right
+RIGHT = 1e-4  # of the way: a motion that is no further off is right
 STATED = 0.1  # of the error, that a stated error must be at least to have told
 PATIENCE = 5.0  # [s] of CPU for a tick
 SLOW, CRASHED = "hung", "crashed"
@@ -147,9 +147,7 @@ def _truth(
     q, v = start
     try:
         exact.reset(q, v)
-        recording = exact.run(
-            len(drive.command) * other.dt, np.repeat(drive.command, 2, axis=0)
-        )
+        recording = exact.run(len(drive.command) * other.dt, np.repeat(drive.command, 2, axis=0))
         if not np.isfinite(recording.q).all():
             return Truth(None, False, "the reference is not finite")
         true = recording.q[::2]
@@ -174,9 +172,7 @@ def _truth(
     return Truth(true, True)
 
 
-def _followed(
-    sim: Simulator, start: tuple[np.ndarray, np.ndarray], drive: Drive
-) -> np.ndarray:
+def _followed(sim: Simulator, start: tuple[np.ndarray, np.ndarray], drive: Drive) -> np.ndarray:
     sim.reset(*start)
     return sim.run(len(drive.command) * sim.dt, drive.command).q
 

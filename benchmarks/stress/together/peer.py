@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The same case in MuJoCo, where it has words for all of it.
 
-Coulomb friction is ``frictionloss``, a current a torque with the rotor's inertia as armature, a rod
-a tendon of fixed length, a mimic joint an equality of joints. MuJoCo knows no coefficient of
+Coulomb friction is ``frictionloss``, a current a torque with the rotor's inertia as armature, a
+rod a tendon of fixed length, a mimic joint an equality of joints. MuJoCo knows no coefficient of
 restitution: the damping ratio ζ of contacts and limits is that of a mass on a spring and a damper
 that leaves with the part e of its speed, e = exp(-πζ/√(1-ζ²)).
 """
@@ -21,7 +21,7 @@ from benchmarks.stress.verdict import Setting
 
 SOFT = 2.0  # ticks of the time constant of contacts and limits: the least that MuJoCo allows
 POINT = 1e-4  # [m], radius of the sphere that stands for a contact point
-HUGE = 1e-9  # [kg m²], least inertia
+TINY = 1e-9  # [kg m²], least inertia
 INTEGRATORS = {"rk4": "RK4", "euler": "Euler"}  # any other: implicitfast
 Vector = np.ndarray
 
@@ -98,14 +98,13 @@ def compiled(case: Case) -> Any:
         _joint(joint, common | own, case.setting.dt)
     for payload in case.scene.get("payloads", ()):
         spec.body(payload["frame"]).add_body(
-            pos=payload["com"], mass=payload["mass"], inertia=[HUGE] * 3,
+            pos=payload["com"], mass=payload["mass"], inertia=[TINY] * 3,
             ipos=[0, 0, 0], explicitinertial=True,
         )  # fmt: skip
     for spring in case.scene.get("springs", ()):
         tendon = _tendon(spec, spring["frames"], spring["points"])
-        tendon.stiffness, tendon.damping = (
-            [spring["stiffness"], 0, 0], [spring["damping"], 0, 0]
-        ) if np.size(tendon.stiffness) > 1 else (spring["stiffness"], spring["damping"])  # fmt: skip
+        tendon.stiffness = _first(tendon.stiffness, spring["stiffness"])
+        tendon.damping = _first(tendon.damping, spring["damping"])
         tendon.springlength = [spring["rest_length"]] * 2
     for constraint in case.scene.get("constraints", ()):
         _constraint(spec, constraint, case.setting.dt)
@@ -143,7 +142,7 @@ def _bare(robot: dict[str, Any]) -> str:
         for mimic in joint.findall("mimic"):
             joint.remove(mimic)
     own = ElementTree.SubElement(root, "mujoco")
-    ElementTree.SubElement(own, "compiler", fusestatic="false", boundinertia=str(HUGE))
+    ElementTree.SubElement(own, "compiler", fusestatic="false", boundinertia=str(TINY))
     return ElementTree.tostring(root, encoding="unicode")
 
 
@@ -153,7 +152,7 @@ def _solref(restitution: float, dt: float) -> list[float]:
         return [SOFT * dt, 1.0]
     log = np.log(max(restitution, 1e-9))
     ratio = max(-log / np.hypot(np.pi, log), 1e-3)
-    # MuJoCo's time constant is that of the decay, 1 / (ζω): with ω of the critical one kept.
+    # MuJoCo's time constant is that of the decay, 1/(ζω): ω is that of the critical damping.
     return [SOFT * dt / ratio, ratio]
 
 
