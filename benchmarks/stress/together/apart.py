@@ -64,12 +64,16 @@ def _watched(seed: int, runs: int, folder: str) -> list[Result]:
             return results
         results.append(result)
     process.join()
+    return [*results, _ended(seed, runs, len({result.run for result in results}), *ended)]
+
+
+def _ended(seed: int, runs: int, last: int, outcome: str, message: str) -> Result:
+    """The run that a case's process did not come back from."""
     case = draw(seed, runs)
-    last = len({result.run for result in results})
-    setting = case.setting
-    outcome, message = ended
-    return [*results, Result(seed, last, setting.name, setting.dt, case.label, outcome,
-                             familiar=case.familiar, message=message)]  # fmt: skip
+    return Result(
+        seed, last, case.setting.name, case.setting.dt, case.label, outcome,
+        familiar=case.familiar, touches=case.touches, message=message,
+    )  # fmt: skip
 
 
 def _case(there: Connection, seed: int, runs: int, folder: str) -> None:

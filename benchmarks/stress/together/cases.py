@@ -24,6 +24,7 @@ FAMILIAR = (
     "ball", "mimic", "payload", "point spring",
 )  # fmt: skip
 """Features that MuJoCo has words for; Coulomb friction without a static level."""
+TOUCHING = ("end stop", "contact", *features.TOUCHING)
 EVERYTHING = (*features.ALL, *features.TOUCHING)
 FEWEST, MOST = 2, 8
 TICKS = (0.25e-3, 4e-3)  # [s]
@@ -85,6 +86,11 @@ class Case:
         return {*self.features} <= {*FAMILIAR} and not any(
             "static" in joint.get("friction", {}) for joint in self.scene["joints"].values()
         )
+
+    @property
+    def touches(self) -> bool:
+        """Whether there are impacts and contacts in it, of which MuJoCo has another model."""
+        return bool({*self.features} & {*TOUCHING})
 
     @property
     def label(self) -> str:

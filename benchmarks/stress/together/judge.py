@@ -42,6 +42,7 @@ class Result:
         outcome: one of ``OUTCOMES``.
         program: ``OURS`` or ``MUJOCO``.
         familiar: whether MuJoCo has words for the case.
+        touches: whether it has stops or contacts.
         command: kind of command.
         steady: whether the motion is known and errors grow so little that a method has to answer
             for them; where not, only the account judges.
@@ -63,6 +64,7 @@ class Result:
     outcome: str
     program: str = OURS
     familiar: bool = False
+    touches: bool = False
     command: str = ""
     steady: bool = False
     travel: float = 0.0
@@ -99,7 +101,14 @@ def examine(seed: int, runs: int) -> Iterator[Result]:
     """Run a case; what became of each run, as it comes."""
     case = draw(seed, runs)
     blank = Result(
-        seed, 0, case.setting.name, case.setting.dt, case.label, REFUSED, familiar=case.familiar
+        seed,
+        0,
+        case.setting.name,
+        case.setting.dt,
+        case.label,
+        REFUSED,
+        familiar=case.familiar,
+        touches=case.touches,
     )
     try:
         model = ArmModel(load_scene(case.scene))

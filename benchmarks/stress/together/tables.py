@@ -18,17 +18,16 @@ HEAD = ["program, method", "runs", "steady", *OUTCOMES, "false alarms", "error: 
 def outcomes(results: Sequence[Result]) -> str:
     """What became of the runs of each method, and of those that both programs made."""
     ours, theirs = of(results, OURS), of(results, MUJOCO)
-    both = {(r.seed, r.run) for r in theirs}
     names = sorted({r.name for r in ours})
     rows = [_row(f"{OURS}, {name}", [r for r in ours if r.name == name]) for name in names]
     rows.append(_row(f"**{OURS}, all**", ours))
-    if theirs:
-        rows.append(
-            _row(f"{OURS}, where MuJoCo can", [r for r in ours if (r.seed, r.run) in both])
-        )
-    names = sorted({r.name for r in theirs})
-    rows += [_row(f"{MUJOCO}, {name}", [r for r in theirs if r.name == name]) for name in names]
-    return table(HEAD, rows + ([_row(f"**{MUJOCO}, all**", theirs)] if theirs else []))
+    for touching, words in ((False, "without stops and contacts"), (True, "with them")):
+        if mine := [r for r in theirs if r.touches is touching]:
+            same = {(r.seed, r.run) for r in mine}
+            again = [r for r in ours if (r.seed, r.run) in same]
+            rows.append(_row(f"{OURS}, where MuJoCo can, {words}", again))
+            rows.append(_row(f"{MUJOCO}, {words}", mine))
+    return table(HEAD, rows)
 
 
 def _row(name: str, mine: Sequence[Result]) -> list[str]:
