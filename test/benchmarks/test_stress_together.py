@@ -164,6 +164,7 @@ def test_report(tmp_path: Path) -> None:
     (tmp_path / "stability.md").write_text(f"before\n{page.BEGIN}\nearlier\n{page.END}\nafter\n")
     text = page.write([ours, theirs], tmp_path, None).read_text()
     assert "{{" not in text and "**undetected**: seed 0, run 0, rk4" in text
+    assert "None of arm_sim's runs stopped." in text
     whole = (tmp_path / "stability.md").read_text()
     assert text.strip() in whole and "earlier" not in whole and whole.endswith("after\n")
     assert len(json.loads((tmp_path / "stability-features.json").read_text())) == 2

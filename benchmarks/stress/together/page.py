@@ -38,6 +38,7 @@ def section(results: Sequence[Result]) -> str:
     """The section in Markdown."""
     text = TEMPLATE.read_text()
     parts = {"outcomes": tables.outcomes(results), "wrong": tables.wrong(results)}
+    parts["stopped"] = tables.stopped(results)
     for name, part in (parts | tables.counts(results)).items():
         text = text.replace("{{" + name + "}}", part)
     return wrapped(text)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import asdict
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from benchmarks.reporting.markdown import number, table
 from benchmarks.stress.together.judge import FORBIDDEN, MUJOCO, OURS, OUTCOMES, Result
-from benchmarks.stress.verdict import SHOWN, SURVIVED
+from benchmarks.stress.verdict import SHOWN, STOPPED, SURVIVED
 
 HEAD = ["program, method", "runs", "steady", *OUTCOMES, "false alarms", "error: median", "worst"]
 
@@ -44,6 +45,15 @@ def wrong(results: Sequence[Result]) -> str:
     return "\n".join(f"- {line(r)}" for r in bad) or (
         "Of arm_sim's runs none hung or crashed, and no error went unsaid."
     )
+
+
+def stopped(results: Sequence[Result]) -> str:
+    """What ended with an error: the first run of each case."""
+    ended = [r for r in of(results, OURS) if r.outcome == STOPPED]
+    number_of = Counter(r.seed for r in ended)
+    first = {r.seed: r for r in reversed(ended)}
+    lines = [f"- {line(first[seed])} ({count} runs)" for seed, count in number_of.items()]
+    return "\n".join(lines) or "None of arm_sim's runs stopped."
 
 
 def line(result: Result) -> str:
