@@ -13,6 +13,7 @@ from benchmarks.reporting.markdown import wrapped
 from benchmarks.stress import tables
 from benchmarks.stress.figure import draw
 from benchmarks.stress.survey import Found, Plan
+from benchmarks.stress.together.page import NONE, spliced, within
 
 TEMPLATE = Path(__file__).with_name("page.md")
 PARTS = {
@@ -45,17 +46,18 @@ def write(found: Sequence[Found], plan: Plan, seed: int, out: Path, docs: Path |
     (out / "stability.json").write_text(json.dumps(plain(found, plan, seed), indent=1) + "\n")
     for folder in [out] if docs is None else [out, docs]:
         draw(found, folder / "figures/stability.png")
-        (folder / "stability.md").write_text(page(found, seed))
+        path = folder / "stability.md"
+        path.write_text(page(found, seed, within(path)))
     return out / "stability.md"
 
 
-def page(found: Sequence[Found], seed: int) -> str:
-    """The page in Markdown."""
+def page(found: Sequence[Found], seed: int, together: str = NONE) -> str:
+    """The page in Markdown, with the section on sets of features as it is given."""
     text = TEMPLATE.read_text()
     words = tables.counts(found) | {"seed": str(seed), "last": str(found[-1].seed)}
     for name, part in ({name: make(found) for name, make in PARTS.items()} | words).items():
         text = text.replace("{{" + name + "}}", part)
-    return wrapped(text)
+    return spliced(wrapped(text), together)
 
 
 def plain(found: Sequence[Found], plan: Plan, seed: int) -> dict[str, Any]:
