@@ -11,6 +11,7 @@ import pytest
 
 import models
 from arm_dynamics import Dynamics
+from arm_sim import Simulator
 from models.engine import Engine
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
@@ -171,3 +172,20 @@ def test_two_points_of_an_arm_in_space(rng: np.random.Generator) -> None:
         assert (hit.impulse[::3] >= 0.0).all() and (after[::3] >= rebound - 1e-10).all()
         assert e > 0.0 or hit.gain <= 1e-12
     assert answered > 50
+
+
+@pytest.mark.parametrize("tilt", [0.2, 0.6, 1.0, 1.3])
+def test_a_contact_that_jams_does_not_rebound_and_loses_all_energy(tilt: float) -> None:
+    """A pendulum whose bob meets a rough plane: along its one motion no rebound is possible."""
+    scene = models.scene("pendulum").model_dump(exclude_unset=True)
+    stop, bob = 0.5, models.dynamics("pendulum").model.pin.inertias[1].lever
+    at = np.array([np.sin(stop), 0.0, -np.cos(stop)])
+    along, across = np.array([np.cos(stop), 0.0, np.sin(stop)]), -at
+    normal = np.cos(tilt) * along + np.sin(tilt) * across
+    plane = {"point": at.tolist(), "normal": normal.tolist()}
+    wall = contact("bob", point=bob.tolist(), friction=3.0, restitution=0.2, plane=plane)
+    run = Simulator(scene | {"constraints": [wall]}).run(1.5)
+    assert_close(run.q[-1], [stop], 1e-9)
+    assert not run.v[-1].any()
+    assert_close(run.lost[-1], 9.81 * np.cos(stop), 1e-9)
+    assert abs(run.balance).max() < 1e-10

@@ -14,6 +14,7 @@
 #define REBOUND_HALVINGS 60 /* that find the highest rebound that adds no energy */
 #define BLOW_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* stops that may change their part in a blow ... */
 #define BLOW_WORST_FIRST (3 * NU)                         /* ... and before they do in order, which cannot go in circles */
+#define MISSED 1e-6   /* part of the speeds by which an impulse may miss those wanted: a jammed contact cannot rebound */
 #define PULLING 1e-12 /* part of the largest impulse that a stop may pull with */
 
 /* A blow: how fast what is hit would leave again, and what came of it. */
@@ -42,10 +43,14 @@ static double find_impulse(const inertia_t* inertia, const real* before, double 
     if (answers[k].state == UNSOLVABLE) return INFINITY;
     for (int i = 0; i < 3; ++i) blow->impulse[3 * k + i] = answers[k].force[i];
   }
+  const double largest = largest_of(c, MC);
   for (int i = 0; i < MC; ++i) {
     double change = 0.0;
     for (int j = 0; j < MC; ++j) change += AT(inertia->W, MC, i, j) * blow->impulse[j];
     gain += blow->impulse[i] * (before[i] + 0.5 * change);
+    const enum contact_state state = answers[i / 3].state;
+    const int wanted = state == STICKS || (state == SLIDES && i % 3 == 0);
+    if (wanted && fabs(c[i] + change) > MISSED * largest) return INFINITY;
   }
   return gain;
 }
