@@ -29,8 +29,8 @@ def test_inverse_dynamics(case: dict[str, Any]) -> None:
 @pytest.mark.parametrize("case", DATA["torques"], ids=lambda case: case["name"])
 def test_forward_dynamics(case: dict[str, Any]) -> None:
     dyn = models.dynamics("puma560")
-    v = np.full(6, case["v"])
-    found = dyn.forward(case["q"], v, np.array(case["tau"]) + dyn.friction(v))
+    v, way = np.full(6, case["v"]), np.full(6, np.sign(case["v"] or case["a"]))  # from rest too
+    found = dyn.forward(case["q"], v, np.array(case["tau"]) + dyn.friction(v, way))
     assert_close(found, np.full(6, case["a"]), PUMA)
 
 
