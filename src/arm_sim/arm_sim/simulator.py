@@ -105,9 +105,8 @@ class Simulator:
     def state(self) -> State:
         """Where the robot is; read-only arrays that later steps do not touch."""
         if (state := self._state) is None:
-            self._state = state = State.of(
-                self._x, self.n, self._step, self.dt, *self._notes[0].tolist()
-            )
+            notes = self._notes.tolist()[0]
+            self._state = state = State.of(self._x, self.n, self._step, self.dt, *notes)
         return state
 
     @property

@@ -39,10 +39,10 @@ class State:
     time_stepped: int = 0
 
     @classmethod
-    def of(cls, x: Array, n: int, step: int, dt: float, *notes: float) -> State:
-        """From x = (q, v, z), which is copied, after ``step`` ticks of ``dt`` in [s].
-
-        ``notes`` are the error and how many ticks were time-stepped.
-        """
-        x, (error, time_stepped) = read_only(x.copy()), notes
-        return cls(step * dt, step, x[:n], x[n : 2 * n], x[2 * n :], error, round(time_stepped))
+    def of(
+        cls, x: Array, n: int, step: int, dt: float, error: float, time_stepped: float = 0.0
+    ) -> State:
+        """From x = (q, v, z), which is copied, after ``step`` ticks of ``dt`` in [s]."""
+        x = read_only(x.copy())
+        q, v, z = x[:n], x[n : 2 * n], x[2 * n :]
+        return cls(step * dt, step, q, v, z, error, int(time_stepped))

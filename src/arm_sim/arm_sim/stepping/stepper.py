@@ -265,6 +265,7 @@ def _renamed(function: ca.Function) -> ca.Function:
 def _event_sizes(plant: Plant) -> dict[str, str]:
     model, points, stops = plant.model, plant.points, plant.model.stops
     lower, upper = np.clip(stops.bounds, -NOWHERE, NOWHERE)
+    lowest, highest = np.clip(stops.place, -NOWHERE, NOWHERE)
     return {
         "NC": str(len(points)),
         "NB": "1" if plant.project else "0",
@@ -274,6 +275,8 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
         **({"FREE": "1"} if plant.free else {}),
         "LOWER": _braces(lower),
         "UPPER": _braces(upper),
+        "LOWEST": _braces(lowest),
+        "HIGHEST": _braces(highest),
         "LOWER_REBOUND": _braces(stops.restitution[0]),
         "UPPER_REBOUND": _braces(stops.restitution[1]),
         "SOFT_LOWER": _braces(np.where(stops.compliant[0], stops.place[0], -NOWHERE)),

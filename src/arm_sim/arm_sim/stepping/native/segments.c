@@ -239,6 +239,7 @@ static void rest_touching(real* x, const segment_t* segment, const real* anchor)
   geometry_t geometry;
   segment_t resting = *segment;
   int any = 0;
+  if (NC < 2) return;
   find_geometry(x, &geometry);
   for (int k = 0; k < NC; ++k) {
     if (!segment->contact[k].touching) continue;
