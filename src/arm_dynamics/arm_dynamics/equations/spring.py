@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Springs and dampers of joints, and between points of two links: S(q, v).
+"""Springs and dampers of joints, between points of two links, and of end stops.
 
-S is what the drives must bring against them, M a + C v + G + S + F = τ. A joint spring takes
-k (q - rest) + c v. One between points pulls them together with the tension
+S(q, v) is what the drives must bring against the first two, M a + C v + G + S + F = τ. A joint
+spring takes k (q - rest) + c v. One between points pulls them together with the tension
 
     T = k (L - L₀) + c L̇ + T₀
 
@@ -153,3 +153,30 @@ def _ways(springs: Springs, tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
         both = ca.Function("way", [at], [square, ca.gradient(square, at) / 2])
         ways.append(both(q))
     return ways
+
+
+def stop_pressures(q: ca.SX, v: ca.SX, place: Array, stiffness: Array, damping: Array) -> ca.SX:
+    """What compliant end stops would push back with, were a joint in touch with them.
+
+    They are a spring and a damper that never pull: a stop loses the joint when both together
+    would, which with damping is before the spring is relaxed (Brogliato, Nonsmooth Mechanics,
+    2016, section 2.1).
+
+    Args:
+        q: Joint positions in [rad] or [m], shape (n,).
+        v: Joint velocities in [rad/s] or [m/s], shape (n,).
+        place: Of the lower and the upper stops in [rad] or [m], shape (2, n).
+        stiffness: In [N m/rad] or [N/m], zero for stops that are not compliant, shape (2, n).
+        damping: In [N m s/rad] or [N s/m], shape (2, n).
+
+    Returns:
+        Torques in [N m] or [N] away from the lower and from the upper stops, positive where they
+        push, shape (2 n,); zero for stops that are not compliant.
+    """
+    found = []
+    for side, sign in ((0, -1.0), (1, 1.0)):
+        for i in range(q.shape[0]):
+            k, c = stiffness[side, i], damping[side, i]
+            push = k * (sign * (q[i] - place[side, i])) + c * (sign * v[i]) if k else ca.SX(0)
+            found.append(push)
+    return ca.vertcat(*found)

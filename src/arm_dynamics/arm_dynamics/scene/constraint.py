@@ -7,7 +7,7 @@ of the *second* frame.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Sequence
 from typing import Annotated, ClassVar, Literal, NamedTuple, get_args
 
 import numpy as np
@@ -297,10 +297,15 @@ def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: s
         SceneError: Naming the constraint, the name and what is allowed.
     """
     labels = [label(constraint, i) for i, constraint in enumerate(constraints)]
-    for i, (name, constraint) in enumerate(zip(labels, constraints, strict=True)):
-        if name in labels[:i]:
-            raise SceneError(f"scene: two constraints are called '{name}'; names must differ")
+    for i, constraint in enumerate(constraints):
+        check_new("constraints", labels, i)
         constraint.check_names(i, urdf, locked)
+
+
+def check_new(kind: str, names: Sequence[str], place: int) -> None:
+    """Refuse a name that stands earlier in the list; ``kind`` is what has these names."""
+    if names[place] in names[:place]:
+        raise SceneError(f"scene: two {kind} are called '{names[place]}'; names must differ")
 
 
 def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:

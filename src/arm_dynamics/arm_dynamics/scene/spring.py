@@ -5,8 +5,7 @@ from __future__ import annotations
 
 from pydantic import Field, model_validator
 
-from arm_dynamics.exceptions import SceneError
-from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames
+from arm_dynamics.scene.constraint import ORIGIN, Pair, check_frames, check_new
 from arm_dynamics.scene.types import Finite, NonNegative, Part, Vector3
 from arm_dynamics.scene.urdf import Urdf
 
@@ -72,7 +71,6 @@ def check_springs(springs: tuple[PointSpring, ...], urdf: Urdf) -> None:
         SceneError: Naming the spring, the name and what is allowed.
     """
     names = [spring_name(spring, i) for i, spring in enumerate(springs)]
-    for i, (name, spring) in enumerate(zip(names, springs, strict=True)):
-        if name in names[:i]:
-            raise SceneError(f"scene: two springs are called '{name}'; names must differ")
+    for i, spring in enumerate(springs):
+        check_new("springs", names, i)
         check_frames(f"springs.{i}.frames", spring.frames, urdf)

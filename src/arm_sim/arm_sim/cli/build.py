@@ -89,7 +89,7 @@ def _other_parts(
     from arm_dynamics.control import computed_torque
     from arm_dynamics.dynamics.rigid import MANY
 
-    if simulator.plant.laws is not None or simulator.plant.events:
+    if simulator.energy_account.may_make_ticks_again:
         yield "energy account", simulator.energy_account.prepare
     yield "computed torque", lambda: computed_torque.build(simulator.model)
     if not batches:

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import casadi as ca
 
-from arm_dynamics.equations import spring, stop
+from arm_dynamics.equations import spring
 from arm_dynamics.equations.contact import MODE
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
@@ -62,7 +62,7 @@ class Joints:
         sliding: 1 for a joint that slides, 0 for one that is held, shape (n,).
         friction: Dry friction of those that slide in [N m] or [N], shape (n,).
         stop: Torque of compliant stops on the joints in [N m] or [N], shape (n,).
-        pressures: What compliant stops would push with, see ``equations.stop``, shape (2 n,).
+        pressures: What compliant stops would push with, see ``equations.spring``, shape (2 n,).
         contacts: Symbols: the modes of the contacts, see ``equations.contact.Mode``.
         p: The whole vector of tunable numbers and modes.
     """
@@ -83,7 +83,7 @@ class Joints:
             self.friction = ca.sparsify(model.friction.dry(s.v, self.direction, s.q, s.tau))
         if yields:
             at = model.stops
-            self.pressures = stop.pressures(s.q, s.v, at.place, at.stiffness, at.damping)
+            self.pressures = spring.stop_pressures(s.q, s.v, at.place, at.stiffness, at.damping)
             lower, upper = ca.vertsplit(self.pressures, n)
             leans = (self.pressed < 0, self.pressed > 0)
             self.stop = ca.sparsify(leans[0] * lower - leans[1] * upper)

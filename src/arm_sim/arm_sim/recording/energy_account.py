@@ -88,9 +88,14 @@ class EnergyAccount:
         self._choice, self._backend = choice, backend
         self._laws = plant.laws or Ensemble((), plant.model.n)
 
+    @property
+    def may_make_ticks_again(self) -> bool:
+        """Whether some motion of the scene needs ticks made again."""
+        return self._plant.laws is not None or bool(self._plant.events)
+
     def prepare(self) -> None:
         """Build now what the first ``flows`` would have to build."""
-        if self._plant.laws is not None or self._plant.events:
+        if self.may_make_ticks_again:
             self._ledger.restart()
 
     def makes_ticks_again(self, x: Array) -> bool:

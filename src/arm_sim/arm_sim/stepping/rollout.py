@@ -162,7 +162,10 @@ class Rollouts:
         method, n, scaled = self._choice.method, plant.model.n, plant.scaled_jacobian
         step = build_step(method, plant.rhs, n, plant.project, scaled)
         tick = build_tick(step, actuation(plant))
-        driver = source(sizes(plant, [tick]) | {"TICK": "tick"} | stop_places(plant), "rollout.c")
+        defines, parts = sizes(plant, [tick]) | {"TICK": "tick"}, ["rollout.c"]
+        if plant.model.stops:
+            defines, parts = defines | stop_places(plant) | {"STOPS": "1"}, ["stops.c", *parts]
+        driver = source(defines, *parts)
         if width == 1:
             return '#include "scalar.h"\n' + generate([tick]) + driver
         code = _CHOICE.sub(r"if_else_zero(\1,\2)", generate([tick]))

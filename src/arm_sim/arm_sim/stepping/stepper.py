@@ -44,7 +44,7 @@ MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1e6, 100, 20, 200
 """Arithmetic operations of a tick with events, about a millisecond, and smooth motions that it may
 take in any case, before it is time-stepped; who asks for error control waits longer. Each motion
 costs some operations besides its own."""
-WITH_EVENTS = ("cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c")
+WITH_EVENTS = ("stops.c", "cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c")
 """Parts of the engine that only scenes with events need, in their order."""
 
 
@@ -220,12 +220,9 @@ def _most_work(choice: Choice, smooth: ca.Function) -> int:
 
 
 def stop_places(plant: Plant) -> dict[str, str]:
-    """Where the stops of either kind are, for drivers of smooth motion; nothing without any."""
-    stops = plant.model.stops
-    if not stops:
-        return {}
-    lower, upper = np.clip(stops.place, -NOWHERE, NOWHERE)
-    return {"STOPS": "1", "LOWER": _braces(lower), "UPPER": _braces(upper)}
+    """Where the stops of either kind are, for ``native/stops.c``."""
+    lower, upper = np.clip(plant.model.stops.place, -NOWHERE, NOWHERE)
+    return {"LOWEST": _braces(lower), "HIGHEST": _braces(upper)}
 
 
 def source(defines: dict[str, str], *files: str) -> str:
@@ -265,8 +262,8 @@ def _renamed(function: ca.Function) -> ca.Function:
 def _event_sizes(plant: Plant) -> dict[str, str]:
     model, points, stops = plant.model, plant.points, plant.model.stops
     lower, upper = np.clip(stops.bounds, -NOWHERE, NOWHERE)
-    lowest, highest = np.clip(stops.place, -NOWHERE, NOWHERE)
     return {
+        **stop_places(plant),
         "NC": str(len(points)),
         "NB": "1" if plant.project else "0",
         "ND": str(plant.directions),
@@ -275,8 +272,6 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
         **({"FREE": "1"} if plant.free else {}),
         "LOWER": _braces(lower),
         "UPPER": _braces(upper),
-        "LOWEST": _braces(lowest),
-        "HIGHEST": _braces(highest),
         "LOWER_REBOUND": _braces(stops.restitution[0]),
         "UPPER_REBOUND": _braces(stops.restitution[1]),
         "SOFT_LOWER": _braces(np.where(stops.compliant[0], stops.place[0], -NOWHERE)),

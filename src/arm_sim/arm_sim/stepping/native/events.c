@@ -154,20 +154,16 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
 }
 
 #ifdef FREE
-/* Whether a joint comes to a stop, or may have been at one, in a motion of which the ends are known; without branches. */
-static int meets_stop(const real* x, const real* after, double h) {
-  int any = 0;
-  for (int i = 0; i < NU; ++i) {
-    const real low = stop_place[0][i], high = stop_place[1][i], v = x[NU + i], far = x[i] + v * h, q = after[i];
-    any |= (q <= low) | (q >= high) | ((v * after[NU + i] < 0.0) & ((far < low) | (far > high)));
-  }
-  return any;
-}
-
 /* A tick in which no joint comes to a stop, without looking at modes: 0 if it is not that. */
 static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
   const control_t kept = control ? *control : (control_t){0};
-  if (!touches_stop(x) && flow_free(x, u, p, h, control, after) && !meets_stop(x, after, h)) return 1;
+  int meets = 0;
+  for (int i = 0; i < NU; ++i) meets |= reaches_stop(x[i], i);
+  if (!meets && flow_free(x, u, p, h, control, after)) {
+    for (int i = 0; i < NU; ++i)
+      meets |= reaches_stop(after[i], i) | (may_dip(x[i], x[NU + i], after[NU + i], h, i) != 0);
+    if (!meets) return 1;
+  }
   if (control) *control = kept;
   return 0;
 }

@@ -13,7 +13,7 @@
  * Before this file: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
  * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`;
  * RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the generated
- * `strike`; FREE (see flow.c) with LOWEST and HIGHEST, where stops of either kind are; NQ (joints that may lean on compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
+ * `strike`; NQ (joints that may lean on compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
  * `pressures`; SLOWEST (tangential speed up to which a contact rests); NB (whether there are bilateral constraints) and with them
  * the generated `bilateral`.
  */
@@ -165,17 +165,6 @@ static double speed_rounding(const real* x) { return SPEED_ROUNDING * (1.0 + lar
 /* Whether dry friction may hold a joint, and whether it is at rest and held by friction or a stop, unless let go. */
 static int may_stick(int joint) { return ND && static_level[joint] > 0.0; }
 static int rests(const real* x, int joint) { return x[NU + joint] == 0.0 && (may_stick(joint) || at_stop(x, joint)); }
-
-#ifdef FREE
-static const double stop_place[2][NU] = {LOWEST, HIGHEST}; /* of either kind */
-
-/* Whether a joint is at or beyond a stop of either kind. */
-static int touches_stop(const real* x) {
-  int any = 0;
-  for (int i = 0; i < NU; ++i) any |= (x[i] <= stop_place[0][i]) | (x[i] >= stop_place[1][i]);
-  return any;
-}
-#endif
 
 /* What a compliant stop pushes with, by which it is met (no less than how deep it is), for both sides of all joints. */
 static void find_pressures(const real* x, double met[2][NU], double push[2][NU]) {

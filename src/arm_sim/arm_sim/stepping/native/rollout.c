@@ -2,21 +2,8 @@
  *
  * Many arms, LANES at a time. C where `real` is a double, C++ where it is a vector of them.
  *
- * Before this file: as for roll.c, and NP (length of the parameters); with STOPS also LOWER and UPPER, where joints have
- * stops.
+ * Before this file: as for roll.c, and NP (length of the parameters); where joints have stops also stops.c, and STOPS.
  */
-
-#ifdef STOPS
-static const double lower_stop[NU] = LOWER;
-static const double upper_stop[NU] = UPPER;
-
-/* Whether a joint is at a stop, or may have been beyond one before it turned back, in a tick of which the ends are known. */
-static int meets_stop(double q, double v, double q_end, double v_end, double length, int joint) {
-  const double far = q + v * length, low = lower_stop[joint], high = upper_stop[joint];
-  const int dips = v * v_end < 0.0 && (far < low || far > high);
-  return q <= low || q >= high || q_end <= low || q_end >= high || dips;
-}
-#endif
 
 #ifdef __cplusplus
 extern "C"
@@ -60,8 +47,11 @@ void rollout(const double* x0, const double* tau, long long tau_arm, long long t
       TICK(arg, res, iw, w, 0);
 #ifdef STOPS
       for (int j = 0; j < LANES; ++j)
-        for (int i = 0; i < NU; ++i)
-          met[of_lane[j]] |= meets_stop(LANE(x[i], j), LANE(x[NU + i], j), LANE(next[i], j), LANE(next[NU + i], j), h[0], i);
+        for (int i = 0; i < NU; ++i) {
+          const double q = LANE(x[i], j), v = LANE(x[NU + i], j), v_end = LANE(next[NU + i], j);
+          met[of_lane[j]] |=
+              reaches_stop(q, i) | reaches_stop(LANE(next[i], j), i) | (may_dip(q, v, v_end, h[0], i) != 0);
+        }
 #else
       (void)met;
 #endif

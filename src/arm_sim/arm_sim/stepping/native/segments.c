@@ -2,7 +2,7 @@
  *
  * Smooth segments between events: how long the modes stay right, and what is set right at the ends.
  *
- * Before this file: modes.c, search.c; the generated `contact_close`.
+ * Before this file: modes.c, search.c, stops.c; the generated `contact_close`.
  */
 
 #define TURNING_BACK 1e-13 /* speed, relative, by which a joint let go at the very edge may leave in the wrong direction */
@@ -118,22 +118,10 @@ static double dip_before(search_t* search, double length, const real* end, doubl
   return 0.0;
 }
 
-/* Whether a joint may have been beyond a stop in a motion of which only the ends are known: the stop's side, else 0. */
-static int may_dip(const real* x, const real* end, double length, int joint) {
-  const double v = x[NU + joint], far = x[joint] + v * length;
-  const int side = v > 0.0 ? 1 : -1;
-  if (!(v * end[NU + joint] < 0.0)) return 0;
-  int beyond = NQ && (side > 0 ? far > soft_stop[1][joint] : far < soft_stop[0][joint]);
-#ifdef RIGID
-  beyond |= side > 0 ? far > upper_stop[joint] : far < lower_stop[joint];
-#endif
-  return beyond ? side : 0;
-}
-
 /* A time before `length` at which a joint is beyond a stop, on its way back; 0 if there is none. */
 static double bump_before(search_t* search, double length, const real* end, double* depth) {
   for (int i = 0; i < NU; ++i) {
-    const int side = may_dip(search->x, end, length, i);
+    const int side = may_dip(search->x[i], search->x[NU + i], end[NU + i], length, i);
     if (!side) continue;
     search->joint = i;
     search->side = side;

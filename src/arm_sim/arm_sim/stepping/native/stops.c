@@ -1,0 +1,19 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Where joints have stops, rigid and compliant ones alike, and whether a motion meets one.
+ *
+ * Before this file: NU (joints), LOWEST, HIGHEST (brace lists: places of the stops, beyond every position where there is none).
+ */
+
+static const double stop_place[2][NU] = {LOWEST, HIGHEST};
+
+/* Whether a joint is at or beyond a stop. */
+static inline int reaches_stop(double q, int joint) { return (q <= stop_place[0][joint]) | (q >= stop_place[1][joint]); }
+
+/* Whether a joint that turns back in a motion of which the ends are known may have been beyond a stop: the upper one 1, the
+ * lower one -1, else 0. */
+static inline int may_dip(double q, double v, double v_end, double length, int joint) {
+  const double far = q + v * length;
+  return (v * v_end < 0.0) * ((v > 0.0) & (far > stop_place[1][joint])) -
+         (v * v_end < 0.0) * ((v < 0.0) & (far < stop_place[0][joint]));
+}
