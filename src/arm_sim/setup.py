@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Installs arm_sim as an ament_python package."""
 
+from glob import glob
+
 from setuptools import find_packages, setup
 
 PACKAGE = "arm_sim"
@@ -28,6 +30,7 @@ setup(
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
+        (f"share/{PACKAGE}/scenes", sorted(glob(f"{PACKAGE}/scenes/*"))),  # package://arm_sim/…
     ],
     zip_safe=False,
     entry_points={

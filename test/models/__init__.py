@@ -30,6 +30,7 @@ TOUCHING = (
     "flexible_arm_wall",
     "lifting_gripper",
 )  # with constraints and contacts: a torque is not all that acts there
+ARMS = ("fr3", "ur5e", "xarm7")  # further ready arms, like REAL to all features
 ROBOTS = (*REAL, *OWN, *MADE)
 
 

@@ -18,6 +18,7 @@ from arm_dynamics.scene.constraint import (
     RollingConstraint,
 )
 from arm_dynamics.scene.drive import Actuator, Transmission
+from arm_dynamics.scene.files import ready_scenes
 from arm_dynamics.scene.friction import Friction, Lugre
 from arm_dynamics.scene.load import load_scene, scene_from_urdf
 from arm_dynamics.scene.schema import Initial, Joint, Limits, Payload, Scene, Sim, validated
@@ -28,5 +29,5 @@ __all__ = [
     "DistanceConstraint", "FrameConstraint", "Friction", "Initial", "Joint", "JointSpring",
     "Limits", "LineConstraint", "Lugre", "Payload", "PlaneConstraint", "PointConstraint",
     "PointSpring", "RollingConstraint", "Scene", "Sim", "Transmission", "load_scene",
-    "scene_from_urdf", "validated",
+    "ready_scenes", "scene_from_urdf", "validated",
 ]  # fmt: skip

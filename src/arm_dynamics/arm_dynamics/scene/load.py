@@ -5,7 +5,6 @@ from __future__ import annotations
 
 import logging
 import os
-import sys
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -14,6 +13,7 @@ import yaml
 
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
+from arm_dynamics.scene.files import find_file, find_scene
 from arm_dynamics.scene.schema import Joint, Scene, validated
 from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.urdf import Urdf, read_urdf
@@ -25,8 +25,9 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Sc
     """Load and check a scene.
 
     Args:
-        source: Path or ``package://`` URI of a scene file (YAML) or of a URDF, URDF text, a
-            dictionary of the same shape as a scene file, or a scene, which is returned as it is.
+        source: Name of a ready scene such as ``panda``, path or ``package://`` URI of a scene file
+            (YAML) or of a URDF, URDF text, a dictionary of the same shape as a scene file, or a
+            scene, which is returned as it is.
 
     Returns:
         The scene with the URDF's text in ``robot.urdf``.
@@ -50,7 +51,7 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Sc
     text = os.fspath(source)
     if _is_urdf(text):
         return scene_from_urdf(text)
-    path = find_file(text, Path.cwd())
+    path = find_scene(text, Path.cwd())
     content = _read(path)
     if _is_urdf(content):
         return scene_from_urdf(content)
@@ -71,47 +72,6 @@ def scene_from_urdf(text: str) -> Scene:
     """
     _tell(read_urdf(text))
     return validated({"robot": {"urdf": text}})
-
-
-def find_file(name: str, folder: Path) -> Path:
-    """Resolve a path or ``package://`` URI.
-
-    Args:
-        name: What the user wrote.
-        folder: Where relative paths start.
-
-    Returns:
-        An existing file.
-
-    Raises:
-        SceneError: If there is none, with the places that were searched.
-    """
-    if name.startswith("package://"):
-        inside = Path(name.removeprefix("package://"))
-        places = [root / inside for root in _package_roots()]
-    elif "\n" in name or "\0" in name or not name.strip():
-        raise SceneError(f"scene: {name[:60]!r} is neither URDF text nor the name of a file")
-    else:
-        places = [folder / Path(name.removeprefix("file://")).expanduser()]
-    for place in places:
-        if place.is_file():
-            return place
-    raise SceneError(
-        f"scene: no file '{name}'; looked at {known_names(map(str, places), 4) or 'no place'}"
-    )
-
-
-def _package_roots() -> list[Path]:
-    """Folders whose sub-folders are packages: ROS first, then what robot wheels bring along."""
-    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
-    workspaces = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
-    wheels = [Path(entry) / "cmeel.prefix/share" for entry in sys.path if entry]
-    return [
-        *(Path(prefix) / "share" for prefix in prefixes if prefix),
-        *(Path(workspace) for workspace in workspaces if workspace),
-        *wheels,
-        *(wheel / "example-robot-data/robots" for wheel in wheels),
-    ]
 
 
 def _is_urdf(text: str) -> bool:

@@ -47,8 +47,8 @@ def build(
     """Compile what SCENEs need into DIR, for machines without a compiler.
 
     There, with the same version of the suite, ARM_CACHE=DIR makes every command and node run the
-    compiled code; ARM_CACHE may list several folders, separated by colons. Each SCENE is a scene
-    file (YAML) or a URDF: a path or a package:// URI.
+    compiled code; ARM_CACHE may list several folders, separated by colons. Each SCENE is
+    the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
     """
     from arm_dynamics.codegen.compiled_scenes import make_folder
     from arm_sim import Simulator

@@ -28,6 +28,7 @@ if TYPE_CHECKING:
 
 @click.command(
     epilog=examples(
+        "./arm describe panda",
         "./arm describe package://example-robot-data/robots/panda_description/urdf/panda.urdf",
         "./arm describe my_scene.yaml --integrator euler --dt 0.0005",
         "./arm describe my_scene.yaml --tolerance 1e-8",
@@ -42,8 +43,8 @@ def describe(
 ) -> None:
     """Show the joints of SCENE, what a tick of it computes and skips, and what that costs.
 
-    SCENE is a scene file (YAML) or a URDF: a path or a package:// URI. The time is measured now,
-    on this machine.
+    SCENE is the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
+    The time is measured now, on this machine.
     """
     from arm_sim import Simulator
 

@@ -45,7 +45,7 @@ def _explained(error: ModuleNotFoundError) -> Exception:
     context_settings={"help_option_names": ["-h", "--help"], "max_content_width": 100},
     epilog=examples(
         "./arm demo",
-        "./arm describe package://example-robot-data/robots/panda_description/urdf/panda.urdf",
+        "./arm describe panda",
     ),
 )
 def main() -> None:

@@ -38,7 +38,7 @@ def _node(*lines: str) -> Callable[[Command], click.Command]:
 
 
 @_node(
-    "./arm sim my_scene.yaml",
+    "./arm sim panda",
     "./arm sim my_arm.urdf --ros-args -p stale_policy:=gravity -p dt:=0.0005",
     "./arm sim my_arm.urdf --ros-args -r __ns:=/left",
 )
@@ -61,7 +61,7 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
 
 
 @_node(
-    "./arm dynamics my_scene.yaml",
+    "./arm dynamics panda",
     "./arm dynamics --ros-args -r __ns:=/left",
 )
 def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
@@ -75,7 +75,7 @@ def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Non
 
 
 @_node(
-    "./arm controller my_scene.yaml",
+    "./arm controller panda",
     "./arm controller my_scene.yaml --ros-args -p bandwidth:=[40.0] -p damping_ratio:=[0.9]",
     "./arm controller my_scene.yaml --ros-args -p controller:=pd_gravity",
 )

@@ -23,7 +23,9 @@ from rclpy.parameter import Parameter
 
 from arm_dynamics.exceptions import ArmError, InvalidInput
 
-SCENE = "Scene file or URDF: a path, a package:// URI or URDF text"
+SCENE = (
+    "Scene: the name of a ready one, a scene file or URDF (path or package:// URI), or URDF text"
+)
 
 
 def parameter(

@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where scenes and robot descriptions are found: paths, ``package://`` URIs, ready scenes.
+
+A ready scene has a bare name, such as ``panda``. The folders of ready scenes are those of the
+variable ``ARM_SCENES``, and ``scenes`` of the package ``arm_sim``, which ships them. That package
+is looked for, and not imported: this one knows nothing of it but where its data are.
+"""
+
+from __future__ import annotations
+
+import os
+import sys
+from collections.abc import Iterator
+from difflib import get_close_matches
+from importlib.util import find_spec
+from pathlib import Path
+
+from arm_dynamics.exceptions import SceneError, known_names
+
+VARIABLE = "ARM_SCENES"
+"""Environment variable with folders of one's own ready scenes, separated by colons."""
+_SUFFIX = ".yaml"
+_SHIPPED = "arm_sim", "scenes"  # the package with the ready scenes, and their folder in it
+
+
+def find_scene(name: str, folder: Path) -> Path:
+    """Resolve what a user calls a scene.
+
+    Args:
+        name: A path, a ``package://`` URI, or the bare name of a ready scene with or without
+            ``.yaml``. A file of that name in the folder comes first.
+        folder: Where relative paths start.
+
+    Returns:
+        An existing file.
+
+    Raises:
+        SceneError: If there is none, with names that were possibly meant.
+    """
+    if not _is_bare(name):
+        return find_file(name, folder)
+    places = [folder / name]
+    places += [ready / f for ready in scene_folders() for f in (name, name + _SUFFIX)]
+    for place in places:
+        if place.is_file():
+            return place
+    known = ready_scenes()
+    meant = get_close_matches(name.removesuffix(_SUFFIX), known, n=1)
+    guess = f"; did you mean '{meant[0]}'?" if meant else "."
+    raise SceneError(
+        f"scene: no file '{name}' in {folder}, and no ready scene of that name{guess} "
+        f"Ready scenes: {known_names(known, 60)}"
+    )
+
+
+def find_file(name: str, folder: Path) -> Path:
+    """Resolve a path or ``package://`` URI.
+
+    Args:
+        name: What the user wrote.
+        folder: Where relative paths start.
+
+    Returns:
+        An existing file.
+
+    Raises:
+        SceneError: If there is none, with the places that were searched.
+    """
+    if name.startswith("package://"):
+        inside = Path(name.removeprefix("package://"))
+        places = [
+            root / inside for root in _package_roots(inside.parts[0] if inside.parts else "")
+        ]
+    elif "\n" in name or "\0" in name or not name.strip():
+        raise SceneError(f"scene: {name[:60]!r} is neither URDF text nor the name of a file")
+    else:
+        places = [folder / Path(name.removeprefix("file://")).expanduser()]
+    for place in places:
+        if place.is_file():
+            return place
+    raise SceneError(
+        f"scene: no file '{name}'; looked at {known_names(map(str, places), 4) or 'no place'}"
+    )
+
+
+def scene_folders() -> list[Path]:
+    """The folders of ready scenes, in the order in which they are searched."""
+    listed = os.environ.get(VARIABLE, "").split(os.pathsep)
+    package, inside = _SHIPPED
+    shipped = [root / package / inside for root in _beside(package)]
+    return [*(Path(entry).expanduser() for entry in listed if entry), *shipped]
+
+
+def ready_scenes() -> list[str]:
+    """The bare names of all ready scenes, sorted."""
+    files = (path for folder in scene_folders() for path in folder.glob(f"*{_SUFFIX}"))
+    return sorted({path.stem for path in files})
+
+
+def _is_bare(name: str) -> bool:
+    """Whether it names no folder: such a name may be that of a ready scene."""
+    return bool(name.strip()) and not set(name) & {"/", os.sep, "\n", "\0"}
+
+
+def _package_roots(package: str) -> list[Path]:
+    """Folders whose sub-folders are packages: ROS, what robot wheels bring along, then Python."""
+    prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
+    workspaces = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
+    wheels = [Path(entry) / "cmeel.prefix/share" for entry in sys.path if entry]
+    return [
+        *(Path(prefix) / "share" for prefix in prefixes if prefix),
+        *(Path(workspace) for workspace in workspaces if workspace),
+        *wheels,
+        *(wheel / "example-robot-data/robots" for wheel in wheels),
+        *_beside(package),
+    ]
+
+
+def _beside(package: str) -> Iterator[Path]:
+    """Folders that hold a Python package, however it is installed; it is not imported."""
+    spec = find_spec(package) if package.isidentifier() else None
+    for place in (spec and spec.submodule_search_locations) or ():
+        yield Path(place).parent

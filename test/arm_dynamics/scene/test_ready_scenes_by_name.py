@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scenes are found by bare name, from any folder and however the packages are installed."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+import models
+from arm_dynamics import SceneError, load_scene
+from arm_dynamics.scene import ready_scenes
+
+ROOT = Path(__file__).parents[3]
+
+
+@pytest.fixture(autouse=True)
+def elsewhere(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """A folder without scenes to be in."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.delenv("ARM_SCENES", raising=False)
+    return tmp_path
+
+
+@pytest.mark.parametrize(
+    "name", ["two_link", "two_link.yaml", "package://arm_sim/scenes/two_link.yaml"]
+)
+def test_a_ready_scene_is_found_from_any_folder(name: str) -> None:
+    assert load_scene(name) == load_scene(models.SCENES / "two_link.yaml")
+
+
+def test_all_scenes_that_come_along_are_listed() -> None:
+    assert ready_scenes() == sorted(path.stem for path in models.SCENES.glob("*.yaml"))
+
+
+def own(folder: Path, name: str, mass: float) -> Path:
+    path = folder / name
+    path.parent.mkdir(exist_ok=True)
+    path.write_text(
+        "robot: {urdf: package://arm_sim/scenes/two_link.urdf}\n"
+        f"payloads: [{{frame: tip, mass: {mass}}}]\n"
+    )
+    return path
+
+
+def test_a_file_of_the_name_comes_first_and_folders_of_ones_own_second(
+    elsewhere: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (elsewhere / "two_link").mkdir()  # a folder is no scene
+    assert not load_scene("two_link").payloads
+    own(elsewhere / "mine", "two_link.yaml", 2.0)
+    own(elsewhere / "mine", "heavy.yaml", 3.0)
+    monkeypatch.setenv("ARM_SCENES", f"{elsewhere / 'nowhere'}:{elsewhere / 'mine'}")
+    assert load_scene("two_link").payloads[0].mass == 2.0
+    assert load_scene("heavy").payloads[0].mass == 3.0 and "heavy" in ready_scenes()
+    own(elsewhere, "two_link.yaml", 1.0)
+    assert load_scene("two_link.yaml").payloads[0].mass == 1.0
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("pandda", "no file 'pandda' .* did you mean 'panda'\\? Ready scenes: bricard, .* z1"),
+        ("two_lnk.yaml", "did you mean 'two_link'\\?"),
+        ("qqqqqqq", "no ready scene of that name\\. Ready scenes"),
+        ("./two_link", "no file './two_link'; looked at"),
+        ("scenes/two_link.yaml", "looked at"),
+        ("package://arm_sim/scenes/none.yaml", "looked at"),
+        ("package://", "looked at"),
+        ("  ", "neither URDF text nor the name of a file"),
+        ("two\nlink", "neither URDF text nor the name of a file"),
+    ],
+)
+def test_what_is_not_there_is_refused_by_name(name: str, said: str) -> None:
+    with pytest.raises(SceneError) as error:
+        load_scene(name)
+    assert re.search(said, str(error.value))
+
+
+def test_installed_scenes_are_found(elsewhere: Path) -> None:
+    """As colcon and pip install them: in the package, and in its share folder."""
+    subprocess.run(
+        [
+            sys.executable, "setup.py", "-q", "build_py", "--build-lib", elsewhere / "lib",
+            "install_data", "--install-dir", elsewhere,
+        ],
+        cwd=ROOT / "src/arm_sim", check=True, timeout=60,
+    )  # fmt: skip
+    share = elsewhere / "share/arm_sim/scenes"
+    assert {path.name for path in share.iterdir()} == {
+        path.name for path in models.SCENES.iterdir() if path.suffix in (".yaml", ".urdf")
+    }
+    code = (
+        "from arm_dynamics.scene.files import find_file, find_scene; from pathlib import Path\n"
+        "print(find_scene('panda', Path()), find_file('package://arm_sim/scenes/z1.yaml', Path()))"
+    )
+    path = os.pathsep.join(map(str, (elsewhere / "lib", ROOT / "src/arm_dynamics")))
+    environment = os.environ | {"PYTHONPATH": path, "AMENT_PREFIX_PATH": str(elsewhere)}
+    said = subprocess.run(
+        [sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True,
+        timeout=60, check=True,
+    )  # fmt: skip
+    inside = elsewhere / "lib/arm_sim/scenes/panda.yaml"
+    assert said.stdout.split() == [str(inside), str(share / "z1.yaml")]
