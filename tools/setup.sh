@@ -198,16 +198,22 @@ run_colcon() {
 
 build_workspace() (
     workspace=$env/workspace
-    # A complete build is brought up to date in place, under the feet of nobody; a broken one goes.
-    [[ $was_complete ]] || rm -rf "$workspace"
+    cd "$root"
+    interfaces=$(standard_interfaces)
+    # A complete build is brought up to date in place, under the feet of nobody; a broken one goes, and one
+    # that hides packages which the ROS 2 in use has got meanwhile.
+    if [[ ! $was_complete || $(comm -23 "$workspace/interfaces" - <<<"$interfaces" 2>/dev/null) ]]; then
+        rm -rf "$workspace"
+    fi
     mkdir -p "$workspace"
+    printf '%s\n' "$interfaces" >"$workspace/interfaces"
     enter_environment
     if [[ $kind == pypi ]]; then export CMAKE_PREFIX_PATH=$env; fi
     generator=()
     if type -p ninja >/dev/null; then generator=(-G Ninja); fi
     export COLCON_HOME=$workspace # a user's colcon defaults may ask for another layout
-    cd "$root"
-    run_colcon --log-base "$workspace/log" build --base-paths src --merge-install --symlink-install \
+    # shellcheck disable=SC2086 # one argument for each
+    run_colcon --log-base "$workspace/log" build --base-paths src $interfaces --merge-install --symlink-install \
         --build-base "$workspace/build" --install-base "$workspace/install" \
         --event-handlers console_direct+ console_cohesion- desktop_notification- \
         --cmake-args "${generator[@]}" -Wno-dev -DBUILD_TESTING=OFF -DCMAKE_BUILD_TYPE=Release \
