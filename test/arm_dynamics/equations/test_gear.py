@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import Dynamics, SceneError, Term
+from arm_dynamics import Dynamics, Term
 from arm_dynamics.control.friction_compensation import ahead
 from arm_dynamics.equations import transmission
 from arm_sim import Simulator
@@ -242,16 +242,16 @@ def test_an_ideal_gear_is_no_dry_friction() -> None:
     assert not sim.model.has_dry_friction and not sim.plant.events
 
 
-@pytest.mark.parametrize(
-    "friction",
-    [
-        {"coulomb": 1, "load": {"at": [0, 10], "factor": [1, 2]}},
-        {"coulomb": 1, "lugre": {"sigma0": 1e4}},
-    ],
-    ids=["load", "lugre"],
-)
-def test_losses_that_would_be_counted_twice(friction: dict[str, Any]) -> None:
-    scene = pendulum()
-    scene["joints"]["swing"]["friction"] = friction
-    with pytest.raises(SceneError, match="efficiency"):
-        Dynamics(scene)
+@pytest.mark.parametrize("torque", [0.8, -0.8])
+@pytest.mark.parametrize("speed", [3.0, -3.0])
+def test_beside_friction_that_grows_with_the_load(speed: float, torque: float) -> None:
+    """Bearings, whose table says 1.2 at this torque, and teeth, both loaded by the motor."""
+    friction = {"coulomb": 0.1, "load": {"at": [0, 0.8, 8], "factor": [1, 1.2, 3]}}
+    scene = wheel(LINK, **GEAR)
+    (joint,) = scene["joints"].values()
+    joint["friction"] = friction
+    dyn = Dynamics(scene)
+    arrives = torque * (ETA if torque * speed > 0.0 else 1.0 / ETA)
+    known = (arrives - np.sign(speed) * 0.1 * 1.2) / LINK
+    assert_close(dyn.forward([0.0], [speed], [torque]), [known], PINOCCHIO)
+    assert_close(dyn.inverse([0.0], [speed], [known]), [torque], PINOCCHIO)

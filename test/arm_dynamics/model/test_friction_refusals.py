@@ -31,17 +31,18 @@ def refusal(friction: dict[str, Any], *where: str, **more: Any) -> str:
     return str(caught.value).removeprefix("scene: 'joints.")
 
 
-@pytest.mark.parametrize("key", ["load", "lugre"])
-def test_a_gear_that_loses_power_is_the_only_friction_by_load(key: str) -> None:
-    friction = {"coulomb": 0.1, **(LOAD if key == "load" else LUGRE)}
-    for efficiency in (0.5, 0.999):
-        said = refusal(friction, actuator={"efficiency": efficiency})
-        assert said == (
-            f"joint2.friction.{key}' and 'actuator.efficiency' = {efficiency}: "
-            "one of them is allowed"
-        )
-    assert build(friction, actuator={"efficiency": 1.0}).friction.gears == ()
-    assert build({"coulomb": 0.1, **WAVY}, actuator={"efficiency": 0.5}).friction.gears == (1,)
+def test_friction_by_load_must_not_lock_a_lossy_gear() -> None:
+    friction = {"coulomb": 1.0, "load": {"at": [0, 10], "factor": [1, 4]}}
+    assert build(friction).friction.by_load
+    said = refusal(friction, actuator={"efficiency": 0.5})
+    assert said.startswith("joint2.friction.load': friction grows by 0.45 of the load")
+    assert "at most 0.25, half of the gear's efficiency 0.5, is allowed" in said
+
+
+def test_bristles_carry_the_friction_of_the_gear_too() -> None:
+    said = refusal({"coulomb": 0.1, **LUGRE}, actuator={"efficiency": 0.9})
+    assert said.startswith("joint2.friction.lugre' and 'actuator.efficiency' = 0.9: bristles")
+    assert "friction.load" in said
 
 
 STATIC: dict[str, tuple[dict[str, Any], str | None]] = {

@@ -75,8 +75,9 @@ class SteadyFriction:
     def demanded(self, rigid: Quantity, v: Quantity, direction: Quantity, q: Quantity) -> Quantity:
         """Torque that moves the rigid arm and overcomes its own load's friction.
 
-        Solves tau = rigid + F(v, q, tau). A factor by load makes F grow with tau, by less than tau
-        does (see ``model.friction``), so that the repetition converges.
+        Solves tau = g(rigid + F(v, q, tau)), where g gives what a gear needs to pass its argument
+        on. A factor by load makes F grow with tau, by less than tau does (see ``model.friction``),
+        so that the repetition converges.
 
         Args:
             rigid: M a + C v + G + S in [N m] or [N], shape (…, n).
@@ -87,8 +88,7 @@ class SteadyFriction:
         Returns:
             Torques of the shape of ``rigid``.
         """
-        friction = self.gearless
-        tau = rigid + friction(v, direction, q, rigid)
-        for _ in range(REPETITIONS if self.by_load else 0):
-            tau = rigid + friction(v, direction, q, tau)
-        return self.joints.gear_input(tau, direction)
+        friction, tau = self.gearless, rigid
+        for _ in range(REPETITIONS + 1 if self.by_load else 1):
+            tau = self.joints.gear_input(rigid + friction(v, direction, q, tau), direction)
+        return tau

@@ -23,7 +23,8 @@ from arm_dynamics.equations.tree import constant
 from arm_dynamics.scene.friction import Friction, Sides, Table, refusal
 
 STEEPEST = 0.5
-"""Most that friction may grow with the torque that causes it; each repetition halves the error."""
+"""Most that friction may grow with the torque that causes it, over the gear's efficiency; each
+repetition of ``SteadyFriction.demanded`` halves the error."""
 UNLOADED = 1e-12
 """What a gear without load holds in [N m] or [N], so that nothing is divided by zero."""
 
@@ -312,10 +313,12 @@ def _curve(table: Table | None) -> Curve | None:
 
 def _check(joint: Given) -> None:
     own, law = joint.own, joint.own.stateful
-    for key in ("load", law):
-        if joint.efficiency < 1.0 and key and getattr(own, key) is not None:
-            both = f"{key}' and 'actuator.efficiency' = {joint.efficiency}"
-            raise refusal(joint.name, f"{both}: one of them is allowed")
+    if joint.efficiency < 1.0 and law:
+        raise refusal(
+            joint.name,
+            f"{law}' and 'actuator.efficiency' = {joint.efficiency}: bristles carry all dry "
+            "friction of a joint; say with 'friction.load' how that of the gear grows",
+        )
     fc, fc_skew = _sides(own.coulomb, joint.dry)
     fs, fs_skew = _sides(own.static, fc, fc_skew)
     if fs + fs_skew < fc + fc_skew or fs - fs_skew < fc - fc_skew:
@@ -344,11 +347,13 @@ def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
         level *= float(place.values.max()) if place else 1.0
         grid = np.linspace(curve.at[0], curve.at[-1], 1000)
         steepest = level * float(np.max(np.diff(curve(grid)) / np.diff(grid)))
-        if steepest > STEEPEST:
+        allowed = STEEPEST * joint.efficiency  # the motor gives 1/η of what friction takes
+        if steepest > allowed:
+            gear = f", half of the gear's efficiency {joint.efficiency}," if allowed < 0.5 else ""
             raise refusal(
                 joint.name,
                 f"load': friction grows by {steepest:.3g} of the load that causes it; at most "
-                f"{STEEPEST} is allowed, or the joint could lock itself",
+                f"{allowed:.3g}{gear} is allowed, or the joint could lock itself",
             )
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The energy account of a motion: what its laws store, what came in and what went out as heat.
 
-Where a motion is smooth and the command is the torque, both can be had from the recorded states.
-Where laws have states, a current rises and bristles snap within a tick, and where there are events
+Where a motion is smooth and the command is the torque, both can be had from the recorded states, to
+fourth order. Under error control that would be less than was asked for. Where laws have states, a current rises and bristles snap within a tick, and where there are events
 friction and stops jump within one: a quadrature on the recorded states would miss it. Every tick
 is made again from its recorded beginning, by the same method, with the work that came in and the
 heat that went out since as further states. They are integrated as accurately as the motion itself.
@@ -91,7 +91,11 @@ class EnergyAccount:
     @property
     def may_make_ticks_again(self) -> bool:
         """Whether some motion of the scene needs ticks made again."""
-        return self._plant.laws is not None or bool(self._plant.events)
+        return self._always or bool(self._plant.events)
+
+    @property
+    def _always(self) -> bool:
+        return self._plant.laws is not None or self._choice.tolerance is not None
 
     def prepare(self) -> None:
         """Build now what the first ``flows`` would have to build."""
@@ -101,11 +105,10 @@ class EnergyAccount:
     def makes_ticks_again(self, x: Array) -> bool:
         """Whether ``flows`` costs as much as the ticks themselves for states of shape (k+1, nx).
 
-        A smooth motion without laws needs it only where it meets a stop.
+        A smooth motion by fixed steps, without laws, needs it only where it meets a stop.
         """
         model = self._plant.model
-        smooth = self._plant.laws is None and (not self._plant.events or self._plant.free)
-        if not smooth:
+        if self._always or (self._plant.events and not self._plant.free):
             return True
         q, v = x[:, : model.n], x[:, model.n : 2 * model.n]
         # A rebound shows in how fast a joint leaves, even if it is nowhere at the stop in between.
