@@ -58,7 +58,7 @@ class ClosedLoop:
         settings = settings or Settings(dt=self.simulator.dt)
         self._control = Switch(make_controller(controller, self._dynamics, settings), settings.dt)
         self._limits = Limits.of(self._dynamics.model, acceleration_limit)
-        self._follower = Follower(self.simulator.state.q, self._limits)
+        self._follower = Follower(self.simulator.measured.q, self._limits)
 
     @property
     def stamp(self) -> int:

@@ -16,7 +16,7 @@ from arm_dynamics.actuation.joint_laws import FRICTION
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
 from arm_dynamics.model.stops import Stops
-from arm_dynamics.scene import Scene
+from arm_dynamics.scene import Line, Scene
 from arm_dynamics.scene.constraint import WORLD
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.plant import Plant
@@ -167,6 +167,8 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("constraints", rows, f"{rows} rows, {model.n - rows} freedoms left", "none"),
         _part("end stops", model.stops, _stops(model.stops), "no joint has one"),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
+        _part("sensors", scene.sensors, _sensors(scene), "states are known as they are, at once"),
+        _part("delay and loss of commands", _late(scene), _late(scene), "commands act at once"),
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
         _part("locked joints", False, "", f"{locked} folded away" if locked else "none"),
         _part("energies", False, "", "computed when asked for"),
@@ -197,6 +199,25 @@ def _contacts(scene: Scene) -> str:
     carriers = sorted({contact.plane.frame for contact in contacts} - {WORLD})
     counts = [f"{count} {kind}" for kind, count in kinds.items() if count]
     return ", ".join([*counts, *([f"planes on {', '.join(carriers)}"] if carriers else [])])
+
+
+def _sensors(scene: Scene) -> str:
+    """What is not perfect about them."""
+    if (sensors := scene.sensors) is None:
+        return ""
+    given = {"position": sensors.position, "velocity": sensors.velocity, "effort": sensors.effort}
+    told = [name for name, part in given.items() if part.model_fields_set]
+    return "; ".join([*([f"of {', '.join(told)}"] if told else []), *_line(sensors)]) or "perfect"
+
+
+def _late(scene: Scene) -> str:
+    return "" if scene.commands is None else "; ".join(_line(scene.commands))
+
+
+def _line(line: Line) -> list[str]:
+    late = [f"{1e3 * line.delay:g} to {1e3 * (line.delay + line.jitter):g} ms late"]
+    lost = [f"{100.0 * line.loss:g} % lost"]
+    return (late if line.delay or line.jitter else []) + (lost if line.loss else [])
 
 
 def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:

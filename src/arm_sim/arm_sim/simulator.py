@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from struct import Struct
 from typing import Any
 
@@ -17,6 +18,7 @@ from arm_sim import contact_forces
 from arm_sim.compiled_scene import CompiledScene
 from arm_sim.contact_forces import ContactForce
 from arm_sim.exceptions import SimulationDiverged
+from arm_sim.imperfections import Line, Measured, command_line, delivered, sensors_of
 from arm_sim.inputs import SaturationNotice, tick_count, torque, torque_table, whole
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plan import Plan
@@ -50,6 +52,7 @@ class Simulator:
         dt: Length of a tick in [s].
         x: The state (q, v, z) as it is now, shape (nx,): a read-only view that steps change.
         acted: ``command`` as it is now, likewise.
+        sensors: What the scene's sensors tell, tick by tick; None if it has none.
 
     Raises:
         InvalidInput: If the method is unknown, or dt or tolerance is out of range.
@@ -72,12 +75,15 @@ class Simulator:
         self.z_names = plant.laws.names if plant.laws else ()
         self.backend = backend
         self._x, self._command = np.zeros(plant.nx), np.zeros(self.n)
+        self._q, self._v = self._x[: self.n], self._x[self.n : 2 * self.n]
         self._effort, self._notes = np.zeros((1, self.n)), np.zeros((1, 2))
         self._put = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only(self._x), read_only(self._effort[0])
         self._state: State | None = None
         self._step = 0
         self._saturation = SaturationNotice(model)
+        self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
+        self._line: Line[list[float]] | None = command_line(model.scene, self.dt)
         self._bind(CompiledScene(plant, self.choice, backend))
         self.reset()
 
@@ -108,6 +114,18 @@ class Simulator:
             notes = self._notes.tolist()[0]
             self._state = state = State.of(self._x, self.n, self._step, self.dt, *notes)
         return state
+
+    @property
+    def measured(self) -> State:
+        """The state as the scene's sensors tell it now; without any, the state itself.
+
+        States z have no sensors and are told as they are.
+        """
+        state, n = self.state, self.n
+        if self.sensors is None:
+            return state
+        told = read_only(self.sensors.said.copy())
+        return replace(state, q=told[:n], v=told[n : 2 * n])
 
     @property
     def held_constraints(self) -> tuple[str, ...]:
@@ -166,7 +184,8 @@ class Simulator:
 
         Args:
             tau: Joint torques in [N m] or [N], or what a joint's drive takes in its place, shape
-                (n,); saturated at the limits.
+                (n,); saturated at the limits. With ``commands`` in the scene it acts when it
+                arrives.
 
         Returns:
             The state at the end of the tick.
@@ -175,16 +194,21 @@ class Simulator:
             InvalidInput: If ``tau`` has the wrong shape or is not finite.
             SimulationDiverged: If the tick gives numbers that are not finite; the state stays.
         """
-        self.advance(torque(tau, self.n))
+        self.advance(self._arrived(torque(tau, self.n)))
         return self.state
 
     def advance(self, tau: Sequence[float]) -> None:
-        """As ``step`` for n finite numbers, for a loop that looks at ``x``: no state is made."""
+        """As ``step`` for n finite numbers, for a loop that looks at ``x``: no state is made.
+
+        They act at once: a loop that calls this carries commands itself.
+        """
         self._put(self._command, 0, *tau)
         if self._tick() != 1:
             raise self._diverged()
         self._step, self._state = self._step + 1, None
         self._saturation.look(self._command, self._effort)
+        if self.sensors is not None:
+            self.sensors.look(self._step, self._q, self._v, self._driving)
 
     def run(self, duration: float, control: Control | CompiledControl | Any = None) -> Recording:
         """Advance for a while and record every tick.
@@ -193,7 +217,8 @@ class Simulator:
             duration: In [s]; rounded to whole ticks.
             control: None for no torque, torques of shape (n,) to hold, a table of shape
                 (ticks, n), a compiled controller, or a function of the state that returns torques.
-                All but the function run in compiled code.
+                All but the function run in compiled code. The function is given the state as the
+                scene's sensors tell it.
 
         Returns:
             The motion, the present state first.
@@ -209,15 +234,24 @@ class Simulator:
         x[0], notes[0] = self._x, self._notes[0]
         trace, effort, later = x[1:], command[:-1], notes[1:]
         changes = Changes(self)
+        told = None if self.sensors is None else np.empty((ticks + 1, 3 * self.n))
+        if self.sensors is not None and told is not None:
+            told[0] = self.sensors.said
         if isinstance(control, CompiledControl):
+            self._refuse_imperfections()
             stepper = self._compiled.controlled(control)
             done = self._roll(stepper, control.reference(time[:-1]), trace, effort, later)
         elif callable(control):
-            done = self._run_function(control, x, effort, later, changes)
+            done = self._run_function(control, x, effort, later, changes, told)
         else:
             table = torque_table(control, ticks, self.n, self.dt)
+            if self._line is not None:
+                rows = np.broadcast_to(table, (ticks, self.n))
+                table = np.array([self._arrived(row, k) for k, row in enumerate(rows.tolist())])
+                table = table.reshape(ticks, self.n)
             done = self._roll(self._stepper, table, trace, effort, later)
             self._saturation.look(table[:done] if table.ndim == 2 else table, effort[:done])
+            self._look_over(trace[:done], effort[:done], told)
         command[done] = command[done - 1] if done else 0.0
         time, x, command, notes = (
             read_only(array[: done + 1]) for array in (time, x, command, notes)
@@ -226,7 +260,7 @@ class Simulator:
         recording = Recording(
             time, q, v, z, command, notes[:, 0], notes[:, 1], self.dynamics, self.plant,
             self.energy_account, changes.parameters(done + 1), self.held_constraints,
-            changes.jumps(),
+            changes.jumps(), None if told is None else Measured.of(told[: done + 1]),
         )  # fmt: skip
         if done < ticks:
             diverged = self._diverged()
@@ -251,6 +285,9 @@ class Simulator:
         self._step, self._effort[:], self._notes[:] = 0, 0.0, 0.0
         self._compiled.restart()
         self._state = None
+        if self._line is not None:
+            self._line.restart()
+        self._sense_anew()
         return self.state
 
     def set_state(self, q: Any = None, v: Any = None, z: Any = None) -> State:
@@ -261,6 +298,7 @@ class Simulator:
         q, v = self.state.q if q is None else q, self.state.v if v is None else v
         self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
         self._state = None
+        self._sense_anew()
         return self.state
 
     def set_parameter(self, name: str, value: Any) -> None:
@@ -287,7 +325,8 @@ class Simulator:
         Args:
             q0: Initial positions in [rad] or [m], shape (b, n).
             v0: Initial velocities in [rad/s] or [m/s], shape (b, n).
-            tau: Torques in [N m] or [N], shape (n,), (b, n) or (b, steps, n).
+            tau: Torques in [N m] or [N], shape (n,), (b, n) or (b, steps, n); they act when they
+                arrive, by chance of each arm's own, for the first the simulator's.
             steps: Ticks to advance.
             parameters: Tunable quantities by name, shape (size,) or (b, size).
             last_only: Whether to return only the last states.
@@ -304,6 +343,7 @@ class Simulator:
         p = self.plant.parameters.merged(parameters or {}, self._stepper.p)
         rollouts = self._compiled.rollouts
         batch = rollouts.batch(q0, v0, tau, steps, p, last_only)
+        batch = replace(batch, tau=delivered(self.model.scene, self.dt, batch.tau))
         return rollouts.run(batch, threads, lanes)
 
     def linearize(self, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
@@ -403,17 +443,56 @@ class Simulator:
         return done
 
     def _run_function(
-        self, control: Control, x: Array, effort: Array, notes: Array, changes: Changes
+        self,
+        control: Control,
+        x: Array,
+        effort: Array,
+        notes: Array,
+        changes: Changes,
+        told: Array | None,
     ) -> int:
         for k in range(len(effort)):
-            command = control(self.state)
+            command = control(self.measured)
             changes.look(k, x)
             try:
-                self.advance(torque(command, self.n))
+                self.advance(self._arrived(torque(command, self.n)))
             except SimulationDiverged:
                 return k
             x[k + 1], effort[k], notes[k] = self._x, self._effort[0], self._notes[0]
+            if self.sensors is not None and told is not None:
+                told[k + 1] = self.sensors.said
         return len(effort)
+
+    def _arrived(self, command: list[float], ahead: int = 0) -> list[float]:
+        """What acts when ``command`` is given, some ticks ahead of the present one."""
+        if self._line is None:
+            return command
+        return self._line.carry(self._step + ahead, command) or [0.0] * self.n
+
+    @property
+    def _driving(self) -> Array:
+        return self._effort[0] if self.plant.torques is None else self.effort
+
+    def _sense_anew(self) -> None:
+        if self.sensors is not None:
+            self.sensors.restart(self._step, self._q, self._v, self._driving)
+
+    def _look_over(self, trace: Array, command: Array, told: Array | None) -> None:
+        """Let sensors look at ticks that were made in one go."""
+        if self.sensors is None or told is None:
+            return
+        n, first = self.n, self._step - len(trace) + 1
+        effort = self.plant.joint_torque(trace, command)
+        for k, x in enumerate(trace):
+            self.sensors.look(first + k, x[:n], x[n : 2 * n], effort[k])
+            told[k + 1] = self.sensors.said
+
+    def _refuse_imperfections(self) -> None:
+        if self.sensors is not None or self._line is not None:
+            raise InvalidInput(
+                "a compiled controller knows the state itself and acts at once, but the scene has "
+                "'sensors' or 'commands'; a controller that is a function of the state is allowed"
+            )
 
     def _diverged(self) -> SimulationDiverged:
         state, choice = self.state, self.choice

@@ -30,13 +30,27 @@ GOAL = np.array([0.4, -0.3])
 START = 10_000_000  # [ns]
 
 
-def lockstep(ros: Ros, **parameters: Any) -> SimNode:
-    return ros.add(SimNode, models.scene("two_link"), lockstep=True, **parameters)
+IMPERFECT = {
+    **models.scene("two_link").model_dump(exclude_unset=True),
+    "sensors": {
+        "position": {"resolution": 1e-4, "noise": 1e-5},
+        "velocity": {"from": "position", "cutoff": 100},
+        "delay": 0.001,
+        "jitter": 0.002,
+        "loss": 0.02,
+    },
+    "commands": {"delay": 0.001, "jitter": 0.001, "loss": 0.02},
+}
 
 
-def expected() -> np.ndarray:
+def lockstep(ros: Ros, scene: Any = None, **parameters: Any) -> SimNode:
+    scene = scene or models.scene("two_link")
+    return ros.add(SimNode, scene, lockstep=True, **parameters)
+
+
+def expected(scene: Any = None) -> np.ndarray:
     """The same motion in one process, without messages."""
-    pair = ClosedLoop(models.scene("two_link"))
+    pair = ClosedLoop(scene or models.scene("two_link"))
     pair.follow([Waypoint(0.2, pair.simulator.state.q + GOAL)], START)
     motion = pair.run(TICKS * pair.simulator.dt)
     return np.hstack([motion.q, motion.v])
@@ -73,13 +87,19 @@ def motion(ros: Ros, sim: SimNode, controller: ControllerNode) -> np.ndarray:
     return np.array(states)
 
 
-def pair(ros: Ros, **parameters: Any) -> tuple[SimNode, ControllerNode]:
-    sim = lockstep(ros, paused=True, **parameters)
+def pair(ros: Ros, scene: Any = None, **parameters: Any) -> tuple[SimNode, ControllerNode]:
+    sim = lockstep(ros, scene, paused=True, **parameters)
     return sim, ros.add(ControllerNode, models.scene("two_link"))
 
 
 def test_over_topics_it_equals_one_process_to_the_bit(ros: Ros) -> None:
     np.testing.assert_array_equal(motion(ros, *pair(ros)), expected())
+
+
+def test_sensors_and_lines_of_the_scene_do_the_same_over_topics_to_the_bit(ros: Ros) -> None:
+    over_topics = motion(ros, *pair(ros, IMPERFECT, stale_policy="zero"))
+    np.testing.assert_array_equal(over_topics, expected(IMPERFECT))
+    assert abs(over_topics - expected()).max() > 1e-4
 
 
 def test_lost_messages_are_asked_for_again_and_change_nothing(

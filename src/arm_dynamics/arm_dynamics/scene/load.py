@@ -14,6 +14,7 @@ import yaml
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
 from arm_dynamics.scene.files import find_file, find_scene
+from arm_dynamics.scene.imperfections import check_sensors
 from arm_dynamics.scene.schema import Joint, Scene, validated
 from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.urdf import Urdf, read_urdf
@@ -136,6 +137,8 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
     check_constraints(scene.constraints, urdf, set(scene.robot.lock))
     check_springs(scene.springs, urdf)
     _check_hold(scene, urdf)
+    if scene.sensors is not None:
+        check_sensors(scene.sensors, urdf, scene.robot.lock)
     for name, rule in urdf.mimics.items():
         _check_follower(scene, name, rule.leader)
     for name in scene.robot.lock:

@@ -30,6 +30,7 @@ from arm_dynamics.scene.constraint import (
 )
 from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.friction import KINDS, Friction
+from arm_dynamics.scene.imperfections import Commands, Sensors
 from arm_dynamics.scene.inertia import fault
 from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import (
@@ -195,6 +196,8 @@ class Scene(Part):
         constraints: What ties the robot to itself or to the world.
         initial: Start of the motion.
         sim: Integration.
+        sensors: What a controller is told of the motion; absent: the motion itself, at once.
+        commands: How commands get to the arm; absent: all of them, at once.
         tunable: What may differ between arms of a rollout or change while the simulator runs;
             costs a little. ``external`` are joint torques from outside, zero at first.
     """
@@ -207,6 +210,8 @@ class Scene(Part):
     constraints: tuple[Constraint, ...] = ()
     initial: Initial = Initial()
     sim: Sim = Sim()
+    sensors: Sensors | None = None
+    commands: Commands | None = None
     tunable: tuple[Literal["gravity", "payload", "friction", "external"], ...] = ()
 
     @field_validator("tunable")
@@ -284,7 +289,7 @@ def _fields_at(path: tuple[int | str, ...]) -> list[str]:
             parts = [tagged]
         elif named:
             parts = _parts_in(named[0].annotation) or parts
-    return list(parts[0].model_fields)
+    return [field.alias or name for name, field in parts[0].model_fields.items()]
 
 
 def _parts_in(annotation: object) -> list[type[Part]]:

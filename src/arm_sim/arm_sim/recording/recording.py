@@ -12,6 +12,7 @@ import numpy as np
 
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array, read_only
+from arm_sim.imperfections import Measured
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.changes import Jump
 from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_error
@@ -38,6 +39,7 @@ class Recording:
         p: Tunable quantities from each time on, shape (k+1, np).
         held: Names of the constraints that held.
         jumps: What the controller changed between two ticks.
+        measured: What the scene's sensors told at each time; None if it has none.
     """
 
     time: Array
@@ -53,6 +55,7 @@ class Recording:
     p: Array
     held: tuple[str, ...] = ()
     jumps: tuple[Jump, ...] = ()
+    measured: Measured | None = None
 
     def __len__(self) -> int:
         """Number of recorded states."""

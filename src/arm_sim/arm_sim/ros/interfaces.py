@@ -6,11 +6,13 @@ from __future__ import annotations
 from arm_msgs.msg import Energy, Multipliers
 from geometry_msgs.msg import WrenchStamped
 from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
 from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics.ros.interfaces import NEWEST, Topic
 
 COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
+GROUND_TRUTH = Topic("~/ground_truth", JointState)  # where joint_states are what sensors tell
 ENERGY = Topic("~/energy", Energy)
 MULTIPLIERS = Topic("~/multipliers", Multipliers)
 CLOCK = Topic("clock", Clock)

@@ -3,18 +3,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from arm_msgs.msg import Energy, Multipliers
 from rclpy.node import Node
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.cdr import NATIVE, time_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import advertise
-from arm_dynamics.ros.interfaces import JOINT_STATES
+from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
-from arm_sim.ros.interfaces import CLOCK, ENERGY, MULTIPLIERS
+from arm_sim.ros.interfaces import CLOCK, ENERGY, GROUND_TRUTH, MULTIPLIERS
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
@@ -23,7 +24,7 @@ _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
 
 
 class Outputs:
-    """Joint states; clock, energy and constraint forces where they are asked for.
+    """Joint states, beside the true ones where the scene has sensors; what else is asked for.
 
     Used by the ticking thread only.
     """
@@ -47,8 +48,17 @@ class Outputs:
         n, x = simulator.n, simulator.x
         self._driven = np.zeros(n) if simulator.plant.torques is not None else None
         effort = simulator.acted if self._driven is None else self._driven
-        writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
-        self._states = JointStateSink(node, JOINT_STATES, writer, (x[:n], x[n : 2 * n], effort))
+        truth = x[:n], x[n : 2 * n], effort
+
+        def sink(topic: Topic, arrays: Sequence[Array]) -> JointStateSink:
+            writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
+            return JointStateSink(node, topic, writer, arrays)
+
+        if (sensors := simulator.sensors) is None:
+            self._states, self._truth = sink(JOINT_STATES, truth), None
+        else:
+            self._states = sink(JOINT_STATES, np.split(sensors.said, 3))
+            self._truth = sink(GROUND_TRUTH, truth)
         self._energy = advertise(node, ENERGY)
         self._multipliers = None
         if simulator.model.scene.bilateral:
@@ -69,6 +79,8 @@ class Outputs:
         if self._driven is not None:
             self._driven[:] = self._simulator.effort
         self._states.send(stamp)
+        if self._truth is not None:
+            self._truth.send(stamp)
         if self._clock is not None:
             self._clock.publish_raw(NATIVE + time_bytes(stamp))
 

@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 from arm_dynamics import InvalidInput
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
+from arm_sim.imperfections import Line, command_line
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import ZERO, LatestCommand
 from arm_sim.ros.energy_meter import Account, EnergyMeter
@@ -68,7 +69,8 @@ class TickEngine:
             wait_for_command: Whether time stands still until the first command.
         """
         self.simulator, self._q = simulator, simulator.x[: simulator.n]
-        self.commands = LatestCommand(simulator.dynamics)
+        line: Line[Sequence[float]] | None = command_line(simulator.model.scene, simulator.dt)
+        self.commands = LatestCommand(simulator.dynamics, line)
         self.arbiter, self.queue = Arbiter(self.ticks(_SILENCE)), TickQueue()
         self.paused, self.failure, self._was_stale = paused, "", False
         self._self_running, self._wait_for_command = self_running, wait_for_command
@@ -109,6 +111,7 @@ class TickEngine:
         if not self.paused:
             self.read_commands()
             if not (self._wait_for_command and self.commands.empty):
+                self.commands.arrive(self.simulator.step_count)
                 self._advance(self.commands.take(self._q))
                 if self.commands.stale is not self._was_stale:
                     self._was_stale = self.commands.stale
@@ -136,6 +139,7 @@ class TickEngine:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         self.read_commands()
         for done in range(steps):
+            self.commands.arrive(self.simulator.step_count)
             if not self._advance(self.commands.held(self._q)):
                 raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
 

@@ -9,6 +9,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_sim.imperfections import Line
 
 ZERO, HOLD, GRAVITY = "zero", "hold", "gravity"
 POLICIES = (ZERO, HOLD, GRAVITY)
@@ -17,7 +18,12 @@ POLICIES = (ZERO, HOLD, GRAVITY)
 class LatestCommand:
     """A slot that one thread fills and another one reads; only the newest command counts.
 
-    Age is counted in ticks since a command was first used, so a run by hand is repeatable.
+    Age is counted in ticks since a command was first used, so a run by hand is repeatable. Where
+    the scene's commands take time, or get lost, one is newest when it has arrived.
+
+    Args:
+        dynamics: The arm whose weight the policy ``gravity`` carries.
+        line: What commands come on; None: they arrive at once.
 
     Attributes:
         dynamics: The arm whose weight the policy ``gravity`` carries; may be replaced.
@@ -26,7 +32,7 @@ class LatestCommand:
         stale_count: How often commands have stopped.
     """
 
-    def __init__(self, dynamics: Dynamics) -> None:
+    def __init__(self, dynamics: Dynamics, line: Line[Sequence[float]] | None = None) -> None:
         self.dynamics, zero = dynamics, np.zeros(dynamics.n)
         none: Sequence[float] = zero.tolist()
 
@@ -40,6 +46,8 @@ class LatestCommand:
             GRAVITY: standing,
         }
         self._newest: Sequence[float] | None = None
+        self._sent: Sequence[float] | None = None
+        self._line, self._any = line, False
         self._used: Sequence[float] | None = None
         self.age = 0
         self.stale = False
@@ -59,17 +67,32 @@ class LatestCommand:
 
     def put(self, tau: Sequence[float]) -> None:
         """Make ``tau``, n numbers, the newest command; it must not be changed afterwards."""
-        self._newest = tau
+        self._any = True
+        if self._line is None:
+            self._newest = tau
+        else:
+            self._sent = tau
+
+    def arrive(self, tick: int) -> None:
+        """Where commands take time, make what has arrived by this tick the newest one."""
+        if self._line is None:
+            return
+        if self._sent is not None:
+            self._line.send(tick, self._sent)
+            self._sent = None
+        self._newest = self._line.receive(tick)
 
     def clear(self) -> None:
         """Forget all commands."""
-        self._newest = self._used = None
-        self.age, self.stale = 0, False
+        self._newest = self._used = self._sent = None
+        self.age, self.stale, self._any = 0, False, False
+        if self._line is not None:
+            self._line.restart()
 
     @property
     def empty(self) -> bool:
         """Whether no command has come yet."""
-        return self._newest is None
+        return not self._any
 
     def take(self, q: Array) -> Sequence[float]:
         """Return the torque for the next tick, n numbers, and count that tick.

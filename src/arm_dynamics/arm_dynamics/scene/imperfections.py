@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene says of what lies between an arm and who controls it: sensors and lines.
+
+The motion itself does not depend on these keys; what they do is in ``arm_sim.imperfections``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Mapping, Sequence
+from typing import Annotated, Any, Literal
+
+from pydantic import BeforeValidator, ConfigDict, Field, StrictInt, model_validator
+
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.scene.constraint import Fraction, check_joints
+from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
+from arm_dynamics.scene.urdf import Urdf
+
+ALL = "*"
+
+
+def _by_joint(value: object) -> object:
+    """One number stands for all joints."""
+    if isinstance(value, Mapping):
+        return value
+    if isinstance(value, int | float | str):
+        return {ALL: value}
+    raise ValueError("a number, or numbers by joint name, is expected")
+
+
+ByJoint = Annotated[dict[str, NonNegative], BeforeValidator(_by_joint)]
+"""Numbers of at least zero by joint name; ``"*"`` speaks for the joints that are not named."""
+AnyByJoint = Annotated[dict[str, Finite], BeforeValidator(_by_joint)]
+PositiveByJoint = Annotated[dict[str, Positive], BeforeValidator(_by_joint)]
+Delay = Annotated[NonNegative, Field(le=10.0)]
+
+
+class PositionSensor(Part):
+    """An encoder at each joint.
+
+    Attributes:
+        resolution: Step between two values that it tells in [rad] or [m]; 0: none.
+        counts: The same for turning joints, as steps in a turn.
+        noise: Standard deviation of each sample in [rad] or [m], before it is rounded.
+        offset: What it tells too much in [rad] or [m], before it is rounded.
+    """
+
+    resolution: ByJoint = {}
+    counts: PositiveByJoint = {}
+    noise: ByJoint = {}
+    offset: AnyByJoint = {}
+
+    @model_validator(mode="after")
+    def _one_step(self) -> PositionSensor:
+        if both := sorted(self.resolution.keys() & self.counts.keys()):
+            raise ValueError(f"'{both[0]}' has resolution and counts; one of them is expected")
+        return self
+
+
+class VelocitySensor(Part):
+    """What tells velocities.
+
+    Attributes:
+        source: ``from`` in a scene: ``position``, differences of what the encoder tells from tick
+            to tick, or ``motion``, the velocity itself.
+        cutoff: Frequency in [Hz] at which a low-pass filter lets 71 % pass; absent: no filter.
+        order: Of that filter, 1 or 2 (Butterworth).
+        noise: Standard deviation of each sample in [rad/s] or [m/s], behind the filter.
+        offset: What it tells too much in [rad/s] or [m/s], likewise.
+    """
+
+    model_config = ConfigDict(serialize_by_alias=True)
+
+    source: Annotated[Literal["position", "motion"], Field(alias="from")] = "motion"
+    cutoff: PositiveByJoint = {}
+    order: Literal[1, 2] = 1
+    noise: ByJoint = {}
+    offset: AnyByJoint = {}
+
+
+class EffortSensor(Part):
+    """What tells torques.
+
+    Attributes:
+        noise: Standard deviation of each sample in [N m] or [N].
+        offset: What it tells too much in [N m] or [N].
+    """
+
+    noise: ByJoint = {}
+    offset: AnyByJoint = {}
+
+
+class Line(Part):
+    """How messages get from one end to the other; what is overtaken counts as lost.
+
+    Attributes:
+        delay: Time that every one takes in [s].
+        jitter: Most that one takes longer in [s]; how much is drawn evenly from zero to this.
+        loss: Part of them that never arrives.
+    """
+
+    delay: Delay = 0.0
+    jitter: Delay = 0.0
+    loss: Fraction = 0.0
+
+    @property
+    def perfect(self) -> bool:
+        """Whether everything arrives at once."""
+        return not (self.delay or self.jitter or self.loss)
+
+
+class Sensors(Line):
+    """What a controller is told of the motion, and the line on which states come.
+
+    Attributes:
+        seed: What all chance in sensors and lines is drawn from.
+        position: The encoders.
+        velocity: What tells velocities.
+        effort: What tells torques.
+    """
+
+    seed: Annotated[StrictInt, Field(ge=0, lt=2**63)] = 0
+    position: PositionSensor = PositionSensor()
+    velocity: VelocitySensor = VelocitySensor()
+    effort: EffortSensor = EffortSensor()
+
+
+class Commands(Line):
+    """The line on which commands come."""
+
+
+def values(by_joint: Mapping[str, float], names: Sequence[str]) -> list[float]:
+    """The number of each joint; zero where none is given."""
+    common = by_joint.get(ALL, 0.0)
+    return [by_joint.get(name, common) for name in names]
+
+
+def check_sensors(sensors: Sensors, urdf: Urdf, locked: Collection[str]) -> None:
+    """Every joint that a sensor names must move by itself, and turn where turns are counted.
+
+    Raises:
+        SceneError: Naming the key, the joint and what is allowed.
+    """
+    free = [name for name in urdf.moving if name not in urdf.mimics and name not in locked]
+    for kind in ("position", "velocity", "effort"):
+        part: Part = getattr(sensors, kind)
+        for key in type(part).model_fields:
+            given: Any = getattr(part, key)
+            if isinstance(given, dict):
+                named = [name for name in given if name != ALL]
+                check_joints(f"sensors.{kind}.{key}", named, free, urdf, locked)
+    counts = sensors.position.counts
+    for name in free:
+        if (name in counts or ALL in counts) and urdf.joints[name] == "prismatic":
+            raise SceneError(
+                f"scene: 'sensors.position.counts': joint '{name}' slides, so it has no counts in "
+                "a turn; a resolution in m is allowed"
+            )

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What sensors tell of a motion: rounded, noisy, filtered, and later than it happens."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.scene import Scene
+from arm_dynamics.scene import imperfections as schema
+from arm_dynamics.scene.imperfections import values
+from arm_sim.imperfections.chance import Chance, Channel, normal
+from arm_sim.imperfections.lines import Line
+from arm_sim.imperfections.low_pass import LowPass
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What the control was told in a run, at each time of the recording; arrays are read-only.
+
+    Attributes:
+        q: Positions in [rad] or [m], shape (k+1, n).
+        v: Velocities in [rad/s] or [m/s], shape (k+1, n).
+        effort: Torques of the tick before in [N m] or [N], shape (k+1, n).
+    """
+
+    q: Array
+    v: Array
+    effort: Array
+
+    @classmethod
+    def of(cls, told: Array) -> Measured:
+        """From rows of (q, v, effort)."""
+        return cls(*(read_only(part) for part in np.split(told, 3, axis=1)))
+
+
+class Sensors:
+    """Sensors of all joints, and the line on which what they tell comes; looks at every tick.
+
+    Attributes:
+        said: What is known of (q, v, effort) at the tick that was looked at last, shape (3n,): an
+            array that stays, and changes with every look.
+    """
+
+    def __init__(self, scene: schema.Sensors, names: Sequence[str], dt: float) -> None:
+        """Prepare.
+
+        Args:
+            scene: What the scene says of them.
+            names: Joints.
+            dt: Time from tick to tick in [s].
+
+        Raises:
+            SceneError: If a filter's cut-off frequency cannot be had at this rate.
+        """
+        n, velocity = len(names), scene.velocity
+        self._rate, self._rounding = 1.0 / dt, _rounding(scene.position, names)
+        self._errors = [
+            _error(part, names, scene.seed, channel)
+            for part, channel in (
+                (scene.position, Channel.POSITION), (velocity, Channel.VELOCITY),
+                (scene.effort, Channel.EFFORT),
+            )
+        ]  # fmt: skip
+        self._differences = velocity.source == "position"
+        self._filter = _filter(velocity, names, dt)
+        self._now, self._last = np.zeros(3 * n), np.zeros(n)
+        self._q, self._v, self._effort = np.split(self._now, 3)  # views
+        self._line: Line[Array] | None = None
+        self.said = self._now
+        if not scene.perfect:
+            self._line = Line(scene, dt, scene.seed, Channel.STATES)
+            self.said = np.zeros(3 * n)
+
+    def restart(self, tick: int, q: Array, v: Array, effort: Array) -> None:
+        """Begin anew: the state is known at once, and filters have settled.
+
+        Velocities that are differences of positions are told as they are at this tick.
+        """
+        self._position(tick, q)
+        if self._filter is not None:
+            self._filter.settle(v)
+        self._rest(tick, v, effort)
+        if self._line is not None:
+            self._line.restart(self._now.copy())
+            self.said[:] = self._now
+
+    def look(self, tick: int, q: Array, v: Array, effort: Array) -> None:
+        """Look at the state at the end of the tick before, and say what is known of it by now.
+
+        Args:
+            tick: Its number, one more than at the last look.
+            q: Positions in [rad] or [m], shape (n,).
+            v: Velocities in [rad/s] or [m/s], shape (n,).
+            effort: Torques that acted in [N m] or [N], shape (n,).
+        """
+        if self._differences:
+            self._last[:] = self._q
+            self._position(tick, q)
+            v = np.subtract(self._q, self._last, self._last)
+            v *= self._rate
+        else:
+            self._position(tick, q)
+        self._rest(tick, v if self._filter is None else self._filter.filtered(v), effort)
+        if self._line is not None:
+            self.said[:] = self._line.carry(tick, self._now.copy())
+
+    def _position(self, tick: int, q: Array) -> None:
+        _told(self._q, q, self._errors[0], tick)
+        if self._rounding is not None:
+            self._rounding.apply(self._q)
+
+    def _rest(self, tick: int, v: Array, effort: Array) -> None:
+        _told(self._v, v, self._errors[1], tick)
+        _told(self._effort, effort, self._errors[2], tick)
+
+
+class _Rounding:
+    """Rounds positions to the nearest step of their encoders; a step of zero rounds nothing."""
+
+    def __init__(self, step: Array) -> None:
+        self._some = None if step.all() else np.flatnonzero(step)
+        self._step = step[step > 0.0]
+
+    def apply(self, q: Array) -> None:
+        """Round in place."""
+        rounded = q if self._some is None else q[self._some]
+        rounded /= self._step
+        np.rint(rounded, rounded)
+        rounded *= self._step
+        if self._some is not None:
+            q[self._some] = rounded
+
+
+def _told(place: Array, value: Array, error: Chance | Array | None, tick: int) -> None:
+    """Put a value with its error, shape (n,), into a place."""
+    if error is None:
+        place[:] = value
+    else:
+        np.add(value, error.at(tick) if isinstance(error, Chance) else error, place)
+
+
+def _error(
+    part: schema.PositionSensor | schema.VelocitySensor | schema.EffortSensor,
+    names: Sequence[str],
+    seed: int,
+    channel: Channel,
+) -> Chance | Array | None:
+    """Noise and offset of one quantity, the offset alone, or neither."""
+    offset, noise = (np.array(values(by_joint, names)) for by_joint in (part.offset, part.noise))
+    if noise.any():
+        return Chance(seed, channel, normal(offset, noise))
+    return offset if offset.any() else None
+
+
+def sensors_of(scene: Scene, names: Sequence[str], dt: float) -> Sensors | None:
+    """The sensors of a scene; None if it has none.
+
+    Raises:
+        SceneError: If a filter's cut-off frequency cannot be had at this rate.
+    """
+    return None if scene.sensors is None else Sensors(scene.sensors, names, dt)
+
+
+def _rounding(position: schema.PositionSensor, names: Sequence[str]) -> _Rounding | None:
+    """Steps by which encoders tell positions; a joint's own entry goes before that of all."""
+    turns = {name: 2.0 * np.pi / counts for name, counts in position.counts.items()}
+    given = [{schema.ALL: 0.0}, position.resolution, turns]
+    common = next(steps[schema.ALL] for steps in reversed(given) if schema.ALL in steps)
+    own = {**position.resolution, **turns, schema.ALL: common}
+    step = np.array(values(own, names))
+    return _Rounding(step) if step.any() else None
+
+
+def _filter(velocity: schema.VelocitySensor, names: Sequence[str], dt: float) -> LowPass | None:
+    cutoff = values(velocity.cutoff, names)
+    for name, frequency in zip(names, cutoff, strict=True):
+        if frequency * dt >= 0.5:
+            raise SceneError(
+                f"scene: 'sensors.velocity.cutoff' = {frequency:g} Hz of joint '{name}': less "
+                f"than {0.5 / dt:g} Hz is allowed, half of the {1.0 / dt:g} samples per second"
+            )
+    return LowPass(velocity.order, cutoff, dt) if any(cutoff) else None

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Delay, jitter and loss of messages that carry the number of the tick they were sent in."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_dynamics.scene import imperfections as schema
+from arm_sim.imperfections.chance import Channel
+from arm_sim.imperfections.lines import Line
+
+DT, TICKS = 1e-3, 20_000
+
+
+def received(arm: int = 0, **line: float) -> list[int | None]:
+    """The newest message at each tick when one is sent in each."""
+    carrier: Line[int] = Line(schema.Line(**line), DT, 3, Channel.STATES, arm)
+    return [carrier.carry(tick, tick) for tick in range(TICKS)]
+
+
+def ages(**line: float) -> np.ndarray:
+    newest = received(**line)
+    return np.array([tick - sent for tick, sent in enumerate(newest) if sent is not None])
+
+
+@pytest.mark.parametrize(
+    ("delay", "ticks"), [(0.0, 0), (0.0003, 1), (0.001, 1), (0.0011, 2), (0.003, 3), (0.1, 100)]
+)
+def test_a_delay_is_seen_at_the_first_tick_that_is_not_before(delay: float, ticks: int) -> None:
+    newest = received(delay=delay)
+    assert newest[:ticks] == [None] * ticks
+    assert set(ages(delay=delay)) == {ticks}
+
+
+def test_loss_leaves_the_one_before() -> None:
+    newest = received(loss=0.2)
+    fresh = np.array([sent == tick for tick, sent in enumerate(newest)])
+    assert abs(fresh.mean() - 0.8) < 5.0 * np.sqrt(0.2 * 0.8 / TICKS)
+    kept = [sent for sent in newest if sent is not None]
+    assert kept == sorted(kept)
+    # The number of losses in a row is geometric, with mean 0.2 / 0.8.
+    assert abs(ages(loss=0.2).mean() - 0.25) < 0.02
+
+
+def test_all_lost_and_none_lost() -> None:
+    assert set(received(loss=1.0)) == {None}
+    assert received(loss=0.0) == list(range(TICKS))
+
+
+def test_jitter_is_even_between_delay_and_delay_and_jitter() -> None:
+    """Sent now and then, so that none is overtaken, a third arrives in each of three ticks."""
+    line: Line[int] = Line(schema.Line(delay=0.001, jitter=0.003), DT, 3, Channel.STATES)
+    late = []
+    for sent in range(0, TICKS, 10):
+        line.send(sent, sent)
+        late.append(next(k for k in range(10) if line.receive(sent + k) == sent))
+    times, counts = np.unique(late, return_counts=True)
+    np.testing.assert_array_equal(times, [2, 3, 4])
+    np.testing.assert_allclose(counts / len(late), 1 / 3, atol=5.0 * np.sqrt(2 / 9 / len(late)))
+
+
+def test_what_is_overtaken_never_shows() -> None:
+    kept = [sent for sent in received(jitter=0.005) if sent is not None]
+    assert kept == sorted(kept)
+    assert len(set(kept)) < TICKS
+
+
+def test_arms_have_chances_of_their_own_and_runs_repeat() -> None:
+    both = {"jitter": 0.004, "loss": 0.1}
+    assert received(**both) == received(**both)
+    assert received(**both) != received(arm=1, **both)
+
+
+def test_a_restart_forgets_what_is_on_the_way() -> None:
+    line: Line[int] = Line(schema.Line(delay=0.002), DT, 3, Channel.STATES)
+    line.send(0, 0)
+    line.restart(known=7)
+    assert [line.receive(tick) for tick in range(5)] == [7] * 5

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs with sensors and lines: the control sees what they tell, the motion does not change."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import InvalidInput
+from arm_dynamics.codegen import generate
+from arm_dynamics.trajectory import Waypoint
+from arm_sim import ClosedLoop, Simulator, State, computed_torque
+
+PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
+SENSORS = {
+    "seed": 5,
+    "position": {"resolution": 1e-4, "noise": 1e-5},
+    "velocity": {"from": "position", "cutoff": 60, "order": 2},
+    "effort": {"noise": 0.1},
+    "delay": 0.001,
+    "jitter": 0.002,
+    "loss": 0.05,
+}
+COMMANDS = {"delay": 0.001, "jitter": 0.001, "loss": 0.05}
+TICKS = 200
+
+
+def simulator(**scene: Any) -> Simulator:
+    return Simulator({**PLAIN, **scene})
+
+
+def imperfect(**scene: Any) -> Simulator:
+    return simulator(sensors=SENSORS, commands=COMMANDS, **scene)
+
+
+def damped(state: State) -> np.ndarray:
+    return 3.0 * np.cos(20.0 * state.time) - 2.0 * state.v - 5.0 * state.q
+
+
+def torques(rng: np.random.Generator, *shape: int) -> np.ndarray:
+    return rng.normal(scale=3.0, size=(*shape, 2))
+
+
+def test_the_code_that_is_generated_does_not_change() -> None:
+    plain, other = (sim.plant.acceleration for sim in (simulator(), imperfect()))
+    assert generate([plain]) == generate([other])
+    assert simulator().sensors is None
+
+
+def test_the_control_sees_what_sensors_tell_and_the_recording_keeps_both() -> None:
+    sim, seen = simulator(sensors=SENSORS), []
+    motion = sim.run(0.1, lambda state: seen.append(state) or damped(state))
+    assert motion.measured is not None
+    np.testing.assert_array_equal([state.q for state in seen], motion.measured.q[:-1])
+    np.testing.assert_array_equal([state.v for state in seen], motion.measured.v[:-1])
+    assert [state.step for state in seen] == list(range(100))
+    assert 1e-6 < abs(motion.measured.q - motion.q).max() < 0.1
+    again = simulator().run(0.1, np.array([damped(state) for state in seen]))
+    np.testing.assert_array_equal(motion.q, again.q)  # the truth under the same torques
+
+
+def test_delays_lengthen_the_loop_by_their_sum() -> None:
+    """What is commanded acts on the arm as much later as the state is older."""
+    sim = simulator(sensors={"delay": 0.003}, commands={"delay": 0.004})
+    motion = sim.run(0.1, damped)
+    told = np.vstack([np.tile(motion.v[0], (3, 1)), motion.v[:-3]])
+    given = 3.0 * np.cos(20.0 * motion.time)[:, None] - 2.0 * told
+    given -= 5.0 * np.vstack([np.tile(motion.q[0], (3, 1)), motion.q[:-3]])
+    np.testing.assert_array_equal(motion.command[:4], 0.0)
+    np.testing.assert_allclose(motion.command[4:-1], given[:-5], rtol=1e-12)
+
+
+def test_runs_repeat_to_the_bit_and_seeds_differ() -> None:
+    sim = imperfect()
+    first = sim.run(0.2, damped)
+    sim.reset()
+    for again in (sim.run(0.2, damped), imperfect().run(0.2, damped)):
+        np.testing.assert_array_equal(again.q, first.q)
+        np.testing.assert_array_equal(again.measured.effort, first.measured.effort)
+    other = simulator(sensors={**SENSORS, "seed": 6}, commands=COMMANDS).run(0.2, damped)
+    assert abs(other.q - first.q).max() > 1e-9
+
+
+def test_a_run_in_pieces_is_the_run() -> None:
+    whole, sim = imperfect().run(0.2, damped), imperfect()
+    parts = [sim.run(0.05, damped) for _ in range(4)]
+    np.testing.assert_array_equal(np.vstack([part.q[1:] for part in parts]), whole.q[1:])
+    told = np.vstack([part.measured.v[1:] for part in parts])
+    np.testing.assert_array_equal(told, whole.measured.v[1:])
+
+
+def test_steps_tables_and_functions_agree_to_the_bit(rng: np.random.Generator) -> None:
+    table = torques(rng, TICKS)
+    by_table = imperfect().run(TICKS * 1e-3, table)
+    by_function = imperfect().run(TICKS * 1e-3, lambda state: table[state.step])
+    sim = imperfect()
+    by_step = np.array([np.concatenate([sim.step(tau).q, sim.measured.q]) for tau in table])
+    np.testing.assert_array_equal(by_table.q, by_function.q)
+    np.testing.assert_array_equal(by_table.measured.q, by_function.measured.q)
+    np.testing.assert_array_equal(by_table.measured.effort, by_function.measured.effort)
+    np.testing.assert_array_equal(by_step, np.hstack([by_table.q, by_table.measured.q])[1:])
+
+
+def test_who_looks_and_how_often_changes_nothing(rng: np.random.Generator) -> None:
+    table, often, once = torques(rng, TICKS), imperfect(), imperfect()
+    for tau in table:
+        often.step(tau)
+        often.measured, often.measured  # noqa: B018
+        once.step(tau)
+    np.testing.assert_array_equal(often.measured.v, once.measured.v)
+
+
+@pytest.mark.parametrize(("threads", "lanes"), [(1, 1), (2, None)])
+def test_rollouts_are_runs_and_do_not_depend_on_threads_and_lanes(
+    rng: np.random.Generator, threads: int, lanes: int | None
+) -> None:
+    sim, tau, zeros = imperfect(), torques(rng, 5, TICKS), np.zeros((5, 2))
+    q0 = np.tile(sim.state.q, (5, 1))
+    found = sim.rollout(q0, zeros, tau, TICKS, threads=threads, lanes=lanes)
+    sim.reset(q0[0], zeros[0])
+    motion = sim.run(TICKS * 1e-3, tau[0])
+    np.testing.assert_allclose(found[0], np.hstack([motion.q, motion.v]), rtol=0, atol=1e-12)
+    np.testing.assert_array_equal(found, sim.rollout(q0, zeros, tau, TICKS))
+    alike = sim.rollout(q0, zeros, np.tile(tau[0], (5, 1, 1)), TICKS)
+    assert abs(alike[1] - alike[0]).max() > 0.0  # by chances of each arm's own
+
+
+def test_a_reset_and_a_jump_start_sensors_anew() -> None:
+    sim = imperfect()
+    sim.run(0.1, damped)
+    sim.set_state(sim.state.q + 1.0, np.zeros(2))
+    np.testing.assert_allclose(sim.measured.q, sim.state.q, atol=2e-4)
+    np.testing.assert_array_equal(sim.measured.v, 0.0)
+    sim.step(np.zeros(2))
+    assert abs(sim.measured.v).max() < 1.0  # the jump is no velocity of 1000 rad/s
+
+
+def test_the_plan_says_what_is_on() -> None:
+    plan = str(imperfect().plan)
+    assert "computed    sensors: of position, velocity, effort; 1 to 3 ms late; 5 % lost" in plan
+    assert "computed    delay and loss of commands: 1 to 2 ms late; 5 % lost" in plan
+    plan = str(simulator().plan)
+    assert "skipped     sensors: states are known as they are, at once" in plan
+    assert "skipped     delay and loss of commands: commands act at once" in plan
+
+
+def test_a_compiled_controller_cannot_be_told_what_sensors_tell() -> None:
+    sim = imperfect()
+    with pytest.raises(InvalidInput, match="'sensors' or 'commands'"):
+        sim.run(0.1, computed_torque(sim.model, sim.state.q))
+
+
+def test_computed_torque_still_leads_an_arm_of_good_sensors() -> None:
+    """A 17-bit encoder and a velocity filter of 200 Hz cost some hundredths of a radian."""
+    good = {"position": {"counts": 2**17}, "velocity": {"from": "position", "cutoff": 200}}
+    pair = ClosedLoop({**PLAIN, "sensors": good})
+    pair.follow([Waypoint(0.5, pair.simulator.state.q + 0.4)])
+    motion = pair.run(1.0)
+    np.testing.assert_allclose(motion.q[-1], motion.q[0] + 0.4, atol=2e-3)

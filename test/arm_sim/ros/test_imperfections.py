@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sim node with sensors and lines: what it publishes, and when commands act."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Ros
+from sensor_msgs.msg import JointState
+from sim_by_hand import by_hand, ticks
+from std_msgs.msg import Float64MultiArray
+
+import models
+from arm_sim import Simulator
+from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.tick_engine import TickEngine
+
+pytestmark = pytest.mark.ros
+
+PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
+SENSORS = {"position": {"resolution": 1e-2}, "effort": {"offset": 0.5}, "delay": 0.002}
+
+
+def node_with(ros: Ros, sensors: Any = None, commands: Any = None, **parameters: Any) -> SimNode:
+    scene = {**PLAIN, "sensors": sensors, "commands": commands}
+    return by_hand(ros, scene, stale_policy="zero", **parameters)
+
+
+def test_joint_states_say_what_sensors_tell_and_another_topic_the_truth(ros: Ros) -> None:
+    node = node_with(ros, SENSORS)
+    told = ros.listen(JointState, "/joint_states", 50)
+    true = ros.listen(JointState, "/sim/ground_truth", 50)
+    states = [node.simulator.state]
+    node.inputs.on_commands(Float64MultiArray(data=[0.0, 0.25]))
+    for count in range(1, 6):
+        node.tick()
+        states.append(node.simulator.state)
+        ros.spin_until(lambda count=count: min(len(told), len(true)) >= count)
+    np.testing.assert_array_equal([list(m.position) for m in true], [s.q for s in states[1:]])
+    np.testing.assert_array_equal(true[-1].effort, [0.0, 0.25])
+    for k, message in enumerate(told[1:], start=2):
+        late = states[k - 2]
+        np.testing.assert_allclose(message.position, np.rint(late.q / 0.01) * 0.01, atol=1e-12)
+        np.testing.assert_array_equal(message.velocity, late.v)
+        assert message.header.stamp.nanosec == k * 1_000_000  # when it is known
+    np.testing.assert_array_equal(told[-1].effort, [0.5, 0.75])
+
+
+def test_sensors_look_at_every_tick_however_seldom_states_are_published(ros: Ros) -> None:
+    given = {"velocity": {"from": "position", "cutoff": 30}}
+    often, seldom = node_with(ros, given), node_with(ros, given, publish_every=7)
+    for node in (often, seldom):
+        node.inputs.on_commands(Float64MultiArray(data=[1.0, 0.25]))
+        ticks(node, 21)
+    np.testing.assert_array_equal(often.simulator.sensors.said, seldom.simulator.sensors.said)
+
+
+def test_without_sensors_there_is_no_second_topic(ros: Ros) -> None:
+    node = node_with(ros)
+    names = [name for name, _ in node.get_publisher_names_and_types_by_node("sim", "/")]
+    assert "/joint_states" in names
+    assert "/sim/ground_truth" not in names
+
+
+def acting(node: SimNode, count: int) -> list[float]:
+    """Torque of the second joint in each of some ticks."""
+    found = []
+    for _ in range(count):
+        node.tick()
+        found.append(float(node.simulator.effort[1]))
+    return found
+
+
+def test_commands_act_when_they_arrive_and_no_sooner(ros: Ros) -> None:
+    node = node_with(ros, commands={"delay": 0.003})
+    node.inputs.on_commands(Float64MultiArray(data=[0.0, 1.0]))
+    first = acting(node, 2)
+    node.inputs.on_commands(Float64MultiArray(data=[0.0, 2.0]))
+    assert first + acting(node, 5) == [0.0, 0.0, 0.0, 1.0, 1.0, 2.0, 2.0]
+
+
+def test_a_command_is_lost_once_and_not_anew_in_each_tick_that_it_is_held() -> None:
+    """Whether the one command arrives is up to one draw: for some seeds it never does."""
+    outcomes = set()
+    for seed in range(12):
+        lossy = {**PLAIN, "sensors": {"seed": seed}, "commands": {"loss": 0.5}}
+        engine = TickEngine(Simulator(lossy), wrench_timeout=0.1, wrench_reference="local")
+        engine.commands.put((0.0, 1.0))
+        found = []
+        for _ in range(10):
+            engine.tick()
+            found.append(float(engine.simulator.effort[1]))
+        outcomes.add(tuple(found))
+    assert outcomes == {(0.0,) * 10, (1.0,) * 10}
+
+
+def test_time_that_waits_for_a_command_goes_on_when_one_is_on_the_way(ros: Ros) -> None:
+    node = node_with(ros, commands={"delay": 0.002}, wait_for_command=True)
+    ticks(node, 3)
+    assert node.simulator.step_count == 0
+    node.inputs.on_commands(Float64MultiArray(data=[0.0, 1.0]))
+    assert acting(node, 3) == [0.0, 0.0, 1.0]
+
+
+def test_a_reset_forgets_commands_on_the_way(ros: Ros) -> None:
+    node = node_with(ros, SENSORS, {"delay": 0.002})
+    node.inputs.on_commands(Float64MultiArray(data=[0.0, 1.0]))
+    ticks(node, 1)
+    node.engine.reset()
+    assert acting(node, 5) == [0.0] * 5
