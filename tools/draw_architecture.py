@@ -33,6 +33,7 @@ SAYS = {
         "inputs": "checks",
         "state": "(q, v, z)",
         "external_wrench": "pushes",
+        "imperfections": "sensors, lines",
         "exceptions": "SimulationDiverged",
     },
     "arm_dynamics": {
