@@ -21,7 +21,8 @@ from benchmarks.measurement.watcher import Watcher
 MOVE_EVERY = 3.0  # [s]
 HISTORY = 12  # requests that the transport keeps the memory of, and some
 COMMANDS = {
-    "sim": ("sim", "{scene}", "--with-parent", "--ros-args", "-p", "stale_policy:=gravity"),
+    "sim": ("sim", "{scene}", "--with-parent", "--ros-args", "-p", "stale_policy:=gravity", "-p",
+            "time:=sim"),
     "controller": ("controller", "{scene}", "--with-parent"),
     "dynamics": ("dynamics", "{scene}", "--with-parent"),
     "other": ("dynamics", "--with-parent", "--ros-args", "-r", "__node:=other", "-r",

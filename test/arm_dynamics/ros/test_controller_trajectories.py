@@ -25,8 +25,8 @@ def node(ros: Ros) -> ControllerNode:
     return ros.add(ControllerNode, models.scene("two_link"), bandwidth=[10.0])
 
 
-def test_follows_a_trajectory_in_the_time_of_the_stamps(node: ControllerNode) -> None:
-    start = 5_000 * MS
+@pytest.mark.parametrize("start", [5_000 * MS, 1_700_000_000_123_456_789])
+def test_follows_a_trajectory_in_the_time_of_the_stamps(node: ControllerNode, start: int) -> None:
     effort(node, start, (0.0, 0.0))
     node.on_joint_trajectory(trajectory(point(2.0, 1.0, -1.0)))
     for s in (0.0, 0.25, 0.5, 1.0, 1.5):

@@ -34,7 +34,7 @@ from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import declare, watch
-from arm_dynamics.ros.controller import AnswerLog, ControllerParams, Goals, tracking_state
+from arm_dynamics.ros.controller import AnswerLog, ControllerParams, Goals, Jumps, tracking_state
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -97,7 +97,7 @@ class ControllerNode(Node):
         self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # tells two controllers apart
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
-        self._log = AnswerLog()
+        self._log, self._jumps = AnswerLog(), Jumps(names)
         self._connect()
         watch(self, self.params, self._apply)
         self._diagnosis = Diagnosis(self, self.diagnostics)
@@ -219,9 +219,10 @@ class ControllerNode(Node):
         return command
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
-        goals, jump = self.goals, self._jump(stamp)
+        goals, params = self.goals, self.params
+        jump = self._jumps.look(stamp, state, params.gap_limit, params.jump_limit)
         if goals.follower is None or jump:
-            why = f"time went {jump}: " if jump else ""
+            why = f"{jump}: " if jump else ""
             if jump:
                 self._log.jumps += 1
                 self.control.restart()
@@ -231,16 +232,6 @@ class ControllerNode(Node):
             goals.hold(state.q)
             self._next_report = 0
         return goals.reference(stamp)
-
-    def _jump(self, stamp: int) -> str:
-        """How time jumped since the last state, if it did; the arm is not where it was led to."""
-        if self.goals.follower is None:
-            return ""
-        gap = 1e-9 * (stamp - self.goals.stamp)
-        if gap < 0.0:
-            return "backwards"
-        limit = self.params.gap_limit
-        return f"on by {gap:.3g} s between two states" if 0.0 < limit < gap else ""
 
     def _cut(self) -> list[str]:
         active = self.control.active

@@ -15,6 +15,7 @@ from arm_dynamics.ros.joint_state import native
 from arm_sim.recording.energy_account import TRUSTED
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
+from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.tick_engine import TickEngine
@@ -29,6 +30,7 @@ class SimDiagnostics:
     engine: TickEngine
     loop: RealtimeLoop
     inputs: Inputs
+    outputs: Outputs
     lockstep: Lockstep | None
     refused_privileges: Sequence[str]
     growth: Growth = field(default_factory=Growth)
@@ -89,7 +91,8 @@ class SimDiagnostics:
             lambda: (engine.simulator.state, engine.simulator.stop_torque, engine.account())
         )
         found.values = {
-            "time [s]": state.time, "paused": engine.paused, "diverged": bool(engine.failure),
+            "time [s]": state.time, "stamps": self.outputs.stamps.name,
+            "paused": engine.paused, "diverged": bool(engine.failure),
             "at stops": _at_stops(engine.simulator.joint_names, stops),
             "method": engine.simulator.choice.method.name, "error estimate": state.error,
             "time-stepped ticks": state.time_stepped,
@@ -98,6 +101,8 @@ class SimDiagnostics:
         }  # fmt: skip
         piled_up = "ticks were stepped through at first order: too many events"
         self.growth.warn(found, state.time_stepped, piled_up)
+        if self.outputs.clock is not None and self.outputs.clock.rivals:
+            found.complain(ERROR, self.outputs.clock.complaint)
         if engine.failure:
             found.complain(ERROR, engine.failure)
         if engine.energy_error > TRUSTED:

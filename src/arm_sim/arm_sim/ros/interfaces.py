@@ -15,5 +15,5 @@ COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
 GROUND_TRUTH = Topic("~/ground_truth", JointState)  # where joint_states are what sensors tell
 ENERGY = Topic("~/energy", Energy)
 MULTIPLIERS = Topic("~/multipliers", Multipliers)
-CLOCK = Topic("clock", Clock)
+CLOCK = Topic("/clock", Clock)  # where use_sim_time listens, in whatever namespace
 WRENCH = Topic("~/wrench", WrenchStamped)

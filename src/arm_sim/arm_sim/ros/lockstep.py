@@ -8,7 +8,7 @@ import time
 
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.executor import subscribe
+from arm_dynamics.ros.common.executor import steady_timer, subscribe
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.outputs import Outputs
@@ -47,7 +47,7 @@ class Lockstep:
         self._waiting: int | None = None
         self._asked = self._first = time.monotonic_ns()
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
-        node.create_timer(self._glance, self.look)
+        steady_timer(node, self._glance, self.look)
         engine.on_jump.append(self.wait)
         engine.on_pause += [outputs.publish, self.wait]
 

@@ -10,14 +10,15 @@ from arm_msgs.msg import Energy, Multipliers
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.ros.common.cdr import NATIVE, time_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
 from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
-from arm_sim.ros.interfaces import CLOCK, ENERGY, GROUND_TRUTH, MULTIPLIERS
+from arm_sim.ros.clock import SimClock
+from arm_sim.ros.interfaces import ENERGY, GROUND_TRUTH, MULTIPLIERS
 from arm_sim.ros.latency import RoundTrip
-from arm_sim.ros.params import SimParams
+from arm_sim.ros.params import CLOCK, SimParams
+from arm_sim.ros.stamps import SIM, NodeTime, SimulatedTime
 from arm_sim.ros.tick_engine import TickEngine
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
@@ -27,6 +28,10 @@ class Outputs:
     """Joint states, beside the true ones where the scene has sensors; what else is asked for.
 
     Used by the ticking thread only.
+
+    Attributes:
+        stamps: Where stamps come from.
+        clock: What tells others the time, or None.
     """
 
     def __init__(
@@ -64,31 +69,43 @@ class Outputs:
         if simulator.model.scene.bilateral:
             self._multipliers = advertise(node, MULTIPLIERS)
             simulator.multipliers()  # builds what the loop should not have to wait for
-        self._clock = advertise(node, CLOCK).handle if params.publish_clock else None
+        self.stamps = _stamps(node, params, simulator.dt)
+        self.clock = SimClock(node) if params.publish_clock else None
         simulator.energy_account.prepare()
         self._idle = 0.0
         engine.on_tick.append(self._after_tick)
         engine.on_idle.append(lambda: self.repeat(simulator.dt))
         engine.on_jump.append(self.publish)
+        engine.on_pause.append(self._release)
 
     def publish(self) -> None:
         """Publish the present state, and the clock."""
         self._idle = 0.0
-        stamp = self._engine.stamp
+        stamp = self._stamp()
         self._round_trip.sent(stamp)
         if self._driven is not None:
             self._driven[:] = self._simulator.effort
         self._states.send(stamp)
         if self._truth is not None:
             self._truth.send(stamp)
-        if self._clock is not None:
-            self._clock.publish_raw(NATIVE + time_bytes(stamp))
+        if self.clock is not None:
+            self.clock.tell(stamp)
 
     def repeat(self, elapsed: float) -> None:
         """Publish the present state now and then; ``elapsed`` in [s] since the last call."""
+        self._release()
         self._idle += elapsed
         if self._idle >= _IDLE_PERIOD:
             self.publish()
+
+    def _stamp(self) -> int:
+        """Stamp of the present state in [ns]."""
+        return self.stamps.at(self._engine.stamp)
+
+    def _release(self) -> None:
+        """While the arm waits for a command the clock goes on; while it is paused stamps stay."""
+        if not self._engine.paused:
+            self.stamps.release()
 
     def _after_tick(self) -> None:
         step = self._simulator.step_count
@@ -105,7 +122,7 @@ class Outputs:
         if not heard:
             return
         message = Energy(**self._engine.account()._asdict())
-        message.header.stamp = to_time(self._engine.stamp)
+        message.header.stamp = to_time(self._stamp())
         self._energy.publish(message)
 
     def _publish_multipliers(self) -> None:
@@ -114,5 +131,12 @@ class Outputs:
         simulator = self._simulator
         message = Multipliers(names=list(simulator.dynamics.constrained.names))
         message.values = simulator.multipliers().tolist()
-        message.header.stamp = to_time(self._engine.stamp)
+        message.header.stamp = to_time(self._stamp())
         self._multipliers.publish(message)
+
+
+def _stamps(node: Node, params: SimParams, dt: float) -> SimulatedTime | NodeTime:
+    if params.stamps == SIM:
+        return SimulatedTime()
+    even = params.tick_source == CLOCK and params.realtime_factor == 1.0
+    return NodeTime(node.get_clock(), round(1e9 * dt) if even else 0)

@@ -11,6 +11,7 @@ from arm_dynamics.ros.common.params import SCENE, parameter
 from arm_dynamics.ros.common.privileges import ThreadParams
 from arm_sim.ros.commands.latest import POLICIES, ZERO
 from arm_sim.ros.realtime_loop import CATCH_UP, OVERRUN
+from arm_sim.ros.stamps import AUTO, CHOICES, ROS, SIM
 from arm_sim.simulator import Simulator
 
 LOCKSTEP, CLOCK, HAND = "lockstep", "clock", "hand"
@@ -50,7 +51,13 @@ class SimParams(ThreadParams):
         False, "Let time stand still until the first command, also after a reset"
     )
     publish_every: int = parameter(1, "Ticks from joint state to joint state", low=1, high=100_000)
-    publish_clock: bool = parameter(False, "Publish simulated time on clock")
+    time: str = parameter(
+        AUTO,
+        "Stamps: sim (simulated time), ros (the node's clock), or auto: ros where the simulation "
+        "goes at the clock's pace and does not publish one",
+        choices=CHOICES,
+    )
+    publish_clock: bool = parameter(False, "Publish simulated time on /clock")
     frame_id: str = parameter("", "frame_id of the joint states")
     energy_period: float = parameter(
         0.02, "Time between messages on ~/energy [s]", low=0.001, high=10.0
@@ -78,6 +85,23 @@ class SimParams(ThreadParams):
         choices=POLICIES,
         read_only=False,
     )
+
+    def __post_init__(self) -> None:
+        """Refuse stamps that contradict what owns time."""
+        owner = "lockstep" if self.lockstep else "publish_clock" if self.publish_clock else ""
+        if owner and self.time == ROS:
+            raise InvalidInput(
+                f"parameter 'time' is 'ros' with {owner}, where simulated time is the time; "
+                "allowed is sim or auto"
+            )
+
+    @property
+    def stamps(self) -> str:
+        """What stamps are in force: ``sim`` or ``ros``."""
+        if self.time != AUTO:
+            return self.time
+        follows = self.tick_source == CLOCK and self.realtime_factor == 1.0
+        return ROS if follows and not self.publish_clock else SIM
 
     @property
     def tick_source(self) -> str:

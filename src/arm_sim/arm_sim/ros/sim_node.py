@@ -86,14 +86,16 @@ class SimNode(Node):
         self.requests = SimServices(self, engine, self._reset_counters)
         self.standard = StandardServices(self, engine)
         self.diagnostics = SimDiagnostics(
-            self, params, engine, self.loop, inputs, self.lockstep, self._refused_privileges
-        )
+            self, params, engine, self.loop, inputs, self._outputs, self.lockstep,
+            self._refused_privileges,
+        )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
         watch(self, params, self._apply)
         self._start()
 
     def _start(self) -> None:
         self._outputs.publish()
+        self._outputs.stamps.release()  # building took time
         if self.lockstep is not None:
             self._claim_privileges()
             self.lockstep.wait()

@@ -10,6 +10,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 PERIOD = 1.0  # [s]
@@ -75,7 +76,7 @@ class Diagnosis:
         """
         self._node, self._find = node, find
         self._publisher = advertise(node, DIAGNOSTICS)
-        self._timer = node.create_timer(PERIOD, self.publish)
+        self._timer = steady_timer(node, PERIOD, self.publish)
 
     @property
     def heard(self) -> bool:

@@ -12,6 +12,7 @@ from contextlib import contextmanager
 from typing import Any
 
 import rclpy
+from rclpy.clock import Clock, ClockType
 from rclpy.context import Context
 from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedExecutor
 from rclpy.node import Node
@@ -56,7 +57,7 @@ def make_executor(node: Node) -> Executor:
 def _dispatches(executor: Executor, node: Node) -> bool:
     """See whether a timer of the node is called."""
     called: list[bool] = []
-    timer = node.create_timer(0.001, lambda: called.append(True))
+    timer = steady_timer(node, 0.001, lambda: called.append(True))
     end = time.monotonic() + _PROBE_TIMEOUT
     try:
         # More than once: a request that waits already comes first.
@@ -78,6 +79,11 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
     finally:
         executor.remove_node(node)  # before what its callbacks point to is gone
         executor.shutdown()
+
+
+def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Any:
+    """A timer, in [s] of real time; one of ROS stands still with the time of ``use_sim_time``."""
+    return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
 def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:

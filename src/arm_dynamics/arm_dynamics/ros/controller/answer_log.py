@@ -20,7 +20,7 @@ class AnswerLog:
 
     Attributes:
         passed_over: States that could not be used.
-        jumps: How often time went backwards, or on by too much.
+        jumps: How often time or the arm jumped from one state to the next.
     """
 
     def __init__(self) -> None:
@@ -66,7 +66,7 @@ class AnswerLog:
         self._growth.warn(found, self.passed_over, "joint states passed over")
         self._growth.warn(found, int(goals["goals refused"]), "goals refused")
         if self._growth.of("jumps", self.jumps):
-            found.complain(WARN, "time jumped; held where the arm was")
+            found.complain(WARN, "time jumped, or the arm; held where it was")
         if cut:
             found.complain(WARN, f"torque cut at the effort limit: {', '.join(cut)}")
         self._answers, self._since = 0, now

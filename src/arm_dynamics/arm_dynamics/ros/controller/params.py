@@ -46,6 +46,14 @@ class ControllerParams(ThreadParams):
         high=1e6,
         read_only=False,
     )
+    jump_limit: float = parameter(
+        0.5,
+        "How far a joint may be from one state to the next from where its speed can have brought "
+        "it; where it is farther (it was put there, or reset), the arm is held [rad, m]; 0: any",
+        low=0.0,
+        high=1e6,
+        read_only=False,
+    )
     state_period: float = parameter(
         0.02, "Least time between messages on ~/state [s]", low=0.0, high=10.0
     )

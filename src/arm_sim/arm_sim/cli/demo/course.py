@@ -27,7 +27,8 @@ from arm_sim.cli.output import console, show
 
 _SETTLED = 0.3  # [s] that are watched after the motion
 _LATE = 10.0  # [s] that the motion may take longer than one and a half times its duration
-_ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity")
+# By simulated time a busy machine slows the motion down; by the clock it would disturb it.
+_ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity", "-p", "time:=sim")
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
 Say = Callable[[str], None]

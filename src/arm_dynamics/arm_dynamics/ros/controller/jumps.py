@@ -1,0 +1,62 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether time or the arm jumped between two joint states, as when a simulation is reset."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from operator import sub
+
+from arm_dynamics.control.computed_torque import Measured
+
+_FASTER = 2.0  # than the speeds before and after that a joint may have moved in between
+
+
+class Jumps:
+    """Compares each state with the one before.
+
+    Args:
+        names: The joints.
+    """
+
+    def __init__(self, names: Sequence[str]) -> None:
+        self._names = names
+        self._before: tuple[int, list[float], list[float]] | None = None
+
+    def look(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
+        """Say how time or the arm jumped since the last state, if one did; else nothing.
+
+        Args:
+            stamp: Time of the state in [ns].
+            state: The state.
+            longest: Greatest time between two states in [s]; 0: any.
+            farthest: Greatest way of a joint that its speed does not explain in [rad] or [m]; 0:
+                any.
+        """
+        q, v = state.q.tolist(), state.v.tolist()  # a few numbers: quicker than by NumPy
+        before, self._before = self._before, (stamp, q, v)
+        if before is None:
+            return ""
+        gap = 1e-9 * (stamp - before[0])
+        if gap < 0.0:
+            return "time went backwards"
+        if 0.0 < longest < gap:
+            return f"time went on by {gap:.3g} s between two states"
+        if farthest and max(map(abs, map(sub, q, before[1]))) > farthest:
+            return self._put(before, q, v, gap, farthest)
+        return ""
+
+    def _put(
+        self,
+        before: tuple[int, list[float], list[float]],
+        q: list[float],
+        v: list[float],
+        gap: float,
+        farthest: float,
+    ) -> str:
+        """Which joint is where no motion at its speed can have brought it."""
+        _, q0, v0 = before
+        for joint, name in enumerate(self._names):
+            moved = abs(q[joint] - q0[joint])
+            if moved > farthest + _FASTER * gap * max(abs(v0[joint]), abs(v[joint])):
+                return f"joint '{name}' was put {moved:.3g} further in {gap:.3g} s"
+        return ""

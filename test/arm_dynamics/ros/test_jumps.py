@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the controller takes for a jump of time or of the arm."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from harness import Ros
+from two_link_control import MS, effort, reference_of, still, wanted
+
+import models
+from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.ros.controller import Jumps
+from arm_dynamics.ros.controller_node import ControllerNode
+from tolerances import ALGEBRA, assert_close
+
+NOW = 1_700_000_000 * 1000 * MS  # a stamp of a system's clock
+
+
+def at(*q: float, speed: float = 0.0) -> Measured:
+    return Measured(np.array(q), np.full(len(q), speed))
+
+
+@pytest.mark.parametrize(
+    ("gap", "state", "said"),
+    [
+        (0, at(0.0, 0.0), ""),
+        (MS, at(0.4, -0.4), ""),
+        (MS, at(0.0, -0.6), "joint 'b' was put 0.6 further in 0.001 s"),
+        (MS, at(0.0, -0.6, speed=60.0), ""),  # (0.6 - 0.5) rad in 1 ms, at up to twice its speed
+        (100 * MS, at(0.0, 1.0, speed=2.0), "joint 'b' was put 1 further in 0.1 s"),
+        (-1, at(0.0, 0.0), "time went backwards"),
+        (2000 * MS, at(0.0, 0.0), "time went on by 2 s between two states"),
+    ],
+)
+def test_time_and_joints_jump(gap: int, state: Measured, said: str) -> None:
+    jumps = Jumps(["a", "b"])
+    assert not jumps.look(NOW, at(0.0, 0.0), 1.0, 0.5)
+    assert jumps.look(NOW + gap, state, 1.0, 0.5) == said
+
+
+def test_zero_allows_any() -> None:
+    jumps = Jumps(["a", "b"])
+    jumps.look(NOW, at(0.0, 0.0), 0.0, 0.0)
+    assert not jumps.look(NOW + 3600 * 1000 * MS, at(9.0, 9.0), 0.0, 0.0)
+
+
+@pytest.mark.ros
+def test_an_arm_that_was_put_elsewhere_is_held_there(ros: Ros) -> None:
+    """As after a reset of a simulation whose stamps are those of a clock."""
+    node = ros.add(ControllerNode, models.scene("two_link"), bandwidth=[10.0])
+    effort(node, NOW, (0.1, -0.2))
+    torque = effort(node, NOW + MS, (1.3, 0.4))
+    assert_close(reference_of(node, NOW + MS)[0], (1.3, 0.4), ALGEBRA)
+    assert_close(torque, wanted((1.3, 0.4), (0.0, 0.0), still(1.3, 0.4)), ALGEBRA)

@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Stamps: of simulated time, or of a clock that other nodes know."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from harness import Ros
+from rclpy.parameter import Parameter
+from rosgraph_msgs.msg import Clock
+from sensor_msgs.msg import JointState
+from sim_by_hand import by_hand, ticks
+
+import models
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros.common.convert import to_nanoseconds
+from arm_sim.ros.params import SimParams
+from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.stamps import NodeTime
+
+MS = 1_000_000
+EPOCH = 1_700_000_000 * 1000 * MS
+
+
+class Machine:
+    """A system clock that a test sets, and the stamps that follow it."""
+
+    def __init__(self, tick: int = MS) -> None:
+        self.now, self.simulated = EPOCH, 0
+        clock = SimpleNamespace(ros_time_is_active=False)
+        self.stamps = NodeTime(clock, tick, system=lambda: self.now)
+
+    def ticks(self, late: np.ndarray) -> np.ndarray:
+        """Stamps less the start of the clock, of ticks that are woken late by these times [ns]."""
+        found = []
+        due = self.now
+        for lateness in late.tolist():
+            due += MS
+            self.now, self.simulated = due + lateness, self.simulated + MS
+            found.append(self.stamps.at(self.simulated) - EPOCH)
+        self.now = due
+        return np.array(found)
+
+
+@pytest.fixture
+def machine() -> Machine:
+    made = Machine()
+    made.stamps.at(0)
+    return made
+
+
+def test_stamps_are_even_however_late_the_loop_is_woken(
+    machine: Machine, rng: np.random.Generator
+) -> None:
+    late = rng.integers(0, 3 * MS, 1000)
+    late[0] = 0
+    np.testing.assert_array_equal(machine.ticks(late), MS * np.arange(1, 1001))
+
+
+def test_stamps_are_never_of_the_future_nor_go_backwards(
+    machine: Machine, rng: np.random.Generator
+) -> None:
+    """The first tick after time stood still comes late; the next ones catch up."""
+    machine.stamps.release()
+    late = np.concatenate([np.arange(5 * MS, 0, -600_000), rng.integers(0, 100_000, 1000)])
+    due = MS * np.arange(1, late.size + 1)
+    found = machine.ticks(late)
+    assert found[0] == due[0] + late[0]
+    assert (found <= due + late).all()
+    assert (np.diff(found) >= 0).all()
+    assert (found[-500:] - due[-500:] < 1000).all()  # [ns]
+
+
+def test_a_stall_that_is_made_up_for_leaves_stamps_even(machine: Machine) -> None:
+    """For 100 ms the loop is late by what it has not made up for yet."""
+    late = np.zeros(1000, int)
+    late[300:400] = np.linspace(100 * MS, 0, 100)
+    np.testing.assert_array_equal(machine.ticks(late), MS * np.arange(1, 1001))
+
+
+def test_time_that_was_dropped_is_made_up_for_by_stamps(machine: Machine) -> None:
+    machine.ticks(np.zeros(100, int))
+    machine.now += 3000 * MS
+    found = machine.ticks(np.zeros(500, int))
+    assert found[0] == 101 * MS  # until it is clear that it will not be made up for by ticks
+    np.testing.assert_array_equal(found[-50:], MS * np.arange(3551, 3601))
+
+
+def test_stamps_stay_with_simulated_time_and_catch_up_when_released(machine: Machine) -> None:
+    machine.ticks(np.zeros(10, int))
+    machine.now += 500 * MS
+    assert machine.stamps.at(10 * MS) == EPOCH + 10 * MS
+    machine.stamps.release()
+    assert machine.ticks(np.zeros(1, int))[0] == 511 * MS
+
+
+def test_stamps_go_on_when_simulated_time_starts_again(machine: Machine) -> None:
+    machine.ticks(np.zeros(10, int))
+    assert machine.stamps.at(0) == EPOCH + 10 * MS
+    machine.simulated = 0
+    np.testing.assert_array_equal(machine.ticks(np.zeros(3, int)), MS * np.arange(11, 14))
+
+
+def test_a_system_clock_that_is_set_is_followed(machine: Machine) -> None:
+    machine.ticks(np.zeros(10, int))
+    machine.now -= 3_600_000 * MS
+    np.testing.assert_array_equal(
+        machine.ticks(np.zeros(3, int)), MS * (np.arange(11, 14) - 3_600_000)
+    )
+
+
+def test_uneven_ticks_bear_what_the_clock_says() -> None:
+    machine = Machine(tick=0)
+    late = np.array([0, 70, 20, 90])
+    np.testing.assert_array_equal(machine.ticks(late), MS * np.arange(1, 5) + late)
+
+
+@pytest.mark.parametrize(
+    ("given", "stamps"),
+    [
+        ({}, "ros"),
+        ({"time": "sim"}, "sim"),
+        ({"publish_clock": True}, "sim"),
+        ({"lockstep": True}, "sim"),
+        ({"lockstep": True, "time": "sim"}, "sim"),
+        ({"realtime": False}, "sim"),
+        ({"realtime": False, "time": "ros"}, "ros"),
+        ({"realtime_factor": 0.5}, "sim"),
+        ({"realtime_factor": 0.5, "time": "ros"}, "ros"),
+    ],
+)
+def test_who_owns_time_decides_what_stamps_are(given: dict[str, object], stamps: str) -> None:
+    assert SimParams(**given).stamps == stamps
+
+
+@pytest.mark.parametrize("owner", ["lockstep", "publish_clock"])
+def test_a_clock_beside_simulated_time_is_refused(owner: str) -> None:
+    with pytest.raises(InvalidInput, match=f"'time' is 'ros' with {owner}"):
+        SimParams(**{owner: True, "time": "ros"})
+
+
+@pytest.mark.ros
+def test_a_running_arm_has_stamps_of_now(ros: Ros) -> None:
+    node = ros.add(SimNode, models.scene("two_link"))
+    heard = ros.listen(JointState, "/joint_states", 50)
+    began = time.time_ns()
+    ros.spin_until(lambda: len(heard) > 20)
+    stamps = [to_nanoseconds(message.header.stamp) for message in heard]
+    assert began - 1000 * MS < stamps[0]
+    assert stamps[-1] <= time.time_ns()
+    assert (np.diff(stamps) >= 0).all()
+    assert next(f for f in node.diagnostics() if f.part == "simulation").values["stamps"] == "ros"
+
+
+@pytest.mark.ros
+def test_stamps_of_a_paused_arm_stay_and_then_are_of_now(ros: Ros) -> None:
+    node = ros.add(SimNode, models.scene("two_link"))
+    heard = ros.listen(JointState, "/joint_states", 50)
+    node.engine.queue.run(lambda: node.engine.pause(True))
+    ros.spin_until(lambda: len(heard) > 2)
+    heard.clear()
+    ros.spin_until(lambda: len(heard) > 2)
+    assert len({to_nanoseconds(message.header.stamp) for message in heard}) == 1
+    released = time.time_ns()
+    node.engine.queue.run(lambda: node.engine.pause(False))
+    ros.spin_until(lambda: to_nanoseconds(heard[-1].header.stamp) >= released)
+
+
+@pytest.mark.ros
+def test_stamps_follow_a_foreign_clock(ros: Ros) -> None:
+    node = ros.add(
+        SimNode, models.scene("two_link"), realtime=False, time="ros", use_sim_time=True
+    )
+    states = ros.listen(JointState, "/joint_states", 50)
+    clock = ros.peer.create_publisher(Clock, "/clock", 10)
+    told = Clock()
+    told.clock.sec, told.clock.nanosec = 42, 7
+
+    def seen() -> bool:
+        clock.publish(told)
+        node.tick()
+        return bool(states) and to_nanoseconds(states[-1].header.stamp) == 42 * 1000 * MS + 7
+
+    ros.spin_until(seen)
+
+
+def clock_owner(ros: Ros, namespace: str) -> SimNode:
+    made = partial(SimNode, models.scene("two_link"), namespace=namespace)
+    return ros.add(made, realtime=False, publish_clock=True)
+
+
+@pytest.mark.ros
+def test_the_clock_is_where_use_sim_time_listens(ros: Ros) -> None:
+    node = clock_owner(ros, "left")
+    heard = ros.listen(Clock, "/clock")
+    ros.spin_until(lambda: ros.peer.count_publishers("/clock") == 1)
+    ticks(node, 5)
+    ros.spin_until(lambda: heard and heard[-1].clock.nanosec == 5 * MS)
+
+
+@pytest.mark.ros
+def test_two_clocks_are_reported(ros: Ros, capfd: pytest.CaptureFixture[str]) -> None:
+    node = clock_owner(ros, "left")
+    node._outputs.clock.look()
+    assert not node._outputs.clock.complaint
+    clock_owner(ros, "right")
+
+    def seen() -> bool:
+        node._outputs.clock.look()
+        return bool(node._outputs.clock.rivals)
+
+    ros.spin_until(seen)
+    node._outputs.clock.look()
+    found = next(f for f in node.diagnostics() if f.part == "simulation").message(node)
+    assert found.level == b"\x02"
+    assert "2 publishers on /clock" in found.message
+    assert capfd.readouterr().err.count("2 publishers on /clock") == 1
+
+
+@pytest.mark.ros
+def test_stamps_may_not_be_changed_while_it_runs(ros: Ros) -> None:
+    node = by_hand(ros)
+    assert not node.set_parameters([Parameter("time", value="ros")])[0].successful
