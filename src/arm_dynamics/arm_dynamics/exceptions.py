@@ -53,6 +53,10 @@ class CompilerMissing(KernelError):
     """There is no compiler, and no code that was compiled elsewhere either."""
 
 
+class ControllerFailed(ArmError):
+    """A controller of somebody's own raised, or returned what is no torque."""
+
+
 class NoAnswer(ArmError, TimeoutError):
     """No node offers a service, or the one that does gave no answer in time."""
 

@@ -6,9 +6,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
-from arm_dynamics import Dynamics
+import numpy as np
+
+from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Measured
+from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.wrappers import Switch
 from arm_dynamics.trajectory.follower import Follower
@@ -33,7 +37,7 @@ class ClosedLoop:
     def __init__(
         self,
         scene: Any,
-        controller: str = "computed_torque",
+        controller: str | Maker = "computed_torque",
         settings: Settings | None = None,
         *,
         controller_scene: Any = None,
@@ -44,7 +48,8 @@ class ClosedLoop:
 
         Args:
             scene: What is simulated; anything ``load_scene`` takes.
-            controller: Name of the controller, see ``arm_dynamics.control.NAMES``.
+            controller: Name of the controller, see ``arm_dynamics.control.NAMES``; or one of one's
+                own: its class, or that as ``package.module:Class``.
             settings: What it is tuned to.
             controller_scene: The controller's scene; None for the simulated one.
             acceleration_limit: Of trajectories in [rad/s²] or [m/s²].
@@ -54,8 +59,11 @@ class ClosedLoop:
             ArmError: If a scene, the controller or a setting cannot be used.
         """
         self.simulator = Simulator(scene, **simulator)
-        self._dynamics = Dynamics(scene if controller_scene is None else controller_scene)
+        known = load_scene(scene if controller_scene is None else controller_scene)
+        self._dynamics = Dynamics(rigid_twin(known))
         settings = settings or Settings(dt=self.simulator.dt)
+        if isinstance(controller, str) and is_own(controller):
+            controller = load_controller(controller)
         self._control = Switch(make_controller(controller, self._dynamics, settings), settings.dt)
         self._limits = Limits.of(self._dynamics.model, acceleration_limit)
         self._follower = Follower(self.simulator.measured.q, self._limits)
@@ -80,4 +88,5 @@ class ClosedLoop:
 
     def _answer(self, state: State) -> Array:
         reference = self._follower.reference(round(1e9 * state.time))
-        return self._control.torque(Measured(state.q, state.v), reference)
+        tau = self._control.torque(Measured(state.q, state.v), reference)
+        return np.asarray(self._dynamics.command_map(state.q, state.v, tau))

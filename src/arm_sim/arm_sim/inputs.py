@@ -3,13 +3,20 @@
 
 from __future__ import annotations
 
+import inspect
 import logging
-from typing import Any
+from collections.abc import Callable
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from arm_dynamics import ArmModel, InvalidInput
+from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.arrays import Array, finite_numbers, real_array, vector
+from arm_dynamics.control.wrappers import AnyController
+from arm_dynamics.trajectory.reference import Motion, hold
+
+if TYPE_CHECKING:
+    from arm_sim.state import State
 
 _log = logging.getLogger(__name__)
 
@@ -23,6 +30,30 @@ def torque(tau: Any, n: int) -> list[float]:
     if not finite_numbers(numbers):
         vector("tau", command, n)  # which says what is wrong
     return numbers
+
+
+def answers(
+    control: AnyController, reference: Motion | None, dynamics: Dynamics, begin: State
+) -> Callable[[State], Any]:
+    """Commands of a controller as a function of the state.
+
+    Args:
+        control: An object with ``torque(state, reference)``.
+        reference: What it is to follow from the state ``begin`` on; None: stay there.
+        dynamics: Of the arm, for drives that take something else than torques.
+        begin: Where the run begins.
+    """
+    if inspect.isclass(control):
+        raise InvalidInput(
+            f"control is the class {control.__name__}; an object made of it is expected"
+        )
+    motion: Motion = hold(begin.q) if reference is None else reference
+
+    def answer(state: State) -> Any:
+        tau = control.torque(state, motion.sample(state.time - begin.time))
+        return dynamics.command_map(state.q, state.v, tau)
+
+    return answer
 
 
 def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:

@@ -12,14 +12,16 @@ import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
 from arm_dynamics.arrays import Array
+from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.scene.constraint import label, switchable
+from arm_dynamics.trajectory.reference import Motion
 from arm_sim import contact_forces
 from arm_sim.compiled_scene import CompiledScene
 from arm_sim.contact_forces import ContactForce
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, Measured, command_line, delivered, sensors_of
-from arm_sim.inputs import SaturationNotice, tick_count, torque, torque_table, whole
+from arm_sim.inputs import SaturationNotice, answers, tick_count, torque, torque_table, whole
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
@@ -210,15 +212,23 @@ class Simulator:
         if self.sensors is not None:
             self.sensors.look(self._step, self._q, self._v, self._driving)
 
-    def run(self, duration: float, control: Control | CompiledControl | Any = None) -> Recording:
+    def run(
+        self,
+        duration: float,
+        control: Control | CompiledControl | AnyController | Any = None,
+        reference: Motion | None = None,
+    ) -> Recording:
         """Advance for a while and record every tick.
 
         Args:
             duration: In [s]; rounded to whole ticks.
             control: None for no torque, torques of shape (n,) to hold, a table of shape
-                (ticks, n), a compiled controller, or a function of the state that returns torques.
-                All but the function run in compiled code. The function is given the state as the
-                scene's sensors tell it.
+                (ticks, n), a compiled controller, a controller (an object with
+                ``torque(state, reference)``), or a function of the state that returns torques. All
+                but the last two run in compiled code; these are given the state as the scene's
+                sensors tell it.
+            reference: What a controller is to follow from now on, such as
+                ``trajectory.quintic(…)``; None: stay where it is.
 
         Returns:
             The motion, the present state first.
@@ -228,6 +238,10 @@ class Simulator:
             SimulationDiverged: If a number stops being finite; it holds the motion so far.
         """
         ticks = tick_count(duration, self.dt)
+        if hasattr(control, "torque"):
+            control = answers(control, reference, self.dynamics, self.state)
+        elif reference is not None:
+            raise InvalidInput("a reference is for a controller with torque(state, reference)")
         time = np.asarray((self._step + np.arange(ticks + 1)) * self.dt, dtype=np.float64)
         x, command = np.empty((ticks + 1, self.plant.nx)), np.empty((ticks + 1, self.n))
         notes = np.empty((ticks + 1, 2))

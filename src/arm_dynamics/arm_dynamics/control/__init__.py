@@ -12,6 +12,7 @@ from arm_dynamics.control.computed_torque import (
     gains,
     held_gains,
 )
+from arm_dynamics.control.custom import Watched, load_controller
 from arm_dynamics.control.factory import NAMES, Settings, make_controller, preparation
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.joint_space import (
@@ -36,6 +37,7 @@ from arm_dynamics.control.wrappers import (
     AnyController,
     DisturbanceObserver,
     HalfTickAhead,
+    Restartable,
     Saturated,
     Switch,
 )
@@ -45,6 +47,7 @@ __all__ = [
     "ComputedTorque", "Controller", "DisturbanceObserver", "FeedForwardPD",
     "FrictionFeedForward", "GravityCompensation", "HalfTickAhead", "JointImpedance",
     "Measured", "MotionForce", "NAMES", "OperationalSpace", "PD", "PDGravity", "PID",
-    "Saturated", "Settings", "Switch", "TaskController", "at_rest", "gains", "held_gains",
-    "make_controller", "preparation", "task_reference", "tuned",
+    "Restartable", "Saturated", "Settings", "Switch", "TaskController", "Watched", "at_rest",
+    "gains", "held_gains", "load_controller", "make_controller", "preparation",
+    "task_reference", "tuned",
 ]  # fmt: skip

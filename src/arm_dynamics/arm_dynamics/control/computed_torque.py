@@ -62,10 +62,22 @@ class Checked(Measured):
 
 
 class Controller[Goal](Protocol):
-    """Answers what torque leads a moving arm to its reference, of joints or of a frame."""
+    """Answers what torque leads a moving arm to its reference, of joints or of a frame.
+
+    A class of one's own has to offer this one method. It need not derive from this protocol, but
+    may; with a method ``restart()`` it is told when its past is over: time jumped, or it takes
+    over from another controller. What it needs to know (``dynamics``, ``dt``, …) it asks for in
+    its constructor, see ``make_controller``.
+    """
 
     def torque(self, state: Moving, reference: Goal) -> Array:
-        """Return joint torques in [N m], shape (n,)."""
+        """Return joint torques in [N m] or [N], finite, shape (n,), held until the next call.
+
+        Args:
+            state: Joint positions ``q`` and velocities ``v``, each of shape (n,), read-only.
+            reference: Where the joints should be: ``q``, ``v`` and ``a``, each of shape (n,), of a
+                ``trajectory.Reference``.
+        """
 
 
 class ComputedTorque:

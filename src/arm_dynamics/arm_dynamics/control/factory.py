@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from functools import partial
 from typing import Any
 
@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers
-from arm_dynamics.control import computed_torque, joint_space, task_space
+from arm_dynamics.control import computed_torque, custom, joint_space, task_space
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -84,31 +84,41 @@ class Settings:
 
 
 def make_controller(
-    name: str, dynamics: Dynamics, settings: Settings | None = None
+    name: str | custom.Maker, dynamics: Dynamics, settings: Settings | None = None
 ) -> AnyController:
     """Make a controller that follows joint references (``trajectory.Reference``).
 
     Args:
-        name: One of ``NAMES``.
+        name: One of ``NAMES``, or a class of one's own (see ``Controller``). Of its arguments
+            those are given, by name, that are called ``dynamics``, ``settings``, or as a field of
+            ``Settings`` (``dt``, ``bandwidth``, …); others must have defaults.
         dynamics: The model it knows; used from one thread only.
         settings: What it is tuned to.
 
     Raises:
-        InvalidInput: If the name is unknown, a task controller has no frame, or a setting is not
-            allowed.
+        InvalidInput: If the name is unknown, a task controller has no frame, a setting is not
+            allowed, or a class of one's own cannot be used.
 
     Example:
         >>> control = make_controller("computed_torque", Dynamics("panda.yaml"))
     """
-    if name not in _BUILDERS:
-        raise InvalidInput(f"controller = {name!r}; allowed: {known_names(_BUILDERS)}")
     settings = settings or Settings()
-    control, limit = _BUILDERS[name](dynamics, settings), settings.limit
+    control, limit = _plain(name, dynamics, settings), settings.limit
     if settings.friction and name in _FRICTION:
         control = FrictionFeedForward(control, dynamics.model, _FRICTION[name])
     if settings.observer:
         control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
+
+
+def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> AnyController:
+    if not isinstance(name, str):
+        offered = {f.name: getattr(settings, f.name) for f in fields(settings)}
+        offered |= {"dynamics": dynamics, "settings": settings}
+        return custom.made(name, offered, dynamics.n)
+    if name not in _BUILDERS:
+        raise InvalidInput(f"controller = {name!r}; allowed: {known_names(_BUILDERS)}")
+    return _BUILDERS[name](dynamics, settings)
 
 
 def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None:

@@ -27,14 +27,21 @@ from arm_dynamics.control.factory import (
 )
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput
 from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import declare, watch
-from arm_dynamics.ros.controller import AnswerLog, ControllerParams, Goals, Jumps, tracking_state
+from arm_dynamics.ros.controller import (
+    AnswerLog,
+    ControllerParams,
+    Goals,
+    Jumps,
+    Loaded,
+    tracking_state,
+)
 from arm_dynamics.ros.interfaces import (
     CARTESIAN_GOAL,
     CARTESIAN_PATH,
@@ -85,6 +92,7 @@ class ControllerNode(Node):
         if scene is None:
             raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
         self.dynamics = Dynamics(rigid_twin(load_scene(scene)))
+        self._loaded = Loaded(self.params, self.dynamics.model, self._settings(self.params))
         names = self.dynamics.joint_names
         period, fade = self.params.settings.dt, self.params.switch_time
         self.control = Switch(self._made(self.params), period, fade)
@@ -140,7 +148,8 @@ class ControllerNode(Node):
         frame, axes = params.settings.frame, params.settings.axes
         if frame:  # refused at once, not when a controller first needs it
             TaskSpace(self.dynamics, frame, selection=axes)
-        return make_controller(params.controller, self.dynamics, self._settings(params))
+        chosen = self._loaded.maker(params.controller)
+        return make_controller(chosen, self.dynamics, self._settings(params))
 
     def _settings(self, params: ControllerParams) -> Settings:
         return replace(params.settings, limit=self.dynamics.model.effort_limit)
@@ -155,6 +164,9 @@ class ControllerNode(Node):
         retune = same and not self._builder.busy
 
         def put() -> None:
+            if self._log.failure:  # the arm has been braked: there is no torque to fade from
+                self.control.restart()
+                self.goals.follower = None
             if retune:
                 self.control.retune(control)
                 return
@@ -204,7 +216,11 @@ class ControllerNode(Node):
             return None
         state = Checked(np.array(q), np.array(v))
         reference = self._reference(stamp, state)
-        tau = self.control.torque(state, reference)
+        try:
+            tau = self.control.torque(state, reference)
+        except ControllerFailed as error:
+            self._brake(error)
+            return None
         if not finite_numbers(tau.tolist()):
             self.control.restart()
             self._say(f"no command, the torque would not be finite: {tau}")
@@ -217,6 +233,14 @@ class ControllerNode(Node):
         if stamp >= self._next_report:
             self._publish_report(stamp, reference, state, tau)
         return command
+
+    def _brake(self, error: ControllerFailed) -> None:
+        """Command nothing, so that the arm's own policy for that brakes it, and say so."""
+        self._log.failure = (
+            f"{error}; no commands until it is tuned, another one is selected, or "
+            "time jumps (a reset)"
+        )
+        self.get_logger().error(self._log.failure, throttle_duration_sec=_THROTTLE)
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
         goals, params = self.goals, self.params

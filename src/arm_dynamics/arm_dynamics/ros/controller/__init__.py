@@ -8,7 +8,8 @@ the dynamics node.
 from arm_dynamics.ros.controller.answer_log import AnswerLog
 from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
+from arm_dynamics.ros.controller.loaded import Loaded
 from arm_dynamics.ros.controller.messages import tracking_state
 from arm_dynamics.ros.controller.params import ControllerParams
 
-__all__ = ["AnswerLog", "ControllerParams", "Goals", "Jumps", "tracking_state"]
+__all__ = ["AnswerLog", "ControllerParams", "Goals", "Jumps", "Loaded", "tracking_state"]

@@ -21,12 +21,14 @@ class AnswerLog:
     Attributes:
         passed_over: States that could not be used.
         jumps: How often time or the arm jumped from one state to the next.
+        failure: Why the controller gives no torque; empty while it does.
     """
 
     def __init__(self) -> None:
         self._raw, self._command = b"", b""
         self._seen = self._since = time.monotonic()
         self._answers = self.passed_over = self.jumps = 0
+        self.failure = ""
         self._growth = Growth()
 
     def again(self, raw: bytes) -> bytes | None:
@@ -38,6 +40,7 @@ class AnswerLog:
         """Take note of an answer."""
         self._raw, self._command = raw, command
         self._answers += 1
+        self.failure = ""
 
     def forget(self) -> None:
         """Answer the next state anew even if it is the last one."""
@@ -61,6 +64,8 @@ class AnswerLog:
             "last state [s]": now - self._seen, "states passed over": self.passed_over,
             "jumps of time": self.jumps, **goals, "executor": executor,
         }  # fmt: skip
+        if self.failure:
+            found.complain(ERROR, self.failure)
         if now - self._seen > SILENCE:
             found.complain(ERROR, f"no joint state for {now - self._seen:.1f} s")
         self._growth.warn(found, self.passed_over, "joint states passed over")

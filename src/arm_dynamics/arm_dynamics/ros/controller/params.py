@@ -16,7 +16,13 @@ class ControllerParams(ThreadParams):
 
     scene: str = parameter("", f"{SCENE}; what the controller believes the arm to be")
     controller: str = parameter(
-        "computed_torque", "The law that makes the torque", choices=NAMES, read_only=False
+        "computed_torque",
+        f"What makes the torque: {', '.join(NAMES)}, or a controller of one's own as "
+        "package.module:Class, named here or in 'controllers' when the node is started",
+        read_only=False,
+    )
+    controllers: list[str] = parameter(
+        [], "Controllers of one's own that may be selected in motion, as package.module:Class"
     )
     cartesian_speed: float = parameter(
         0.25, "Speed of Cartesian goals [m/s]; a turn counts 0.25 m/rad", low=1e-6, high=100.0,

@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers of one's own: found by name, made with what they ask for, and watched.
+
+The contract is that of ``Controller``: an object with ``torque(state, reference)``, and with
+``restart()`` if it remembers. ``made`` puts ``Watched`` around it, so that what it raises or
+returns never reaches an arm unchecked.
+"""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable, Mapping
+from importlib import import_module
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array, all_finite, read_only
+from arm_dynamics.control.computed_torque import Checked, Controller, Moving, checked
+from arm_dynamics.control.wrappers import restart
+from arm_dynamics.exceptions import ControllerFailed, InvalidInput, known_names
+from arm_dynamics.trajectory.reference import Reference
+
+Maker = Callable[..., Any]
+"""A class of controllers, or a function that makes one; ``make_controller`` says of what."""
+
+
+def is_own(name: str) -> bool:
+    """Whether a controller's name is of the form ``package.module:Class``."""
+    return ":" in name
+
+
+def load_controller(name: str) -> Maker:
+    """Import a class of controllers.
+
+    This runs the code of its module: call it with what the user of the program has named, never
+    with what came from outside.
+
+    Args:
+        name: ``package.module:Class``; the module must be where Python finds modules.
+
+    Raises:
+        InvalidInput: If there is no such module or class, or the module cannot be imported.
+    """
+    where, _, what = name.partition(":")
+    if not all(part.isidentifier() for part in (*where.split("."), what)):
+        raise InvalidInput(f"controller = {name!r}; expected the form package.module:Class")
+    try:
+        module = import_module(where)
+    except Exception as error:  # whatever somebody else's code may raise
+        raise InvalidInput(
+            f"controller = {name!r}: importing '{where}' failed with {_said(error)}; modules are "
+            "looked for in installed packages and in the folders of PYTHONPATH"
+        ) from error
+    maker: Maker | None = getattr(module, what, None)
+    if maker is None or not callable(maker):
+        there = [n for n, x in vars(module).items() if inspect.isclass(x) and n[0] != "_"]
+        raise InvalidInput(
+            f"controller = {name!r}: '{where}' has no class '{what}'; it has {known_names(there)}"
+        )
+    return maker
+
+
+def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
+    """Make a controller of one's own.
+
+    Args:
+        maker: A class or function.
+        offered: What it may ask for, by the names of its arguments; others must have defaults.
+        n: Number of joints.
+
+    Raises:
+        InvalidInput: If it needs another argument, raises, or makes something without ``torque``.
+    """
+    name = getattr(maker, "__name__", type(maker).__name__)
+    try:
+        control = maker(**_asked(name, maker, offered))
+    except InvalidInput:
+        raise
+    except Exception as error:
+        raise InvalidInput(f"controller {name} cannot be made: {_said(error)}") from error
+    return Watched(control, name, n)
+
+
+def _asked(name: str, maker: Maker, offered: Mapping[str, Any]) -> dict[str, Any]:
+    """What a maker asks for, by name."""
+    parameters = inspect.signature(maker).parameters.values()
+    named = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
+    missing = [p.name for p in named if p.name not in offered and p.default is p.empty]
+    if missing:
+        raise InvalidInput(
+            f"controller {name} needs {known_names(missing)}; it is made with any of "
+            f"{known_names(sorted(offered))}, other arguments need defaults"
+        )
+    return {p.name: offered[p.name] for p in named if p.name in offered}
+
+
+class Watched:
+    """A controller of one's own, of which only torques get through.
+
+    It sees read-only arrays. When it raises, or returns anything but n finite numbers, it has
+    failed and is not asked again until it is restarted.
+    """
+
+    def __init__(self, control: Controller[Any], name: str, n: int) -> None:
+        """Take a controller and its name, for an arm of n joints.
+
+        Raises:
+            InvalidInput: If it has no method ``torque``.
+        """
+        if not callable(getattr(control, "torque", None)):
+            raise InvalidInput(
+                f"controller {name} is of type {type(control).__name__}, which has no method "
+                "torque(state, reference)"
+            )
+        self._control, self._name, self._n = control, name, n
+        self._failed: ControllerFailed | None = None
+
+    def restart(self) -> None:
+        """Begin afresh, after a failure too."""
+        self._failed = None
+        try:
+            restart(self._control)
+        except Exception as error:
+            self._failed = self._failure(f"raised {_said(error)} when restarted")
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m] or [N], finite, of shape (n,).
+
+        Raises:
+            ControllerFailed: If it has failed, now or since it was restarted.
+        """
+        if self._failed is not None:
+            raise self._failed
+        q, v = checked(state, self._n)
+        goal = Reference(*map(read_only, (reference.q, reference.v, reference.a)))
+        try:
+            tau = self._control.torque(Checked(read_only(q), read_only(v)), goal)
+        except Exception as error:
+            self._failed = self._failure(f"raised {_said(error)}")
+            raise self._failed from error
+        return self._numbers(tau)
+
+    def _numbers(self, tau: Any) -> Array:
+        try:
+            given = np.array(tau, dtype=float)
+        except (TypeError, ValueError):
+            wrong = f"a {type(tau).__name__}"
+        else:
+            if given.shape == (self._n,) and all_finite(given):
+                return given
+            wrong = f"shape {given.shape}" if given.shape != (self._n,) else f"{given}"
+        self._failed = self._failure(f"returned {wrong}; finite numbers of shape ({self._n},) are "
+                                     "expected")  # fmt: skip
+        raise self._failed
+
+    def _failure(self, what: str) -> ControllerFailed:
+        return ControllerFailed(f"controller {self._name} {what}")
+
+
+def _said(error: Exception) -> str:
+    """An exception in one line."""
+    text = " ".join(f"{type(error).__name__}: {error}".split())
+    return text if len(text) <= 300 else text[:299] + "…"

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The controllers that a node may run: ours, and those of one's own that it was started with."""
+
+from __future__ import annotations
+
+from arm_dynamics.control.custom import Maker, is_own, load_controller
+from arm_dynamics.control.factory import NAMES, Settings, make_controller
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.ros.controller.params import ControllerParams
+
+
+class Loaded:
+    """Controllers by name.
+
+    Code of somebody's own is imported here, when the node starts, and nowhere later: what comes
+    from outside may choose among what is loaded, and name nothing else.
+    """
+
+    def __init__(self, params: ControllerParams, model: ArmModel, settings: Settings) -> None:
+        """Load what the parameters name, and make each once.
+
+        Args:
+            params: As they were when the node was started.
+            model: The arm.
+            settings: What the controllers are tuned to.
+
+        Raises:
+            InvalidInput: If one cannot be loaded or made.
+        """
+        named = dict.fromkeys((params.controller, *params.controllers))
+        self._own = {name: load_controller(name) for name in named if is_own(name)}
+        for name in named:
+            self.maker(name)
+        for maker in self._own.values():
+            make_controller(maker, Dynamics(model), settings)
+
+    def maker(self, name: str) -> str | Maker:
+        """What ``make_controller`` takes for a name.
+
+        Raises:
+            InvalidInput: If there is no controller of that name.
+        """
+        if name in NAMES:
+            return name
+        if name in self._own:
+            return self._own[name]
+        hint = "; others must be named in 'controllers' when the node is started"
+        allowed = known_names([*NAMES, *self._own]) + (hint if is_own(name) else "")
+        raise InvalidInput(
+            f"parameter 'controller' is '{name[:100]}'; allowed is one of {allowed}"
+        )

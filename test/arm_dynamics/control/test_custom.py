@@ -1,0 +1,160 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers of one's own: found by name, made with what they ask for, and watched."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import own_controllers
+import pytest
+
+import models
+from arm_dynamics import Dynamics, InvalidInput
+from arm_dynamics.control import (
+    ComputedTorque,
+    DisturbanceObserver,
+    Measured,
+    PDGravity,
+    Saturated,
+    Settings,
+    Switch,
+    Watched,
+    load_controller,
+    make_controller,
+)
+from arm_dynamics.exceptions import ControllerFailed
+from arm_dynamics.trajectory import Reference
+
+
+@pytest.fixture
+def dynamics() -> Dynamics:
+    return models.dynamics("two_link")
+
+
+STATE = Measured(np.array([0.3, -0.2]), np.array([0.1, 0.4]))
+GOAL = Reference(np.array([0.5, 0.1]), np.zeros(2), np.zeros(2))
+
+
+def test_a_class_is_found_by_name_and_gets_what_it_asks_for(dynamics: Dynamics) -> None:
+    maker = load_controller("own_controllers:Everything")
+    assert maker is own_controllers.Everything
+    settings = Settings(dt=0.002, limit=[5.0, 6.0])
+    control = maker(dynamics, settings, dt=0.002, limit=settings.limit)
+    made: list[Any] = []
+
+    class Noted(own_controllers.Everything):
+        def __init__(self, dynamics: Dynamics, settings: Settings, *, dt: float, limit: Any = 0):
+            super().__init__(dynamics, settings, dt=dt, limit=limit)
+            made.append(self.given)
+
+    make_controller(Noted, dynamics, settings)
+    assert made == [control.given]
+
+
+def test_our_own_classes_can_be_named_too(dynamics: Dynamics) -> None:
+    maker = load_controller("arm_dynamics.control:ComputedTorque")
+    settings = Settings(bandwidth=12.0, damping_ratio=0.8, dt=0.002)
+    named = make_controller(maker, dynamics, settings).torque(STATE, GOAL)
+    direct = ComputedTorque(dynamics, 12.0, 0.8, 0.002).torque(STATE, GOAL)
+    np.testing.assert_array_equal(named, direct)
+
+
+@pytest.mark.parametrize("maker", [own_controllers.Springs, own_controllers.made_by_a_function])
+def test_its_torques_get_through(dynamics: Dynamics, maker: Any) -> None:
+    stiffness = 400.0 if maker is own_controllers.Springs else 100.0
+    tau = make_controller(maker, dynamics).torque(STATE, GOAL)
+    expected = PDGravity(dynamics, stiffness, 40.0).torque(STATE, GOAL)
+    np.testing.assert_allclose(tau, expected, rtol=1e-12)
+    assert isinstance(tau, np.ndarray)
+
+
+def test_it_is_wrapped_as_ours_are(dynamics: Dynamics) -> None:
+    limit = np.array([1.0, 0.5])
+    settings = Settings(limit=limit, saturate=True)
+    cut = make_controller(own_controllers.Springs, dynamics, settings)
+    assert isinstance(cut, Saturated) and (abs(cut.torque(STATE, GOAL)) <= limit).all()
+    observed = make_controller(own_controllers.Springs, dynamics, Settings(observer=20.0))
+    assert isinstance(observed, DisturbanceObserver)
+    switch = Switch(make_controller("pd_gravity", dynamics), dt=1e-3)
+    before = switch.torque(STATE, GOAL)
+    switch.to(make_controller(own_controllers.Springs, dynamics))
+    np.testing.assert_array_equal(switch.torque(STATE, GOAL), before)
+
+
+@pytest.mark.parametrize(
+    ("name", "said"),
+    [
+        ("no_such_module:Class", "importing 'no_such_module' failed with ModuleNotFoundError"),
+        ("own_controllers:Spring", "has no class 'Spring'; it has .*Springs"),
+        ("own_controllers:NUMBER", "has no class 'NUMBER'"),
+        ("own_controllers:", "expected the form package.module:Class"),
+        (":Springs", "expected the form package.module:Class"),
+        ("a/b:Springs", "expected the form package.module:Class"),
+        ("own_controllers:Springs()", "expected the form package.module:Class"),
+    ],
+)
+def test_what_cannot_be_found_is_refused_by_name(name: str, said: str) -> None:
+    with pytest.raises(InvalidInput) as error:
+        load_controller(name)
+    assert name in str(error.value) and re.search(said, str(error.value))
+
+
+def test_a_module_that_fails_is_refused_by_name(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "does_not_load.py").write_text("raise RuntimeError('half\\ndone')")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(InvalidInput, match="'does_not_load' failed with RuntimeError: half done"):
+        load_controller("does_not_load:Class")
+
+
+@pytest.mark.parametrize(
+    ("maker", "said"),
+    [
+        (own_controllers.NeedsMore, "controller NeedsMore needs camera; .*bandwidth.*dynamics"),
+        (own_controllers.Broken, "Broken cannot be made: OSError: no calibration file"),
+        (own_controllers.NoTorque, "NoTorque is of type NoTorque, which has no method torque"),
+    ],
+)
+def test_what_cannot_be_made_is_refused_by_name(dynamics: Dynamics, maker: Any, said: str) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        make_controller(maker, dynamics)
+
+
+FAILURES = {
+    "raise": "raised ZeroDivisionError: oh oh oh .*…$",
+    "nan": "returned \\[ *nan .*; finite numbers of shape \\(2,\\) are expected",
+    "shape": "returned shape \\(1,\\)",
+    "column": "returned shape \\(2, 1\\)",
+    "none": "returned shape \\(\\)",
+    "text": "returned a str",
+    "write": "raised ValueError: .*read-only",
+    "write reference": "raised ValueError: .*read-only",
+}
+
+
+@pytest.mark.parametrize("how", FAILURES)
+def test_what_fails_has_failed_until_it_is_restarted(dynamics: Dynamics, how: str) -> None:
+    inside = own_controllers.Fails(dynamics)
+    control = Watched(inside, "Fails", 2)
+    good = control.torque(STATE, GOAL)
+    inside.how = how
+    with pytest.raises(ControllerFailed, match=f"controller Fails {FAILURES[how]}"):
+        control.torque(STATE, GOAL)
+    inside.how = ""
+    with pytest.raises(ControllerFailed):
+        control.torque(STATE, GOAL)
+    control.restart()
+    np.testing.assert_array_equal(control.torque(STATE, GOAL), good)
+
+
+def test_one_that_cannot_be_restarted_has_failed(dynamics: Dynamics) -> None:
+    inside = own_controllers.Fails(dynamics)
+    control = Watched(inside, "Fails", 2)
+    inside.how = "restart"
+    control.restart()
+    with pytest.raises(ControllerFailed, match="raised RuntimeError: cannot begin when restarted"):
+        control.torque(STATE, GOAL)

@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers in a run: objects with ``torque(state, reference)``, ours and others."""
+
+from __future__ import annotations
+
+import numpy as np
+import own_controllers
+import pytest
+
+import models
+from arm_dynamics import InvalidInput
+from arm_dynamics.control import ComputedTorque, PDGravity
+from arm_dynamics.exceptions import ControllerFailed
+from arm_dynamics.trajectory import Waypoint, quintic
+from arm_sim import ClosedLoop, Simulator
+from tolerances import assert_close
+
+
+def test_a_controller_stays_where_the_run_begins() -> None:
+    sim = models.simulator("two_link", dt=1e-3)
+    q = sim.state.q
+    motion = sim.run(0.2, control=ComputedTorque(sim.dynamics))
+    assert_close(motion.q, np.tile(q, (201, 1)), 1e-9)
+    sim.reset(q=q + 0.1)
+    motion = sim.run(0.2, control=own_controllers.Springs(sim.dynamics))
+    assert_close(motion.q[-1], q + 0.1, 1e-9)
+
+
+def test_a_controller_follows_a_motion_from_the_beginning_of_the_run() -> None:
+    sim = models.simulator("two_link", dt=1e-3)
+    control, q = ComputedTorque(sim.dynamics, 30.0), sim.state.q
+    sim.run(0.1, control)
+    way = quintic([Waypoint(0.0, q), Waypoint(0.5, q + [0.4, -0.3])])
+    done = sim.run(0.5, control, way)
+    expected = np.array([way.sample(0.001 * k).q for k in range(501)])
+    assert_close(done.q, expected, 1e-4)
+
+
+def test_it_is_the_loop_that_a_function_closes_by_hand() -> None:
+    sim = models.simulator("two_link", dt=1e-3)
+    control, q = PDGravity(sim.dynamics, 50.0, 10.0), sim.state.q
+    way = quintic([Waypoint(0.0, q), Waypoint(0.5, q + 0.2)])
+    done = sim.run(0.3, control, way)
+    sim.reset()
+    by_hand = sim.run(0.3, lambda s: control.torque(s, way.sample(s.time)))
+    np.testing.assert_array_equal(done.q, by_hand.q)
+    np.testing.assert_array_equal(done.tau, by_hand.tau)
+
+
+def test_torques_become_what_the_drives_take() -> None:
+    """A voltage holds the pendulum: u = R τ / (N K_t), here against its weight at 30 degrees."""
+    sim = Simulator(models.scene("motor_pendulum"), dt=1e-4)
+    sim.reset(q=[np.pi / 6])
+    sim.run(1e-4, PDGravity(sim.dynamics, 0.0, 0.0))
+    motor = models.scene("motor_pendulum").joints["swing"].actuator
+    assert motor is not None and motor.resistance and motor.torque_constant
+    weight = sim.dynamics.gravity([np.pi / 6])[0]
+    volts = motor.resistance * weight / (motor.gear_ratio * motor.torque_constant)
+    assert_close(sim.command, [volts], 1e-9)
+
+
+def test_one_of_ones_own_leads_a_closed_loop_along_trajectories() -> None:
+    pair = ClosedLoop("two_link", "own_controllers:Springs", dt=1e-3)
+    q = pair.simulator.state.q
+    goal = q + [0.3, -0.2]
+    pair.follow([Waypoint(0.5, goal)])
+    done = pair.run(1.5)
+    assert_close(done.q[-1], goal, 1e-3)
+    other = ClosedLoop("two_link", own_controllers.Springs, dt=1e-3)
+    other.follow([Waypoint(0.5, goal)])
+    np.testing.assert_array_equal(other.run(1.5).q, done.q)
+
+
+def test_what_cannot_be_a_controller_is_refused() -> None:
+    sim = models.simulator("two_link", dt=1e-3)
+    with pytest.raises(InvalidInput, match="control is the class Springs"):
+        sim.run(0.1, own_controllers.Springs)
+    way = quintic([Waypoint(0.0, np.zeros(2)), Waypoint(1.0, np.ones(2))])
+    with pytest.raises(InvalidInput, match="a reference is for a controller"):
+        sim.run(0.1, np.zeros(2), way)
+    with pytest.raises(InvalidInput, match="controller = 'own_controllers:None_'"):
+        ClosedLoop("two_link", "own_controllers:None_")
+
+
+def test_one_that_fails_says_so_in_a_closed_loop(monkeypatch: pytest.MonkeyPatch) -> None:
+    pair = ClosedLoop("two_link", own_controllers.Fails, dt=1e-3)
+    pair.run(0.01)
+    monkeypatch.setattr(own_controllers.Fails, "how", "nan")
+    with pytest.raises(ControllerFailed, match="controller Fails returned"):
+        pair.run(0.01)
+    assert pair.simulator.step_count == 10

@@ -1,0 +1,85 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Controllers as somebody else would write them, good ones and others."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import Dynamics
+from arm_dynamics.control import Settings
+
+
+class Springs:
+    """Weight, and springs and dampers of its own."""
+
+    def __init__(self, dynamics: Dynamics, bandwidth: float = 1.0, stiffness: float = 400.0):
+        self.dynamics, self.bandwidth, self.stiffness = dynamics, bandwidth, stiffness
+
+    def torque(self, state: Any, reference: Any) -> list[float]:
+        e, rate = reference.q - state.q, reference.v - state.v
+        tau = self.dynamics.gravity(state.q) + self.stiffness * e + 40.0 * rate
+        return list(tau)
+
+
+class Everything:
+    """Takes what there is to be taken."""
+
+    def __init__(self, dynamics: Dynamics, settings: Settings, *, dt: float, limit: Any = None):
+        self.given = dynamics, settings, dt, limit
+
+    def torque(self, state: Any, reference: Any) -> np.ndarray:
+        return np.zeros(self.given[0].n)
+
+
+class Fails(Springs):
+    """Does as ``how`` says once that is set."""
+
+    how = ""
+
+    def restart(self) -> None:
+        if self.how == "restart":
+            raise RuntimeError("cannot begin")
+
+    def torque(self, state: Any, reference: Any) -> Any:
+        tau = super().torque(state, reference)
+        match self.how:
+            case "raise":
+                raise ZeroDivisionError("oh\n" * 1000)
+            case "nan":
+                tau[0] = np.nan
+            case "shape":
+                return tau[:-1]
+            case "column":
+                return np.array(tau)[:, None]
+            case "none":
+                return None
+            case "text":
+                return "torque"
+            case "write":
+                state.q[:] = 0.0
+            case "write reference":
+                reference.q[:] = 0.0
+        return tau
+
+
+class NeedsMore:
+    def __init__(self, dynamics: Dynamics, camera: Any):
+        pass
+
+
+class Broken:
+    def __init__(self, dynamics: Dynamics):
+        raise OSError("no calibration file")
+
+
+class NoTorque:
+    pass
+
+
+def made_by_a_function(dynamics: Dynamics) -> Springs:
+    return Springs(dynamics, stiffness=100.0)
+
+
+NUMBER = 7
