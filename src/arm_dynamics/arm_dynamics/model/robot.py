@@ -10,7 +10,7 @@ Featherstone, Rigid Body Dynamics Algorithms, 2008, section 3.2).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from copy import copy
 from typing import Self
 
@@ -36,6 +36,7 @@ class Robot:
         has_followers: Whether a mimic joint follows another one.
         followers: Matrix E of shape (pin.nv, n).
         offsets: Vector e of shape (pin.nv,).
+        locked: Positions of joints that the scene holds fast, in [rad] or [m], by name.
         doubtful: Links whose inertia no rigid body has, and why.
 
     Raises:
@@ -49,7 +50,8 @@ class Robot:
         self.doubtful = urdf.doubtful
         self._whole = _parse(scene.robot.urdf)
         self._rules = _resolved(urdf)
-        self.pin = _locked(self._whole, scene, self._rules)
+        self.locked = _locked_positions(scene, self._rules)
+        self.pin = _reduced(self._whole, self.locked)
         self.pin.gravity.linear = np.array(scene.gravity)
         self.bare = self.pin.copy()
         _weld(self.pin, scene)
@@ -80,6 +82,11 @@ class Robot:
         other.pin.armature = self.pin.armature
         _weld(other.pin, other.scene)
         return other
+
+    @property
+    def whole(self) -> pin.Model:
+        """Pinocchio's model of the description as it is: no joint locked, no payload."""
+        return self._whole
 
     @property
     def n(self) -> int:
@@ -155,22 +162,33 @@ def _resolved(urdf: Urdf) -> dict[str, Mimic]:
     return resolved
 
 
-def _locked(whole: pin.Model, scene: Scene, rules: dict[str, Mimic]) -> pin.Model:
+def _locked_positions(scene: Scene, rules: dict[str, Mimic]) -> dict[str, float]:
+    """Positions of joints that are held fast, those that follow one of them included."""
     given = scene.initial.position
     locked = {name: given.get(name, 0.0) for name in scene.robot.lock if name not in rules}
     for name, rule in rules.items():
         if rule.leader in locked:
             locked[name] = rule.multiplier * locked[rule.leader] + rule.offset
+    return locked
+
+
+def _reduced(whole: pin.Model, locked: dict[str, float]) -> pin.Model:
     if not locked:
         return whole.copy()
-    reference = pin.neutral(whole)
-    for name, position in locked.items():
-        joint = whole.joints[whole.getJointId(name)]
-        wraps = joint.nq == 2
-        reference[joint.idx_q] = np.cos(position) if wraps else position
-        if wraps:
-            reference[joint.idx_q + 1] = np.sin(position)
+    reference = configuration_of(whole, locked)
     return pin.buildReducedModel(whole, [whole.getJointId(name) for name in locked], reference)
+
+
+def configuration_of(model: pin.Model, positions: Mapping[str, float]) -> Array:
+    """Pinocchio's configuration with some joints, in [rad] or [m], elsewhere than at neutral."""
+    q = pin.neutral(model)
+    for name, position in positions.items():
+        joint = model.joints[model.getJointId(name)]
+        wraps = joint.nq == 2
+        q[joint.idx_q] = np.cos(position) if wraps else position
+        if wraps:
+            q[joint.idx_q + 1] = np.sin(position)
+    return np.asarray(q)
 
 
 def _weld(model: pin.Model, scene: Scene) -> None:

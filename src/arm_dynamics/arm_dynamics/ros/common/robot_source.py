@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a node's arm comes from: a scene, or a robot description by parameter or topic."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.serialization import deserialize_message
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.params import parameter
+from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
+from arm_dynamics.scene.load import load_scene, scene_from_urdf
+from arm_dynamics.scene.schema import Scene
+
+FROM_SCENE, FROM_PARAMETER, FROM_TOPIC = "scene", "parameter", "topic"
+_GLANCE = 0.02  # [s] between looks for a description
+
+
+@dataclass(frozen=True)
+class DescriptionParams:
+    """Parameters of a node whose arm may come as a robot description."""
+
+    robot_description: str = parameter(
+        "", "URDF text, read where there is no scene; empty: it comes from the topic"
+    )
+    description_timeout: float = parameter(
+        5.0, "How long to wait for it on the topic robot_description [s]", low=0.0, high=3600.0
+    )
+
+
+def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> tuple[Scene, str]:
+    """The scene of a node that cannot start without one, and where it came from.
+
+    First match wins: the constructor's scene, the parameter ``scene``, the parameter
+    ``robot_description``, the topic. A description is URDF text, never the name of a file, so no
+    message makes a node read files.
+
+    Args:
+        node: The node.
+        given: What the constructor was given: anything ``load_scene`` takes, or None.
+        scene: The parameter ``scene``.
+        params: The parameters about the description.
+
+    Raises:
+        ArmError: If there is none, or it cannot be used.
+    """
+    if given is not None or scene:
+        return load_scene(given if given is not None else scene), FROM_SCENE
+    if params.robot_description:
+        return scene_from_urdf(params.robot_description), FROM_PARAMETER
+    return scene_from_urdf(_awaited(node, params.description_timeout)), FROM_TOPIC
+
+
+def _awaited(node: Node, timeout: float) -> str:
+    topic, newest = node.resolve_topic_name(ROBOT_DESCRIPTION.name), None
+    end = time.monotonic() + timeout
+    if timeout:
+        node.get_logger().info(f"no scene: waiting for a robot description on {topic}")
+        newest = Newest(node, ROBOT_DESCRIPTION)
+    try:
+        while newest is not None and time.monotonic() < end:
+            if (taken := newest.take()) is not None:
+                return str(deserialize_message(taken[0], ROBOT_DESCRIPTION.type).data)
+            time.sleep(_GLANCE)
+    finally:
+        if newest is not None:
+            newest.close()
+    raise InvalidInput(
+        "parameter 'scene' is empty; allowed is a scene file or a URDF, or a URDF in the parameter "
+        f"'robot_description' or on {topic}, where none came in {timeout:g} s"
+    )

@@ -1,0 +1,158 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What people look at: joint states of all joints, and frames, some times a second."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from itertools import count
+from typing import Any
+
+from geometry_msgs.msg import TransformStamped
+from rclpy.node import Node
+
+from arm_dynamics import ArmError
+from arm_dynamics.arrays import Array
+from arm_dynamics.model.description import AllJoints, Links
+from arm_dynamics.ros.common.convert import to_time
+from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter
+from arm_sim.ros.interfaces import ALL_JOINT_STATES, frames_topics
+from arm_sim.ros.robot.all_joints import AllJointStates
+from arm_sim.ros.robot.params import RobotParams
+from arm_sim.ros.tick_engine import TickEngine
+
+_RSP = "robot_state_publisher"
+
+
+class Display:
+    """Publishes ``~/all_joint_states`` and ``/tf`` while there are subscribers.
+
+    It works in the thread that spins the node, and asks the one that ticks for a copy of the state
+    between two ticks.
+
+    Attributes:
+        frames: What there is to say about ``/tf``, in words.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        engine: TickEngine,
+        params: RobotParams,
+        arrays: Sequence[Array],
+        stamp: Callable[[], int],
+    ) -> None:
+        """Advertise the topics.
+
+        Args:
+            node: The node.
+            engine: What ticks.
+            params: How often, and with which names.
+            arrays: Positions, velocities and efforts that ``joint_states`` has, each shape (n,).
+            stamp: Stamp of the present state in [ns], for the ticking thread.
+        """
+        self._engine, self._own, self._stamp = engine, arrays, stamp
+        model = engine.simulator.model
+        joints = AllJoints(model)
+        self._copies = tuple(array.copy() for array in arrays)
+        self._all = AllJointStates(joints, self._copies)
+        self.frames, self._tf = "off", None
+        if params.display_rate == 0.0:
+            return
+        writer = JointStateWriter(joints.names, frame_id=params.frame_id)
+        self._states = JointStateSink(node, ALL_JOINT_STATES, writer, self._all.arrays)
+        if params.publish_tf:
+            self._tf = Frames.where_possible(node, Links(model), joints.names, params.frame_prefix)
+            self.frames = "published" if self._tf else "not published: tf2_msgs is not installed"
+        self._looks = count()
+        self._every = max(1, round(params.display_rate))  # once a second
+        self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
+
+    def show(self) -> None:
+        """Publish what is asked for."""
+        wanted = self._frames_wanted()
+        heard = self._states.heard
+        if not (wanted or heard):
+            return
+        try:
+            stamp = self._engine.queue.run(self._copy)
+        except ArmError:
+            return  # it does not tick: there is nothing new
+        self._all.fill()
+        if heard:
+            self._states.send(stamp)
+        if wanted and self._tf is not None:
+            self._tf.publish(stamp, self._all.arrays[0])
+
+    def _copy(self) -> int:
+        for copy, array in zip(self._copies, self._own, strict=True):
+            copy[:] = array
+        return self._stamp()
+
+    def _frames_wanted(self) -> bool:
+        if self._tf is None:
+            return False
+        if next(self._looks) % self._every == 0:
+            self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
+        return self.frames == "published" and self._tf.heard
+
+
+class Frames:
+    """Transforms of the links: the fixed ones once for all who come, the others when told to."""
+
+    def __init__(
+        self, node: Node, links: Links, names: Sequence[str], prefix: str, topics: Any
+    ) -> None:
+        """Advertise and publish the fixed ones; ``names`` are of the positions to come."""
+        self._node, self._links, self._names = node, links, names
+        moving, still = topics
+        self._publisher, static = advertise(node, moving), advertise(node, still)
+        self._topic = node.resolve_topic_name(moving.name)
+        links.place({})
+        fixed = moving.type(transforms=_named(links.fixed, prefix))
+        now = node.get_clock().now().to_msg()
+        _fill(fixed.transforms, links.fixed_transforms(), now)
+        static.publish(fixed)
+        self._message = moving.type(transforms=_named(links.moving, prefix))
+
+    @classmethod
+    def where_possible(
+        cls, node: Node, links: Links, names: Sequence[str], prefix: str
+    ) -> Frames | None:
+        """The same where the package tf2_msgs is installed, else None."""
+        topics = frames_topics()
+        return None if topics is None else cls(node, links, names, prefix, topics)
+
+    @property
+    def heard(self) -> bool:
+        """Whether somebody listens."""
+        return bool(self._publisher.get_subscription_count())
+
+    def rivals(self) -> bool:
+        """Whether a robot_state_publisher of the same namespace publishes frames."""
+        here = self._node.get_namespace()
+        found = self._node.get_publishers_info_by_topic(self._topic)
+        return any(one.node_name == _RSP and one.node_namespace == here for one in found)
+
+    def publish(self, stamp: int, positions: Array) -> None:
+        """Publish the moving ones at positions of all joints, with a stamp in [ns]."""
+        self._links.place(dict(zip(self._names, positions.tolist(), strict=True)))
+        _fill(self._message.transforms, self._links.transforms(), to_time(stamp))
+        self._publisher.publish(self._message)
+
+
+def _named(pairs: Sequence[tuple[str, str]], prefix: str) -> list[TransformStamped]:
+    made = []
+    for parent, child in pairs:
+        made.append(TransformStamped(child_frame_id=prefix + child))
+        made[-1].header.frame_id = prefix + parent
+    return made
+
+
+def _fill(transforms: Sequence[TransformStamped], numbers: Array, stamp: Any) -> None:
+    for message, (x, y, z, qx, qy, qz, qw) in zip(transforms, numbers.tolist(), strict=True):
+        message.header.stamp = stamp
+        at, turn = message.transform.translation, message.transform.rotation
+        at.x, at.y, at.z = x, y, z
+        turn.x, turn.y, turn.z, turn.w = qx, qy, qz, qw

@@ -1,0 +1,40 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The robot's description, where it comes from and where it goes, and how it is shown."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from rclpy.node import Node
+from std_msgs.msg import String
+
+from arm_dynamics.ros.common.direct import advertise
+from arm_dynamics.ros.common.params import parameter
+from arm_dynamics.ros.common.robot_source import FROM_TOPIC, DescriptionParams
+from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION
+
+
+@dataclass(frozen=True)
+class RobotParams(DescriptionParams):
+    """Parameters of what the sim node tells about its robot."""
+
+    publish_description: bool = parameter(
+        True, "Publish the URDF on robot_description, unless it came from there"
+    )
+    publish_all_joints: bool = parameter(
+        False, "Locked and mimic joints in joint_states too, not only in ~/all_joint_states"
+    )
+    publish_tf: bool = parameter(
+        True,
+        "Publish /tf and /tf_static, while no robot_state_publisher does; needs tf2_msgs",
+    )
+    frame_prefix: str = parameter("", "Begins the name of every frame on /tf, such as left/")
+    display_rate: float = parameter(
+        50.0, "Messages per second on /tf and ~/all_joint_states; 0: none", low=0.0, high=1000.0
+    )
+
+
+def publish_description(node: Node, params: RobotParams, urdf: str, source: str) -> None:
+    """Publish the description once for all who come, where it has not come from there."""
+    if params.publish_description and source != FROM_TOPIC:
+        advertise(node, ROBOT_DESCRIPTION).publish(String(data=urdf))
