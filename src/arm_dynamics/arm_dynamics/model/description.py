@@ -42,10 +42,6 @@ class AllJoints:
         """Velocities in [rad/s] or [m/s] of all joints for those of the arm, shape (n,)."""
         return np.asarray(self._E @ v)
 
-    def efforts(self, tau: Array) -> Array:
-        """Torques of the arm's joints, shape (n,), and zeros: what leads others acts on them."""
-        return np.concatenate([tau, np.zeros(len(self.names) - tau.size)])
-
 
 class Links:
     """Where links are, each seen from the one that carries it.
@@ -79,7 +75,7 @@ class Links:
         pin.framesForwardKinematics(self._model, self._data, q)
 
     def fixed_transforms(self) -> Array:
-        """x y z [m] and quaternion x y z w of each of ``fixed``, in its parent, shape (k, 7)."""
+        """X y z [m] and quaternion x y z w of each of ``fixed``, in its parent, shape (k, 7)."""
         return self._transforms(self._fixed)
 
     def transforms(self) -> Array:

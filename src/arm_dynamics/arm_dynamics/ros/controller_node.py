@@ -34,6 +34,7 @@ from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import declare, watch
+from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller import (
     AnswerLog,
     ControllerParams,
@@ -51,7 +52,6 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
 )
 from arm_dynamics.ros.joint_state import JointStateWriter, make_reader
-from arm_dynamics.scene.load import load_scene
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
@@ -80,7 +80,8 @@ class ControllerNode(Node):
         """Start the node.
 
         Args:
-            scene: Anything ``load_scene`` takes; the parameter ``scene`` when None.
+            scene: Anything ``load_scene`` takes; when None the parameter ``scene``, else a robot
+                description, from the parameter or topic ``robot_description``.
             **node_kwargs: For ``rclpy.node.Node``: context, namespace, parameter_overrides, …
 
         Raises:
@@ -88,10 +89,8 @@ class ControllerNode(Node):
         """
         super().__init__("controller", **node_kwargs)
         self.params = declare(self, ControllerParams)
-        scene = scene if scene is not None else self.params.scene or None
-        if scene is None:
-            raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
-        self.dynamics = Dynamics(rigid_twin(load_scene(scene)))
+        chosen, _ = scene_for(self, scene, self.params.scene, self.params)
+        self.dynamics = Dynamics(rigid_twin(chosen))
         self._loaded = Loaded(self.params, self.dynamics.model, self._settings(self.params))
         names = self.dynamics.joint_names
         period, fade = self.params.settings.dt, self.params.switch_time

@@ -18,6 +18,7 @@ from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.realtime_loop import RealtimeLoop
+from arm_sim.ros.robot import Display
 from arm_sim.ros.tick_engine import TickEngine
 
 
@@ -31,6 +32,7 @@ class SimDiagnostics:
     loop: RealtimeLoop
     inputs: Inputs
     outputs: Outputs
+    display: Display
     lockstep: Lockstep | None
     refused_privileges: Sequence[str]
     growth: Growth = field(default_factory=Growth)
@@ -91,7 +93,7 @@ class SimDiagnostics:
             lambda: (engine.simulator.state, engine.simulator.stop_torque, engine.account())
         )
         found.values = {
-            "time [s]": state.time, "stamps": self.outputs.stamps.name,
+            "time [s]": state.time, "stamps": self.outputs.stamps.name, "tf": self.display.frames,
             "paused": engine.paused, "diverged": bool(engine.failure),
             "at stops": _at_stops(engine.simulator.joint_names, stops),
             "method": engine.simulator.choice.method.name, "error estimate": state.error,

@@ -10,6 +10,7 @@ from arm_msgs.msg import Energy, Multipliers
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.model.description import AllJoints
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
@@ -18,6 +19,7 @@ from arm_sim.ros.clock import SimClock
 from arm_sim.ros.interfaces import ENERGY, GROUND_TRUTH, MULTIPLIERS
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.params import CLOCK, SimParams
+from arm_sim.ros.robot.all_joints import AllJointStates
 from arm_sim.ros.stamps import SIM, NodeTime, SimulatedTime
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -30,6 +32,7 @@ class Outputs:
     Used by the ticking thread only.
 
     Attributes:
+        said: Positions, velocities and efforts that joint states tell of, each shape (n,).
         stamps: Where stamps come from.
         clock: What tells others the time, or None.
     """
@@ -55,15 +58,22 @@ class Outputs:
         effort = simulator.acted if self._driven is None else self._driven
         truth = x[:n], x[n : 2 * n], effort
 
-        def sink(topic: Topic, arrays: Sequence[Array]) -> JointStateSink:
-            writer = JointStateWriter(simulator.joint_names, frame_id=params.frame_id)
+        names = simulator.joint_names
+
+        def sink(topic: Topic, names: Sequence[str], arrays: Sequence[Array]) -> JointStateSink:
+            writer = JointStateWriter(names, frame_id=params.frame_id)
             return JointStateSink(node, topic, writer, arrays)
 
-        if (sensors := simulator.sensors) is None:
-            self._states, self._truth = sink(JOINT_STATES, truth), None
+        sensors = simulator.sensors
+        self.said = truth if sensors is None else tuple(np.split(sensors.said, 3))
+        self._truth = None if sensors is None else sink(GROUND_TRUTH, names, truth)
+        self._all = None
+        if params.publish_all_joints:
+            joints = AllJoints(simulator.model)
+            self._all = AllJointStates(joints, self.said)
+            self._states = sink(JOINT_STATES, joints.names, self._all.arrays)
         else:
-            self._states = sink(JOINT_STATES, np.split(sensors.said, 3))
-            self._truth = sink(GROUND_TRUTH, truth)
+            self._states = sink(JOINT_STATES, names, self.said)
         self._energy = advertise(node, ENERGY)
         self._multipliers = None
         if simulator.model.scene.bilateral:
@@ -81,10 +91,12 @@ class Outputs:
     def publish(self) -> None:
         """Publish the present state, and the clock."""
         self._idle = 0.0
-        stamp = self._stamp()
+        stamp = self.stamp()
         self._round_trip.sent(stamp)
         if self._driven is not None:
             self._driven[:] = self._simulator.effort
+        if self._all is not None:
+            self._all.fill()
         self._states.send(stamp)
         if self._truth is not None:
             self._truth.send(stamp)
@@ -98,7 +110,7 @@ class Outputs:
         if self._idle >= _IDLE_PERIOD:
             self.publish()
 
-    def _stamp(self) -> int:
+    def stamp(self) -> int:
         """Stamp of the present state in [ns]."""
         return self.stamps.at(self._engine.stamp)
 
@@ -122,7 +134,7 @@ class Outputs:
         if not heard:
             return
         message = Energy(**self._engine.account()._asdict())
-        message.header.stamp = to_time(self._stamp())
+        message.header.stamp = to_time(self.stamp())
         self._energy.publish(message)
 
     def _publish_multipliers(self) -> None:
@@ -131,7 +143,7 @@ class Outputs:
         simulator = self._simulator
         message = Multipliers(names=list(simulator.dynamics.constrained.names))
         message.values = simulator.multipliers().tolist()
-        message.header.stamp = to_time(self._stamp())
+        message.header.stamp = to_time(self.stamp())
         self._multipliers.publish(message)
 
 

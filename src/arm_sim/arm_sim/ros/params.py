@@ -4,13 +4,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
 
-from arm_dynamics import InvalidInput
+from arm_dynamics import InvalidInput, Scene
 from arm_dynamics.ros.common.params import SCENE, parameter
 from arm_dynamics.ros.common.privileges import ThreadParams
 from arm_sim.ros.commands.latest import POLICIES, ZERO
 from arm_sim.ros.realtime_loop import CATCH_UP, OVERRUN
+from arm_sim.ros.robot.params import RobotParams
 from arm_sim.ros.stamps import AUTO, CHOICES, ROS, SIM
 from arm_sim.simulator import Simulator
 
@@ -18,7 +18,7 @@ LOCKSTEP, CLOCK, HAND = "lockstep", "clock", "hand"
 
 
 @dataclass(frozen=True)
-class SimParams(ThreadParams):
+class SimParams(ThreadParams, RobotParams):
     """Parameters of the sim node."""
 
     scene: str = parameter("", f"{SCENE}; what is simulated")
@@ -58,7 +58,6 @@ class SimParams(ThreadParams):
         choices=CHOICES,
     )
     publish_clock: bool = parameter(False, "Publish simulated time on /clock")
-    frame_id: str = parameter("", "frame_id of the joint states")
     energy_period: float = parameter(
         0.02, "Time between messages on ~/energy [s]", low=0.001, high=10.0
     )
@@ -87,7 +86,8 @@ class SimParams(ThreadParams):
     )
 
     def __post_init__(self) -> None:
-        """Refuse stamps that contradict what owns time."""
+        """Refuse processors that cannot be read, and stamps that contradict what owns time."""
+        super().__post_init__()
         owner = "lockstep" if self.lockstep else "publish_clock" if self.publish_clock else ""
         if owner and self.time == ROS:
             raise InvalidInput(
@@ -109,14 +109,11 @@ class SimParams(ThreadParams):
         return LOCKSTEP if self.lockstep else CLOCK if self.realtime else HAND
 
 
-def simulator_of(scene: Any, params: SimParams) -> Simulator:
-    """The simulation of a scene, or where it is None of the one that the parameters name.
+def simulator_of(scene: Scene, params: SimParams) -> Simulator:
+    """The simulation of a scene, by the method and the ticks that the parameters ask for.
 
     Raises:
-        ArmError: If there is none, or it cannot be used.
+        ArmError: If it cannot be simulated.
     """
-    scene = scene if scene is not None else params.scene or None
-    if scene is None:
-        raise InvalidInput("parameter 'scene' is empty; allowed is a scene file or a URDF")
     chosen = {"integrator": params.integrator, "dt": params.dt, "tolerance": params.tolerance}
     return Simulator(scene, **{name: value for name, value in chosen.items() if value})

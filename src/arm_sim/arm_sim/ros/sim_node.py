@@ -11,6 +11,7 @@ from rclpy.node import Node
 from arm_dynamics.ros.common.diagnostics import Diagnosis
 from arm_dynamics.ros.common.executor import run, subscribe
 from arm_dynamics.ros.common.params import declare, watch
+from arm_dynamics.ros.common.robot_source import scene_for
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
@@ -18,6 +19,7 @@ from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import CLOCK, HAND, SimParams, simulator_of
 from arm_sim.ros.realtime_loop import RealtimeLoop
+from arm_sim.ros.robot import Display, publish_description
 from arm_sim.ros.services import SimServices
 from arm_sim.ros.standard_services import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
@@ -35,6 +37,7 @@ class SimNode(Node):
         engine: What advances the simulation; knows no ROS.
         inputs: Commands and wrenches that come in.
         lockstep: What waits for answers, or None.
+        display: What people look at: all joints, frames.
         loop: What ticks by the clock, and measures how well it keeps it.
         requests: The services.
         standard: The standard services of simulators.
@@ -45,7 +48,8 @@ class SimNode(Node):
         """Build the simulation and start it.
 
         Args:
-            scene: Anything ``load_scene`` takes; the parameter ``scene`` when None.
+            scene: Anything ``load_scene`` takes; when None the parameter ``scene``, else a robot
+                description, from the parameter or topic ``robot_description``.
             **node_kwargs: For ``rclpy.node.Node``: context, namespace, parameter_overrides, …
 
         Raises:
@@ -54,7 +58,8 @@ class SimNode(Node):
         super().__init__("sim", **node_kwargs)
         self.params = params = declare(self, SimParams)
         self._refused_privileges: list[str] = []
-        self.simulator = simulator_of(scene, params)
+        chosen, source = scene_for(self, scene, params.scene, params)
+        self.simulator = simulator_of(chosen, params)
         self.engine = engine = TickEngine(
             self.simulator,
             wrench_timeout=params.wrench_timeout,
@@ -69,6 +74,7 @@ class SimNode(Node):
         self.inputs = inputs = Inputs(self, engine)
         trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
         self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
+        self.display = Display(self, engine, params, self._outputs.said, self._outputs.stamp)
         factor = params.realtime_factor
         self.loop = RealtimeLoop(
             engine.tick_unattended,
@@ -86,10 +92,11 @@ class SimNode(Node):
         self.requests = SimServices(self, engine, self._reset_counters)
         self.standard = StandardServices(self, engine)
         self.diagnostics = SimDiagnostics(
-            self, params, engine, self.loop, inputs, self._outputs, self.lockstep,
+            self, params, engine, self.loop, inputs, self._outputs, self.display, self.lockstep,
             self._refused_privileges,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
+        publish_description(self, params, chosen.robot.urdf, source)
         watch(self, params, self._apply)
         self._start()
 

@@ -8,10 +8,11 @@ from dataclasses import dataclass, field
 from arm_dynamics.control.factory import NAMES, Settings
 from arm_dynamics.ros.common.params import SCENE, parameter
 from arm_dynamics.ros.common.privileges import ThreadParams
+from arm_dynamics.ros.common.robot_source import DescriptionParams
 
 
 @dataclass(frozen=True)
-class ControllerParams(ThreadParams):
+class ControllerParams(ThreadParams, DescriptionParams):
     """Parameters of the controller node."""
 
     scene: str = parameter("", f"{SCENE}; what the controller believes the arm to be")

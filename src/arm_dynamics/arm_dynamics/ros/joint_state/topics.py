@@ -239,6 +239,11 @@ class JointStateSink:
         compiled = native()
         self._compiled = None if compiled is None else self._in_c(compiled.send)
 
+    @property
+    def heard(self) -> bool:
+        """Whether there are subscribers."""
+        return bool(self._handle.get_subscription_count())
+
     def send(self, stamp: int) -> None:
         """Publish what the arrays hold now, with this time in [ns]."""
         if self._compiled is None or self._compiled(stamp):  # of a failure, this says why

@@ -29,6 +29,7 @@ class RobotParams(DescriptionParams):
         "Publish /tf and /tf_static, while no robot_state_publisher does; needs tf2_msgs",
     )
     frame_prefix: str = parameter("", "Begins the name of every frame on /tf, such as left/")
+    frame_id: str = parameter("", "frame_id of the joint states")
     display_rate: float = parameter(
         50.0, "Messages per second on /tf and ~/all_joint_states; 0: none", low=0.0, high=1000.0
     )

@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the sim tells about its robot: description, all joints, frames."""
+
+from __future__ import annotations
+
+import importlib.util
+import sys
+import time
+from functools import partial
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Ros
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from sim_by_hand import by_hand, command, ticks
+from std_msgs.msg import String
+
+import models
+from arm_dynamics import ArmError
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.interfaces import LATCHED
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+URDF = models.scene("two_link").robot.urdf
+GRIPPER = {"panda_finger_joint1": 0.0, "panda_finger_joint2": 0.0}
+with_tf = pytest.mark.skipif(
+    importlib.util.find_spec("tf2_msgs") is None, reason="tf2_msgs is not built"
+)
+
+
+def described(ros: Ros, text: str = URDF) -> None:
+    """A robot_state_publisher, as far as the description goes."""
+    ros.peer.create_publisher(String, "robot_description", LATCHED).publish(String(data=text))
+
+
+@pytest.mark.parametrize("make", [SimNode, ControllerNode])
+@pytest.mark.parametrize("by_topic", [True, False])
+def test_a_description_will_do_in_place_of_a_scene(ros: Ros, make: Any, by_topic: bool) -> None:
+    if by_topic:
+        described(ros)
+    given = {} if by_topic else {"robot_description": URDF}
+    node = ros.add(make, **given)
+    model = node.simulator.model if make is SimNode else node.dynamics.model
+    assert model.joint_names == models.dynamics("two_link").joint_names
+
+
+@pytest.mark.parametrize("make", [SimNode, ControllerNode])
+@pytest.mark.parametrize(
+    ("given", "complaint"),
+    [
+        ({"description_timeout": 0.0}, "'scene' is empty.*none came in 0 s"),
+        ({"description_timeout": 0.1}, "on /robot_description, where none came in 0.1 s"),
+        ({"robot_description": "/etc/passwd"}, "not well-formed XML"),
+        ({"robot_description": "<robot name='x'/>"}, "no <link> found"),
+    ],
+)
+def test_no_arm_is_an_error(ros: Ros, make: Any, given: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(ArmError, match=complaint):
+        ros.add(make, **given)
+
+
+def test_a_bad_description_on_the_topic_is_an_error(ros: Ros) -> None:
+    described(ros, "<robot")
+    with pytest.raises(ArmError, match="not well-formed XML"):
+        ros.add(SimNode)
+
+
+def test_the_description_is_published_for_who_comes_later(ros: Ros) -> None:
+    by_hand(ros)
+    heard = ros.listen(String, "/robot_description", LATCHED)
+    ros.spin_until(lambda: heard)
+    assert heard[0].data == URDF
+
+
+def test_a_description_that_was_heard_is_not_published_again(ros: Ros) -> None:
+    described(ros)
+    ros.add(SimNode, realtime=False)
+    ros.add(SimNode, models.scene("two_link"), realtime=False, publish_description=False)
+    assert ros.peer.count_publishers("/robot_description") == 1
+
+
+def told(message: JointState) -> dict[str, float]:
+    return dict(zip(message.name, message.position, strict=True))
+
+
+def test_joint_states_are_of_the_arm_and_those_for_people_of_all_joints(ros: Ros) -> None:
+    node = by_hand(ros, "panda")
+    states = ros.listen(JointState, "/joint_states")
+    everything = ros.listen(JointState, "/sim/all_joint_states")
+    ticks(node, 3)
+    own = dict(zip(node.simulator.joint_names, node.simulator.state.q.tolist(), strict=True))
+    ros.spin_until(lambda: states and told(states[-1]) == own)
+    ros.spin_until(lambda: everything and told(everything[-1]) == {**own, **GRIPPER})
+    assert everything[-1].header.stamp == states[-1].header.stamp
+    assert list(everything[-1].velocity[7:]) == list(everything[-1].effort[7:]) == [0.0, 0.0]
+
+
+def test_joint_states_may_be_of_all_joints(ros: Ros) -> None:
+    node = by_hand(ros, "panda", publish_all_joints=True)
+    states = ros.listen(JointState, "/joint_states")
+    node.inputs.on_joint_commands(command(name=["panda_joint1"], effort=[1.5]))
+    node.tick()
+    ros.spin_until(lambda: states and states[-1].header.stamp.nanosec)
+    own = dict(zip(node.simulator.joint_names, node.simulator.state.q.tolist(), strict=True))
+    assert told(states[-1]) == {**own, **GRIPPER}
+    np.testing.assert_array_equal(states[-1].effort, [*node.simulator.effort, 0.0, 0.0])
+    np.testing.assert_array_equal(states[-1].velocity[:7], node.simulator.state.v)
+
+
+def test_our_controller_answers_states_of_all_joints(ros: Ros) -> None:
+    """With the very bytes that it answers those of its own with."""
+    controller = ros.add(ControllerNode, models.scene("panda"))
+    names = list(controller.dynamics.joint_names)
+    few = JointState(name=names, position=[0.1] * 7, velocity=[0.2] * 7)
+    many = JointState(name=[*names, *GRIPPER], position=[0.1] * 7 + [0.0] * 2)
+    many.velocity = [0.2] * 7 + [0.0] * 2
+    answers = [controller.on_joint_states(serialize_message(state)) for state in (few, many)]
+    assert answers[0] == answers[1]
+
+
+def test_nothing_is_shown_at_rate_zero(ros: Ros) -> None:
+    node = by_hand(ros, display_rate=0.0)
+    assert node.display.frames == "off"
+    assert "/sim/all_joint_states" not in dict(ros.peer.get_topic_names_and_types())
+
+
+@with_tf
+def test_frames_are_those_of_the_links(ros: Ros) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    made = partial(SimNode, models.scene("panda"), namespace="left")
+    node = ros.add(made, realtime=False, frame_prefix="left/")
+    still = ros.listen(TFMessage, "/tf_static", LATCHED)
+    moving = ros.listen(TFMessage, "/tf")
+    ticks(node, 5)
+    ros.spin_until(lambda: still and moving)
+    stamps = {t.header.stamp.nanosec for t in moving[-1].transforms}
+    assert stamps == {5_000_000}
+    frames = {t.child_frame_id: t for t in (*still[0].transforms, *moving[-1].transforms)}
+    links = {f"left/{f.name}" for f in node.simulator.model.whole.frames if f.type.name == "BODY"}
+    assert {*frames, "left/panda_link0"} == links
+    first = frames["left/panda_link1"]
+    assert first.header.frame_id == "left/panda_link0"
+    q = node.simulator.state.q[0]  # the first joint turns about z, 0.333 m above the base
+    assert first.transform.translation.z == pytest.approx(0.333)
+    assert first.transform.rotation.z == pytest.approx(np.sin(q / 2.0))
+    assert first.transform.rotation.w == pytest.approx(np.cos(q / 2.0))
+
+
+@with_tf
+def test_frames_are_left_to_a_robot_state_publisher(ros: Ros) -> None:
+    from tf2_msgs.msg import TFMessage
+
+    ros.add(Node, "robot_state_publisher").create_publisher(TFMessage, "/tf", 10)
+    node = by_hand(ros, "two_link", display_rate=20.0)
+    heard = ros.listen(TFMessage, "/tf")
+    ros.spin_until(lambda: node.display.frames == "left to robot_state_publisher")
+    heard.clear()
+    end = time.monotonic() + 0.3
+    ros.spin_until(lambda: time.monotonic() > end)
+    assert not heard
+
+
+def test_a_silent_tf_says_why(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "tf2_msgs.msg", None)
+    node = by_hand(ros)
+    found = next(f for f in node.diagnostics() if f.part == "simulation")
+    assert found.values["tf"] == "not published: tf2_msgs is not installed"
