@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import inspect
 import logging
+import os
 from collections.abc import Callable
 from typing import TYPE_CHECKING, Any
 
@@ -78,6 +79,12 @@ def whole(name: str, value: Any, least: int) -> None:
     """Refuse what is not a whole number of at least ``least``."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:
         raise InvalidInput(f"{name} = {value!r}; expected a whole number of at least {least}")
+
+
+def named(scene: Any) -> str:
+    """What a scene is called that was given as a path or a name; else nothing."""
+    text = os.fspath(scene) if isinstance(scene, str | os.PathLike) else ""
+    return "" if "<" in text or "\n" in text else str(text)
 
 
 def tick_count(duration: Any, dt: float) -> int:

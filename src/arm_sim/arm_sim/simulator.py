@@ -21,7 +21,16 @@ from arm_sim.compiled_scene import CompiledScene
 from arm_sim.contact_forces import ContactForce
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, Measured, command_line, delivered, sensors_of
-from arm_sim.inputs import SaturationNotice, answers, tick_count, torque, torque_table, whole
+from arm_sim.inputs import (
+    SaturationNotice,
+    answers,
+    named,
+    row,
+    tick_count,
+    torque,
+    torque_table,
+    whole,
+)  # fmt: skip
 from arm_sim.integrators.selection import Choice, choose
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
@@ -29,6 +38,7 @@ from arm_sim.plant.placing import closed, constraint_hint, holding, packed, plac
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.changes import Changes
 from arm_sim.recording.energy_account import EnergyAccount
+from arm_sim.recording.origin import Origin, Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.state import State, read_only
 from arm_sim.stepping.stepper import Stepper
@@ -52,6 +62,7 @@ class Simulator:
         joint_names: Order of every vector.
         z_names: The states z of the scene's laws, with joint and unit.
         dt: Length of a tick in [s].
+        source: What the scene was called; empty where it was none of a file.
         x: The state (q, v, z) as it is now, shape (nx,): a read-only view that steps change.
         acted: ``command`` as it is now, likewise.
         sensors: What the scene's sensors tell, tick by tick; None if it has none.
@@ -71,6 +82,7 @@ class Simulator:
         backend: str = "auto",
     ) -> None:
         model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        self.source = named(scene)
         plant = Plant(model)
         self.choice: Choice = choose(plant, integrator, dt, tolerance)
         self.n, self.joint_names, self.dt = model.n, model.joint_names, self.choice.dt
@@ -151,6 +163,17 @@ class Simulator:
     def parameters(self) -> Array:
         """Tunable quantities as they are now, in the order of the plant's, shape (np,)."""
         return self._stepper.p.copy()
+
+    @property
+    def substep(self) -> float:
+        """Sub-step that error control tries next in [s]; 0 if it is not known yet."""
+        return self._stepper.substep
+
+    @property
+    def origin(self) -> Origin:
+        """What makes the motion: scene, method and versions, to be kept with a recording."""
+        choice, scene = self.choice, self.plant.model.scene
+        return Origin(scene, choice.method.name, choice.dt, choice.tolerance, self.source)
 
     @property
     def impacts(self) -> int:
@@ -247,13 +270,14 @@ class Simulator:
         notes = np.empty((ticks + 1, 2))
         x[0], notes[0] = self._x, self._notes[0]
         trace, effort, later = x[1:], command[:-1], notes[1:]
-        changes = Changes(self)
+        changes, substep = Changes(self), self.substep
         told = None if self.sensors is None else np.empty((ticks + 1, 3 * self.n))
         if self.sensors is not None and told is not None:
             told[0] = self.sensors.said
         if isinstance(control, CompiledControl):
             self._refuse_imperfections()
             stepper = self._compiled.controlled(control)
+            substep = stepper.substep
             done = self._roll(stepper, control.reference(time[:-1]), trace, effort, later)
         elif callable(control):
             done = self._run_function(control, x, effort, later, changes, told)
@@ -271,10 +295,16 @@ class Simulator:
             read_only(array[: done + 1]) for array in (time, x, command, notes)
         )
         q, v, z = np.split(x, (self.n, 2 * self.n), axis=1)
+        compiled, origin = self._compiled, self.origin
         recording = Recording(
-            time, q, v, z, command, notes[:, 0], notes[:, 1], self.dynamics, self.plant,
-            self.energy_account, changes.parameters(done + 1), self.held_constraints,
-            changes.jumps(), None if told is None else Measured.of(told[: done + 1]),
+            time=time, q=q, v=v, z=z, command=command, error=notes[:, 0],
+            time_stepped=notes[:, 1], joint_names=self.joint_names,
+            p=changes.parameters(done + 1), origin=origin, held=self.held_constraints,
+            jumps=changes.jumps(), substep=substep,
+            physics=Physics.built(
+                origin, compiled.plant, compiled.present, compiled.energy_account
+            ),
+            measured=None if told is None else Measured.of(told[: done + 1]),
         )  # fmt: skip
         if done < ticks:
             diverged = self._diverged()
@@ -299,9 +329,7 @@ class Simulator:
         self._step, self._effort[:], self._notes[:] = 0, 0.0, 0.0
         self._compiled.restart()
         self._state = None
-        if self._line is not None:
-            self._line.restart()
-        self._sense_anew()
+        self._begin_anew()
         return self.state
 
     def set_state(self, q: Any = None, v: Any = None, z: Any = None) -> State:
@@ -314,6 +342,25 @@ class Simulator:
         self._state = None
         self._sense_anew()
         return self.state
+
+    def restore(self, x: Array, p: Array, step: int, substep: float = 0.0) -> None:
+        """Go on from a recorded state, taken to the bit: nothing is moved to where it may be.
+
+        Args:
+            x: The state (q, v, z), shape (nx,).
+            p: Tunable quantities, shape (np,).
+            step: Ticks since the last reset.
+            substep: What ``substep`` was.
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed; nothing changes.
+        """
+        x, p = row("x", x, self.plant.nx), row("p", p, len(self._stepper.p))
+        whole("step", step, 0)
+        self._compiled.restart()
+        self._x[:], self._stepper.p[:], self._stepper.substep = x, p, substep
+        self._step, self._effort[:], self._notes[:], self._state = step, 0.0, 0.0, None
+        self._begin_anew()
 
     def set_parameter(self, name: str, value: Any) -> None:
         """Change a tunable quantity of the scene (see ``Parameter``), or raise InvalidInput."""
@@ -486,6 +533,12 @@ class Simulator:
     @property
     def _driving(self) -> Array:
         return self._effort[0] if self.plant.torques is None else self.effort
+
+    def _begin_anew(self) -> None:
+        """Nothing is on the way, and sensors have settled."""
+        if self._line is not None:
+            self._line.restart()
+        self._sense_anew()
 
     def _sense_anew(self) -> None:
         if self.sensors is not None:

@@ -24,11 +24,12 @@ from arm_dynamics.scene.imperfections import Commands, Line, Sensors
 from arm_dynamics.scene.load import load_scene, scene_from_urdf
 from arm_dynamics.scene.schema import Initial, Joint, Limits, Payload, Scene, Sim, validated
 from arm_dynamics.scene.spring import JointSpring, PointSpring
+from arm_dynamics.scene.text import scene_of, scene_text
 
 __all__ = [
     "Actuator", "Bilateral", "Commands", "Constraint", "Contact", "CouplingConstraint",
     "DistanceConstraint", "FrameConstraint", "Friction", "Initial", "Joint", "JointSpring",
     "Limits", "Line", "LineConstraint", "Lugre", "Payload", "PlaneConstraint", "PointConstraint",
     "PointSpring", "RollingConstraint", "Scene", "Sensors", "Sim", "Transmission", "load_scene",
-    "ready_scenes", "scene_from_urdf", "validated",
+    "ready_scenes", "scene_from_urdf", "scene_of", "scene_text", "validated",
 ]  # fmt: skip

@@ -252,11 +252,12 @@ def _overlay(below: dict[str, Any], above: dict[str, Any]) -> dict[str, Any]:
     return merged
 
 
-def validated(data: dict[str, Any]) -> Scene:
+def validated(data: dict[str, Any], context: dict[str, Any] | None = None) -> Scene:
     """Check a scene given as a dictionary.
 
     Args:
         data: The content of a scene file.
+        context: ``AS_CHECKED`` for what comes from a scene that was checked, else None.
 
     Returns:
         The scene.
@@ -265,7 +266,7 @@ def validated(data: dict[str, Any]) -> Scene:
         SceneError: Naming each offending key, its value and what is allowed.
     """
     try:
-        return Scene.model_validate(data)
+        return Scene.model_validate(data, context=context)
     except ValidationError as error:
         raise SceneError("\n".join(_complaint(e) for e in error.errors())) from None
 

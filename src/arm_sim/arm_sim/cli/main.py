@@ -14,6 +14,7 @@ from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import examples
+from arm_sim.cli.recordings import plot
 
 
 class Suite(click.Group):
@@ -52,5 +53,5 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-for command in (demo, describe, build, call, dynamics, sim, controller):
+for command in (demo, describe, build, call, plot, dynamics, sim, controller):
     main.add_command(command)

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ConstraintError, InvalidInput
-from arm_dynamics.scene.constraint import label, switchable
+from arm_dynamics.scene.constraint import Constraint, label, switchable
 from arm_sim.inputs import row
 from arm_sim.plant.plant import Plant
 
@@ -92,8 +92,13 @@ def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
 
 def holding(plant: Plant, p: Array) -> tuple[str, ...]:
     """Names of the constraints that hold under the tunable numbers ``p``."""
-    constraints = plant.model.scene.constraints
-    values = dict(zip(switchable(constraints), plant.parameters.of("constraints", p), strict=True))
+    return held_of(plant.model.scene.constraints, p)
+
+
+def held_of(constraints: tuple[Constraint, ...], p: Array) -> tuple[str, ...]:
+    """The same from the constraints of the scene: their switches are the last numbers of p."""
+    places = switchable(constraints)
+    values = dict(zip(places, p[len(p) - len(places) :], strict=True))
     return tuple(
         label(constraint, i)
         for i, constraint in enumerate(constraints)

@@ -20,11 +20,15 @@ class Jump:
         row: Of the recording: its time is that of the change, and its state the one after it.
         x: State before, shape (nx,).
         p: Tunable quantities before, shape (np,).
+        tunable: Names of those that were tunable before.
+        substep: Sub-step that error control tries next in [s]; see ``Simulator.substep``.
     """
 
     row: int
     x: Array
     p: Array
+    tunable: tuple[str, ...] = ()
+    substep: float = 0.0
 
 
 class _Changing(Protocol):
@@ -37,6 +41,9 @@ class _Changing(Protocol):
     @property
     def x(self) -> Array: ...
 
+    @property
+    def substep(self) -> float: ...
+
 
 class Changes:
     """Notes what a controller changes in the simulation that it controls.
@@ -47,7 +54,7 @@ class Changes:
 
     def __init__(self, simulator: _Changing) -> None:
         self._simulator = simulator
-        self._rows, self._states = [0], list[Array]()
+        self._rows, self._states, self._substeps = [0], list[Array](), list[float]()
         self._tuned, self._last = [self._present()], self._token()
 
     def look(self, row: int, x: Array) -> None:
@@ -58,6 +65,7 @@ class Changes:
         self._rows.append(row)
         self._tuned.append(self._present())
         self._states.append(x[row].copy())
+        self._substeps.append(self._simulator.substep)
         self._last, x[row] = token, here
 
     def parameters(self, rows: int) -> Array:
@@ -71,8 +79,11 @@ class Changes:
 
     def jumps(self) -> tuple[Jump, ...]:
         """What was changed, in the order of time."""
-        before = zip(self._rows[1:], self._states, self._tuned, strict=False)
-        return tuple(Jump(row, read_only(x), self._merged(tuned)) for row, x, tuned in before)
+        before = zip(self._rows[1:], self._states, self._tuned, self._substeps, strict=False)
+        return tuple(
+            Jump(row, read_only(x), self._merged(tuned), tuple(tuned), substep)
+            for row, x, tuned, substep in before
+        )
 
     @property
     def _size(self) -> int:

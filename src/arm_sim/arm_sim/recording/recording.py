@@ -4,58 +4,166 @@
 from __future__ import annotations
 
 import logging
+import os
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from pathlib import Path
+from typing import Any, Self
 
 import numpy as np
 
-from arm_dynamics import Dynamics
+from arm_dynamics import Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array, read_only
-from arm_sim.imperfections import Measured
+from arm_dynamics.exceptions import known_names
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.changes import Jump
+from arm_sim.recording.contents import Contents
 from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_error
+from arm_sim.recording.figure import draw
+from arm_sim.recording.measured import with_scene
+from arm_sim.recording.origin import Physics
+from arm_sim.recording.tables import columns, to_pandas, to_xarray
 
 _log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True, repr=False)
-class Recording:
-    """States at the beginning of a run and after each of its k ticks; arrays are read-only.
+class Recording(Contents):
+    """A motion, tick by tick, and what follows from it; see ``Contents`` for its arrays.
 
     Attributes:
-        time: In [s], shape (k+1,).
-        q: Joint positions in [rad] or [m], shape (k+1, n).
-        v: Joint velocities in [rad/s] or [m/s], shape (k+1, n).
-        z: States of the scene's laws, shape (k+1, nz).
-        command: What was commanded from each time on, limits applied, shape (k+1, n): torques in
-            [N m] or [N], or what a joint's drive takes; the last row repeats the last tick's.
-        error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
-        time_stepped: By each time, ticks in which events piled up; see ``State``, shape (k+1,).
-        dynamics: The arm's dynamics at the end of the run.
-        plant: The scene's equation of motion.
-        account: What keeps the energy account, when asked.
-        p: Tunable quantities from each time on, shape (k+1, np).
-        held: Names of the constraints that held.
-        jumps: What the controller changed between two ticks.
-        measured: What the scene's sensors told at each time; None if it has none.
+        physics: The equations that answers need; None where the scene is not known.
     """
 
-    time: Array
-    q: Array
-    v: Array
-    z: Array
-    command: Array
-    error: Array
-    time_stepped: Array
-    dynamics: Dynamics
-    plant: Plant
-    account: EnergyAccount
-    p: Array
-    held: tuple[str, ...] = ()
-    jumps: tuple[Jump, ...] = ()
-    measured: Measured | None = None
+    physics: Physics | None = None
+
+    # --- files ---------------------------------------------------------------------------------
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write a file that ``load`` opens anywhere: scene and robot description are in it.
+
+        Args:
+            path: ``.npz`` for NumPy; ``.mcap`` for ``ros2 bag``, PlotJuggler and Foxglove; without
+                suffix a folder, as ``ros2 bag record`` makes them. What is there is replaced.
+
+        Returns:
+            Where it is.
+
+        Raises:
+            InvalidInput: If the suffix is another one, or the motion is not of a scene.
+            OSError: If it cannot be written.
+        """
+        from arm_sim.recording import files  # with libraries that a run does not need
+
+        return files.save(self, path, lambda: self.tau)
+
+    @classmethod
+    def load(
+        cls, path: str | os.PathLike[str], scene: Any = None, *, topic: str | None = None
+    ) -> Self:
+        """Read a recording: one of ours, a bag of a robot, or a table.
+
+        Args:
+            path: A file of ``save``; a bag of ROS 2 (``.mcap``, ``.db3`` or a folder of them) with
+                joint states; or a ``.csv`` with columns ``time`` and ``position.NAME``,
+                ``velocity.NAME``, ``effort.NAME``.
+            scene: For a recording that brings none: anything ``load_scene`` takes.
+            topic: Which topic of joint states, where a bag has several.
+
+        Raises:
+            InvalidInput: If it is damaged beyond use or something else.
+            SceneError: If the scene cannot be used or is of another robot.
+            OSError: If it cannot be read.
+        """
+        from arm_sim.recording import files
+
+        loaded = cls._made(files.load(path, topic))
+        return loaded if scene is None else loaded.of(scene)
+
+    def of(self, scene: Any) -> Self:
+        """A recording that brings no scene as one of this scene, with the scene's joints.
+
+        Raises:
+            SceneError: If the scene cannot be used, or is of another robot.
+        """
+        return self._made(with_scene(self, scene))
+
+    @classmethod
+    def _made(cls, contents: Contents) -> Self:
+        physics = None if contents.origin is None else Physics(contents.origin)
+        return cls(**contents.fields(), physics=physics)
+
+    def to_dict(self) -> dict[str, Array]:
+        """Columns by name, each of shape (k+1,), such as ``time`` and ``position.elbow``.
+
+        Of positions, velocities, efforts (torques on the joints), commands where a drive makes
+        these of them, and of states of laws.
+        """
+        return columns(self)
+
+    def to_pandas(self) -> Any:
+        """A ``pandas.DataFrame`` of ``to_dict``, by time.
+
+        Raises:
+            InvalidInput: If pandas is not installed.
+        """
+        return to_pandas(self)
+
+    def to_xarray(self) -> Any:
+        """An ``xarray.Dataset`` by time and joint, with units.
+
+        Raises:
+            InvalidInput: If xarray is not installed.
+        """
+        return to_xarray(self)
+
+    def plot(self, *others: Recording, joints: Sequence[str] = ()) -> Any:
+        """Draw positions, velocities, torques and the energy account.
+
+        Args:
+            *others: Recordings to lay over this one, dashed.
+            joints: Which joints; all of them if none is named.
+
+        Returns:
+            A ``matplotlib.figure.Figure``.
+
+        Raises:
+            InvalidInput: If a joint is unknown, or recordings share none.
+        """
+        return draw((self, *others), joints)
+
+    # --- what it is of -------------------------------------------------------------------------
+
+    @property
+    def scene(self) -> Scene | None:
+        """The scene; None if it is not known."""
+        return None if self.origin is None else self.origin.scene
+
+    @property
+    def plant(self) -> Plant:
+        """The scene's equation of motion."""
+        return self._known.plant
+
+    @property
+    def account(self) -> EnergyAccount:
+        """What keeps the energy account, when asked."""
+        return self._known.account
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """The arm's dynamics at the end of the run."""
+        return self._known.present.at(self.p[-1])
+
+    @property
+    def _known(self) -> Physics:
+        if self.physics is None:
+            raise InvalidInput(
+                "the recording brings no scene, from which this would follow; give it one: "
+                "Recording.load(path, scene=…)"
+            )
+        return self.physics
+
+    # --- what follows --------------------------------------------------------------------------
 
     def __len__(self) -> int:
         """Number of recorded states."""
@@ -65,8 +173,11 @@ class Recording:
     def tau(self) -> Array:
         """Torques that act on the joints from each time on in [N m] or [N], shape (k+1, n).
 
-        The command, or what a joint's drive makes of it by the end of the tick.
+        The command, or what a joint's drive makes of it by the end of the tick; of a robot what it
+        measured.
         """
+        if self.of_robot:
+            return self.command
         after = np.vstack([self._x[1:], self._x[-1:]])
         return read_only(self.plant.joint_torque(after, self.command))
 
@@ -174,14 +285,37 @@ class Recording:
         return self.energy_error <= TRUSTED
 
     def __repr__(self) -> str:
-        """One line: how long, of what, and whether it is to be trusted if that is known.
+        """A few lines: how long, of what, what happened, and whether it is to be trusted.
 
-        It is looked at here where that is cheap: where no tick has to be made again.
+        The energy account is looked at here where that is cheap: where no tick has to be made
+        again.
         """
-        known = "energy_error" in vars(self) or not self.account.makes_ticks_again(self._x)
+        span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
+        joints = f"{len(self.joint_names)} joints: {known_names(self.joint_names, 8)}"
+        lines = [f"{max(len(self) - 1, 0)} ticks, {span}", joints, *self._told_origin()]
+        for count, what in (
+            (len(self.jumps), "changes between ticks"), (len(self.events), "events"),
+            (len(self.gaps), "gaps: ticks are missing"),
+        ):  # fmt: skip
+            if count:
+                lines.append(f"{count} {what}")
+        return "<Recording: " + "\n  ".join(lines) + ">"
+
+    def _told_origin(self) -> list[str]:
+        """What made it, and whether its energy account closes."""
+        if self.of_robot:
+            return ["measured: without a scene" if self.origin is None else "measured"]
+        if self.origin is None or self.physics is None:
+            return ["without a scene"]
+        origin = self.origin
+        control = "" if origin.tolerance is None else f", tolerance {origin.tolerance:g}"
+        source = f" of {origin.source}" if origin.source else ""
+        method = f"{origin.integrator}, dt {origin.dt:g} s{control}{source}"
+        fresh = "account" in vars(self.physics)
+        cheap = fresh and not self.account.makes_ticks_again(self._x)
+        known = "energy_error" in vars(self) or cheap
         told = self._told(self.energy_error) if known else "energy account not looked at yet"
-        span = f"{self.time[0]:g} to {self.time[-1]:g} s"
-        return f"<Recording: {len(self) - 1} ticks, {span}, {self.q.shape[1]} joints; {told}>"
+        return [method, told]
 
     @staticmethod
     def _told(error: float) -> str:
@@ -198,6 +332,11 @@ class Recording:
 
     @cached_property
     def _flows(self) -> Array:
+        if self.of_robot:
+            raise InvalidInput(
+                "what came in and went out between measured states is not known; of a recording "
+                "of a robot there are kinetic, potential and stored energy only"
+            )
         x, after = self._x, self._x[1:].copy()
         for jump in self.jumps:
             if jump.row > 0:

@@ -131,6 +131,19 @@ class Stepper:
         if self._control is not None:
             self._control.restart()
 
+    @property
+    def substep(self) -> float:
+        """Length of the sub-step to try next in [s]; 0 if it is not known, or always the tick's.
+
+        With the state it is all that a tick depends on besides its inputs.
+        """
+        return 0.0 if self._control is None else self._control.step
+
+    @substep.setter
+    def substep(self, length: float) -> None:
+        if self._control is not None:
+            self._control.step = length
+
     def modes_at(self, x: Array, u: Array) -> Modes:
         """What joints and contacts do at a state under a torque.
 

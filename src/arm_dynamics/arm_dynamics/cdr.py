@@ -1,0 +1,157 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Serialized messages, read and written piece by piece.
+
+A generated deserializer makes objects of a whole message in one call: no other thread gets on. And
+files of messages are read and written where there is no ROS. The bytes are CDR version 1 (OMG
+RTPS 2.5, section 10): a field is aligned to its size, counted from after the header.
+"""
+
+from __future__ import annotations
+
+import struct
+import sys
+from collections.abc import Sequence
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput
+
+HEADER = 4  # bytes that say how the others are encoded
+COUNT = 4  # bytes of a length, and the alignment of a Time
+GIGA = 1_000_000_000
+NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
+TIME = struct.Struct("=iI")  # a Time in the byte order of this machine
+_ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
+_LONGEST = 1000  # bytes of a name
+
+
+def time_bytes(nanoseconds: int) -> bytes:
+    """Serialize a Time."""
+    return TIME.pack(*divmod(nanoseconds, GIGA))
+
+
+class CdrReader:
+    """Reads one field after another; never past the end, and nothing is made that is not there.
+
+    Attributes:
+        at: Offset of what comes next.
+    """
+
+    __slots__ = ("_count", "_double", "_raw", "_time", "at")
+
+    def __init__(self, raw: bytes, at: int = HEADER) -> None:
+        """Begin at an offset; at first after the header.
+
+        Raises:
+            InvalidInput: If there is none, or one of another encoding.
+        """
+        order = _ORDERS.get(raw[:2])
+        if order is None or len(raw) < HEADER:
+            raise InvalidInput(
+                f"the message begins with '{raw[:HEADER].hex()}'; allowed is CDR version 1: "
+                "0000 or 0001"
+            )
+        self._raw, self.at = raw, at
+        self._count, self._time = struct.Struct(f"{order}I"), struct.Struct(f"{order}iI")
+        self._double = np.dtype(f"{order}f8")
+
+    def skip(self, size: int, align: int) -> int:
+        """Pass over padding and then ``size`` bytes; return where they begin.
+
+        Raises:
+            InvalidInput: If the message ends before, as with all that follows.
+        """
+        start = self.at + -(self.at - HEADER) % align
+        if start + size > len(self._raw):
+            raise InvalidInput(f"the message ends too early, after {len(self._raw)} bytes")
+        self.at = start + size
+        return start
+
+    def count(self) -> int:
+        """Read a length."""
+        return int(self._count.unpack_from(self._raw, self.skip(COUNT, COUNT))[0])
+
+    def count_of(self, what: str, most: int) -> int:
+        """Read a length that has a limit.
+
+        Raises:
+            InvalidInput: If it is exceeded.
+        """
+        count = self.count()
+        if count > most:
+            raise InvalidInput(f"{count} {what}; allowed are up to {most}")
+        return count
+
+    def nanoseconds(self) -> int:
+        """Read a Time or a Duration in [ns]."""
+        seconds, nanoseconds = self._time.unpack_from(self._raw, self.skip(TIME.size, COUNT))
+        return int(seconds) * GIGA + int(nanoseconds)
+
+    def text(self) -> str:
+        """Read a name, up to its first zero.
+
+        Raises:
+            InvalidInput: If it is too long for one.
+        """
+        size = self.count_of("bytes of a name", _LONGEST)
+        start = self.skip(size, 1)
+        return self._raw[start : start + size].partition(b"\0")[0].decode(errors="replace")
+
+    def doubles(self) -> Array:
+        """View a sequence of numbers in place."""
+        return self.array(self.count())
+
+    def array(self, size: int) -> Array:
+        """View ``size`` numbers in place."""
+        start = self.skip(8 * size, 8 if size else 1)
+        return np.frombuffer(self._raw, self._double, size, start)
+
+    def texts(self, most: int = 10_000) -> list[str]:
+        """Read a sequence of names."""
+        return [self.text() for _ in range(self.count_of("names", most))]
+
+
+class CdrWriter:
+    """Writes one field after another, in the byte order of this machine.
+
+    Attributes:
+        raw: The message so far.
+    """
+
+    def __init__(self) -> None:
+        self.raw = bytearray(NATIVE)
+
+    def put(self, piece: bytes, align: int) -> int:
+        """Append bytes behind padding; return where they begin."""
+        self.raw += bytes(-(len(self.raw) - HEADER) % align) + piece
+        return len(self.raw) - len(piece)
+
+    def count(self, count: int) -> int:
+        """Append a length, or another whole number of 32 bits."""
+        return self.put(count.to_bytes(COUNT, sys.byteorder), COUNT)
+
+    def time(self, nanoseconds: int) -> int:
+        """Append a Time."""
+        return self.put(time_bytes(nanoseconds), COUNT)
+
+    def text(self, text: str) -> int:
+        """Append a text."""
+        encoded = text.encode() + b"\0"
+        self.count(len(encoded))
+        return self.put(encoded, 1)
+
+    def texts(self, texts: Sequence[str]) -> None:
+        """Append a sequence of texts."""
+        self.count(len(texts))
+        for text in texts:
+            self.text(text)
+
+    def doubles(self, numbers: Array) -> int:
+        """Append a sequence of numbers; return where the first one is."""
+        self.count(numbers.size)
+        return self.array(numbers)
+
+    def array(self, numbers: Array) -> int:
+        """Append numbers without their count."""
+        return self.put(numbers.astype(float).tobytes(), 8 if numbers.size else 1)

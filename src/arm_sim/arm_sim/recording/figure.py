@@ -1,0 +1,156 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Figures of recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_sim.recording.tables import UNITS, Motion, parts
+
+_STYLE = {
+    "axes.grid": True, "grid.alpha": 0.3, "axes.spines.top": False, "axes.spines.right": False,
+    "font.size": 9.0, "lines.linewidth": 1.2,
+}  # fmt: skip
+_LINES = ("-", "--", ":", "-.")
+_POINTS = 4000  # of a line; more than a figure has columns
+_MARKS = 40  # events drawn at most
+
+
+def draw(recordings: Sequence[Motion], joints: Sequence[str]) -> Any:
+    """See ``Recording.plot``."""
+    import matplotlib as mpl
+    from matplotlib import pyplot
+
+    names, first = _joints(recordings, joints), recordings[0]
+    told = any(not recording.of_robot for recording in recordings)
+    panels = [part for part in ("position", "velocity", "effort") if _there(recordings, part)]
+    with mpl.rc_context(_STYLE):
+        figure, axes = pyplot.subplots(
+            len(panels) + told, 1, sharex=True, squeeze=False, layout="constrained",
+            figsize=(9.0, 2.3 * (len(panels) + told) + 0.4),
+        )  # fmt: skip
+        colors = mpl.colormaps["tab10" if len(names) <= 10 else "tab20"]
+        for axis, part in zip(axes[:, 0], panels, strict=False):
+            for recording, line in zip(recordings, _cycled(len(recordings)), strict=True):
+                _joint_lines(axis, recording, part, names, colors, line)
+            axis.set_ylabel(f"{part} [{_unit(first, part)}]")
+        if told:
+            _energy(axes[-1, 0], recordings)
+        for axis in axes[:, 0]:
+            _marks(axis, first)
+        axes[-1, 0].set_xlabel("time [s]")
+        columns = 1 if len(names) <= 10 else 2
+        figure.legend(
+            *axes[0, 0].get_legend_handles_labels(), loc="outside right upper", ncols=columns
+        )
+    return figure
+
+
+def _joints(recordings: Sequence[Motion], asked: Sequence[str]) -> list[str]:
+    """Joints that are drawn: those asked for, else all that every recording has."""
+    shared = [
+        name for name in recordings[0].joint_names
+        if all(name in recording.joint_names for recording in recordings)
+    ]  # fmt: skip
+    if not shared:
+        told = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
+        raise InvalidInput(f"the recordings share no joint: {told}")
+    if unknown := [name for name in asked if name not in shared]:
+        raise InvalidInput(f"no joint {known_names(unknown)}; there are {known_names(shared)}")
+    return list(asked) or shared
+
+
+def _there(recordings: Sequence[Motion], part: str) -> bool:
+    """Whether any of them knows a quantity."""
+    return any(np.isfinite(parts(recording)[part]).any() for recording in recordings)
+
+
+def _cycled(count: int) -> list[str]:
+    return [_LINES[i % len(_LINES)] for i in range(count)]
+
+
+def _joint_lines(
+    axis: Any, recording: Motion, part: str, names: list[str], colors: Any, line: str
+) -> None:
+    array = parts(recording)[part]
+    for i, name in enumerate(names):
+        values = array[:, recording.joint_names.index(name)]
+        label = name if line == _LINES[0] else None
+        times, values = _thinned(recording.time, values)
+        axis.plot(times, values, line, color=colors(i % colors.N), label=label)
+    if part == "position":
+        _stops(axis, recording, names, colors)
+
+
+def _thinned(time: Array, values: Array) -> tuple[Array, Array]:
+    """A line of few points that covers the same ground: the least and the largest of each span."""
+    size = -(-2 * len(time) // _POINTS)
+    if size <= 2:
+        return time, values
+    whole = len(time) // size * size
+    blocks = np.arange(whole).reshape(-1, size)
+    filled = np.nan_to_num(values[:whole])[blocks]
+    ends = [np.take_along_axis(blocks, find(filled, axis=1)[:, None], 1)[:, 0]
+            for find in (np.argmin, np.argmax)]  # fmt: skip
+    kept = np.unique(np.concatenate([*ends, [0], np.arange(whole, len(time))])).astype(int)
+    return time[kept], values[kept]
+
+
+def _stops(axis: Any, recording: Motion, names: list[str], colors: Any) -> None:
+    """Marks where joints come to their stops."""
+    if recording.physics is None:
+        return
+    touched = recording.physics.model.stops.touched(recording.q)
+    for i, name in enumerate(names):
+        k = recording.joint_names.index(name)
+        met = np.flatnonzero(np.diff(touched[:, k].astype(int), prepend=0) > 0)[:_MARKS]
+        color = colors(i % colors.N)
+        axis.plot(recording.time[met], recording.q[met, k], "v", ms=6, color=color)
+
+
+def _energy(axis: Any, recordings: Sequence[Motion]) -> None:
+    for recording, line in zip(recordings, _cycled(len(recordings)), strict=True):
+        if recording.of_robot or recording.origin is None:
+            continue
+        for i, (label, values) in enumerate(_account(recording)):
+            shown = label if line == _LINES[0] else None
+            axis.plot(*_thinned(recording.time, values), line, color=f"C{i}", label=shown)
+    axis.set_ylabel("energy [J]")
+    axis.legend(loc="upper left", ncols=3, fontsize=8)
+
+
+def _account(recording: Motion) -> list[tuple[str, Array]]:
+    """What came in and went out, where it is cheap to know; else what there is."""
+    start = recording.energy[0]
+    found = [("kinetic", recording.kinetic), ("all, since the start", recording.energy - start)]
+    state = np.hstack([recording.q, recording.v, recording.z])
+    if recording.account.makes_ticks_again(state) and len(recording.time) > _AGAIN:
+        return found
+    return [*found, ("supplied", recording.supplied), ("lost", recording.lost),
+            ("from nowhere", recording.balance)]  # fmt: skip
+
+
+_AGAIN = 60_001  # rows up to which ticks are made again for a figure
+
+
+def _marks(axis: Any, recording: Motion) -> None:
+    """Lines where something was changed, and grey where ticks are missing."""
+    times = [recording.time[jump.row] for jump in recording.jumps]
+    times += [event.time for event in recording.events]
+    for time in sorted(set(times))[:_MARKS]:
+        axis.axvline(time, color="0.4", lw=0.7, ls=":")
+    for row in recording.gaps:
+        axis.axvspan(recording.time[row - 1], recording.time[row], color="0.85", lw=0)
+
+
+def _unit(recording: Motion, part: str) -> str:
+    turning, sliding = UNITS[part]
+    if recording.physics is None:
+        return turning if part == "effort" else f"{turning}, {sliding}"
+    kinds = {kind == "prismatic" for kind in recording.physics.model.joint_types}
+    return ", ".join([turning] * (False in kinds) + [sliding] * (True in kinds))

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings in files: ours (MCAP and NumPy), bags of robots, and tables.
+
+Knows what a recording is made of and the formats, and no ROS: serialized messages are read and
+written here. Public are ``save`` and ``load``, and what the recorder of a running system writes
+with.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from pathlib import Path
+
+import yaml
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput
+from arm_sim.recording.contents import Contents
+from arm_sim.recording.files import measured, npz, ticks
+from arm_sim.recording.files.bags import BAGS, read_bag
+from arm_sim.recording.files.container import MESSAGE, McapWriter
+from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, TICK
+from arm_sim.recording.files.ticks import TickFile
+
+__all__ = ["MESSAGE", "McapWriter", "TickFile", "bag_metadata", "load", "save"]
+
+_METADATA = "metadata.yaml"
+
+
+def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[], Array]) -> Path:
+    """Write a recording; see ``Recording.save``.
+
+    Args:
+        contents: The recording.
+        path: Where.
+        efforts: Tells the torques that act on the joints from each time on, shape (k+1, n).
+    """
+    path = Path(path)
+    if path.suffix == ".npz":
+        part = path.with_name(path.name + ".part")
+        try:
+            npz.write(contents, part)
+            part.replace(path)
+        finally:
+            part.unlink(missing_ok=True)
+        return path
+    file, folder = where(path)
+    part = file.with_name(file.name + ".part")
+    try:
+        mcap = ticks.write(contents, efforts(), part)
+        mcap.close()
+        part.replace(file)
+    finally:
+        part.unlink(missing_ok=True)
+    if folder is not None:
+        (folder / _METADATA).write_text(bag_metadata(mcap, file.name))
+    return path
+
+
+def where(path: Path) -> tuple[Path, Path | None]:
+    """The MCAP file that a path means, and the bag's folder if it means one, which is made.
+
+    Raises:
+        InvalidInput: If it is neither.
+        OSError: If the folder cannot be made.
+    """
+    if path.suffix == ".mcap":
+        return path, None
+    if path.suffix:
+        raise InvalidInput(
+            f"'{path}' ends in '{path.suffix}'; allowed are .npz, .mcap, and a folder's name"
+        )
+    path.mkdir(parents=True, exist_ok=True)
+    if strange := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
+        raise InvalidInput(f"'{path}' is no bag's folder: it holds '{strange[0]}'")
+    return path / f"{path.name}_0.mcap", path
+
+
+def bag_metadata(mcap: McapWriter, name: str) -> str:
+    """What ``metadata.yaml`` of a bag's folder says; layout of rosbag2, version 9."""
+    first, last = mcap.span
+    span = {
+        "duration": {"nanoseconds": last - first},
+        "starting_time": {"nanoseconds_since_epoch": first},
+        "message_count": sum(mcap.messages.values()),
+    }
+    topics = [
+        {
+            "topic_metadata": {
+                "name": topic, "type": kind, "serialization_format": "cdr",
+                "offered_qos_profiles": yaml.safe_load(profile) or [],
+                "type_description_hash": "",
+            },
+            "message_count": count,
+        }
+        for topic, kind, profile, count in mcap.topics
+    ]  # fmt: skip
+    content = {
+        "version": 9, "storage_identifier": "mcap", **span, "topics_with_message_count": topics,
+        "compression_format": "", "compression_mode": "", "relative_file_paths": [name],
+        "files": [{"path": name, **span}], "custom_data": None, "ros_distro": "jazzy",
+    }  # fmt: skip
+    return yaml.safe_dump({"rosbag2_bagfile_information": content}, sort_keys=False)
+
+
+def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
+    """Read a recording; see ``Recording.load``."""
+    path = Path(path)
+    if not path.exists():
+        raise FileNotFoundError(f"no recording '{path}'")
+    if path.suffix == ".npz":
+        return npz.read(path)
+    if path.suffix == ".csv":
+        return measured.from_table(path)
+    if path.suffix not in BAGS and not path.is_dir():
+        raise InvalidInput(
+            f"'{path}' ends in '{path.suffix}'; allowed are .npz, .mcap, .db3, .csv, and a bag's "
+            "folder"
+        )
+    ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)
+    found = read_bag(path, lambda name, kind: kind in (kinds if topic else ours))
+    if topic is None and found.of(CHANGE) and ticks.FACTS in found.facts:
+        contents = ticks.read(found)
+        if contents.origin is None or contents.origin.scene.sensors is None:
+            return contents
+        seen = read_bag(path, lambda name, kind: kind == JOINT_STATE).of(JOINT_STATE)
+        return ticks.with_measured(contents, next(iter(seen.values()), []))
+    found = found if topic else read_bag(path, lambda name, kind: kind == JOINT_STATE)
+    return measured.from_bag(found, topic, path)

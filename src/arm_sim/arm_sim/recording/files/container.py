@@ -1,0 +1,373 @@
+# SPDX-License-Identifier: Apache-2.0
+"""MCAP files, written chunk by chunk and read as far as they go.
+
+So whatever breaks loses the last chunk at most. Specification: https://mcap.dev/spec. The library ``mcap`` writes and reads every kind of record
+but messages: a message takes it 20 µs in Python, and a recording of ten minutes has two million.
+Here a chunk of them is one array.
+"""
+
+from __future__ import annotations
+
+import mmap
+import os
+import struct
+import zlib
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+from io import BytesIO
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.exceptions import InvalidInput
+
+try:
+    import lz4.frame
+    import zstandard
+    from mcap import records
+    from mcap.data_stream import ReadDataStream, RecordBuilder
+    from mcap.opcode import Opcode
+except ModuleNotFoundError as error:
+    raise InvalidInput(
+        f"files of recordings need the module '{error.name}': pip install mcap (./arm has it)"
+    ) from None
+
+MAGIC = b"\x89MCAP0\r\n"
+MESSAGE = struct.Struct("<BQHIQQ")
+"""Head of a message: opcode, length, channel, sequence, log time and publish time in [ns]."""
+_PREFIX, _CHUNK = struct.Struct("<BQ"), struct.Struct("<QQQI")
+_IDS_AND_TIMES = 22  # bytes of a message's record before its data
+_LEVEL = 1  # of zstd; see docs/recordings.md for what others take and gain
+
+
+class McapWriter:
+    """Writes one file.
+
+    Args:
+        path: Of the file, which is replaced.
+        library: What writes it.
+
+    Attributes:
+        written: Bytes in the file.
+        messages: How many messages each channel has.
+
+    Raises:
+        OSError: If the file cannot be written, as with all that follows; what had been written
+            before is whole then.
+    """
+
+    def __init__(self, path: Path, library: str = "arm_sim") -> None:
+        self._file = path.open("wb", buffering=0)
+        self.written, self.messages = 0, dict[int, int]()
+        self._schemas, self._channels = dict[str, records.Schema](), dict[int, records.Channel]()
+        self._chunks = list[records.ChunkIndex]()
+        self._attached, self._metadata = list[Any](), list[Any]()
+        self._compressor = zstandard.ZstdCompressor(level=_LEVEL)
+        self.put(MAGIC + _bytes(records.Header(profile="ros2", library=library)))
+
+    def put(self, piece: bytes) -> int:
+        """Append bytes as a whole or not at all; return where they begin."""
+        start, left = self.written, memoryview(piece)
+        try:
+            while left:
+                left = left[self._file.write(left) :]
+        except OSError:
+            os.ftruncate(self._file.fileno(), start)
+            self._file.seek(start)
+            raise
+        self.written += len(piece)
+        return start
+
+    def attach(self, name: str, text: str) -> None:
+        """Put in a file."""
+        data, kind = text.encode(), "text/plain"
+        record = records.Attachment(
+            create_time=0, log_time=0, name=name, media_type=kind, data=data
+        )
+        piece = _bytes(record)
+        start = self.put(piece)
+        self._attached.append(
+            records.AttachmentIndex(
+                offset=start, length=len(piece), log_time=0, create_time=0, data_size=len(data),
+                name=name, media_type=kind,
+            )
+        )  # fmt: skip
+
+    def tell(self, name: str, facts: Mapping[str, str]) -> None:
+        """Put in facts by name."""
+        piece = _bytes(records.Metadata(name=name, metadata=dict(facts)))
+        start = self.put(piece)
+        self._metadata.append(records.MetadataIndex(offset=start, length=len(piece), name=name))
+
+    def channel(self, topic: str, kind: str, text: str, profile: str = "") -> int:
+        """Begin a topic of messages of a type that ``text`` defines; return its number."""
+        if kind not in self._schemas:
+            number, data = len(self._schemas) + 1, text.encode()
+            schema = records.Schema(id=number, data=data, encoding="ros2msg", name=kind)
+            self.put(_bytes(schema))
+            self._schemas[kind] = schema
+        number = len(self._channels) + 1
+        channel = records.Channel(
+            id=number, topic=topic, message_encoding="cdr",
+            metadata={"offered_qos_profiles": profile}, schema_id=self._schemas[kind].id,
+        )  # fmt: skip
+        self.put(_bytes(channel))
+        self._channels[number], self.messages[number] = channel, 0
+        return number
+
+    def chunk(self, data: bytes | memoryview, offsets: NDArray[np.int64]) -> None:
+        """Write messages.
+
+        Args:
+            data: Their records, one after another.
+            offsets: Where in it each one begins, in the order of time.
+        """
+        if not len(offsets):
+            return
+        rows = np.frombuffer(data, np.uint8)
+        channel = _field(rows, offsets + 9, np.uint16)
+        times = _field(rows, offsets + 15, np.uint64)
+        first, last = int(times.min()), int(times.max())
+        packed, crc = self._compressor.compress(data), zlib.crc32(data)
+        head = _CHUNK.pack(first, last, len(data), crc) + _text("zstd")
+        head += struct.pack("<Q", len(packed))
+        record = _PREFIX.pack(Opcode.CHUNK, len(head) + len(packed)) + head + packed
+        indexes, places = [], dict[int, int]()
+        at = self.written + len(record)
+        for number in np.unique(channel).tolist():
+            mine = channel == number
+            index = np.stack([times[mine], offsets[mine].astype(np.uint64)], axis=1).tobytes()
+            piece = _PREFIX.pack(Opcode.MESSAGE_INDEX, 6 + len(index))
+            piece += struct.pack("<HI", number, len(index)) + index
+            places[number], at = at, at + len(piece)
+            indexes.append(piece)
+        tail = b"".join(indexes)
+        start = self.put(record + tail)
+        for number, count in zip(*np.unique(channel, return_counts=True), strict=True):
+            self.messages[int(number)] += int(count)
+        self._chunks.append(
+            records.ChunkIndex(
+                chunk_length=len(record), chunk_start_offset=start, compression="zstd",
+                compressed_size=len(packed), message_start_time=first, message_end_time=last,
+                message_index_length=len(tail), message_index_offsets=places,
+                uncompressed_size=len(data),
+            )
+        )  # fmt: skip
+
+    @property
+    def span(self) -> tuple[int, int]:
+        """Times of the first and the last message in [ns]."""
+        starts = [chunk.message_start_time for chunk in self._chunks]
+        ends = [chunk.message_end_time for chunk in self._chunks]
+        return min(starts, default=0), max(ends, default=0)
+
+    @property
+    def topics(self) -> list[tuple[str, str, str, int]]:
+        """Topic, type, quality of service and number of messages of each channel."""
+        kinds = {schema.id: name for name, schema in self._schemas.items()}
+        return [
+            (c.topic, kinds[c.schema_id], c.metadata["offered_qos_profiles"], self.messages[i])
+            for i, c in self._channels.items()
+        ]
+
+    def close(self) -> None:
+        """Write the summary, with which readers find everything at once, and close the file."""
+        try:
+            self.put(self._ending())
+        finally:
+            self._file.close()
+
+    def abandon(self) -> None:
+        """Close the file without a summary; readers go through it from the beginning."""
+        self._file.close()
+
+    def _ending(self) -> bytes:
+        end = _bytes(records.DataEnd(data_section_crc=0))
+        start = self.written + len(end)
+        groups: list[tuple[Opcode, list[Any]]] = [
+            (Opcode.SCHEMA, list(self._schemas.values())),
+            (Opcode.CHANNEL, list(self._channels.values())),
+            (Opcode.STATISTICS, [self._statistics()]),
+            (Opcode.CHUNK_INDEX, self._chunks),
+            (Opcode.ATTACHMENT_INDEX, self._attached),
+            (Opcode.METADATA_INDEX, self._metadata),
+        ]
+        summary, offsets = b"", b""
+        for opcode, group in groups:
+            if not group:
+                continue
+            piece = b"".join(map(_bytes, group))
+            offsets += _bytes(
+                records.SummaryOffset(
+                    group_opcode=opcode, group_start=start + len(summary), group_length=len(piece)
+                )
+            )
+            summary += piece
+        footer = struct.pack("<QQ", start, start + len(summary))
+        head = _PREFIX.pack(Opcode.FOOTER, len(footer) + 4) + footer
+        crc = zlib.crc32(summary + offsets + head)
+        return end + summary + offsets + head + struct.pack("<I", crc) + MAGIC
+
+    def _statistics(self) -> records.Statistics:
+        first, last = self.span
+        return records.Statistics(
+            attachment_count=len(self._attached), channel_count=len(self._channels),
+            channel_message_counts=self.messages, chunk_count=len(self._chunks),
+            message_count=sum(self.messages.values()), message_start_time=first,
+            message_end_time=last, metadata_count=len(self._metadata),
+            schema_count=len(self._schemas),
+        )  # fmt: skip
+
+
+@dataclass
+class Found:
+    """What is in a file, or in the part of it that can be read.
+
+    Attributes:
+        topics: Topic and type of each channel by its number.
+        texts: Attached files.
+        facts: Metadata by name.
+        messages: Of each channel that was wanted: place in the order of the file, log time in
+            [ns], and data of every message.
+        damage: What could not be read, as text.
+        holes: Places in the order of the file at which messages are missing.
+    """
+
+    topics: dict[int, tuple[str, str]] = field(default_factory=dict)
+    texts: dict[str, str] = field(default_factory=dict)
+    facts: dict[str, dict[str, str]] = field(default_factory=dict)
+    messages: dict[int, list[tuple[int, int, bytes]]] = field(default_factory=dict)
+    damage: list[str] = field(default_factory=list)
+    holes: list[int] = field(default_factory=list)
+    count: int = 0
+
+    def of(self, kind: str) -> dict[str, list[tuple[int, int, bytes]]]:
+        """Messages of a type, by topic."""
+        return {
+            topic: self.messages[number]
+            for number, (topic, type_) in self.topics.items()
+            if type_ == kind and number in self.messages
+        }
+
+    @classmethod
+    def read(cls, path: Path, wanted: Callable[[str, str], bool]) -> Self:
+        """Go through a file from its beginning to its end, or to where it breaks off.
+
+        Args:
+            path: Of the file.
+            wanted: Tells from topic and type whether messages are to be kept.
+
+        Raises:
+            InvalidInput: If it is no MCAP file.
+            OSError: If it cannot be read.
+        """
+        found, schemas = cls(), dict[int, str]()
+        with path.open("rb") as file:
+            if file.read(len(MAGIC)) != MAGIC:
+                raise InvalidInput(f"'{path}' is no MCAP file: it does not begin as one")
+            with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
+                for opcode, start, end in found._records(raw):
+                    found._take(raw, opcode, start, end, schemas, wanted)
+        return found
+
+    def _records(self, raw: mmap.mmap) -> Iterator[tuple[int, int, int]]:
+        """Opcode, begin and end of each record that is whole."""
+        at, ended = len(MAGIC), False
+        while at + _PREFIX.size <= len(raw) and not ended:
+            opcode, length = _PREFIX.unpack_from(raw, at)
+            start, at = at + _PREFIX.size, at + _PREFIX.size + length
+            if at > len(raw):
+                break
+            ended = opcode == Opcode.DATA_END
+            yield opcode, start, at
+        if not ended:
+            self.damage.append("it breaks off: the end of the recording is missing")
+
+    def _take(
+        self, raw: mmap.mmap, opcode: int, start: int, end: int, schemas: dict[int, str],
+        wanted: Callable[[str, str], bool],
+    ) -> None:  # fmt: skip
+        if opcode == Opcode.CHUNK:
+            try:
+                data = _unpacked(records.Chunk.read(_stream(raw[start:end])))
+            except (ValueError, RuntimeError, zstandard.ZstdError, struct.error) as error:
+                self.damage.append(f"a chunk at byte {start} is damaged: {error}")
+                self.holes.append(self.count)
+                return
+            for inner, first, last in _pieces(data):
+                self._take_small(data, inner, first, last, schemas, wanted)
+        else:
+            self._take_small(raw, opcode, start, end, schemas, wanted)
+
+    def _take_small(
+        self, raw: Any, opcode: int, start: int, end: int, schemas: dict[int, str],
+        wanted: Callable[[str, str], bool],
+    ) -> None:  # fmt: skip
+        if opcode == Opcode.MESSAGE:
+            head = MESSAGE.unpack_from(raw, start - _PREFIX.size)
+            kept = self.messages.get(head[2])
+            if kept is not None:
+                kept.append((self.count, head[4], raw[start + _IDS_AND_TIMES : end]))
+            self.count += 1
+        elif opcode == Opcode.SCHEMA:
+            schema = records.Schema.read(_stream(raw[start:end]))
+            schemas[schema.id] = schema.name
+        elif opcode == Opcode.CHANNEL:
+            channel = records.Channel.read(_stream(raw[start:end]))
+            kind = schemas.get(channel.schema_id, "")
+            self.topics[channel.id] = channel.topic, kind
+            if channel.message_encoding == "cdr" and wanted(channel.topic, kind):
+                self.messages.setdefault(channel.id, [])
+        elif opcode == Opcode.ATTACHMENT:
+            attachment = records.Attachment.read(_stream(raw[start:end]))
+            self.texts[attachment.name] = attachment.data.decode(errors="replace")
+        elif opcode == Opcode.METADATA:
+            metadata = records.Metadata.read(_stream(raw[start:end]))
+            self.facts[metadata.name] = metadata.metadata
+
+
+def _bytes(record: Any) -> bytes:
+    builder: Any = RecordBuilder()
+    record.write(builder)
+    return bytes(builder.end())
+
+
+def _stream(data: bytes) -> ReadDataStream:
+    return ReadDataStream(BytesIO(data))
+
+
+def _text(text: str) -> bytes:
+    return struct.pack("<I", len(text)) + text.encode()
+
+
+def _field(rows: NDArray[np.uint8], places: NDArray[np.int64], kind: Any) -> NDArray[Any]:
+    """Numbers of a type at places of a buffer."""
+    size = np.dtype(kind).itemsize
+    found: NDArray[Any] = rows[places[:, None] + np.arange(size)].view(kind)[:, 0]
+    return found
+
+
+def _unpacked(chunk: records.Chunk) -> bytes:
+    if chunk.compression == "zstd":
+        data = zstandard.ZstdDecompressor().decompress(chunk.data, chunk.uncompressed_size)
+    elif chunk.compression == "lz4":
+        data = lz4.frame.decompress(chunk.data)
+    elif chunk.compression:
+        raise ValueError(f"compression '{chunk.compression}' is unknown")
+    else:
+        data = chunk.data
+    if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
+        raise ValueError("its check sum is another one")
+    return data
+
+
+def _pieces(data: bytes) -> Iterator[tuple[int, int, int]]:
+    at, size = 0, len(data)
+    while at + _PREFIX.size <= size:
+        opcode, length = _PREFIX.unpack_from(data, at)
+        start, at = at + _PREFIX.size, at + _PREFIX.size + length
+        if at > size:
+            return
+        yield opcode, start, at

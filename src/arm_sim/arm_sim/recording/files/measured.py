@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings of robots: joint states of a bag, or a table."""
+
+from __future__ import annotations
+
+import csv
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_sim.recording.contents import Contents, Event
+from arm_sim.recording.files.bags import told
+from arm_sim.recording.files.container import Found
+from arm_sim.recording.files.messages import JOINT_STATE, JointStates
+
+_PARTS = ("position", "velocity", "effort")
+_TIMES = ("time", "t", "stamp", "timestamp")
+
+
+def from_bag(found: Found, topic: str | None, where: Path) -> Contents:
+    """Joint states of a topic, in the order of time.
+
+    Args:
+        found: The bag's messages.
+        topic: Its name; None for the only one, or that with most messages.
+        where: The bag, for messages.
+
+    Raises:
+        InvalidInput: If there is no such topic, or nothing on it.
+    """
+    topics = found.of(JOINT_STATE)
+    if topic is not None and topic not in topics:
+        raise InvalidInput(f"'{where}' has no joint states on '{topic}'; it has {told(found)}")
+    if not topics:
+        raise InvalidInput(f"'{where}' has no joint states; it has {told(found)}")
+    chosen = topic or max(topics, key=lambda name: len(topics[name]))
+    states, times, refused = list[JointStates](), list[int](), list[str]()
+    for _, time, raw in topics[chosen]:
+        try:
+            states.append(JointStates.read(raw))
+            times.append(time)
+        except InvalidInput as error:
+            refused.append(str(error))
+    if not states:
+        raise InvalidInput(f"'{where}' has no message on '{chosen}' that can be read")
+    notes = list(found.damage)
+    if refused:
+        notes.append(f"{len(refused)} messages could not be read: {refused[0]}")
+    return _contents(states, times, notes)
+
+
+def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> Contents:
+    """Rows of the joints that the most messages name; others' messages are passed over."""
+    kinds: dict[frozenset[str], int] = {}
+    for state in states:
+        kinds[frozenset(state.names)] = kinds.get(frozenset(state.names), 0) + 1
+    common = max(kinds, key=lambda names: kinds[names])
+    kept = [(s, t) for s, t in zip(states, times, strict=True) if frozenset(s.names) == common]
+    if len(kept) < len(states):
+        notes = [*notes, f"{len(states) - len(kept)} messages name other joints"]
+    names = kept[0][0].names
+    stamps = np.array([state.stamp for state, _ in kept], np.int64)
+    if not np.all(np.diff(stamps) > 0):  # a robot without a clock: the time of arrival is left
+        stamps = np.array([time for _, time in kept], np.int64)
+    rows = np.argsort(stamps, kind="stable")
+    once = rows[np.diff(stamps[rows], prepend=stamps[rows[0]] - 1) > 0]
+    if len(once) < len(rows):
+        notes = [*notes, f"{len(rows) - len(once)} messages bear the time of another one"]
+    time = 1e-9 * (stamps[once] - stamps[once[0]])
+    places = [[state.names.index(name) for name in names] for state, _ in kept]
+    parts = [
+        np.array([_numbers(getattr(state, part), place)
+                  for (state, _), place in zip(kept, places, strict=True)])[once]
+        for part in _PARTS
+    ]  # fmt: skip
+    return made(time, names, parts, notes)
+
+
+def _numbers(values: Array, places: list[int]) -> Array:
+    if len(values) != len(places):
+        return np.full(len(places), np.nan)
+    return np.asarray(values[places], float)
+
+
+def from_table(path: Path) -> Contents:
+    """A CSV file with a column of times in [s] and ``position.NAME`` and its like.
+
+    Raises:
+        InvalidInput: If it is none.
+    """
+    try:
+        with path.open(newline="", encoding="utf-8-sig") as file:
+            header, *rows = [row for row in csv.reader(file) if row]
+        values = np.array([[float(word or "nan") for word in row] for row in rows], float)
+    except (ValueError, UnicodeDecodeError, csv.Error) as error:
+        raise InvalidInput(f"'{path}' is no table of numbers: {error}") from None
+    columns = {name.strip(): i for i, name in enumerate(header)}
+    clock = next((name for name in columns if name.lower() in _TIMES), None)
+    joints = [name.removeprefix("position.") for name in columns if name.startswith("position.")]
+    if clock is None or not joints or values.ndim != 2 or len(values) < 1:
+        raise InvalidInput(
+            f"'{path}' has columns {known_names(columns)}; 'time', 'position.NAME' and, where "
+            "they are known, 'velocity.NAME' and 'effort.NAME' are expected, with numbers"
+        )
+    time = values[:, columns[clock]]
+    if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
+        raise InvalidInput(f"'{path}': column '{clock}' does not grow from row to row")
+    parts = [
+        np.column_stack([
+            values[:, columns[f"{part}.{joint}"]] if f"{part}.{joint}" in columns
+            else np.full(len(values), np.nan)
+            for joint in joints
+        ])
+        for part in _PARTS
+    ]  # fmt: skip
+    return made(time, tuple(joints), parts, [])
+
+
+def made(
+    time: Array, names: tuple[str, ...], parts: Sequence[Array], notes: list[str]
+) -> Contents:
+    """A measured recording of positions, velocities and efforts."""
+    rows, (q, v, effort) = len(time), parts
+    return Contents(
+        time=read_only(time), q=read_only(q), v=read_only(v), z=read_only(np.zeros((rows, 0))),
+        command=read_only(effort), error=read_only(np.zeros(rows)),
+        time_stepped=read_only(np.zeros(rows)), joint_names=names,
+        p=read_only(np.zeros((rows, 0))),
+        events=tuple(Event(float(time[-1]), f"file: {note}") for note in notes), of_robot=True,
+    )  # fmt: skip

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Recordings as NumPy's archives: every array by its name, and the rest as text."""
+
+from __future__ import annotations
+
+import json
+import zipfile
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import read_only
+from arm_dynamics.exceptions import InvalidInput
+from arm_sim.imperfections import Measured
+from arm_sim.recording.changes import Jump
+from arm_sim.recording.contents import Contents, Event
+from arm_sim.recording.origin import SCENE_FILE, URDF_FILE, Origin
+
+FORMAT = "1"
+_ROWS = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
+_FILES = (SCENE_FILE, URDF_FILE)
+
+
+def write(contents: Contents, path: Path) -> None:
+    """Write a recording of any kind."""
+    arrays: dict[str, Any] = {name: getattr(contents, name) for name in _ROWS}
+    jumps, origin = contents.jumps, contents.origin
+    if jumps:
+        arrays["jump_x"] = np.array([jump.x for jump in jumps])
+        arrays["jump_p"] = np.array([jump.p for jump in jumps])
+    if (told := contents.measured) is not None:
+        arrays["measured"] = np.hstack([told.q, told.v, told.effort])
+    about = {
+        "format": FORMAT, "joint_names": contents.joint_names, "held": contents.held,
+        "events": [[event.time, event.text] for event in contents.events],
+        "jumps": [[jump.row, jump.tunable, jump.substep] for jump in jumps],
+        "gaps": contents.gaps, "substep": contents.substep, "of_robot": contents.of_robot,
+        "origin": None if origin is None else origin.about(),
+    }  # fmt: skip
+    arrays |= {} if origin is None else origin.texts()
+    arrays["about"] = np.array(json.dumps(about))
+    with path.open("wb") as file:
+        np.savez_compressed(file, **arrays)
+
+
+def read(path: Path) -> Contents:
+    """Read one.
+
+    Raises:
+        InvalidInput: If it is damaged or something else.
+    """
+    try:
+        with path.open("rb") as file, np.load(file, allow_pickle=False) as archive:
+            arrays = {name: archive[name] for name in archive.files}
+    except (ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
+        raise InvalidInput(
+            f"'{path}' is damaged or no archive of NumPy's: {error}; Recording.save writes them"
+        ) from None
+    try:
+        return _contents(arrays)
+    except (KeyError, TypeError, ValueError, IndexError) as error:
+        if isinstance(error, InvalidInput):
+            raise
+        raise InvalidInput(
+            f"'{path}' holds {', '.join(sorted(arrays)) or 'nothing'} and is no recording: "
+            f"{error!r}"
+        ) from None
+
+
+def _contents(arrays: dict[str, Any]) -> Contents:
+    about = json.loads(str(arrays["about"]))
+    if about["format"] != FORMAT:
+        raise InvalidInput(
+            f"the recording is of format {about['format']!r}; this version reads {FORMAT}"
+        )
+    rows = {name: read_only(arrays[name]) for name in _ROWS}
+    _check(rows, len(about["joint_names"]))
+    texts = {name: str(arrays[name]) for name in _FILES if name in arrays}
+    origin = None if about["origin"] is None else Origin.read(texts, about["origin"])
+    jumps = [
+        Jump(int(row), read_only(x), read_only(p), tuple(tunable), float(substep))
+        for (row, tunable, substep), x, p in zip(
+            about["jumps"], arrays.get("jump_x", ()), arrays.get("jump_p", ()), strict=True
+        )
+    ]
+    return Contents(
+        **rows, joint_names=tuple(about["joint_names"]), origin=origin,
+        held=tuple(about["held"]), jumps=tuple(jumps),
+        events=tuple(Event(float(time), str(text)) for time, text in about["events"]),
+        gaps=tuple(about["gaps"]), substep=float(about["substep"]),
+        of_robot=bool(about["of_robot"]),
+        measured=Measured.of(arrays["measured"]) if "measured" in arrays else None,
+    )  # fmt: skip
+
+
+def _check(rows: dict[str, Any], n: int) -> None:
+    lengths = {name: len(array) for name, array in rows.items()}
+    if len(set(lengths.values())) != 1:
+        raise InvalidInput(f"its arrays are of {lengths} rows; as many of each are expected")
+    for name in ("q", "v", "command"):
+        if rows[name].shape[1:] != (n,):
+            raise InvalidInput(f"{name} has shape {rows[name].shape}; {n} columns are expected")

@@ -1,0 +1,433 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Our recordings as MCAP: ticks and changes, from which a run can be repeated to the bit."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.cdr import GIGA
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.scene import Scene
+from arm_dynamics.scene.constraint import switches
+from arm_sim.imperfections import Measured
+from arm_sim.plant.placing import held_of
+from arm_sim.recording.changes import Jump
+from arm_sim.recording.contents import Contents, Event
+from arm_sim.recording.files.container import MESSAGE, Found, McapWriter
+from arm_sim.recording.files.messages import (
+    CHANGE,
+    JOINT_STATE,
+    LATCHED,
+    LOG,
+    STRING,
+    TICK,
+    Change,
+    JointStates,
+    JointStateWriter,
+    TickWriter,
+    definition,
+    log_message,
+    log_text,
+    numbers_at,
+    stamps_at,
+    string_message,
+    tick_sizes,
+)
+from arm_sim.recording.origin import URDF_FILE, Origin
+
+FACTS, FORMAT = "arm_sim", "1"
+EXTERNAL, SWITCHES = "external", "constraints"
+UNCHANGED = -1.0
+"""Sub-step of a change of nothing but torques from outside."""
+_INFO = 20
+_ROWS = 500  # ticks of a chunk
+
+
+class TickFile:
+    """A file of ticks that is being written.
+
+    Args:
+        path: Of the file.
+        origin: Scene and method.
+        joint_names: Order of the joints.
+        prefix: Of our topics, such as ``/sim``.
+        states: Topic of joint states.
+
+    Attributes:
+        mcap: The file.
+        states: Number of the channel of joint states.
+        ticks: Of ticks.
+        changes: Of changes.
+        log: Of events.
+    """
+
+    def __init__(
+        self,
+        path: Path,
+        origin: Origin,
+        joint_names: Sequence[str],
+        prefix: str = "/sim",
+        states: str = "/joint_states",
+    ) -> None:
+        self.mcap = mcap = McapWriter(path)
+        facts = {"format": FORMAT, "joint_names": json.dumps(list(joint_names)), **origin.about()}
+        mcap.tell(FACTS, facts)
+        texts = origin.texts()
+        for name, text in texts.items():
+            mcap.attach(name, text)
+        self.states = self._channel(states, JOINT_STATE)
+        self.ticks = self._channel(f"{prefix}/ticks", TICK)
+        self.changes = self._channel(f"{prefix}/changes", CHANGE)
+        self.log = self._channel(f"{prefix}/events", LOG)
+        folder = states.rpartition("/")[0]
+        self._robot = self._channel(f"{folder}/robot_description", STRING, LATCHED)
+        self._urdf = texts[URDF_FILE]
+
+    def _channel(self, topic: str, kind: str, profile: str = "") -> int:
+        return self.mcap.channel(topic, kind, definition(kind), profile)
+
+    def robot(self) -> tuple[int, bytes]:
+        """Channel and message of the robot's description."""
+        return self._robot, string_message(self._urdf)
+
+
+def write(contents: Contents, efforts: Array, path: Path) -> McapWriter:
+    """Write a recording; return the file, which is to be closed.
+
+    Args:
+        contents: The recording.
+        efforts: Torques that act on the joints from each time on, shape (k+1, n).
+        path: Of the file.
+
+    Raises:
+        InvalidInput: If it is not of a simulated scene.
+        OSError: If it cannot be written.
+    """
+    if contents.origin is None or contents.of_robot:
+        raise InvalidInput(
+            "the recording is not of a simulated scene; as a bag it is there already, and "
+            ".npz keeps any"
+        )
+    file = TickFile(path, contents.origin, contents.joint_names)
+    pieces = _Pieces()
+    first = _nanoseconds(contents.time[0])
+    pieces.add(*file.robot(), first)
+    changes = dict(_changes(contents))
+    for event in contents.events:
+        stamp = _nanoseconds(event.time)
+        pieces.add(file.log, log_message(stamp, _INFO, "sim", event.text), stamp)
+    pieces.add(file.changes, changes[0].written(), first)
+    rows = _rows(contents, efforts, file)
+    pieces.add(file.states, rows.first, first)
+    pieces.flush(file.mcap)
+    last, done = len(contents.time) - 1, 0
+    for row in sorted({*changes, *range(_ROWS, last, _ROWS), last} - {0}):
+        upto = row - 1 if row in contents.gaps else row  # no tick of ours leads across a gap
+        file.mcap.chunk(rows.rows[done:upto].tobytes(), rows.offsets(upto - done))
+        done = row
+        if row in changes:
+            pieces.add(file.changes, changes[row].written(), _nanoseconds(contents.time[row]))
+            pieces.flush(file.mcap)
+    return file.mcap
+
+
+class _Pieces:
+    """A few messages, one by one."""
+
+    def __init__(self) -> None:
+        self._data, self._offsets = bytearray(), list[int]()
+
+    def add(self, channel: int, message: bytes, stamp: int) -> None:
+        self._offsets.append(len(self._data))
+        self._data += MESSAGE.pack(5, 22 + len(message), channel, 0, stamp, stamp) + message
+
+    def flush(self, mcap: McapWriter) -> None:
+        mcap.chunk(bytes(self._data), np.array(self._offsets, np.int64))
+        self.__init__()  # type: ignore[misc]
+
+
+class _Rows:
+    """Joint state and tick of every time as records: a matrix of bytes.
+
+    Attributes:
+        rows: The records after the first time, shape (k, size of both).
+        first: The joint state at the first time.
+    """
+
+    def __init__(self, rows: NDArray[np.uint8], starts: Sequence[int]) -> None:
+        state = rows[0, starts[0] + MESSAGE.size : starts[1]].tobytes()
+        self.first, self.rows, self._starts = state, rows[1:], np.array(starts, np.int64)
+
+    def offsets(self, count: int) -> NDArray[np.int64]:
+        """Where the messages of ``count`` rows are."""
+        size = self.rows.shape[1]
+        places: NDArray[np.int64] = np.arange(count, dtype=np.int64)[:, None] * size + self._starts
+        return places.ravel()
+
+
+def _rows(contents: Contents, efforts: Array, file: TickFile) -> _Rows:
+    """Records of the states after each tick; the tick that would lead to the first is no tick."""
+    k, n = contents.q.shape
+    x, stamps = _before_jumps(contents), np.round(1e9 * contents.time).astype(np.int64)
+    state, tick = JointStateWriter(contents.joint_names), TickWriter(x.shape[1], n)
+    template, starts = bytearray(), list[int]()
+    for channel, message in ((file.states, state.raw), (file.ticks, tick.raw)):
+        starts.append(len(template))
+        template += MESSAGE.pack(5, 22 + len(message), channel, 0, 0, 0) + message
+    rows = np.tile(np.frombuffer(bytes(template), np.uint8), (k, 1))
+    # What acted in the tick that ended at each time.
+    command, effort = (np.roll(array, 1, axis=0) for array in (contents.command, efforts))
+    effort[0] = 0.0
+    notes, told = np.column_stack([contents.error, contents.time_stepped]), contents.measured
+    seen = (x[:, :n], x[:, n : 2 * n], effort)
+    for start, stamp, places, arrays in (
+        (starts[0], state.stamp, state.places, seen if told is None else _parts(told)),
+        (starts[1], tick.stamp, tick.places, (x, command, notes)),
+    ):
+        for place in (15, 23):
+            _put(rows, start + place, stamps)
+        _put(rows, start + 11, np.arange(k, dtype=np.uint32))
+        seconds, rest = np.divmod(stamps, GIGA)
+        inside = start + MESSAGE.size
+        _put(rows, inside + stamp, seconds.astype(np.int32))
+        _put(rows, inside + stamp + 4, rest.astype(np.uint32))
+        for place, array in zip(places, arrays, strict=True):
+            _put(rows, inside + place, array)
+    return _Rows(rows, starts)
+
+
+def _parts(told: Measured) -> tuple[Array, Array, Array]:
+    return told.q, told.v, told.effort
+
+
+def with_measured(contents: Contents, messages: list[tuple[int, int, bytes]]) -> Contents:
+    """A recording with what its sensors told, if there is a joint state of every time."""
+    states = {state.stamp: state for state in (JointStates.read(raw) for *_, raw in messages)}
+    found = [states.get(_nanoseconds(time)) for time in contents.time]
+    n, rows = len(contents.joint_names), list[Array]()
+    for state in found:
+        if state is None or any(part.size != n for part in (state.position, state.effort)):
+            return contents
+        rows.append(np.concatenate([state.position, state.velocity, state.effort]))
+    return replace(contents, measured=Measured.of(np.array(rows)))
+
+
+def _put(rows: NDArray[np.uint8], place: int, values: NDArray[Any]) -> None:
+    """Write numbers of shape (k,) or (k, m) into rows of bytes."""
+    raw = np.ascontiguousarray(values).view(np.uint8).reshape(len(rows), -1)
+    rows[:, place : place + raw.shape[1]] = raw
+
+
+def _before_jumps(contents: Contents) -> Array:
+    """States at the end of each tick, before what changed them."""
+    x = np.hstack([contents.q, contents.v, contents.z])
+    for jump in reversed(contents.jumps):  # the first of several at a time comes last
+        x[jump.row] = jump.x
+    return x
+
+
+def _changes(contents: Contents) -> Iterator[tuple[int, Change]]:
+    """The start, and every change of anything but by a tick; the last of several at a time."""
+    x = np.hstack([contents.q, contents.v, contents.z])
+    scene, jumps = _scene(contents), {jump.row: i for i, jump in enumerate(contents.jumps)}
+    later = [*(jump.tunable for jump in contents.jumps[1:]), _tunable(scene)]
+    tunable = contents.jumps[0].tunable if contents.jumps else _tunable(scene)
+    substep = contents.substep
+    changed = np.any(contents.p[1:] != contents.p[:-1], axis=1).nonzero()[0] + 1
+    for row in sorted({0, *jumps, *contents.gaps, *changed.tolist()}):
+        if row in jumps:
+            tunable = later[jumps[row]]
+            substep = contents.jumps[jumps[row]].substep
+        p, n = contents.p[row], contents.q.shape[1]
+        if EXTERNAL not in tunable and EXTERNAL in _tunable(scene):
+            place = _external_place(scene, p)
+            p = np.delete(p, np.s_[place - n : place])
+        stamp, text = _nanoseconds(contents.time[row]), "changed" if row else "start"
+        known = substep if row in jumps or not row else UNCHANGED
+        notes = float(contents.error[row]), float(contents.time_stepped[row])
+        yield row, Change(stamp, text, tunable, p, x[row], (known, *notes))
+
+
+def _scene(contents: Contents) -> Scene:
+    assert contents.origin is not None
+    return contents.origin.scene
+
+
+def _tunable(scene: Scene) -> tuple[str, ...]:
+    """Names of what is tunable, in the order of p."""
+    order = ("gravity", "payload", "friction", EXTERNAL)
+    names = [name for name in order if name in scene.tunable]
+    return (*names, *([SWITCHES] if switches(scene.constraints).size else []))
+
+
+def _external_place(scene: Scene, p: Array) -> int:
+    """Where torques from outside end in p."""
+    return len(p) - switches(scene.constraints).size
+
+
+def read(found: Found) -> Contents:
+    """A recording from what was found in a file.
+
+    Args:
+        found: Changes, ticks and events.
+
+    Raises:
+        InvalidInput: If there is no whole recording in it.
+    """
+    facts = found.facts[FACTS]
+    if facts.get("format") != FORMAT:
+        raise InvalidInput(
+            f"the recording is of format {facts.get('format')!r}; this version reads {FORMAT}"
+        )
+    origin = Origin.read(found.texts, facts)
+    try:
+        names = tuple(map(str, json.loads(facts["joint_names"])))
+    except (KeyError, ValueError) as error:
+        raise InvalidInput(f"the recording does not name its joints: {error}") from None
+    changes = [(place, Change.read(raw)) for place, _, raw in _only(found, CHANGE)]
+    ticks = _only(found, TICK)
+    if not changes:
+        raise InvalidInput("the recording breaks off before its first state")
+    return _joined(found, origin, names, changes, ticks)
+
+
+def _only(found: Found, kind: str) -> list[tuple[int, int, bytes]]:
+    return [message for messages in found.of(kind).values() for message in messages]
+
+
+def _joined(
+    found: Found, origin: Origin, names: tuple[str, ...], changes: list[tuple[int, Change]],
+    ticks: list[tuple[int, int, bytes]],
+) -> Contents:  # fmt: skip
+    n, nx = len(names), changes[0][1].x.size
+    places = np.array([place for place, *_ in ticks], np.int64)
+    stamps, x, command, notes = _matrices([raw for *_, raw in ticks], nx, n)
+    steps = np.round(1e-9 * stamps / origin.dt).astype(np.int64)
+    tunable = changes[-1][1].tunable
+    scene = origin.scene.model_copy(
+        update={"tunable": tuple(name for name in tunable if name != SWITCHES)}
+    )
+    run = _Run(origin.dt, scene, n)
+    edges = np.searchsorted(places, [place for place, _ in changes]).tolist()
+    for i, (_, change) in enumerate(changes):
+        run.change(change)
+        end = edges[i + 1] if i + 1 < len(edges) else len(ticks)
+        block = slice(edges[i], end)
+        run.ticks(steps[block], x[block], command[block], notes[block])
+    told = [log_text(raw) for *_, raw in _only(found, LOG)]
+    events = [Event(1e-9 * stamp, text) for stamp, text in told]
+    events += [Event(run.time()[-1], f"file: {damage}") for damage in found.damage]
+    return run.contents(replace(origin, scene=scene), names, tuple(events))
+
+
+def _matrices(raws: list[bytes], nx: int, n: int) -> tuple[NDArray[np.int64], Array, Array, Array]:
+    if not raws:
+        return np.zeros(0, np.int64), np.zeros((0, nx)), np.zeros((0, n)), np.zeros((0, 2))
+    if tick_sizes(raws[0]) != (nx, n) or len({len(raw) for raw in raws}) > 1:
+        raise InvalidInput("the ticks of the recording are not all of the same robot")
+    rows = np.frombuffer(b"".join(raws), np.uint8).reshape(len(raws), -1)
+    writer = TickWriter(nx, n)
+    sizes = zip(writer.places, (nx, n, 2), strict=True)
+    x, command, notes = (numbers_at(rows, place, size) for place, size in sizes)
+    return stamps_at(rows, writer.stamp), x, command, notes
+
+
+class _Run:
+    """Puts changes and ticks together to rows."""
+
+    def __init__(self, dt: float, scene: Scene, n: int) -> None:
+        self._dt, self._scene, self._n = dt, scene, n
+        self._steps, self._x = list[Any](), list[Array]()
+        self._commands, self._notes, self._p = list[Array](), list[Array](), list[Array]()
+        self._jumps, self._gaps = list[Jump](), list[int]()
+        self._rows, self._offset, self._last, self._substep = 0, 0, 0, 0.0
+        self._tunable: tuple[str, ...] = ()
+
+    def change(self, change: Change) -> None:
+        """Take what is from here on."""
+        step, p = round(1e-9 * change.stamp / self._dt), self._whole(change)
+        if not self._rows:
+            self._row(step, change, np.zeros(self._n), p)
+            self._substep = max(change.notes[0], 0.0)
+        else:
+            self._jump(change, step, p)
+        self._tunable, self._present = change.tunable, p
+
+    def _jump(self, change: Change, step: int, p: Array) -> None:
+        x, tuned = read_only(self._x[-1][-1]), read_only(self._p[-1][-1])
+        if step > self._last:
+            self._gaps.append(self._rows)
+            self._row(step, change, self._commands[-1][-1], p)
+        elif step < self._last:
+            self._offset += self._last - step  # a reset: time goes on here
+        self._last = step
+        self._x[-1][-1], self._p[-1][-1] = change.x, p
+        if change.notes[0] != UNCHANGED:
+            substep = max(change.notes[0], 0.0)
+            self._jumps.append(Jump(self._rows - 1, x, tuned, self._tunable, substep))
+
+    def ticks(self, steps: NDArray[np.int64], x: Array, command: Array, notes: Array) -> None:
+        """Take ticks one after another, and see whether some are missing."""
+        missing = np.flatnonzero(np.diff(steps, prepend=self._last) != 1).tolist()
+        for first, end in zip([0, *missing], [*missing, len(steps)], strict=True):
+            if first in missing:
+                self._gaps.append(self._rows)
+                self._offset += max(0, self._last + 1 - int(steps[first]))
+            if first < end:
+                block = slice(first, end)
+                self._follow(steps[block], x[block], command[block], notes[block])
+
+    def _follow(self, steps: NDArray[np.int64], x: Array, command: Array, notes: Array) -> None:
+        self._commands[-1][-1] = command[0]
+        self._steps.append(steps + self._offset)
+        self._x.append(x.copy())
+        # What acts from a time on is told by the tick that begins there.
+        self._commands.append(np.vstack([command[1:], command[-1:]]))
+        self._notes.append(notes)
+        self._p.append(np.tile(self._present, (len(steps), 1)))
+        self._rows, self._last = self._rows + len(steps), int(steps[-1])
+
+    def _row(self, step: int, change: Change, command: Array, p: Array) -> None:
+        self._steps.append(np.array([step + self._offset]))
+        self._x.append(change.x[None].copy())
+        self._commands.append(command[None].copy())
+        self._notes.append(np.array([change.notes[1:]]))
+        self._p.append(p[None].copy())
+        self._rows, self._last = self._rows + 1, step
+
+    def _whole(self, change: Change) -> Array:
+        """The vector p with torques from outside, which may have become tunable later."""
+        if EXTERNAL in change.tunable or EXTERNAL not in self._scene.tunable:
+            return change.p
+        return np.insert(change.p, _external_place(self._scene, change.p), np.zeros(self._n))
+
+    def time(self) -> Array:
+        """Of each row in [s]."""
+        return np.asarray(np.concatenate(self._steps) * self._dt)
+
+    def contents(
+        self, origin: Origin, names: tuple[str, ...], events: tuple[Event, ...]
+    ) -> Contents:
+        """All of it."""
+        n, x, notes = self._n, np.vstack(self._x), np.vstack(self._notes)
+        p = read_only(np.vstack(self._p))
+        q, v, z = (read_only(part) for part in np.split(x, (n, 2 * n), axis=1))
+        return Contents(
+            time=read_only(self.time()), q=q, v=v, z=z,
+            command=read_only(np.vstack(self._commands)), error=read_only(notes[:, 0]),
+            time_stepped=read_only(notes[:, 1]), joint_names=names, p=p, origin=origin,
+            held=held_of(self._scene.constraints, p[-1]), jumps=tuple(self._jumps), events=events,
+            gaps=tuple(self._gaps), substep=self._substep,
+        )  # fmt: skip
+
+
+def _nanoseconds(time: float) -> int:
+    return round(1e9 * float(time))

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a recording comes from: scene, method and versions, and what its answers need of them."""
+
+from __future__ import annotations
+
+import platform
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Self
+
+import casadi
+import numpy as np
+import pinocchio
+
+from arm_dynamics import ArmModel, InvalidInput, Scene
+from arm_dynamics.scene import scene_of, scene_text
+from arm_sim.integrators.methods import METHODS
+from arm_sim.integrators.selection import Choice
+from arm_sim.plant.plant import Plant
+from arm_sim.plant.present import PresentDynamics
+from arm_sim.recording.energy_account import EnergyAccount
+
+SCENE_FILE, URDF_FILE = "scene.yaml", "robot.urdf"
+
+
+def versions() -> dict[str, str]:
+    """What computes here: where one of these differs, the last bits of a replay may."""
+    return {
+        "python": platform.python_version(),
+        "numpy": np.__version__,
+        "casadi": casadi.__version__,
+        "pinocchio": pinocchio.__version__,
+        "machine": f"{platform.system()} {platform.machine()}",
+    }
+
+
+@dataclass(frozen=True)
+class Origin:
+    """What made a recording; all that a run needs to be repeated, but for its torques.
+
+    Attributes:
+        scene: The scene, with what was tunable at the end of the run.
+        integrator: Name of the method.
+        dt: Length of a tick in [s].
+        tolerance: Scaled error per sub-step, None for steps of fixed length.
+        source: What the scene was called when it was loaded; empty if that is not known.
+        versions: Of what computed it.
+    """
+
+    scene: Scene
+    integrator: str
+    dt: float
+    tolerance: float | None
+    source: str = ""
+    versions: Mapping[str, str] = field(default_factory=versions)
+
+    def texts(self) -> dict[str, str]:
+        """Files from which ``read`` makes the scene again."""
+        urdf = self.scene.robot.urdf
+        return {SCENE_FILE: scene_text(self.scene, URDF_FILE), URDF_FILE: urdf}
+
+    def about(self) -> dict[str, str]:
+        """The rest, as texts by name."""
+        tolerance = "" if self.tolerance is None else repr(self.tolerance)
+        return {
+            "integrator": self.integrator, "dt": repr(self.dt), "tolerance": tolerance,
+            "source": self.source, **{f"version of {k}": v for k, v in self.versions.items()},
+        }  # fmt: skip
+
+    @classmethod
+    def read(cls, texts: Mapping[str, str], about: Mapping[str, str]) -> Self:
+        """The origin that ``texts`` and ``about`` tell of.
+
+        Raises:
+            SceneError: If the scene cannot be used.
+            InvalidInput: If something is missing or not allowed.
+        """
+        try:
+            scene = scene_of(texts[SCENE_FILE], texts[URDF_FILE])
+            integrator, dt, tolerance = about["integrator"], float(about["dt"]), about["tolerance"]
+            precise = float(tolerance) if tolerance else None
+        except (KeyError, ValueError) as error:
+            if isinstance(error, InvalidInput):
+                raise
+            raise InvalidInput(f"the recording does not tell where it is from: {error}") from None
+        if integrator not in METHODS or not 0.0 < dt < np.inf:
+            raise InvalidInput(
+                f"the recording's method is '{integrator}' with dt = {dt!r}; allowed are "
+                f"{', '.join(METHODS)} and a time above zero"
+            )
+        head = "version of "
+        told = {k.removeprefix(head): v for k, v in about.items() if k.startswith(head)}
+        return cls(scene, integrator, dt, precise, about.get("source", ""), told)
+
+
+class Physics:
+    """The equations of a scene that a recording's answers need; built when they are first used.
+
+    Args:
+        origin: Scene and method.
+        backend: As for ``Kernel``.
+
+    Attributes:
+        origin: Likewise.
+    """
+
+    def __init__(self, origin: Origin, backend: str = "auto") -> None:
+        self.origin, self._backend = origin, backend
+
+    @classmethod
+    def built(
+        cls, origin: Origin, plant: Plant, present: PresentDynamics, account: EnergyAccount
+    ) -> Self:
+        """With what is there already."""
+        made = cls(origin)
+        vars(made).update(plant=plant, model=plant.model, present=present, account=account)
+        return made
+
+    @cached_property
+    def model(self) -> ArmModel:
+        """The arm."""
+        return ArmModel(self.origin.scene)
+
+    @cached_property
+    def plant(self) -> Plant:
+        """The equation of motion."""
+        return Plant(self.model)
+
+    @cached_property
+    def present(self) -> PresentDynamics:
+        """Its dynamics under tunable quantities."""
+        return PresentDynamics(self.plant)
+
+    @cached_property
+    def account(self) -> EnergyAccount:
+        """What keeps the energy account."""
+        origin = self.origin
+        choice = Choice(METHODS[origin.integrator], origin.dt, origin.tolerance, "as recorded")
+        return EnergyAccount(self.plant, self.present, choice, self._backend)

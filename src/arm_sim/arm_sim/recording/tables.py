@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording as a table: columns by name, for pandas and xarray where they are installed."""
+
+from __future__ import annotations
+
+from typing import Any, Protocol
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput
+from arm_sim.plant.plant import Plant
+from arm_sim.recording.changes import Jump
+from arm_sim.recording.contents import Event
+from arm_sim.recording.energy_account import EnergyAccount
+from arm_sim.recording.origin import Origin, Physics
+
+
+class Motion(Protocol):
+    """What tables and figures ask of a ``Recording``."""
+
+    @property
+    def time(self) -> Array: ...  # noqa: D102 - see Recording, as with all that follow
+    @property
+    def q(self) -> Array: ...  # noqa: D102
+    @property
+    def v(self) -> Array: ...  # noqa: D102
+    @property
+    def z(self) -> Array: ...  # noqa: D102
+    @property
+    def tau(self) -> Array: ...  # noqa: D102
+    @property
+    def command(self) -> Array: ...  # noqa: D102
+    @property
+    def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102
+    @property
+    def of_robot(self) -> bool: ...  # noqa: D102
+    @property
+    def origin(self) -> Origin | None: ...  # noqa: D102
+    @property
+    def physics(self) -> Physics | None: ...  # noqa: D102
+    @property
+    def plant(self) -> Plant: ...  # noqa: D102
+    @property
+    def account(self) -> EnergyAccount: ...  # noqa: D102
+    @property
+    def jumps(self) -> tuple[Jump, ...]: ...  # noqa: D102
+    @property
+    def events(self) -> tuple[Event, ...]: ...  # noqa: D102
+    @property
+    def gaps(self) -> tuple[int, ...]: ...  # noqa: D102
+    @property
+    def kinetic(self) -> Array: ...  # noqa: D102
+    @property
+    def energy(self) -> Array: ...  # noqa: D102
+    @property
+    def supplied(self) -> Array: ...  # noqa: D102
+    @property
+    def lost(self) -> Array: ...  # noqa: D102
+    @property
+    def balance(self) -> Array: ...  # noqa: D102
+
+
+UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}
+"""Of what turns and of what slides."""
+
+
+def parts(recording: Motion) -> dict[str, Array]:
+    """Position, velocity and effort, and the command where it is no effort, shapes (k+1, n)."""
+    found = {"position": recording.q, "velocity": recording.v, "effort": recording.tau}
+    if not recording.of_robot and recording.plant.torques is not None:
+        found["command"] = recording.command
+    return found
+
+
+def columns(recording: Motion) -> dict[str, Array]:
+    """See ``Recording.to_dict``."""
+    found = {"time": recording.time}
+    for part, array in parts(recording).items():
+        found |= {f"{part}.{name}": array[:, i] for i, name in enumerate(recording.joint_names)}
+    return found | {f"state.{name}": recording.z[:, i] for i, name in enumerate(_laws(recording))}
+
+
+def to_pandas(recording: Motion) -> Any:
+    """See ``Recording.to_pandas``."""
+    try:
+        import pandas
+    except ImportError:
+        raise InvalidInput(_missing("pandas", "to_pandas")) from None
+    return pandas.DataFrame(columns(recording)).set_index("time")
+
+
+def to_xarray(recording: Motion) -> Any:
+    """See ``Recording.to_xarray``."""
+    try:
+        import xarray
+    except ImportError:
+        raise InvalidInput(_missing("xarray", "to_xarray")) from None
+    variables = {
+        part: (("time", "joint"), array, {"units": " or ".join(UNITS.get(part, ()))})
+        for part, array in parts(recording).items()
+    }
+    states = {"state": (("time", "law"), recording.z)} if recording.z.shape[1] else {}
+    laws = {"law": list(_laws(recording))} if states else {}
+    return xarray.Dataset(
+        {**variables, **states},
+        coords={
+            "time": ("time", recording.time, {"units": "s"}),
+            "joint": list(recording.joint_names),
+            **laws,
+        },
+    )
+
+
+def _laws(recording: Motion) -> tuple[str, ...]:
+    if not recording.z.shape[1]:
+        return ()
+    laws = recording.plant.laws
+    return laws.names if laws is not None else ()
+
+
+def _missing(name: str, method: str) -> str:
+    return f"{method} needs {name}, which is not installed; to_dict needs nothing more"

@@ -1,0 +1,268 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recording in a file answers as the original, wherever it is opened; what is none is refused."""
+
+from __future__ import annotations
+
+import sqlite3
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from mcap.reader import make_reader
+
+import models
+from arm_dynamics import ArmError, InvalidInput, SceneError
+from arm_sim import Recording, Simulator, State
+from arm_sim.recording.files.messages import JointStateWriter
+from arm_sim.runtime_changes import external_change
+
+ROWS = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
+KINDS = ("run.npz", "run.mcap", "run")
+
+
+def changed_run() -> Recording:
+    """An arm that is pushed, moved and tuned while it runs."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    scene |= {"joints": {"*": {"friction": {"coulomb": 0.05}}}, "tunable": ["gravity"]}
+    sim = Simulator(scene, dt=2e-3)
+
+    def control(state: State) -> np.ndarray:
+        if state.step == 10:
+            sim.set_parameter("gravity", [0.0, 0.0, -1.62])
+        if state.step == 20:
+            sim.set_state([0.3, -0.2], [0.1, 0.0])
+        if state.step == 30:
+            external_change(sim)()
+        if 30 <= state.step < 40:
+            sim.set_parameter("external", [0.1 * state.step, -0.3])
+        return np.sin([state.time, 3.0 * state.time])
+
+    return sim.run(0.1, control)
+
+
+@pytest.fixture(scope="module")
+def recording() -> Recording:
+    return changed_run()
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_a_file_answers_as_the_original(name: str, recording: Recording, tmp_path: Path) -> None:
+    loaded = Recording.load(recording.save(tmp_path / name))
+    for part in ROWS:
+        mine, theirs = getattr(recording, part), getattr(loaded, part)
+        assert mine.shape == theirs.shape and mine.tobytes() == theirs.tobytes(), part
+    assert loaded.joint_names == recording.joint_names
+    assert loaded.scene == recording.scene
+    for answer in ("tau", "energy", "supplied", "lost", "changed", "balance"):
+        np.testing.assert_array_equal(getattr(loaded, answer), getattr(recording, answer))
+    assert loaded.energy_error == recording.energy_error
+
+
+@pytest.mark.parametrize("name", KINDS)
+def test_what_was_loaded_is_saved_again_as_it_was(
+    name: str, recording: Recording, tmp_path: Path
+) -> None:
+    once = Recording.load(recording.save(tmp_path / name))
+    twice = Recording.load(once.save(tmp_path / ("again" + Path(name).suffix)))
+    assert [j.row for j in twice.jumps] == [j.row for j in once.jumps]
+    for part in ROWS:
+        np.testing.assert_array_equal(getattr(twice, part), getattr(once, part))
+
+
+def test_laws_with_states_and_constraints_come_back(tmp_path: Path) -> None:
+    for name in ("flexible_arm", "slider_crank"):
+        run = Simulator(models.SCENES / f"{name}.yaml").run(0.02)
+        loaded = Recording.load(run.save(tmp_path / f"{name}.mcap"))
+        assert loaded.held == run.held
+        np.testing.assert_array_equal(loaded.z, run.z)
+        np.testing.assert_array_equal(loaded.tau, run.tau)
+        if run.held:
+            np.testing.assert_array_equal(loaded.multipliers, run.multipliers)
+
+
+def test_what_sensors_told_comes_back(tmp_path: Path) -> None:
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    scene["sensors"] = {"position": {"resolution": 1e-3}, "velocity": {"noise": 0.1}}
+    run = Simulator(scene).run(0.02, lambda state: [0.1, -state.v[1]])
+    assert run.measured is not None
+    for name in KINDS:
+        told = Recording.load(run.save(tmp_path / name)).measured
+        assert told is not None
+        for part in ("q", "v", "effort"):
+            np.testing.assert_array_equal(getattr(told, part), getattr(run.measured, part))
+
+
+def test_a_direction_that_is_not_of_length_one_to_the_bit_stays(tmp_path: Path) -> None:
+    """Made of length one twice, its last bit could differ, and a replay with it."""
+    scene = models.scene("two_link").model_dump(exclude_unset=True)
+    plane = {"frame": "world", "point": [0.0, 0.0, -9.0], "normal": [0.1, 0.2, 0.7]}
+    link = models.dynamics("two_link").model.frame_names[-1]
+    scene["constraints"] = [{"type": "contact", "frame": link, "plane": plane}]
+    run = Simulator(scene).run(0.002)
+    assert Recording.load(run.save(tmp_path / "run.npz")).scene == run.scene
+
+
+def test_other_readers_find_types_and_times(recording: Recording, tmp_path: Path) -> None:
+    with recording.save(tmp_path / "run.mcap").open("rb") as file:
+        reader = make_reader(file, validate_crcs=True)
+        assert reader.get_header().profile == "ros2"
+        found = [(s.name, c.topic, m) for s, c, m in reader.iter_messages()]
+        summary = reader.get_summary()
+    assert summary is not None and summary.statistics is not None
+    assert summary.statistics.message_count == len(found)
+    states = [m for kind, topic, m in found if topic == "/joint_states"]
+    assert [m.log_time for m in states] == [2_000_000 * k for k in range(51)]
+    assert {kind for kind, topic, _ in found if topic == "/sim/ticks"} == {"arm_msgs/msg/Tick"}
+
+
+def test_a_file_that_breaks_off_is_read_up_to_there(tmp_path: Path) -> None:
+    run = Simulator(models.SCENES / "two_link.yaml").run(2.0)
+    whole = run.save(tmp_path / "run.mcap").read_bytes()
+    cut, seen = tmp_path / "cut.mcap", set()
+    for size in np.linspace(len(whole) // 10, len(whole) - 1, 40).astype(int).tolist():
+        cut.write_bytes(whole[:size])
+        try:
+            loaded = Recording.load(cut)
+        except ArmError as error:
+            assert "breaks off" in str(error) or "tell" in str(error)  # noqa: PT017
+            continue
+        k = len(loaded)
+        seen.add(k)
+        assert loaded.q.tobytes() == run.q[:k].tobytes()
+        assert any("breaks off" in event.text for event in loaded.events) or k == len(run)
+    assert len(seen) >= 4, "chunks are kept one by one"
+
+
+def test_a_damaged_chunk_is_a_gap(tmp_path: Path) -> None:
+    run = Simulator(models.SCENES / "two_link.yaml").run(2.0)
+    path = run.save(tmp_path / "run.mcap")
+    with path.open("rb") as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    raw = bytearray(path.read_bytes())
+    raw[summary.chunk_indexes[2].chunk_start_offset + 100] ^= 0xFF
+    path.write_bytes(raw)
+    loaded = Recording.load(path)
+    assert len(loaded.gaps) == 1 and len(loaded) < len(run)
+    (gap,) = loaded.gaps
+    assert loaded.time[gap] - loaded.time[gap - 1] > 0.4
+    np.testing.assert_array_equal(loaded.q[gap:], run.q[-(len(loaded) - gap) :])
+    assert any("damaged" in event.text for event in loaded.events)
+    assert "gap" in repr(loaded) and np.isfinite(loaded.balance).all()
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "said"),
+    [
+        ("run.npz", b"PK\x03\x04 no archive", "damaged"),
+        ("run.npz", b"", "damaged"),
+        ("run.mcap", b"", "no MCAP"),
+        ("run.mcap", b"\x89MCAP0\r\n", "no joint states"),
+        ("run.db3", b"SQLite format 3\0 but not really", "damaged"),
+        ("run.csv", b"a,b\n1,2\n", "time"),
+        ("run.csv", b"time,position.a\n0,x\n", "no table of numbers"),
+        ("run.csv", b"time,position.a\n1,0\n0,0\n", "does not grow"),
+        ("run.txt", b"", "allowed"),
+    ],
+)
+def test_what_is_no_recording_is_refused(
+    name: str, content: bytes, said: str, tmp_path: Path
+) -> None:
+    (tmp_path / name).write_bytes(content)
+    with pytest.raises(InvalidInput, match=said):
+        Recording.load(tmp_path / name)
+
+
+def test_an_archive_of_something_else_is_refused_by_what_it_holds(tmp_path: Path) -> None:
+    np.savez(tmp_path / "other.npz", weights=np.zeros(3))
+    with pytest.raises(InvalidInput, match="weights"):
+        Recording.load(tmp_path / "other.npz")
+
+
+def test_a_name_that_cannot_be_written_is_refused(recording: Recording, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match=r"\.npz, \.mcap"):
+        recording.save(tmp_path / "run.txt")
+    (tmp_path / "mine").mkdir()
+    (tmp_path / "mine" / "thesis.tex").touch()
+    with pytest.raises(InvalidInput, match=r"thesis\.tex"):
+        recording.save(tmp_path / "mine")
+    with pytest.raises(OSError):
+        recording.save(tmp_path / "nowhere" / "run.npz")
+    assert sorted(p.name for p in tmp_path.iterdir()) == ["mine"]
+
+
+# --- of robots ----------------------------------------------------------------------------------
+
+
+def bag(path: Path, names: tuple[str, ...], rows: Callable[[float], Any]) -> Path:
+    """A bag of ROS 2 as rosbag2_storage_sqlite3 writes it, without its metadata file."""
+    writer, base = JointStateWriter(names), sqlite3.connect(path)
+    base.execute("CREATE TABLE topics(id INTEGER PRIMARY KEY, name, type, serialization_format)")
+    base.execute("CREATE TABLE messages(id INTEGER PRIMARY KEY, topic_id, timestamp, data)")
+    base.execute("INSERT INTO topics VALUES(1, '/joint_states', 'sensor_msgs/msg/JointState', '')")
+    base.execute("INSERT INTO topics VALUES(2, '/rosout', 'rcl_interfaces/msg/Log', '')")
+    for k in range(50):
+        for place, numbers in zip(writer.places, rows(0.02 * k), strict=True):
+            raw = np.asarray(numbers, float).tobytes()
+            writer.raw[place : place + len(raw)] = raw
+        stamp = np.array([100, 20_000_000 * k], np.int32).tobytes()
+        writer.raw[writer.stamp : writer.stamp + 8] = stamp
+        row = (k + 1, 1, 7 + k, bytes(writer.raw))
+        base.execute("INSERT INTO messages VALUES(?, ?, ?, ?)", row)
+    base.execute("INSERT INTO messages VALUES(99, 1, 99, ?)", (b"\0\1\0\0 cut",))
+    base.commit()
+    base.close()
+    return path
+
+
+@pytest.fixture
+def robot_bag(tmp_path: Path) -> Path:
+    names = ("tool", *reversed(models.dynamics("two_link").joint_names))
+    return bag(
+        tmp_path / "robot.db3", names,
+        lambda t: ([9.0, np.cos(t), np.sin(t)], [9.0, -np.sin(t), np.cos(t)], [9.0, t, 2 * t]),
+    )  # fmt: skip
+
+
+def test_a_bag_of_a_robot_is_a_recording(robot_bag: Path) -> None:
+    run = Recording.load(robot_bag)
+    assert run.of_robot and run.scene is None and len(run) == 50
+    np.testing.assert_allclose(run.time, 0.02 * np.arange(50), atol=1e-12)
+    np.testing.assert_array_equal(run.q[:, 1], np.cos(0.02 * np.arange(50)))
+    assert "could not be read" in run.events[0].text
+    with pytest.raises(InvalidInput, match="scene="):
+        run.energy  # noqa: B018 - asking is what is refused
+    with pytest.raises(InvalidInput, match="rosout"):
+        Recording.load(robot_bag, topic="/wheels")
+
+
+def test_with_a_scene_it_has_energies(robot_bag: Path) -> None:
+    run = Recording.load(robot_bag, models.scene("two_link"))
+    dynamics = models.dynamics("two_link")
+    assert run.joint_names == dynamics.joint_names
+    np.testing.assert_array_equal(run.kinetic, dynamics.energy(run.q, run.v)[0])
+    np.testing.assert_array_equal(run.tau[:, 0], 2 * (0.02 * np.arange(50)))
+    with pytest.raises(InvalidInput, match="measured"):
+        run.balance  # noqa: B018
+    with pytest.raises(SceneError, match="another robot"):
+        Recording.load(robot_bag, models.scene("pendulum"))
+
+
+def test_a_measured_recording_is_kept(robot_bag: Path, tmp_path: Path) -> None:
+    run = Recording.load(robot_bag)
+    again = Recording.load(run.save(tmp_path / "robot.npz"))
+    assert again.of_robot
+    np.testing.assert_array_equal(again.command, run.command)
+    with pytest.raises(InvalidInput, match="npz"):
+        run.save(tmp_path / "robot.mcap")
+
+
+def test_a_table_is_a_recording(tmp_path: Path) -> None:
+    path = tmp_path / "robot.csv"
+    path.write_text("time,position.a,position.b,effort.b\n0,1,2,3\n0.5,1.5,2.5,\n")
+    run = Recording.load(path)
+    assert run.joint_names == ("a", "b")
+    np.testing.assert_array_equal(run.q, [[1, 2], [1.5, 2.5]])
+    assert np.isnan(run.v).all() and run.tau[0, 1] == 3.0 and np.isnan(run.tau[1, 1])

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What one reads off a recording: its lines of text, tables, figures."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from click.testing import CliRunner
+from matplotlib import pyplot
+
+import models
+from arm_dynamics import InvalidInput
+from arm_sim import Recording, Simulator
+from arm_sim.cli.main import main
+
+
+@pytest.fixture(scope="module")
+def run() -> Recording:
+    return Simulator(models.SCENES / "two_link.yaml").run(0.5, [2.0, 0.1])
+
+
+@pytest.fixture(autouse=True)
+def no_window(monkeypatch: pytest.MonkeyPatch) -> object:
+    pyplot.switch_backend("agg")
+    yield
+    pyplot.close("all")
+
+
+def test_its_text_is_a_few_lines(run: Recording) -> None:
+    lines = repr(run).splitlines()
+    assert 3 <= len(lines) <= 6 and "500 ticks, 0 to 0.5 s" in lines[0]
+    assert all(name in repr(run) for name in run.joint_names) and "rk4" in repr(run)
+
+
+def test_columns_have_names(run: Recording) -> None:
+    columns = run.to_dict()
+    first = run.joint_names[0]
+    assert len(columns) == 1 + 3 * len(run.joint_names)
+    np.testing.assert_array_equal(columns[f"velocity.{first}"], run.v[:, 0])
+    np.testing.assert_array_equal(columns[f"effort.{first}"], run.tau[:, 0])
+
+
+def test_states_and_commands_of_drives_have_columns() -> None:
+    run = Simulator(models.SCENES / "motor_pendulum.yaml").run(0.01)
+    columns = run.to_dict()
+    assert any(name.startswith("state.") for name in columns)
+    assert any(name.startswith("command.") for name in columns)
+
+
+def test_pandas_and_xarray_are_asked_for_by_name(
+    run: Recording, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    for name, convert in (("pandas", run.to_pandas), ("xarray", run.to_xarray)):
+        monkeypatch.setitem(sys.modules, name, None)
+        with pytest.raises(InvalidInput, match=name):
+            convert()
+
+
+def test_pandas_gets_the_columns(run: Recording, monkeypatch: pytest.MonkeyPatch) -> None:
+    frame = SimpleNamespace(set_index=lambda name: (name, given[0]))
+    given: list[dict[str, object]] = []
+    stand_in = SimpleNamespace(DataFrame=lambda columns: given.append(columns) or frame)
+    monkeypatch.setitem(sys.modules, "pandas", stand_in)
+    index, columns = run.to_pandas()
+    assert index == "time" and columns.keys() == run.to_dict().keys()
+
+
+def test_a_figure_shows_every_joint_and_the_account(run: Recording) -> None:
+    figure = run.plot()
+    labels = [axis.get_ylabel() for axis in figure.axes]
+    assert [label.split()[0] for label in labels] == ["position", "velocity", "effort", "energy"]
+    shown = {line.get_label() for line in figure.axes[0].lines}
+    assert set(run.joint_names) <= shown
+
+
+def test_a_second_recording_is_laid_over_the_first_dashed(run: Recording) -> None:
+    figure = run.plot(run, joints=run.joint_names[:1])
+    drawn = [line for line in figure.axes[1].lines if len(line.get_xdata()) > 2]
+    assert [line.get_linestyle() for line in drawn] == ["-", "--"]
+
+
+def test_long_recordings_are_drawn_with_their_peaks() -> None:
+    run = Simulator(models.SCENES / "two_link.yaml").run(20.0, [0.0, 0.0])
+    line = run.plot().axes[1].lines[0]
+    assert len(line.get_xdata()) < 5000
+    assert line.get_ydata().max() == run.v[:, 0].max()
+
+
+def test_joints_that_are_not_there_are_named(run: Recording) -> None:
+    with pytest.raises(InvalidInput, match="nose"):
+        run.plot(joints=["nose"])
+    other = Simulator(models.SCENES / "pendulum.yaml").run(0.01)
+    with pytest.raises(InvalidInput, match="share no joint"):
+        run.plot(other)
+
+
+def test_the_command_says_where_the_figure_is(run: Recording, tmp_path: Path) -> None:
+    path, out = run.save(tmp_path / "run.npz"), tmp_path / "figure.png"
+    told = CliRunner().invoke(main, ["plot", str(path), str(path), "--out", str(out)])
+    assert told.exit_code == 0 and str(out) in told.output and out.stat().st_size > 10_000
+    told = CliRunner().invoke(main, ["plot", str(tmp_path / "none.npz")])
+    assert told.exit_code == 1 and "no recording" in told.output
