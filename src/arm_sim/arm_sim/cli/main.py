@@ -15,6 +15,7 @@ from arm_sim.cli.describe import describe
 from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import examples
 from arm_sim.cli.recordings import plot
+from arm_sim.cli.robot import get, go, set_, watch
 
 
 class Suite(click.Group):
@@ -53,5 +54,6 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-for command in (demo, describe, build, call, plot, dynamics, sim, controller):
+COMMANDS = (demo, describe, build, call, plot, dynamics, sim, controller, go, set_, get, watch)
+for command in COMMANDS:
     main.add_command(command)

@@ -1,0 +1,12 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm go``, ``set``, ``get`` and ``watch``: a running arm from the shell, without ROS tools.
+
+``listener`` takes part in the ROS graph, ``parameters`` asks nodes for theirs. ROS is imported
+when a command runs.
+"""
+
+from arm_sim.cli.robot.go import go
+from arm_sim.cli.robot.parameters import get, set_
+from arm_sim.cli.robot.watch import watch
+
+__all__ = ["get", "go", "set_", "watch"]

@@ -1,0 +1,186 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A running controller node as ``./arm go`` sees it: its state, and goals for it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Self
+
+import click
+from builtin_interfaces.msg import Duration
+from geometry_msgs.msg import PoseStamped
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from arm_dynamics.ros.common.convert import to_nanoseconds
+from arm_dynamics.ros.interfaces import (
+    CARTESIAN_GOAL,
+    CONTROLLER_STATE,
+    JOINT_TRAJECTORY,
+    Topic,
+)
+from arm_sim.cli.robot.listener import Listener, full
+from arm_sim.cli.robot.parameters import Parameters
+
+_JUMP = 0.05  # [s] by which what remains of a motion changes when another one takes its place
+_PLANNING = 30.0  # [s] that a straight line may take to plan
+_SAME = 1e-9  # [rad] or [m] between references that are the same
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """What became of a goal: whether it is followed, and the controller's words."""
+
+    accepted: bool
+    words: str
+
+
+class Controller:
+    """Hears a controller's state and sends it goals; use it in a ``with`` statement."""
+
+    def __init__(self, node: str, timeout: float) -> None:
+        """Take the controller's name, and how long to wait for it in [s]."""
+        self._name, self._timeout = full(node), timeout
+        self._listener = Listener()
+        self._state: Any = None
+        self._count = 0
+        self._target: Mapping[str, float] = {}
+        self._listener.hear(CONTROLLER_STATE, self._topic(CONTROLLER_STATE), self._on_state)
+
+    def __enter__(self) -> Self:
+        """Use it in a ``with`` statement."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Leave the graph."""
+        self._listener.__exit__()
+
+    def _topic(self, topic: Topic) -> str:
+        return topic.name.replace("~", self._name)
+
+    def _on_state(self, state: Any) -> None:
+        self._state, self._count = state, self._count + 1
+
+    # --- what it says --------------------------------------------------------------------------
+
+    @property
+    def reference(self) -> dict[str, float]:
+        """Where the joints are to be now, by name in [rad] or [m]."""
+        return dict(zip(self._state.joint_names, self._state.reference_position, strict=True))
+
+    @property
+    def remaining(self) -> float:
+        """Simulated time until what was accepted has been followed, in [s]."""
+        return float(self._state.remaining)
+
+    @property
+    def words(self) -> str:
+        """What became of the newest goal, as the controller says it."""
+        return str(self._state.goal)
+
+    @property
+    def replaced(self) -> bool:
+        """Whether the reference has ended elsewhere than the joints were sent to."""
+        here = self.reference
+        return any(abs(here[name] - x) > _SAME for name, x in self._target.items())
+
+    def meet(self) -> None:
+        """Wait for the controller's state, or end with what is missing."""
+        if self._listener.until(lambda: self._state is not None, self._timeout):
+            return
+        listener, name = self._listener, self._name
+        there = name in listener.nodes() or listener.publishers(self._topic(CONTROLLER_STATE))
+        if there:
+            raise click.ClickException(
+                f"the controller {name} is there, but moves nothing: it has answered no joint "
+                f"state for {self._timeout:g} s\n  is a robot running, and not paused? ./arm sim "
+                f"SCENE, ./arm call resume\n  {listener.where()}"
+            )
+        raise click.ClickException(
+            f"no controller {name} (waited {self._timeout:g} s)\n  start one: ./arm controller "
+            f"SCENE, and a robot: ./arm sim SCENE\n  {listener.where()}"
+        )
+
+    # --- goals ---------------------------------------------------------------------------------
+
+    def choose_frame(self, frame: str | None) -> str:
+        """The frame that poses are of, set if one is given."""
+        with Parameters(self._name, self._timeout) as parameters:
+            if frame is not None:
+                parameters.set({"task_frame": frame})
+            chosen = str(parameters.get(["task_frame"])["task_frame"])
+        if not chosen:
+            raise click.ClickException("the controller has no task_frame; choose one by --frame")
+        return chosen
+
+    def send_joints(self, there: Mapping[str, float], duration: float) -> None:
+        """Send joints to positions in [rad] or [m] within a duration in [s]."""
+        seconds, part = divmod(round(1e9 * duration), 1_000_000_000)
+        point = JointTrajectoryPoint(positions=list(there.values()))
+        point.time_from_start = Duration(sec=seconds, nanosec=part)
+        self._target = there
+        self._send(JOINT_TRAJECTORY, JointTrajectory(joint_names=list(there), points=[point]))
+
+    def send_pose(self, numbers: Sequence[float]) -> None:
+        """Send the task's frame to x y z in [m] and a quaternion x y z w, in the world."""
+        message = PoseStamped()
+        at, turn = message.pose.position, message.pose.orientation
+        at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w = map(float, numbers)
+        self._send(CARTESIAN_GOAL, message)
+
+    def _send(self, topic: Topic, message: Any) -> None:
+        name = self._topic(topic)
+        publisher = self._listener.publisher(topic, name)
+        if not self._listener.until(lambda: publisher.get_subscription_count() > 0, self._timeout):
+            raise click.ClickException(f"nobody listens to {name} (waited {self._timeout:g} s)")
+        publisher.publish(message)
+
+    def begin(self, send: Callable[[], None]) -> Outcome:
+        """Send a goal, and wait until the controller follows or refuses it."""
+        before, words = self._state, self.words
+        send()
+
+        def planned() -> bool:
+            return not self.words.startswith("planning ") and (
+                self.words != words or self._jumped(before)
+            )
+
+        if not self._listener.until(planned, _PLANNING):
+            return Outcome(False, f"no answer to the goal within {_PLANNING:g} s; {self.words}")
+        return Outcome("refused" not in self.words, self.words)
+
+    def _jumped(self, before: Any) -> bool:
+        """Whether more of a motion is left than time would have left of the one before."""
+        passed = 1e-9 * (
+            to_nanoseconds(self._state.header.stamp) - to_nanoseconds(before.header.stamp)
+        )
+        return abs(self.remaining - max(before.remaining - passed, 0.0)) > _JUMP
+
+    def motion(self) -> Iterator[float]:
+        """What remains of the motion in [s], again and again until nothing does."""
+        while self.remaining > 0.0:
+            yield self.remaining
+            self._next()
+
+    def settle(self, tolerance: float, patience: float) -> tuple[str, float]:
+        """Wait for the arm to come to its reference.
+
+        Returns:
+            The joint with the largest error, and that error in [rad] or [m].
+        """
+        self._listener.until(lambda: self._error()[1] <= tolerance, patience)
+        return self._error()
+
+    def _error(self) -> tuple[str, float]:
+        errors = zip(map(abs, self._state.position_error), self._state.joint_names, strict=True)
+        error, joint = max(errors)
+        return str(joint), float(error)
+
+    def _next(self) -> None:
+        """Wait for the next state."""
+        count = self._count
+        if not self._listener.until(lambda: self._count > count, self._timeout):
+            raise click.ClickException(
+                f"no state of {self._name} for {self._timeout:g} s: has it failed, or has the "
+                "robot stopped? The motion was under way"
+            )

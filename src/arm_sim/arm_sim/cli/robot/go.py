@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm go``: sends a running arm somewhere, waits, and says how it went."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from arm_sim.cli.output import console, examples, number
+from arm_sim.cli.robot.goal import JointGoal, parse, targets, unhurried
+from arm_sim.cli.vectors import Vector, VectorType
+
+if TYPE_CHECKING:
+    from arm_sim.cli.robot.controller import Controller
+
+_SETTLING = 2.0  # [s] for the last errors to vanish once the reference stands still
+
+
+class Missed(click.ClickException):
+    """The arm did not get where it was sent; exit status 1."""
+
+
+@click.command(
+    epilog=examples(
+        "./arm go panda_joint4=-2.0",
+        "./arm go panda_joint1+=0.3 panda_joint4=-2.0 --duration 4",
+        './arm go --frame panda_hand --pose "0.4 0.2 0.5 1 0 0 0"',
+        "./arm go shoulder=0.5 --controller left/controller",
+    ),
+)
+@click.argument("goals", metavar="JOINT=POSITION…", nargs=-1)
+@click.option("--duration", type=click.FloatRange(0.0, 3600.0, min_open=True),
+              help="How long the motion takes, in s; else so that no joint is faster than 1 rad/s "
+              "or 1 m/s. The controller takes longer where limits ask for it.")  # fmt: skip
+@click.option("--pose", type=VectorType(), metavar='"X Y Z QX QY QZ QW"',
+              help="Lead a frame straight to a pose instead, in m; the quaternion has length "
+              "1.")  # fmt: skip
+@click.option("--frame", help="Frame that --pose is of; else the controller's task_frame.")
+@click.option("--tolerance", default=0.01, show_default=True, type=click.FloatRange(0.0),
+              help="Error of a joint with which the arm has arrived, in rad or m.")  # fmt: skip
+@click.option("--controller", "node", default="controller", show_default=True,
+              help="Controller node, with its namespace.")  # fmt: skip
+@click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
+              help="How long to wait for the controller and its states, in s.")  # fmt: skip
+@click.option("--no-wait", is_flag=True, help="End when the motion has begun.")
+def go(
+    goals: tuple[str, ...],
+    duration: float | None,
+    pose: Vector | None,
+    frame: str | None,
+    tolerance: float,
+    node: str,
+    timeout: float,
+    no_wait: bool,
+) -> None:
+    """Lead the arm of a running controller to joint positions, or a frame to a pose.
+
+    Joints that are not named stay; JOINT+=X and JOINT-=X count from where the joint is to be now.
+    The controller must be running (./arm controller SCENE), and a robot that it moves (./arm sim
+    SCENE). Ends with 1 if the goal is refused or the arm does not get there.
+    """
+    wanted = parse(goals)
+    numbers = _pose(pose)
+    if bool(wanted) == (numbers is not None):
+        raise click.UsageError("give goals of joints (JOINT=POSITION), or --pose")
+    if numbers is None and frame:
+        raise click.UsageError("--frame goes with --pose")
+    if numbers is not None and duration:
+        raise click.UsageError(
+            "--duration is for goals of joints; a pose takes what the controller's parameters "
+            "cartesian_speed and cartesian_acceleration say"
+        )
+    from arm_sim.cli.robot.controller import Controller
+
+    with Controller(node, timeout) as controller:
+        controller.meet()
+        if numbers is None:
+            send = _joint_motion(controller, wanted, duration)
+        else:
+            send = _straight_line(controller, numbers, frame)
+        _lead(controller, send, tolerance, no_wait)
+
+
+def _pose(given: Vector | None) -> list[float] | None:
+    """Seven numbers, the quaternion of length one."""
+    if given is None:
+        return None
+    numbers = list(given.rows[0]) if len(given.rows) == 1 else []
+    if len(numbers) != 7:
+        raise click.UsageError("--pose: 7 numbers are expected, x y z in m and quaternion x y z w")
+    return numbers
+
+
+def _joint_motion(
+    controller: Controller, wanted: tuple[JointGoal, ...], duration: float | None
+) -> Callable[[], None]:
+    here = controller.reference
+    there = targets(wanted, here)
+    seconds = duration or unhurried(there, here)
+    what = ", ".join(
+        f"{name} {number(here[name], 4)} → {number(x, 4)}" for name, x in there.items()
+    )
+    console().print(f"{what}, in {number(seconds, 3)} s", markup=False)
+    return lambda: controller.send_joints(there, seconds)
+
+
+def _straight_line(
+    controller: Controller, numbers: list[float], frame: str | None
+) -> Callable[[], None]:
+    chosen = controller.choose_frame(frame)
+    console().print(f"{chosen} straight to {', '.join(number(x, 4) for x in numbers[:3])} m",
+                    markup=False)  # fmt: skip
+    return lambda: controller.send_pose(numbers)
+
+
+def _lead(
+    controller: Controller, send: Callable[[], None], tolerance: float, no_wait: bool
+) -> None:
+    """Send a goal and follow the motion to its end."""
+    outcome = controller.begin(send)
+    if not outcome.accepted:
+        raise Missed(outcome.words)
+    if "slower" in outcome.words:
+        console().print(outcome.words, markup=False)
+    if no_wait:
+        return
+    try:
+        _follow(controller)
+        joint, error = controller.settle(tolerance, _SETTLING)
+    except KeyboardInterrupt:
+        raise Missed("no longer watching; the arm goes on to its goal") from None
+    if controller.replaced:
+        raise Missed(f"another goal has taken its place: {controller.words}")
+    if not error <= tolerance:
+        raise Missed(f"stopped short: {joint} is off by {number(error, 3)}, more than "
+                     f"{number(tolerance, 3)}; {controller.words}")  # fmt: skip
+    console().print(f"arrived: largest error {number(error, 2)} at {joint}", markup=False)
+
+
+def _follow(controller: Controller) -> None:
+    """Show how much of a motion is done until all is."""
+    whole = max(controller.remaining, 1e-9)
+    with _progress() as show:
+        for left in controller.motion():
+            show(1.0 - min(left / whole, 1.0))
+
+
+@contextmanager
+def _progress() -> Iterator[Callable[[float], None]]:
+    """Show how much of a motion is done, where somebody looks."""
+    if not sys.stdout.isatty():
+        yield lambda done: None
+        return
+    from rich.progress import BarColumn, Progress, TaskProgressColumn
+
+    columns: Any = (BarColumn(), TaskProgressColumn())
+    with Progress(*columns, transient=True) as progress:
+        task = progress.add_task("", total=1.0)
+        yield lambda done: progress.update(task, completed=done)

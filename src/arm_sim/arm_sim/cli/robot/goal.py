@@ -1,0 +1,82 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where a user wants joints to go: ``elbow=0.5``, ``elbow+=0.1``."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from difflib import get_close_matches
+
+import click
+
+_WORD = re.compile(r"(?P<name>[^=+]+?)(?P<how>\+=|-=|=)(?P<number>.+)", re.DOTALL)
+PEAK = 1.875  # of a quintic's speed to its mean
+FASTEST = 1.0  # [rad/s] or [m/s] that a joint reaches when no duration is given
+LEAST = 1.0  # [s]
+
+
+@dataclass(frozen=True)
+class JointGoal:
+    """Where one joint is to go.
+
+    Attributes:
+        name: The joint.
+        value: Its position, or how far it is to go, in [rad] or [m].
+        relative: Whether it is a distance from where it is to be now.
+    """
+
+    name: str
+    value: float
+    relative: bool
+
+
+def parse(words: Sequence[str]) -> tuple[JointGoal, ...]:
+    """Read goals of joints.
+
+    Raises:
+        click.UsageError: If a word is none, or names a joint again.
+    """
+    goals = tuple(map(_goal, words))
+    names = [goal.name for goal in goals]
+    if again := next((name for name in names if names.count(name) > 1), None):
+        raise click.UsageError(f"joint '{again}' is named twice")
+    return goals
+
+
+def _goal(word: str) -> JointGoal:
+    found = _WORD.fullmatch(word.strip())
+    try:
+        number = float(found["number"]) if found else math.nan
+    except ValueError:
+        number = math.nan
+    if found is None or not math.isfinite(number):
+        raise click.UsageError(
+            f"'{word}' is no goal of a joint; allowed are JOINT=POSITION, JOINT+=DISTANCE and "
+            "JOINT-=DISTANCE, with finite numbers in rad or m"
+        )
+    how = found["how"]
+    return JointGoal(found["name"], -number if how == "-=" else number, how != "=")
+
+
+def targets(goals: Sequence[JointGoal], here: Mapping[str, float]) -> dict[str, float]:
+    """Where the joints are to go, from where they are to be now.
+
+    Raises:
+        click.ClickException: If a joint is unknown.
+    """
+    for goal in goals:
+        if goal.name not in here:
+            meant = get_close_matches(goal.name, here, n=1)
+            guess = f"; did you mean '{meant[0]}'?" if meant else ";"
+            raise click.ClickException(
+                f"unknown joint '{goal.name}'{guess} allowed: {', '.join(here)}"
+            )
+    return {g.name: g.value + (here[g.name] if g.relative else 0.0) for g in goals}
+
+
+def unhurried(there: Mapping[str, float], here: Mapping[str, float]) -> float:
+    """A duration in [s] in which no joint gets faster than ``FASTEST``."""
+    farthest = max(abs(there[name] - here[name]) for name in there)
+    return max(LEAST, PEAK * farthest / FASTEST)

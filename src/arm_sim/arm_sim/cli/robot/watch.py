@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm watch``: a live table of the joints of a running arm."""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+import sys
+import time
+from collections import deque
+from dataclasses import dataclass, field
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from arm_sim.cli.output import console, examples, show, table
+
+if TYPE_CHECKING:
+    from rich.table import Table
+
+    from arm_sim.cli.robot.listener import Listener
+
+_OLD = 0.5  # [s] after which joint states count as stopped
+_WINDOW = 200  # states over which the rate is measured
+_NONE = ("", "none")  # joints at stops
+_COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N m, N]")
+
+
+@click.command(
+    epilog=examples(
+        "./arm watch", "./arm watch --once", "./arm watch --topic left/joint_states",
+        "./arm watch --rate 1 > log.txt",
+    )
+)  # fmt: skip
+@click.option("--topic", default="joint_states", show_default=True, help="Joint states to show.")
+@click.option("--once", is_flag=True, help="Show them once.")
+@click.option("--rate", default=5.0, show_default=True, type=click.FloatRange(0.1, 60.0),
+              help="How often to show them, per s.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, a line each time.")
+@click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
+              help="How long to wait for the first joint state, in s.")  # fmt: skip
+def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) -> None:
+    """Show position, velocity and effort of the joints of a running robot until Ctrl-C.
+
+    Below them stand the rate of the joint states, and what the nodes complain of: commands that
+    stopped, joints at their stops. In a pipe it prints a line each time.
+    """
+    from arm_sim.cli.robot.listener import Listener, full
+
+    with Listener() as listener:
+        seen = Seen(full(topic))
+        seen.join(listener)
+        if not listener.until(lambda: seen.state is not None, timeout):
+            raise click.ClickException(
+                f"no joint states on {full(topic)} (waited {timeout:g} s)\n  start a robot: ./arm "
+                f"sim SCENE; --topic chooses other ones\n  {listener.where()}"
+            )
+        listener.until(lambda: seen.measured, 0.3)
+        try:
+            _show(listener, seen, once, 1.0 / rate, as_json)
+        except KeyboardInterrupt:
+            pass
+        except BrokenPipeError:  # nobody reads any more
+            os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+@dataclass
+class Seen:
+    """The newest joint state, how often they come, and what nodes complain of.
+
+    Attributes:
+        topic: Full name of the joint states' topic.
+        state: The newest message.
+    """
+
+    topic: str
+    state: Any = None
+    _times: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
+    _complaints: dict[str, str] = field(default_factory=dict)
+    _stops: dict[str, str] = field(default_factory=dict)
+
+    def join(self, listener: Listener) -> None:
+        """Hear joint states and diagnostics."""
+        from arm_dynamics.ros.interfaces import DIAGNOSTICS, JOINT_STATES
+
+        listener.hear(JOINT_STATES, self.topic, self.hear_state)
+        listener.hear(DIAGNOSTICS, DIAGNOSTICS.name, self.hear_diagnostics)
+
+    def hear_state(self, message: Any) -> None:
+        """Take a joint state."""
+        self.state = message
+        self._times.append(time.monotonic())
+
+    def hear_diagnostics(self, message: Any) -> None:
+        """Take what a node says of itself."""
+        for status in message.status:
+            self._complaints[status.name] = "" if status.level == b"\0" else status.message
+            for pair in status.values:
+                if pair.key == "at stops":
+                    self._stops[status.name] = pair.value
+
+    @property
+    def measured(self) -> bool:
+        """Whether enough states have come to tell how often they do."""
+        return len(self._times) >= _WINDOW // 4
+
+    @property
+    def age(self) -> float:
+        """Time since the newest state, in [s]."""
+        return time.monotonic() - self._times[-1]
+
+    @property
+    def rate(self) -> float:
+        """How many states come in a second, as far as this process keeps up."""
+        times = self._times
+        passed = times[-1] - times[0]
+        return 0.0 if self.age > _OLD or passed <= 0.0 else (len(times) - 1) / passed
+
+    def rows(self) -> list[tuple[str, float, float, float]]:
+        """Name, position, velocity and effort of each joint; NaN for what the message lacks."""
+        state, n = self.state, len(self.state.name)
+        columns = (
+            list(values) if len(values) == n else [float("nan")] * n
+            for values in (state.position, state.velocity, state.effort)
+        )
+        return list(zip(state.name, *columns, strict=True))
+
+    def remarks(self) -> list[str]:
+        """What is to be said below the table."""
+        said = [f"{name}: {words}" for name, words in sorted(self._complaints.items()) if words]
+        said += [f"at stops: {joints}" for joints in self._stops.values() if joints not in _NONE]
+        if self.age > _OLD:
+            said.insert(0, f"stale: no joint state for {self.age:.1f} s")
+        return said
+
+    @property
+    def stamp(self) -> float:
+        """Time of the newest state, in [s]."""
+        return float(self.state.header.stamp.sec + 1e-9 * self.state.header.stamp.nanosec)
+
+
+def _show(listener: Listener, seen: Seen, once: bool, period: float, as_json: bool) -> None:
+    if as_json or not (once or sys.stdout.isatty()):
+        line = _json if as_json else _line
+        while True:
+            click.echo(line(seen))
+            sys.stdout.flush()
+            if once:
+                return
+            listener.until(lambda: False, period)
+    if once:
+        show(console(), _table(seen))
+        return
+    from rich.live import Live
+
+    with Live(_table(seen), console=console(), auto_refresh=False) as live:
+        while True:
+            listener.until(lambda: False, period)
+            live.update(_table(seen), refresh=True)
+
+
+def _table(seen: Seen) -> Table:
+    rows = [(name, *map(_steady, values)) for name, *values in seen.rows()]
+    made = table(_COLUMNS, rows)
+    below = [f"t = {seen.stamp:.3f} s, {seen.rate:.0f} joint states/s", *seen.remarks()]
+    from rich.markup import escape
+
+    made.caption, made.caption_justify = escape("\n".join(below)), "left"
+    return made
+
+
+def _steady(value: float) -> str:
+    """A number whose digits keep their places, or a dash where there is none."""
+    text = f"{value:.5f}"
+    return "-" if math.isnan(value) else text.removeprefix("-") if float(text) == 0.0 else text
+
+
+def _line(seen: Seen) -> str:
+    joints = " ".join(f"{name}={_steady(position)}" for name, position, *_ in seen.rows())
+    return "; ".join([f"{seen.stamp:.3f} {joints}", *seen.remarks()])
+
+
+def _json(seen: Seen) -> str:
+    names, *columns = zip(*seen.rows(), strict=True)
+    keys = ("position", "velocity", "effort")
+    values = {
+        key: [None if math.isnan(x) else x for x in column]
+        for key, column in zip(keys, columns, strict=True)
+    }
+    about = {"time": seen.stamp, "rate": seen.rate, "remarks": seen.remarks()}
+    return json.dumps({**about, "names": names, **values})

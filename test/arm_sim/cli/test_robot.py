@@ -1,0 +1,242 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm go``, ``set``, ``get`` and ``watch`` with a simulator and a controller that run."""
+
+from __future__ import annotations
+
+import json
+import math
+import re
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import Any
+
+import click
+import pytest
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from harness import running
+from sensor_msgs.msg import JointState
+from typist import Result
+
+import models
+from arm_dynamics.task_space import TaskSpace
+from arm_sim.cli.main import main
+from arm_sim.cli.robot import goal
+from arm_sim.cli.robot.listener import Listener
+from arm_sim.cli.robot.watch import Seen
+
+SCENE = str(models.SCENES / "two_link.yaml")
+Shell = Callable[..., Result]
+
+
+# --- goals of joints ---------------------------------------------------------------------------
+
+
+def test_goals_are_positions_or_distances() -> None:
+    goals = goal.parse(["elbow=-0.5", "a+=1e-1", "b-=.2", "slash/joint=3"])
+    assert [(g.name, g.value, g.relative) for g in goals] == [
+        ("elbow", -0.5, False), ("a", 0.1, True), ("b", -0.2, True), ("slash/joint", 3.0, False),
+    ]  # fmt: skip
+    here = {"elbow": 1.0, "a": 2.0, "b": 3.0, "slash/joint": 4.0, "other": 5.0}
+    there = goal.targets(goals, here)
+    assert there == {"elbow": -0.5, "a": 2.1, "b": 2.8, "slash/joint": 3.0}
+
+
+@pytest.mark.parametrize("word", ["elbow", "elbow=", "=1", "elbow=nan", "elbow=inf", "elbow=1,2"])
+def test_what_is_no_goal_is_refused(word: str) -> None:
+    with pytest.raises(click.UsageError, match=re.escape(f"'{word}' is no goal of a joint")):
+        goal.parse([word])
+
+
+def test_a_joint_is_named_once() -> None:
+    with pytest.raises(click.UsageError, match="joint 'elbow' is named twice"):
+        goal.parse(["elbow=1", "elbow+=1"])
+
+
+def test_no_joint_hurries_when_no_duration_is_given() -> None:
+    """A quintic from rest to rest is fastest in its middle, at 15/8 of its mean speed."""
+    seconds = goal.unhurried({"a": 2.0, "b": 0.0}, {"a": -1.0, "b": 0.5})
+    assert 15.0 / 8.0 * 3.0 / seconds == pytest.approx(1.0)
+    assert goal.unhurried({"a": 1e-6}, {"a": 0.0}) == 1.0
+
+
+# --- usage -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["go"], "give goals of joints"),
+        (["go", "elbow=1", "--pose", "0 0 0 0 0 0 1"], "give goals of joints"),
+        (["go", "elbow=1", "--frame", "tip"], "--frame goes with --pose"),
+        (["go", "--pose", "0 0 0 1"], "7 numbers are expected"),
+        (["go", "--pose", "0 0 0 0 0 0 1", "--duration", "2"], "--duration is for goals"),
+        (["go", "elbow=1", "--duration", "0"], "not in the range"),
+        (["go", "elbow=1", "--tolerance", "-1"], "not in the range"),
+        (["set", "controller", "bandwidth"], "'bandwidth' has no value"),
+        (["set", "controller", "bandwidth", "1", "bandwidth", "2"], "named twice"),
+        (["set", "controller"], "Missing argument"),
+    ],
+)
+def test_wrong_words_are_refused_before_anybody_is_asked(
+    words: Sequence[str], said: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with pytest.raises(SystemExit) as end:
+        main(list(words))
+    assert end.value.code == 2 and said in capfd.readouterr().err
+
+
+# --- with nodes --------------------------------------------------------------------------------
+
+ros = pytest.mark.ros
+
+
+@pytest.fixture(scope="module")
+def domain(tmp_path_factory: pytest.TempPathFactory) -> Iterator[int]:
+    """A domain in which a simulator and a controller run."""
+    logs = tmp_path_factory.mktemp("log")
+    with running(logs, ("sim", SCENE), ("controller", SCENE)) as number:
+        yield number
+
+
+@pytest.fixture
+def shell(monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]) -> Shell:
+    """Types a command in a domain."""
+
+    def typed(domain: int, *words: str) -> Result:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        with pytest.raises(SystemExit) as end:
+            main([*words, "--timeout", "20"])
+        return Result(int(end.value.code or 0), "".join(capfd.readouterr()))
+
+    return typed
+
+
+def positions(shell: Shell, domain: int) -> dict[str, float]:
+    said = json.loads(shell(domain, "watch", "--once", "--json").output)
+    return dict(zip(said["names"], said["position"], strict=True))
+
+
+@ros
+def test_joints_go_where_they_are_sent(shell: Shell, domain: int) -> None:
+    done = shell(domain, "go", "shoulder=-0.2", "elbow=0.6", "--duration", "0.4")
+    assert done.exit_code == 0, done.output
+    assert "elbow" in done.output and "arrived: largest error" in done.output
+    there = positions(shell, domain)
+    assert there == pytest.approx({"shoulder": -0.2, "elbow": 0.6}, abs=1e-3)
+    done = shell(domain, "go", "shoulder+=0.1", "--duration", "0.3")
+    assert done.exit_code == 0, done.output
+    there = positions(shell, domain)
+    assert there == pytest.approx({"shoulder": -0.1, "elbow": 0.6}, abs=1e-3)
+
+
+@ros
+def test_what_the_arm_cannot_do_is_refused(shell: Shell, domain: int) -> None:
+    before = positions(shell, domain)
+    done = shell(domain, "go", "elbow=9", "--duration", "0.2")
+    assert done.exit_code == 1 and "refused" in done.output and "elbow to 9" in done.output
+    done = shell(domain, "go", "elbo=0.1")
+    assert done.exit_code == 1
+    assert "unknown joint 'elbo'; did you mean 'elbow'? allowed: shoulder, elbow" in done.output
+    assert positions(shell, domain) == pytest.approx(before, abs=1e-4)
+
+
+@ros
+def test_a_frame_goes_to_a_pose(shell: Shell, domain: int) -> None:
+    shell(domain, "go", "shoulder=-0.5", "elbow=0.9", "--duration", "0.3")
+    done = shell(domain, "go", "--pose", "0.7 0 0 0 0 0 1")
+    assert done.exit_code == 1 and "no task_frame; choose one by --frame" in done.output
+    assert shell(domain, "set", "controller", "task_axes", "x z").exit_code == 0
+    x, y, z = TaskSpace(models.dynamics("two_link"), "tip").pose([-0.4, 0.8]).position
+    done = shell(domain, "go", "--frame", "tip", "--pose", f"{x} {y} {z} 0 0 0 1")
+    assert done.exit_code == 0, done.output
+    assert positions(shell, domain) == pytest.approx({"shoulder": -0.4, "elbow": 0.8}, abs=1e-3)
+    done = shell(domain, "go", "--pose", "5 0 0 0 0 0 1")
+    assert done.exit_code == 1 and "cannot be brought to" in done.output
+
+
+@ros
+def test_parameters_are_shown_and_set(shell: Shell, domain: int) -> None:
+    said = shell(domain, "get").output.split()
+    assert {"/sim", "/controller"} <= set(said)
+    said = shell(domain, "get", "controller").output
+    assert re.search(r"bandwidth +\[20\.0\] +double\[\].*How fast errors vanish", said)
+    assert re.search(r"switch_time +0\.2 +double +0 to 60, fixed", said)
+    done = shell(domain, "set", "controller", "bandwidth", "30", "observer", "1e1")
+    assert done.exit_code == 0 and "observer: 0.0 → 10.0" in done.output
+    values = json.loads(shell(domain, "get", "controller", "observer", "--json").output)
+    assert values == {"observer": 10.0}
+    assert shell(domain, "set", "controller", "observer", "0", "bandwidth", "20").exit_code == 0
+
+
+REFUSED = {
+    ("set", "controller", "bandwith", "30"): "did you mean 'bandwidth'?",
+    ("set", "controller", "bandwidth", "-1", "observer", "3"): "refused: .*bandwidth",
+    ("set", "controller", "friction", "perhaps"): "refused: ",
+    ("set", "controller", "controller", "os:system"): "refused: .*when the node is started",
+    ("set", "controller", "switch_time", "1"): "refused: ",
+    ("set", "controller", "bandwidth", "{a: 1}"): "no value of a parameter",
+    ("get", "controller", "q"): "has no parameter 'q'",
+}
+
+
+@ros
+def test_what_a_node_does_not_take_is_refused(shell: Shell, domain: int) -> None:
+    before = shell(domain, "get", "controller", "--json").output
+    for words, said in REFUSED.items():
+        done = shell(domain, *words)
+        assert done.exit_code == 1 and re.search(said, done.output), done.output
+    assert shell(domain, "get", "controller", "--json").output == before
+
+
+@ros
+def test_joints_are_watched(shell: Shell, domain: int) -> None:
+    said = shell(domain, "watch", "--once").output
+    assert re.search(r"shoulder +-?\d\.\d{5} +-?\d\.\d{5} +-?\d+\.\d{5}", said)
+    assert re.search(r"\d joint states/s", said)
+
+
+def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [10.0]
+    monkeypatch.setattr(time, "monotonic", lambda: now[0])
+    seen = Seen("/joint_states")
+    for _ in range(101):
+        now[0] += 0.004
+        seen.hear_state(JointState(name=["a", "b"], position=[1.0, -0.0]))
+    assert seen.rate == pytest.approx(250.0) and seen.remarks() == []
+    assert seen.rows()[1][:2] == ("b", 0.0) and math.isnan(seen.rows()[0][3])
+    status = DiagnosticStatus(level=DiagnosticStatus.WARN, name="sim: x", message="oh")
+    status.values = [KeyValue(key="at stops", value="a")]
+    seen.hear_diagnostics(DiagnosticArray(status=[status]))
+    now[0] += 2.0
+    assert seen.rate == 0.0
+    assert seen.remarks() == ["stale: no joint state for 2.0 s", "sim: x: oh", "at stops: a"]
+
+
+@ros
+def test_who_is_not_there_is_named(
+    monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str], domain: int
+) -> None:
+    monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+    for words, said in (
+        (["go", "elbow=0", "--controller", "left/controller"], "no controller /left/controller"),
+        (["watch", "--topic", "left/joint_states"], "no joint states on /left/joint_states"),
+        (["get", "left/sim"], "no node offers /left/sim/list_parameters"),
+    ):
+        with pytest.raises(SystemExit) as end:
+            main([*words, "--timeout", "1"])
+        printed = "".join(capfd.readouterr())
+        assert end.value.code == 1 and said in printed and "ROS_DOMAIN_ID" in printed
+
+
+@ros
+def test_a_controller_without_a_robot_is_told_apart(
+    tmp_path: Any, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    with running(tmp_path, ("controller", SCENE)) as alone:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(alone))
+        with Listener() as listener:
+            assert listener.until(lambda: "/controller" in listener.nodes(), 20.0)
+        with pytest.raises(SystemExit) as end:
+            main(["go", "elbow=0", "--timeout", "4"])
+    printed = "".join(capfd.readouterr())
+    assert end.value.code == 1 and "answered no joint state for 4 s" in printed
