@@ -122,3 +122,14 @@ def test_reference_names_every_key() -> None:
 def test_files_that_equations_stand_in_exist(file: str) -> None:
     packages = [ROOT / "src" / name / name for name in ("arm_dynamics", "arm_sim")]
     assert any((package / file).is_file() for package in packages)
+
+
+FOLLOWING = (ROOT / "docs/follow-joint-trajectory.md").read_text()
+
+
+@pytest.mark.parametrize("name", sorted(set(re.findall(r"`(test_\w+)`", FOLLOWING))))
+def test_rules_are_shown_by_tests_that_exist(name: str) -> None:
+    of_node = ROOT / "test/arm_dynamics/ros/test_trajectory_action.py"
+    of_core = ROOT / "test/arm_dynamics/trajectory"
+    places = sorted(of_core.glob("test_*.py")) if f"†`{name}`" in FOLLOWING else [of_node]
+    assert any(f"def {name}(" in place.read_text() for place in places)

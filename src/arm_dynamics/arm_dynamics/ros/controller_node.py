@@ -41,6 +41,7 @@ from arm_dynamics.ros.controller import (
     Goals,
     Jumps,
     Loaded,
+    TrajectoryAction,
     tracking_state,
 )
 from arm_dynamics.ros.interfaces import (
@@ -73,6 +74,7 @@ class ControllerNode(Node):
         dynamics: The model that the controllers know.
         control: The active controller, and the hand-over to the next one.
         goals: What is followed, and what is being planned.
+        action: Goals of ``~/follow_joint_trajectory``.
         send: Publishes a serialized command.
     """
 
@@ -98,8 +100,9 @@ class ControllerNode(Node):
         self._builder = Background("builder")
         model = self.dynamics.model
         self._build_ahead(self.params)
-        limit = self.params.acceleration_limit or float("inf")
-        self.goals = Goals(model, Limits.of(model, limit), self.get_logger())
+        limits = Limits.of(model, self.params.acceleration_limit or float("inf"))
+        self.goals = Goals(model, limits, self.get_logger())
+        self.action = TrajectoryAction(self, self.goals, model, limits, self._deaf)
         self._next_report = 0
         self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # tells two controllers apart
@@ -141,7 +144,13 @@ class ControllerNode(Node):
         """End the threads, and the node."""
         self.goals.planner.close()
         self._builder.close()
+        self.action.close()
         super().destroy_node()
+
+    def _deaf(self) -> str:
+        """Why trajectories are not followed now, if they are not."""
+        free = self.params.controller == _FREE
+        return self._log.failure or ("controller 'float' follows no trajectories" if free else "")
 
     def _made(self, params: ControllerParams) -> AnyController:
         frame, axes = params.settings.frame, params.settings.axes
@@ -229,6 +238,7 @@ class ControllerNode(Node):
         command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
         self.send(command)
         self._log.note(raw, command)
+        self.action.watch(stamp, reference, state)
         if stamp >= self._next_report:
             self._publish_report(stamp, reference, state, tau)
         return command
@@ -240,6 +250,7 @@ class ControllerNode(Node):
             "time jumps (a reset)"
         )
         self.get_logger().error(self._log.failure, throttle_duration_sec=_THROTTLE)
+        self.action.abort("Current goal cancelled, the controller failed.")
 
     def _reference(self, stamp: int, state: Measured) -> Reference:
         goals, params = self.goals, self.params

@@ -19,6 +19,11 @@ from std_msgs.msg import String
 from std_srvs.srv import SetBool, Trigger
 from trajectory_msgs.msg import JointTrajectory
 
+try:
+    from control_msgs.action import FollowJointTrajectory
+except ImportError:  # a ROS distribution without ros2_control
+    FollowJointTrajectory = None
+
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
 # Of several sources: all that come within a tick, so that one does not displace another.
 SOURCES = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -49,6 +54,13 @@ class Service(NamedTuple):
     type: Any
 
 
+class Action(NamedTuple):
+    """An action: its name and its type, None where no package that defines it is installed."""
+
+    name: str
+    type: Any
+
+
 JOINT_STATES = Topic("joint_states", JointState, subscribe=NEWEST)
 JOINT_COMMANDS = Topic("joint_commands", JointState, subscribe=SOURCES)
 JOINT_TRAJECTORY = Topic("~/joint_trajectory", JointTrajectory)
@@ -57,6 +69,8 @@ CARTESIAN_PATH = Topic("~/cartesian_path", Path)
 CONTROLLER_STATE = Topic("~/state", msg.TrackingState)
 ROBOT_DESCRIPTION = Topic("robot_description", String, publish=LATCHED, subscribe=LATCHED)
 DIAGNOSTICS = Topic("/diagnostics", DiagnosticArray)
+
+FOLLOW_JOINT_TRAJECTORY = Action("~/follow_joint_trajectory", FollowJointTrajectory)
 
 INVERSE_DYNAMICS = Service("~/inverse_dynamics", srv.InverseDynamics)
 FORWARD_DYNAMICS = Service("~/forward_dynamics", srv.ForwardDynamics)

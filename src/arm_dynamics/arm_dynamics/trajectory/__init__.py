@@ -5,6 +5,7 @@ Knows the dynamics, for torque limits, and inverse kinematics; no controller.
 """
 
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, circle, line, timed
+from arm_dynamics.trajectory.excess import Bounds
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.joint_path import JointPath, joint_path, paced
 from arm_dynamics.trajectory.planner import CartesianGoals, Pace
@@ -17,13 +18,16 @@ from arm_dynamics.trajectory.reference import (
     Waypoint,
     hold,
 )
+from arm_dynamics.trajectory.spline import spline, stretched_spline
 from arm_dynamics.trajectory.time_optimal import retimed
 from arm_dynamics.trajectory.timing import Quintic, Timing, Trapezoid
+from arm_dynamics.trajectory.tolerances import StateTolerance, Tolerances, Verdict
 from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
 
 __all__ = [
-    "CartesianGoals", "CartesianTrajectory", "Follower", "JointPath", "Limits", "Motion",
-    "Pace", "Quintic", "Reference", "TaskReference", "Timing", "Trajectory", "Trapezoid",
-    "Waypoint", "circle", "hold", "joint_path", "line", "paced", "quintic", "quintic_through",
-    "retimed", "stop", "timed",
+    "Bounds", "CartesianGoals", "CartesianTrajectory", "Follower", "JointPath", "Limits", "Motion",
+    "Pace", "Quintic", "Reference", "StateTolerance", "TaskReference", "Timing", "Tolerances",
+    "Trajectory", "Trapezoid", "Verdict", "Waypoint", "circle", "hold", "joint_path", "line",
+    "paced", "quintic", "quintic_through", "retimed", "spline", "stop", "stretched_spline",
+    "timed",
 ]  # fmt: skip

@@ -37,15 +37,27 @@ class Outset:
         Raises:
             InvalidInput: If they cannot be passed.
         """
-        late = 1e-9 * (self.begin - self.start)
+        return quintic(self.ahead(waypoints), limits)
+
+    @property
+    def late(self) -> float:
+        """How long after ``start`` it begins, in [s]."""
+        return 1e-9 * (self.begin - self.start)
+
+    def ahead(self, waypoints: Sequence[Waypoint]) -> list[Waypoint]:
+        """Here, and the waypoints that are not over, with times in [s] after the beginning.
+
+        Raises:
+            InvalidInput: If all are over.
+        """
+        late, here = self.late, self.here
         ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
         if not ahead:
             raise InvalidInput(
                 f"none of {len(waypoints)} waypoints lies in the future; allowed are times after "
                 f"{late:g} s, as the arm needs time to get there"
             )
-        here = self.here
-        return quintic([Waypoint(0.0, here.q, here.v, here.a), *ahead], limits)
+        return [Waypoint(0.0, here.q, here.v, here.a), *ahead]
 
 
 class Follower:
@@ -72,12 +84,24 @@ class Follower:
 
     def remaining(self, now: int) -> float:
         """Time in [s] until everything accepted so far has been followed, else 0."""
-        start, trajectory = self._next or (self._start, self._active)
+        start, trajectory = self.newest
         return max(0.0, trajectory.duration - 1e-9 * (now - start))
+
+    @property
+    def newest(self) -> tuple[int, Motion]:
+        """The motion that was taken last, and the stamp in [ns] at which it begins."""
+        return self._next or (self._start, self._active)
 
     def hold(self, q: ArrayLike) -> None:
         """Forget every trajectory and stand still at ``q``, shape (n,)."""
-        self._start, self._active, self._next = 0, hold(q), None
+        self.begin(hold(q), 0)
+
+    def begin(self, motion: Motion, now: int) -> None:
+        """Forget every trajectory and follow a motion from the stamp ``now`` in [ns] on.
+
+        Unlike ``take`` it may begin anywhere: the reference jumps there.
+        """
+        self._start, self._active, self._next = now, motion, None
 
     def follow(
         self, waypoints: Sequence[Waypoint], now: int, start: int | None = None

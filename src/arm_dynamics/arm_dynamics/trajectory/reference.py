@@ -222,6 +222,25 @@ class Trajectory:
         motion.setflags(write=False)
         return Reference(motion[0], motion[1], motion[2])
 
+    def at_shares(self, shares: Array) -> Array:
+        """Positions, velocities and accelerations within each segment, both ends included.
+
+        Args:
+            shares: Shares τ of every segment's time, in [0, 1], shape (m,).
+
+        Returns:
+            Shape (segments, 3, n, m).
+        """
+        motion: Array = self._stacked @ np.power.outer(shares, np.arange(6.0)).T
+        return motion
+
+    def table(self, shares: Array) -> tuple[Array, Array, Array, Array]:
+        """The same as rows: times, shape (k,), and the three, each of shape (k, n)."""
+        times = (self.times[:-1, None] + np.diff(self.times)[:, None] * shares).ravel()
+        rows = np.moveaxis(self.at_shares(shares), 3, 1)
+        q, v, a = np.moveaxis(rows.reshape(len(times), 3, -1), 1, 0)
+        return times, q, v, a
+
 
 def hold(q: ArrayLike) -> Trajectory:
     """Stand still at ``q`` for ever, shape (n,)."""

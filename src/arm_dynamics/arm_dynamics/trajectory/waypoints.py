@@ -120,14 +120,8 @@ class _Knots:
     """Checked waypoints as arrays; NaN rows of v and a are open."""
 
     def __init__(self, waypoints: Sequence[Waypoint]) -> None:
-        if not 2 <= len(waypoints) <= MAX_WAYPOINTS:
-            raise InvalidInput(f"{len(waypoints)} waypoints; allowed are 2 to {MAX_WAYPOINTS}")
-        times = np.array([w.time for w in waypoints], float)
-        if not np.all(np.isfinite(times)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
-            raise InvalidInput(f"waypoint times are {times} s; allowed is rising from 0")
-        n, rows = np.size(waypoints[0].q), enumerate(waypoints)
-        self.times = times
-        self.q = np.stack([_row(w.q, n, f"position of waypoint {i}") for i, w in rows])
+        self.times, self.q = timed_positions(waypoints)
+        n = self.q.shape[1]
         self.v = _derivative([w.v for w in waypoints], n, "velocity")
         self.a = _derivative([w.a for w in waypoints], n, "acceleration")
 
@@ -138,13 +132,40 @@ class _Knots:
         return Trajectory.through(self.times * stretch, self.q, v, a, stretch)
 
 
-def _derivative(rows: list[ArrayLike | None], n: int, what: str) -> Array:
-    """Stack derivatives given at waypoints; open ends are zero, open inner rows are NaN."""
+def timed_positions(waypoints: Sequence[Waypoint]) -> tuple[Array, Array]:
+    """Check and stack times, shape (w,), and positions, shape (w, n).
+
+    Raises:
+        InvalidInput: If there are too few or too many, or times do not rise from 0, or positions
+            differ in length or are not finite.
+    """
+    if not 2 <= len(waypoints) <= MAX_WAYPOINTS:
+        raise InvalidInput(f"{len(waypoints)} waypoints; allowed are 2 to {MAX_WAYPOINTS}")
+    times = np.array([w.time for w in waypoints], float)
+    if not np.all(np.isfinite(times)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
+        raise InvalidInput(f"waypoint times are {times} s; allowed is rising from 0")
+    n, rows = np.size(waypoints[0].q), enumerate(waypoints)
+    return times, np.stack([_row(w.q, n, f"position of waypoint {i}") for i, w in rows])
+
+
+def given_rows(rows: Sequence[ArrayLike | None], n: int, what: str) -> Array:
+    """Check and stack what waypoints give, shape (w, n); NaN in the rows that are open.
+
+    Raises:
+        InvalidInput: If a row has another length than ``n`` or is not finite.
+    """
     stacked = np.full((len(rows), n), np.nan)
-    stacked[[0, -1]] = 0.0
     for i, row in enumerate(rows):
         if row is not None:
             stacked[i] = _row(row, n, f"{what} of waypoint {i}")
+    return stacked
+
+
+def _derivative(rows: list[ArrayLike | None], n: int, what: str) -> Array:
+    """Stack derivatives given at waypoints; open ends are zero, open inner rows are NaN."""
+    stacked = given_rows(rows, n, what)
+    for end in (0, -1):
+        stacked[end] = np.nan_to_num(stacked[end])
     if np.any(stacked[-1]):
         raise InvalidInput(f"{what} of the last waypoint is {stacked[-1]}; allowed is zero")
     return stacked

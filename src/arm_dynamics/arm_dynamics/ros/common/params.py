@@ -36,6 +36,7 @@ def parameter(
     high: float | None = None,
     choices: tuple[str, ...] = (),
     read_only: bool = True,
+    name: str | None = None,
 ) -> Any:
     """Describe one field of a parameter dataclass.
 
@@ -46,8 +47,11 @@ def parameter(
         high: Greatest value allowed.
         choices: The texts that are allowed, if only some are.
         read_only: Whether it is fixed once the node runs.
+        name: Its name, that of the field when None.
     """
     about = {"description": description, "choices": choices, "read_only": read_only}
+    if name is not None:
+        about["parameter"] = name
     if low is not None:
         about |= {"low": low, "high": high}
     if isinstance(default, list):

@@ -11,5 +11,9 @@ from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.loaded import Loaded
 from arm_dynamics.ros.controller.messages import tracking_state
 from arm_dynamics.ros.controller.params import ControllerParams
+from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 
-__all__ = ["AnswerLog", "ControllerParams", "Goals", "Jumps", "Loaded", "tracking_state"]
+__all__ = [
+    "AnswerLog", "ControllerParams", "Goals", "Jumps", "Loaded", "TrajectoryAction",
+    "tracking_state",
+]  # fmt: skip

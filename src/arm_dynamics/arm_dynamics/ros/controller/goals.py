@@ -8,9 +8,10 @@ ticks, where the reference is as it was planned from. The newest goal counts.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
+import numpy as np
 from geometry_msgs.msg import PoseStamped
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
@@ -31,23 +32,33 @@ from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower, Outset
 from arm_dynamics.trajectory.joint_path import paced
 from arm_dynamics.trajectory.planner import CartesianGoals, Pace
-from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory
+from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Trajectory, hold
 from arm_dynamics.trajectory.time_optimal import retimed
+from arm_dynamics.trajectory.waypoints import stop
 
 _TIMINGS = {"smooth": paced, "time_optimal": retimed}
-_PLANNED_AT_ONCE = 10  # points that are planned within two ticks
+PLANNED_AT_ONCE = 10  # points that are planned within two ticks
 _LEAD = 50_000_000  # [ns] to plan in, while the arm moves
 _TRIES = 8  # each with twice the lead
 
 
 @dataclass(frozen=True)
-class _Goal:
-    """Something to follow: what it is, when its times count from, and how it is planned."""
+class Goal:
+    """Something to follow.
+
+    Attributes:
+        kind: What it is, for messages.
+        about: What is in it, for messages.
+        start: Stamp in [ns] that its times count from; None for when it begins.
+        plan: Plans it.
+        then: Called with the motion once it is followed, or with None when it is refused.
+    """
 
     kind: str
     about: str
     start: int | None
     plan: Callable[[Outset], Motion]
+    then: Callable[[Motion | None], None] = lambda motion: None
 
 
 class Goals:
@@ -81,6 +92,21 @@ class Goals:
         self.stamp = stamp
         return self.follower.reference(stamp)
 
+    def brake(self, here: Reference | None = None) -> None:
+        """Come to rest evenly and hold the arm there; what is being planned is given up.
+
+        Args:
+            here: The motion to end; None for that of the reference.
+        """
+        self.planner.give_up()
+        here = here or self.follower.reference(self.stamp)
+        at_any_speed = replace(self._limits, velocity=np.full_like(here.v, np.inf))
+        try:
+            motion: Motion = stop(here, at_any_speed)
+        except InvalidInput:  # beyond a position limit before it stands
+            motion = hold(np.clip(here.q, self._limits.lower, self._limits.upper))
+        self.follower.begin(motion, self.stamp)
+
     def trajectory(self, raw: bytes) -> None:
         """Follow a serialized JointTrajectory from the present reference on, or say why not."""
         n = self._model.n
@@ -94,8 +120,8 @@ class Goals:
                 points.pop()
             return motion
 
-        goal = _Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
-        self._follow(goal, at_once=message.count <= _PLANNED_AT_ONCE)
+        goal = Goal("trajectory", f"{message.count} points", message.stamp or None, plan)
+        self.follow(goal, at_once=message.count <= PLANNED_AT_ONCE)
 
     def pose(self, message: PoseStamped, params: ControllerParams) -> None:
         """Lead the task's frame straight to a pose, or say why not."""
@@ -106,7 +132,7 @@ class Goals:
             goal = in_world(numbers, message.header.frame_id, self._model)
             return self._cartesian(params).line(outset.here, goal)
 
-        self._follow(_Goal("Cartesian goal", "a straight line", None, plan))
+        self.follow(Goal("Cartesian goal", "a straight line", None, plan))
 
     def path(self, raw: bytes, params: ControllerParams) -> None:
         """Lead the task's frame through the poses of a serialized Path, or say why not."""
@@ -117,7 +143,7 @@ class Goals:
             poses = path_of(message, self._model)
             return self._cartesian(params).through(outset.here, poses)
 
-        self._follow(_Goal("Cartesian path", f"{message.count} poses", None, plan))
+        self.follow(Goal("Cartesian path", f"{message.count} poses", None, plan))
 
     def _cartesian(self, params: ControllerParams) -> CartesianGoals:
         """One of its own for every plan: it works on the planner's thread."""
@@ -129,10 +155,18 @@ class Goals:
         pace = Pace(params.cartesian_speed, params.cartesian_acceleration, self._limits)
         return CartesianGoals(task, dynamics, pace, _TIMINGS[params.cartesian_timing])
 
-    def _follow(self, goal: _Goal, at_once: bool = False, tries: int = 0) -> None:
+    def follow(self, goal: Goal, at_once: bool = False, tries: int = 0) -> None:
+        """Plan a goal and follow it.
+
+        Args:
+            goal: What to follow.
+            at_once: Whether it is planned here and now, and not in the background.
+            tries: How often it was planned too late already.
+        """
         follower = self.follower
         if follower is None:
-            self._refuse(goal.kind, ": no joint state has been seen yet")
+            self.refuse(goal.kind, ": no joint state has been seen yet")
+            goal.then(None)
             return
         moving = follower.remaining(self.stamp) > 0.0
         lead = 0 if at_once or not moving else _LEAD << tries
@@ -147,7 +181,7 @@ class Goals:
 
     def _take(
         self,
-        goal: _Goal,
+        goal: Goal,
         follower: Follower,
         outset: Outset,
         tries: int,
@@ -156,27 +190,30 @@ class Goals:
         """Follow what has been planned, or plan it again where that came too late."""
         motion = self._result(goal.kind, result)
         if motion is None:
-            return
-        if follower.take(outset, motion, self.stamp):
+            goal.then(None)
+        elif follower.take(outset, motion, self.stamp):
             self.planner.give_up()
             stretch = motion.stretch if isinstance(motion, Trajectory) else 1.0
             slower = f", {stretch:.3g} times slower for the limits" if stretch > 1.0 else ""
             self.outcome = f"following {goal.about} for {motion.duration:.3f} s{slower}"
             self._log.info(self.outcome)
+            goal.then(motion)
         elif tries < _TRIES:
-            self._follow(goal, tries=tries + 1)
+            self.follow(goal, tries=tries + 1)
         else:
-            self._refuse(goal.kind, ": the arm's reference changed faster than it was planned")
+            self.refuse(goal.kind, ": the arm's reference changed faster than it was planned")
+            goal.then(None)
 
     def _result[T](self, kind: str, result: Callable[[], T]) -> T | None:
         try:
             return result()
         except Exception as error:
             why = error if isinstance(error, ArmError) else f"unexpected failure: {error!r}"
-            self._refuse(kind, f", the one before goes on: {why}")
+            self.refuse(kind, f", the one before goes on: {why}")
             return None
 
-    def _refuse(self, kind: str, why: str) -> None:
+    def refuse(self, kind: str, why: str) -> None:
+        """Say that a goal of a kind is refused, and why, and count it."""
         self.outcome = f"{kind} refused{why}"
         self.refused += 1
         self._log.error(self.outcome)

@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Goals of FollowJointTrajectory: which are refused, and which tolerances hold for the others.
+
+The rules are those by which joint_trajectory_controller (ros2_controllers, Jazzy) accepts goals,
+and where it passes over what it cannot do, a goal that asks for it is refused.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, make_dataclass
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.ros.common.convert import joint_indices, to_nanoseconds
+from arm_dynamics.ros.common.params import parameter
+from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
+from arm_dynamics.trajectory.spline import STANDING
+from arm_dynamics.trajectory.tolerances import NONE, StateTolerance, Tolerances, resolved
+
+
+@dataclass(frozen=True)
+class FollowParams:
+    """Parameters of the action, with the names and defaults of joint_trajectory_controller.
+
+    ``follow_params`` adds ``constraints.<joint>.trajectory`` and ``constraints.<joint>.goal``.
+    """
+
+    allow_partial_joints_goal: bool = parameter(
+        False, "Whether action goals may leave out joints, which then stay", read_only=False
+    )
+    action_monitor_rate: float = parameter(
+        20.0, "Rate of the action's feedback [Hz], in the time of the states", low=0.1, high=1e4
+    )
+    stretch_goals: bool = parameter(
+        False,
+        "Make action goals slower instead of refusing those beyond velocity, acceleration or "
+        "effort limits",
+        read_only=False,
+    )
+    limit_margin: float = parameter(
+        0.02,
+        "Share by which action goals may exceed velocity, acceleration and effort limits: what is "
+        "interpolated between points that keep to limits overshoots a little",
+        low=0.0, high=10.0, read_only=False,
+    )  # fmt: skip
+    stopped_velocity_tolerance: float = parameter(
+        0.01, "Speed below which joints count as stopped at the goal [rad/s]; 0: any",
+        low=0.0, high=1e6, read_only=False, name="constraints.stopped_velocity_tolerance",
+    )  # fmt: skip
+    goal_time: float = parameter(
+        0.0, "Time after its end until a goal must be reached [s]; 0: any",
+        low=0.0, high=1e6, read_only=False, name="constraints.goal_time",
+    )  # fmt: skip
+
+    def of_joints(self, kind: str, n: int) -> list[float]:
+        """Position tolerances of n joints, ``trajectory`` or ``goal``; inf for none."""
+        return [getattr(self, f"{kind}_{i}") or NONE for i in range(n)]
+
+
+def follow_params(joint_names: Sequence[str]) -> type[FollowParams]:
+    """The parameters of the action of an arm with these joints."""
+    about = {
+        "trajectory": "Largest position error on the way [rad or m]; 0: any",
+        "goal": "Largest position error at the goal [rad or m]; 0: any",
+    }
+    tolerances = [
+        (f"{kind}_{i}", float, parameter(
+            0.0, text, low=0.0, high=1e6, read_only=False, name=f"constraints.{joint}.{kind}"
+        ))
+        for kind, text in about.items() for i, joint in enumerate(joint_names)
+    ]  # fmt: skip
+    made: type[FollowParams] = make_dataclass(
+        "FollowParams", tolerances, bases=(FollowParams,), frozen=True
+    )
+    return made
+
+
+class TrajectoryMessage:
+    """A JointTrajectory of a goal: its head is checked at once, its points when there is time.
+
+    Attributes:
+        stamp: Stamp of the header in [ns].
+        joint_names: As in the message.
+        count: Number of points.
+    """
+
+    def __init__(self, message: Any, model_names: Sequence[str], partial: bool) -> None:
+        """Check the head.
+
+        Args:
+            message: The JointTrajectory.
+            model_names: Joints of the model.
+            partial: Whether it may leave out joints.
+
+        Raises:
+            InvalidInput: If joints are missing, unknown or doubled, or there are no points or too
+                many.
+        """
+        self.stamp = to_nanoseconds(message.header.stamp)
+        self.joint_names, self.count = tuple(message.joint_names), len(message.points)
+        self._points = message.points
+        self._check_names(model_names, partial)
+        if not 1 <= self.count <= MAX_GOAL_POINTS:
+            raise InvalidInput(f"{self.count} points; allowed are 1 to {MAX_GOAL_POINTS}")
+
+    def points(self) -> Iterator[tuple[int, Any, Any, Any]]:
+        """Time from start in [ns], positions, velocities, accelerations of one after another."""
+        for point in self._points:
+            time = to_nanoseconds(point.time_from_start)
+            yield time, point.positions, point.velocities, point.accelerations
+
+    def check_points(self) -> None:
+        """Check the points.
+
+        Raises:
+            InvalidInput: If times do not rise, numbers are missing or not finite, there are
+                efforts, or the last velocity is not zero.
+        """
+        before = -1
+        for i, point in enumerate(self._points):
+            time = to_nanoseconds(point.time_from_start)
+            if time <= before:
+                raise InvalidInput(
+                    f"time_from_start of point {i} is {1e-9 * time:g} s; allowed is rising from 0"
+                    + (f", and {1e-9 * before:g} s came before" if i else "")
+                )
+            before = time
+            self._check_point(i, point)
+        for joint, v in zip(self.joint_names, self._points[-1].velocities, strict=False):
+            if abs(v) > STANDING:
+                raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed is 0")
+
+    def _check_names(self, model_names: Sequence[str], partial: bool) -> None:
+        if not self.joint_names:
+            raise InvalidInput(f"no joint names; allowed are those of {known_names(model_names)}")
+        joint_indices(self.joint_names, model_names)
+        missing = [name for name in model_names if name not in self.joint_names]
+        if missing and not partial:
+            raise InvalidInput(
+                f"joints {known_names(missing)} are missing; allowed are goals for all joints, or "
+                "the parameter allow_partial_joints_goal"
+            )
+
+    def _check_point(self, i: int, point: Any) -> None:
+        n = len(self.joint_names)
+        for what in ("positions", "velocities", "accelerations"):
+            values = np.array(getattr(point, what))
+            if values.size != n and (values.size or what == "positions"):
+                raise InvalidInput(
+                    f"{what} of point {i} has {values.size} numbers; allowed is {n}"
+                )
+            if not np.isfinite(values).all():
+                joint = self.joint_names[int(np.argmin(np.isfinite(values)))]
+                raise InvalidInput(f"{what} of point {i}, joint '{joint}', is not finite")
+        if len(point.effort):
+            raise InvalidInput(f"effort of point {i} is given; allowed are points without effort")
+
+
+def refuse_what_an_arm_has_not(goal: Any) -> None:
+    """Refuse goals for joints of several degrees of freedom.
+
+    Raises:
+        InvalidInput: If the goal says anything about such joints.
+    """
+    several = goal.multi_dof_trajectory
+    for what, given in (
+        ("multi_dof_trajectory", [*several.joint_names, *several.points]),
+        ("component_path_tolerance", goal.component_path_tolerance),
+        ("component_goal_tolerance", goal.component_goal_tolerance),
+    ):
+        if len(given):
+            raise InvalidInput(f"{what} is given; allowed is none, all joints have one degree")
+
+
+def tolerances(
+    goal: Any, params: FollowParams, model_names: Sequence[str], turning: tuple[int, ...]
+) -> Tolerances:
+    """Tolerances of a goal: those it names, else the parameters'.
+
+    Args:
+        goal: A FollowJointTrajectory goal.
+        params: Parameters in force, with those of the joints.
+        model_names: Joints of the model.
+        turning: Indices of those that turn without end.
+
+    Raises:
+        InvalidInput: If a tolerance is not allowed, or names a joint that does not exist.
+    """
+    n, seconds = len(model_names), 1e-9 * to_nanoseconds(goal.goal_time_tolerance)
+    path = params.of_joints("trajectory", n), [NONE] * n
+    there = params.of_joints("goal", n), [params.stopped_velocity_tolerance or NONE] * n
+    return Tolerances(
+        _asked("path_tolerance", goal.path_tolerance, model_names, *path),
+        _asked("goal_tolerance", goal.goal_tolerance, model_names, *there),
+        resolved("goal_time_tolerance", seconds, params.goal_time or NONE),
+        turning,
+    )
+
+
+def _asked(
+    what: str,
+    messages: Sequence[Any],
+    names: Sequence[str],
+    position: Sequence[float],
+    velocity: Sequence[float],
+) -> StateTolerance:
+    position, velocity = list(position), list(velocity)
+    for message in messages:
+        if message.name not in names:
+            raise InvalidInput(
+                f"{what} names joint '{message.name}'; allowed are {known_names(names)}"
+            )
+        joint, of = names.index(message.name), f"{what} of joint '{message.name}'"
+        position[joint] = resolved(f"position in {of}", message.position, position[joint])
+        velocity[joint] = resolved(f"velocity in {of}", message.velocity, velocity[joint])
+        if resolved(f"acceleration in {of}", message.acceleration, NONE) != NONE:
+            raise InvalidInput(
+                f"acceleration in {of} is {message.acceleration:g}; allowed is 0 or -1, as joint "
+                "states have no accelerations"
+            )
+    return StateTolerance(tuple(position), tuple(velocity))

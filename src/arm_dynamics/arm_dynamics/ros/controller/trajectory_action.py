@@ -1,0 +1,335 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The action FollowJointTrajectory: accepts goals, watches how they are followed, says so.
+
+What it does for a goal it does between two answers to joint states, and it waits for nothing:
+rclpy polls a coroutine that waits.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Generator
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from rclpy.action import ActionServer, CancelResponse, GoalResponse
+from rclpy.node import Node
+from trajectory_msgs.msg import JointTrajectoryPoint
+
+from arm_dynamics.control.computed_torque import Moving
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.ros.common.convert import to_array, to_time
+from arm_dynamics.ros.common.params import declare, watch
+from arm_dynamics.ros.controller.action_goal import (
+    FollowParams,
+    TrajectoryMessage,
+    follow_params,
+    refuse_what_an_arm_has_not,
+    tolerances,
+)
+from arm_dynamics.ros.controller.goals import PLANNED_AT_ONCE, Goal, Goals
+from arm_dynamics.ros.controller.messages import waypoints
+from arm_dynamics.ros.interfaces import FOLLOW_JOINT_TRAJECTORY as ACTION
+from arm_dynamics.trajectory.excess import Bounds
+from arm_dynamics.trajectory.follower import Follower, Outset
+from arm_dynamics.trajectory.reference import Limits, Motion, Reference, Waypoint, hold
+from arm_dynamics.trajectory.spline import spline, stretched_spline
+from arm_dynamics.trajectory.tolerances import Tolerances, Verdict
+
+_KIND = "action goal"
+_KEPT = 60  # [s] that results are kept for clients that ask late
+_AHEAD = 3600.0  # [s] a goal may begin ahead of the states; beyond, the clocks are different ones
+_STEP = 0.01  # [rad] or [m]
+_REPLACED = "Current goal cancelled due to new incoming action."
+_OTHER = "Current goal cancelled due to new incoming trajectory."
+_HELD = "Current goal cancelled, the arm is held where it is."
+
+
+class _Server(ActionServer):
+    """An action server whose goals are ended by the one who watches them.
+
+    That of rclpy runs a callback for each goal; here it runs when the result is known.
+    """
+
+    def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
+        if execute_callback is not None:
+            super().notify_execute(goal_handle, execute_callback)
+
+    def end(self, goal_handle: Any, result: Any) -> None:
+        """Answer with a result, once the goal is in its last state."""
+        self.notify_execute(goal_handle, lambda _: result)
+
+
+@dataclass
+class _Active:
+    """A goal that is being followed.
+
+    Attributes:
+        motion: What is followed.
+        begin: Stamp in [ns] at which it begins.
+        start: Stamp in [ns] that the goal's times count from.
+        tolerances: How well.
+        follower: Who follows it.
+        handle: The action's goal; None until it is accepted.
+        next_feedback: Stamp in [ns] of the next feedback.
+    """
+
+    motion: Motion
+    begin: int
+    start: int
+    tolerances: Tolerances
+    follower: Follower
+    handle: Any = None
+    next_feedback: int = 0
+
+    @property
+    def is_followed(self) -> bool:
+        """Whether nothing else has taken its place."""
+        return self.follower.newest[1] is self.motion
+
+
+class _Turn:
+    """Lets other callbacks have their turn."""
+
+    def __await__(self) -> Generator[None]:
+        yield
+
+
+class TrajectoryAction:
+    """Follows goals of the action ``~/follow_joint_trajectory``.
+
+    Attributes:
+        params: The parameters in force.
+    """
+
+    def __init__(
+        self, node: Node, goals: Goals, model: ArmModel, limits: Limits, deaf: Callable[[], str]
+    ) -> None:
+        """Offer the action, where its interface is installed.
+
+        Args:
+            node: The controller; it gets the action's parameters.
+            goals: Who follows trajectories.
+            model: The arm.
+            limits: Limits of its motion.
+            deaf: Why the active controller follows nothing now, or nothing.
+        """
+        self._node, self._goals, self._model, self._limits = node, goals, model, limits
+        self._deaf, self._log = deaf, node.get_logger()
+        kinds = enumerate(model.joint_types)
+        self._turning = tuple(i for i, kind in kinds if kind == "continuous")
+        self._active: _Active | None = None
+        self._coming: dict[int, _Active] = {}  # followed already, accepted in a moment
+        self._server: _Server | None = None
+        self.params: FollowParams = declare(node, follow_params(model.joint_names))
+        watch(node, self.params, self._apply)
+        if ACTION.type is None:
+            self._log.warning("no action follow_joint_trajectory: control_msgs is not installed")
+            return
+        self._server = _Server(
+            node, ACTION.type, ACTION.name, lambda _: None,
+            goal_callback=self._on_goal, handle_accepted_callback=self._on_accepted,
+            cancel_callback=self._on_cancel, result_timeout=_KEPT,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """End the action, before the node is destroyed."""
+        if self._server is not None:
+            self._server.destroy()
+
+    def watch(self, stamp: int, reference: Reference, state: Moving) -> None:
+        """See how the goal is followed; called after the answer to every joint state.
+
+        Args:
+            stamp: Stamp of the state in [ns].
+            reference: Where the joints shall be.
+            state: Where they are, and how they move.
+        """
+        active = self._active
+        if active is None:
+            return
+        if not (active.is_followed and self._goals.follower is active.follower):
+            self.abort(_OTHER if self._goals.follower is active.follower else _HELD)
+        elif stamp >= active.begin:
+            self._judge(active, stamp, reference, state)
+
+    def abort(self, why: str) -> None:
+        """End the active goal, if there is one, since it is followed no longer."""
+        if self._active is not None:
+            self._end("abort", "INVALID_GOAL", why)
+
+    def _apply(self, params: FollowParams) -> None:
+        self.params = params
+
+    def _judge(self, active: _Active, stamp: int, reference: Reference, state: Moving) -> None:
+        late = 1e-9 * (stamp - active.begin) - active.motion.duration
+        verdict = active.tolerances.verdict(-late, reference, state.q, state.v)
+        if stamp >= active.next_feedback or verdict is not None:
+            active.next_feedback = stamp + round(1e9 / self.params.action_monitor_rate)
+            active.handle.publish_feedback(self._feedback(active, stamp, reference, state))
+        if verdict is Verdict.REACHED:
+            self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
+        elif verdict is not None:
+            names = self._model.joint_names
+            self._log.warning(active.tolerances.worst(verdict, names, reference, state.q, state.v))
+            self._goals.brake(Reference(state.q, state.v, np.zeros_like(state.q)))
+            self._failed(verdict, late)
+
+    def _failed(self, verdict: Verdict, late: float) -> None:
+        if verdict is Verdict.LEFT_PATH:
+            why = "Aborted due to path tolerance violation"
+            self._end("abort", "PATH_TOLERANCE_VIOLATED", why)
+        else:
+            why = f"Aborted due to goal_time_tolerance exceeding by {late:f} seconds"
+            self._end("abort", "GOAL_TOLERANCE_VIOLATED", why)
+
+    def _feedback(self, active: _Active, stamp: int, reference: Reference, state: Moving) -> Any:
+        message = ACTION.type.Feedback(joint_names=list(self._model.joint_names))
+        message.header.stamp = to_time(stamp)
+        errors = active.tolerances.errors(reference, state.q, state.v)
+        message.desired = _point(reference.q, reference.v, reference.a)
+        message.actual, message.error = _point(state.q, state.v), _point(*errors)
+        since = to_time(max(0, stamp - active.start))
+        for point in (message.desired, message.actual, message.error):
+            point.time_from_start.sec, point.time_from_start.nanosec = since.sec, since.nanosec
+        return message
+
+    def _end(self, event: str, code: str, why: str) -> None:
+        active, self._active = self._active, None
+        self._result(active.handle, event, code, why)
+
+    def _result(self, handle: Any, event: str, code: str, why: str) -> None:
+        result = ACTION.type.Result(error_string=why)
+        result.error_code = getattr(ACTION.type.Result, code)
+        getattr(handle, event)()
+        self._server.end(handle, result)
+        self._goals.outcome = why or "action goal cancelled, the arm is held"
+        self._log.info(self._goals.outcome)
+
+    async def _on_goal(self, goal: Any) -> GoalResponse:
+        """Accept a goal once it is followed, or say why not."""
+        answer: list[bool] = []
+        try:
+            self._begin(goal, answer)
+        except InvalidInput as error:
+            self._goals.refuse(_KIND, f", the one before goes on: {error}")
+            return GoalResponse.REJECT
+        except Exception as error:
+            self._goals.refuse(_KIND, f", the one before goes on: unexpected failure: {error!r}")
+            return GoalResponse.REJECT
+        planner = self._goals.planner
+        while not answer and planner.busy:
+            await _Turn()
+            planner.deliver()
+        if not answer:
+            self._goals.refuse(_KIND, ": a newer goal came while it was being planned")
+        return GoalResponse.ACCEPT if answer and answer[0] else GoalResponse.REJECT
+
+    def _begin(self, goal: Any, answer: list[bool]) -> None:
+        """Have a goal planned and followed."""
+        if why := self._deaf():
+            raise InvalidInput(why)
+        refuse_what_an_arm_has_not(goal)
+        params, names = self.params, self._model.joint_names
+        message = TrajectoryMessage(goal.trajectory, names, params.allow_partial_joints_goal)
+        allowed = tolerances(goal, params, names, self._turning)
+        if message.stamp and 1e-9 * (message.stamp - self._goals.stamp) > _AHEAD:
+            raise InvalidInput(
+                f"header.stamp is {1e-9 * message.stamp:.3f} s and the newest joint state "
+                f"{1e-9 * self._goals.stamp:.3f} s; allowed are stamps of one clock"
+            )
+
+        def then(motion: Motion | None) -> None:
+            if motion is not None:
+                self._followed(goal, message, motion, allowed)
+            answer.append(motion is not None)
+
+        plan = self._planned(message, params)
+        at_once = message.count <= PLANNED_AT_ONCE
+        start = message.stamp or None
+        self._goals.follow(Goal(_KIND, f"{message.count} points", start, plan, then), at_once)
+
+    def _followed(
+        self, goal: Any, message: TrajectoryMessage, motion: Motion, allowed: Tolerances
+    ) -> None:
+        self.abort(_REPLACED)
+        follower = self._goals.follower
+        begin = follower.newest[0]
+        active = _Active(motion, begin, message.stamp or begin, allowed, follower)
+        self._coming = {id(goal): active}
+
+    def _planned(
+        self, message: TrajectoryMessage, params: FollowParams
+    ) -> Callable[[Outset], Motion]:
+        """How a goal is planned; perhaps on the planner's thread, which alone uses the model."""
+
+        def plan(outset: Outset) -> Motion:
+            message.check_points()
+            points = waypoints(message, self._model.joint_names, outset.here)
+            points = self._unwound(points, outset.here)
+            if message.stamp == 0 and points[-1].time == 0.0:
+                return _step(outset.here, points[-1])
+            ahead = outset.ahead(points)
+            bounds = Bounds(self._limits, Dynamics(self._model), params.limit_margin)
+            if not params.stretch_goals:
+                motion = spline(ahead)
+            else:
+                motion = stretched_spline(ahead, bounds.factor)
+            bounds.check(motion, outset.late, outset.here.v)
+            return motion
+
+        return plan
+
+    def _unwound(self, points: list[Waypoint], here: Reference) -> list[Waypoint]:
+        """The same by whole turns nearer, where joints turn without end."""
+        if not self._turning:
+            return points
+        turns = np.zeros_like(here.q)
+        some = list(self._turning)
+        turns[some] = np.round((here.q - np.asarray(points[0].q))[some] / (2.0 * np.pi))
+        return [replace(p, q=np.asarray(p.q) + 2.0 * np.pi * turns) for p in points]
+
+    def _on_accepted(self, handle: Any) -> None:
+        active = self._coming.pop(id(handle.request), None)
+        handle.execute()
+        if active is None or not active.is_followed:
+            self._result(handle, "abort", "INVALID_GOAL", _REPLACED)
+            return
+        active.handle = handle
+        self._active = active
+
+    def _on_cancel(self, handle: Any) -> CancelResponse:
+        self._node.executor.create_task(self._cancelled, handle)  # after the client is answered
+        return CancelResponse.ACCEPT
+
+    def _cancelled(self, handle: Any) -> None:
+        if not handle.is_cancel_requested:
+            return
+        if self._active is not None and self._active.handle == handle:
+            self._active = None
+            self._goals.brake()
+        self._result(handle, "canceled", "SUCCESSFUL", "")
+
+
+def _step(here: Reference, to: Waypoint) -> Motion:
+    """Be at a point at once, as asked for by who is there already but for an error of control.
+
+    Raises:
+        InvalidInput: If it is farther away.
+    """
+    far = float(np.max(np.abs(np.asarray(to.q) - here.q)))
+    if far > _STEP:
+        raise InvalidInput(
+            f"the last point, at 0 s, is {far:.4g} away; allowed is {_STEP} without time to move"
+        )
+    return hold(to.q)
+
+
+def _point(positions: Any, velocities: Any, accelerations: Any = ()) -> JointTrajectoryPoint:
+    return JointTrajectoryPoint(
+        positions=to_array(positions),
+        velocities=to_array(velocities),
+        accelerations=to_array(accelerations),
+    )

@@ -1,0 +1,194 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whether a trajectory keeps to limits, and if not: which joint breaks which limit, and when.
+
+Positions, velocities and accelerations are polynomials, so what they reach is exact; torques are
+computed at some points of every segment.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.trajectory.quintic import extremes
+from arm_dynamics.trajectory.reference import Limits, Trajectory
+from arm_dynamics.trajectory.time_scaling import torque_stretch
+
+_ROUNDED = 1e-9
+_POINTS = 60  # at which torques are computed at least
+_BATCH = 255  # points at once: for more Dynamics would compile, which takes a second when new
+_QUANTITIES = ("position", "velocity", "acceleration")
+
+
+@dataclass(frozen=True)
+class Excess:
+    """Where a trajectory first breaks a limit.
+
+    Attributes:
+        joint: Index of the joint.
+        quantity: ``position``, ``velocity``, ``acceleration`` or ``effort``.
+        time: When, in [s] from the trajectory's start.
+        most: What the joint reaches in all, as far from zero as it gets.
+        limit: What is allowed, with its sign.
+    """
+
+    joint: int
+    quantity: str
+    time: float
+    most: float
+    limit: float
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """What a trajectory is held to.
+
+    Attributes:
+        limits: Of positions, velocities and accelerations.
+        dynamics: The model that says which torques it takes, or None to let them be; used from
+            one thread only.
+        margin: Share by which velocities, accelerations and torques may be exceeded.
+    """
+
+    limits: Limits
+    dynamics: Dynamics | None = None
+    margin: float = 0.0
+
+    def check(
+        self, trajectory: Trajectory, late: float = 0.0, before: Array | None = None
+    ) -> None:
+        """Check a trajectory.
+
+        Args:
+            trajectory: What shall be followed.
+            late: Time in [s] that its user counts when it starts.
+            before: Velocities just before it, shape (n,); None for rest.
+
+        Raises:
+            InvalidInput: If it breaks a limit; the message names the joint, the moment and the
+                limit.
+        """
+        still = np.zeros(trajectory.ends.shape[1])
+        found = [
+            *self._beyond(trajectory),
+            *self._jumps(trajectory, still if before is None else before),
+            *self._of_effort(trajectory),
+        ]
+        if not found:
+            return
+        first = min(found, key=lambda x: x.time)
+        name = self.limits.name(first.joint)
+        raise InvalidInput(
+            f"joint '{name}' would leave its {first.quantity} limit at {first.time + late:.3f} s "
+            f"and reach {first.most:.4g}; allowed is {first.limit:.4g}"
+        )
+
+    def factor(self, trajectory: Trajectory) -> float:
+        """How many times slower a trajectory must be, at least one; its start is left as it is.
+
+        Raises:
+            Unreachable: If weight and friction alone take more than a limit.
+        """
+        h, peaks = np.diff(trajectory.times)[:, None], extremes(trajectory.coefficients)
+        _, speed, rise = np.abs(peaks).max(axis=0)
+        limit, more = self.limits, 1.0 + self.margin
+        by_speed = float((speed / h / (limit.velocity * more)).max())
+        by_rise = float(np.sqrt(rise / h**2 / (limit.acceleration * more)).max())
+        slower = max(1.0, by_speed, by_rise)
+        if self.dynamics is not None:
+            _, q, v, a = _table(trajectory)
+            effort = self.dynamics.model.effort_limit * more
+            slower = max(slower, torque_stretch(self.dynamics, q, v, a, effort))
+        return slower if slower > 1.0 + _ROUNDED else 1.0
+
+    def _beyond(self, trajectory: Trajectory) -> Iterator[Excess]:
+        """The first moment of each joint beyond each of its limits."""
+        lower, upper = self._allowed(trajectory.ends[0])
+        least, most = _by_order(trajectory)
+        for order, high in ((k, high) for k in range(3) for high in (False, True)):
+            bound = (upper if high else lower)[order]
+            reached = (most if high else least)[order]
+            over = reached > bound + _ROUNDED if high else reached < bound - _ROUNDED
+            for joint in np.flatnonzero(over.any(axis=0)):
+                segment = int(np.argmax(over[:, joint]))
+                far = float((reached.max(axis=0) if high else reached.min(axis=0))[joint])
+                edge = float(bound[joint])
+                when = _crossing(trajectory, segment, int(joint), order, edge, high)
+                yield Excess(int(joint), _QUANTITIES[order], when, far, edge)
+
+    def _allowed(self, start: Array) -> tuple[Array, Array]:
+        """Least and greatest position, velocity and acceleration, shape (3, n) each.
+
+        An arm that is beyond a position limit already may come back from there.
+        """
+        limits, more = self.limits, 1.0 + self.margin
+        speed, rise = limits.velocity * more, limits.acceleration * more
+        lower = np.stack((np.minimum(limits.lower, start), -speed, -rise))
+        return lower, np.stack((np.maximum(limits.upper, start), speed, rise))
+
+    def _jumps(self, trajectory: Trajectory, before: Array) -> Iterator[Excess]:
+        """Velocities that jump from one segment to the next: more than any acceleration."""
+        bound = self.limits.acceleration
+        if not np.isfinite(bound).any():
+            return
+        ends = trajectory.at_shares(np.array([0.0, 1.0]))[:, 1]  # velocities, (w − 1, n, 2)
+        coming = np.vstack((before[None], ends[:, :, 1]))
+        going = np.vstack((ends[:, :, 0], np.zeros_like(before)[None]))
+        over = (np.abs(going - coming) > _ROUNDED) & np.isfinite(bound)
+        for joint in np.flatnonzero(over.any(axis=0)):
+            when = float(trajectory.times[int(np.argmax(over[:, joint]))])
+            yield Excess(int(joint), "acceleration", when, np.inf, float(bound[joint]))
+
+    def _of_effort(self, trajectory: Trajectory) -> Iterator[Excess]:
+        """The first moment at which a torque is too large."""
+        if self.dynamics is None:
+            return
+        limit = self.dynamics.model.effort_limit * (1.0 + self.margin)
+        if not np.isfinite(limit).any():
+            return
+        times, *motion = _table(trajectory)
+        split = range(_BATCH, len(times), _BATCH)
+        parts = zip(*(np.split(x, split) for x in motion), strict=True)
+        tau = np.concatenate([self.dynamics.inverse(*part) for part in parts])
+        over = np.abs(tau) > limit + _ROUNDED
+        if over.any():
+            i = int(np.argmax(over.any(axis=1)))
+            joint = int(np.argmax(over[i]))
+            far = float(tau[np.argmax(np.abs(tau[:, joint])), joint])
+            edge = float(np.copysign(limit[joint], far))
+            yield Excess(joint, "effort", float(times[i]), far, edge)
+
+
+def _by_order(trajectory: Trajectory) -> Array:
+    """Least and greatest position, velocity and acceleration, (2, 3, segments, n)."""
+    h = np.diff(trajectory.times)[:, None]
+    scale = np.stack((np.ones_like(h), 1.0 / h, 1.0 / h**2))
+    found: Array = extremes(trajectory.coefficients) * scale
+    return found
+
+
+def _crossing(
+    trajectory: Trajectory, segment: int, joint: int, order: int, bound: float, high: bool
+) -> float:
+    """When a joint first leaves a bound within a segment, in [s]."""
+    start, end = trajectory.times[segment : segment + 2]
+    polynomial = np.polynomial.Polynomial(trajectory.coefficients[segment, joint])
+    course = polynomial.deriv(order) if order else polynomial
+    course = course / (end - start) ** order - bound
+    if (course(0.0) > _ROUNDED) if high else (course(0.0) < -_ROUNDED):
+        return float(start)
+    roots = course.roots()
+    real = roots.real[(np.abs(roots.imag) < 1e-7) & (roots.real >= 0.0) & (roots.real <= 1.0)]
+    return float(start + (end - start) * real.min(initial=1.0))
+
+
+def _table(trajectory: Trajectory) -> tuple[Array, Array, Array, Array]:
+    """Times, positions, velocities and accelerations at some points of each segment."""
+    segments = len(trajectory.times) - 1
+    share = np.linspace(0.0, 1.0, max(3, _POINTS // segments))
+    return trajectory.table(share)

@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint trajectories interpolated as ROS robots do: piece by piece, by what their points give.
+
+Between two points runs a line where they give positions only, a cubic where both give velocities
+too, and a quintic where both give accelerations as well. So two points fix the motion between
+them, whatever comes before and after: velocity jumps from line to line, acceleration from cubic to
+cubic. Source: "Trajectory Representation" in the documentation of joint_trajectory_controller
+(ros2_controllers, Jazzy).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.trajectory.quintic import segment_coefficients
+from arm_dynamics.trajectory.reference import Trajectory, Waypoint
+from arm_dynamics.trajectory.waypoints import given_rows, timed_positions
+
+STANDING = float(np.finfo(np.float32).eps)  # [rad/s] or [m/s] that count as rest at the end
+_TRIES = 60
+
+
+def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
+    """Pass waypoints at their times, at rest after the last.
+
+    Args:
+        waypoints: At least two, first at time 0, times rising.
+
+    Raises:
+        InvalidInput: If waypoints are malformed, accelerations come without velocities, or the
+            last velocity is not zero.
+    """
+    return _knots(waypoints).trajectory(1.0)
+
+
+def stretched_spline(
+    waypoints: Sequence[Waypoint], excess: Callable[[Trajectory], float]
+) -> Trajectory:
+    """The same, slower by one factor until nothing is exceeded.
+
+    Velocities and accelerations asked for at waypoints shrink with it; the motion at the first one
+    is kept as it is, because the arm is in it.
+
+    Args:
+        waypoints: As of ``spline``.
+        excess: Factor by which a trajectory is too fast; at most one where it is not.
+
+    Raises:
+        InvalidInput: As ``spline``, or if no factor is enough.
+    """
+    knots, stretch = _knots(waypoints), 1.0
+    for _ in range(_TRIES):
+        trajectory = knots.trajectory(stretch)
+        factor = excess(trajectory)
+        if factor <= 1.0:
+            return trajectory
+        stretch *= min(max(factor, 1.001), 4.0)
+    raise InvalidInput(
+        f"no pace brings the trajectory within limits, {stretch:.3g} times slower neither; "
+        "allowed are points that leave room for the motion at the start"
+    )
+
+
+class _Knots(NamedTuple):
+    """Checked waypoints as arrays; NaN rows of v and a are not given."""
+
+    times: Array
+    q: Array
+    v: Array
+    a: Array
+
+    def trajectory(self, stretch: float) -> Trajectory:
+        slower = np.full((len(self.times), 1), stretch)
+        slower[0] = 1.0
+        times, v, a = self.times * stretch, self.v / slower, self.a / slower**2
+        return Trajectory(times, _coefficients(times, self.q, v, a), self.q[[0, -1]], stretch)
+
+
+def _knots(waypoints: Sequence[Waypoint]) -> _Knots:
+    times, q = timed_positions(waypoints)
+    n = q.shape[1]
+    v = given_rows([w.v for w in waypoints], n, "velocity")
+    a = given_rows([w.a for w in waypoints], n, "acceleration")
+    for i in np.flatnonzero(np.isnan(v[:, 0]) & ~np.isnan(a[:, 0])):
+        raise InvalidInput(f"waypoint {i} gives accelerations, but no velocities")
+    if np.any(np.abs(np.nan_to_num(v[-1])) > STANDING):
+        raise InvalidInput(f"velocity of the last waypoint is {v[-1]}; allowed is zero")
+    return _Knots(times, q, v, a)
+
+
+def _coefficients(times: Array, q: Array, v: Array, a: Array) -> Array:
+    """Polynomials of every segment in τ = (t − tᵢ)/hᵢ, shape (w − 1, n, 6)."""
+    h, d = np.diff(times), np.diff(q, axis=0)
+    linear, cubic = np.zeros((2, *d.shape, 6))
+    linear[..., 0] = cubic[..., 0] = q[:-1]
+    linear[..., 1] = d
+    v0, v1 = v[:-1] * h[:, None], v[1:] * h[:, None]
+    cubic[..., 1] = v0
+    cubic[..., 2] = 3.0 * d - 2.0 * v0 - v1  # Craig, Introduction to Robotics, section 7.3
+    cubic[..., 3] = v0 + v1 - 2.0 * d
+    quintic = segment_coefficients(h, q, v, a)
+    by_v, by_a = (~np.isnan(x[:-1]) & ~np.isnan(x[1:]) for x in (v, a))
+    return np.where(by_v[..., None], np.where(by_a[..., None], quintic, cubic), linear)

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How well a trajectory must be followed, and whether it is.
+
+The rules are those of joint_trajectory_controller (ros2_controllers, Jazzy): on the way positions
+and velocities stay within tolerances of the reference; after the last point positions come within
+tolerances of it and joints stop, at the latest some time after it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from enum import Enum, auto
+
+import numpy as np
+
+from arm_dynamics.arrays import Array, any_beyond
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.trajectory.reference import Reference
+
+NONE = math.inf  # a tolerance that is never exceeded
+_ERASED = -1.0
+
+
+def resolved(what: str, asked: float, default: float) -> float:
+    """The tolerance that holds: positive ones themselves, 0 the default, -1 none.
+
+    Source: comments of control_msgs/JointTolerance.
+
+    Args:
+        what: Name of the tolerance, for messages.
+        asked: What was asked for.
+        default: What holds where nothing is asked for; inf for none.
+
+    Raises:
+        InvalidInput: If it is another negative number, or not finite.
+    """
+    if asked > 0.0 and math.isfinite(asked):
+        return asked
+    if asked == 0.0:
+        return default
+    if asked == _ERASED:
+        return NONE
+    raise InvalidInput(f"{what} is {asked}; allowed are 0 (default), -1 (none) and positive ones")
+
+
+@dataclass(frozen=True)
+class StateTolerance:
+    """How far joints may be from where they shall be; inf for any distance.
+
+    Attributes:
+        position: In [rad] or [m], one a joint.
+        velocity: In [rad/s] or [m/s], one a joint.
+    """
+
+    position: tuple[float, ...]
+    velocity: tuple[float, ...]
+
+    @classmethod
+    def none(cls, n: int) -> StateTolerance:
+        """No tolerance at all."""
+        return cls((NONE,) * n, (NONE,) * n)
+
+    @property
+    def is_none(self) -> bool:
+        """Whether nothing can exceed it."""
+        return min(*self.position, *self.velocity) == NONE
+
+
+class Verdict(Enum):
+    """What became of a trajectory."""
+
+    REACHED = auto()
+    LEFT_PATH = auto()
+    MISSED_GOAL = auto()
+
+
+@dataclass(frozen=True)
+class Tolerances:
+    """Tolerances of one trajectory.
+
+    Attributes:
+        path: On the way.
+        goal: From the last point on.
+        goal_time: Time in [s] after the last point until the goal must be reached; inf for any.
+        turning: Indices of joints that turn without end: their errors are the shortest turns.
+    """
+
+    path: StateTolerance
+    goal: StateTolerance
+    goal_time: float = NONE
+    turning: tuple[int, ...] = ()
+
+    def errors(self, reference: Reference, q: Array, v: Array) -> tuple[list[float], list[float]]:
+        """Errors of positions and velocities: where joints shall be less where they are."""
+        position = (reference.q - q).tolist()
+        for joint in self.turning:
+            position[joint] = math.remainder(position[joint], math.tau)
+        return position, (reference.v - v).tolist()
+
+    def verdict(self, left: float, reference: Reference, q: Array, v: Array) -> Verdict | None:
+        """Judge one state.
+
+        Args:
+            left: Time in [s] until the last point; negative after it.
+            reference: Where the joints shall be.
+            q: Where they are, shape (n,).
+            v: How they move, shape (n,).
+
+        Returns:
+            None while the trajectory is still to be followed.
+        """
+        tolerance = self.path if left > 0.0 else self.goal
+        within = tolerance.is_none or _within(tolerance, self.errors(reference, q, v))
+        if left > 0.0:
+            return None if within else Verdict.LEFT_PATH
+        if within:
+            return Verdict.REACHED
+        return Verdict.MISSED_GOAL if -left > self.goal_time else None
+
+    def worst(
+        self, verdict: Verdict, names: Sequence[str], reference: Reference, q: Array, v: Array
+    ) -> str:
+        """Say which joint is farthest outside, by how much, and what is allowed."""
+        tolerance = self.path if verdict is Verdict.LEFT_PATH else self.goal
+        allowed = np.array((tolerance.position, tolerance.velocity))
+        found = np.array(self.errors(reference, q, v))
+        kind, joint = divmod(int(np.argmax(np.abs(found) / allowed)), len(names))
+        return (
+            f"{('position', 'velocity')[kind]} of joint '{names[joint]}' is off by "
+            f"{found[kind, joint]:.4g}; allowed is {allowed[kind, joint]:.4g}"
+        )
+
+
+def _within(tolerance: StateTolerance, errors: tuple[list[float], list[float]]) -> bool:
+    position, velocity = errors
+    return not (
+        any_beyond(position, tolerance.position) or any_beyond(velocity, tolerance.velocity)
+    )

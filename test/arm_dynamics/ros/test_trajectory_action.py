@@ -1,0 +1,388 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The action FollowJointTrajectory, by the rules of joint_trajectory_controller."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from goal_client import ABORTED, CANCELED, SUCCEEDED, Client, Result, goal, led, tolerance
+from harness import Ros
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from two_link_control import MS, NAMES, effort, point, reference_of, trajectory
+
+import models
+from arm_dynamics.ros.controller import trajectory_action
+from arm_dynamics.ros.controller_node import ControllerNode
+from tolerances import ALGEBRA, assert_close
+
+pytestmark = pytest.mark.ros
+HERE = (0.1, -0.2)
+
+
+@pytest.fixture
+def node(ros: Ros) -> ControllerNode:
+    """Controls a two-link arm that rests."""
+    made = ros.add(ControllerNode, models.scene("two_link"))
+    effort(made, 0, HERE)
+    return made
+
+
+@pytest.fixture
+def client(ros: Ros, node: ControllerNode) -> Client:
+    return Client(ros)
+
+
+def set_to(node: ControllerNode, **values: Any) -> None:
+    for done in node.set_parameters([Parameter(name, value=v) for name, v in values.items()]):
+        assert done.successful, done.reason
+
+
+def moved(*step: float) -> list[float]:
+    return [float(q + dq) for q, dq in zip(HERE, step, strict=True)]
+
+
+def to(*step: float, time: float = 1.0, **more: Any) -> Any:
+    """A goal of one point with velocity zero, some way from here."""
+    return goal(trajectory(point(time, *moved(*step), velocities=[0.0, 0.0])), **more)
+
+
+def test_a_goal_is_followed_and_reached(node: ControllerNode, client: Client) -> None:
+    handle = client.send(to(0.4, -0.3))
+    assert handle.accepted
+    led(node, 0, 1000)
+    status, result = client.result(handle)
+    assert (status, result.error_code) == (SUCCEEDED, Result.SUCCESSFUL)
+    assert result.error_string == "Goal successfully reached!"
+    assert_close(reference_of(node, 5000 * MS)[0], moved(0.4, -0.3), ALGEBRA)
+
+
+def test_velocities_make_cubics_and_positions_alone_lines(
+    node: ControllerNode, client: Client
+) -> None:
+    client.send(to(0.4, 0.0))
+    s = 0.3
+    assert_close(reference_of(node, 300 * MS)[0, 0], 0.1 + 0.4 * (3 * s**2 - 2 * s**3), ALGEBRA)
+    client.send(goal(trajectory(point(0.5, *moved(0.1, 0.0)), point(1.0, *moved(0.3, 0.0)))))
+    assert_close(reference_of(node, 250 * MS)[:2, 0], [0.15, 0.2], ALGEBRA)
+    assert_close(reference_of(node, 750 * MS)[:2, 0], [0.3, 0.4], ALGEBRA)
+
+
+def test_joints_may_come_in_any_order(node: ControllerNode, client: Client) -> None:
+    there = trajectory(point(1.0, 0.5, 0.3), names=NAMES[::-1])
+    assert client.send(goal(there)).accepted
+    assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.5], ALGEBRA)
+
+
+def test_feedback_says_where_the_arm_is_and_should_be(
+    ros: Ros, node: ControllerNode, client: Client
+) -> None:
+    client.send(to(0.4, -0.4))
+    for k in range(10):
+        led(node, 50 * k, 50 * k + 49, off=lambda stamp: (0.01, -0.02), step=7)
+        ros.spin_until(lambda count=k: len(client.feedback) > count)  # 20 Hz
+    for k, message in enumerate(client.feedback):
+        assert list(message.joint_names) == NAMES
+        assert (message.header.stamp.sec, message.header.stamp.nanosec) == (0, 50 * MS * k)
+        at = 0.05 * k
+        exact = np.array(HERE) + np.array([0.4, -0.4]) * (3 * at**2 - 2 * at**3)
+        assert_close(message.desired.positions, exact, ALGEBRA)
+        assert_close(message.error.positions, [0.01, -0.02], ALGEBRA)
+        assert_close(message.actual.positions, exact - [0.01, -0.02], ALGEBRA)
+        assert_close(message.actual.velocities, message.desired.velocities, ALGEBRA)
+        assert message.desired.time_from_start.nanosec == 50 * MS * k
+
+
+@pytest.mark.parametrize("value", [0.05, 0.0], ids=["its own", "the default"])
+def test_a_violated_path_tolerance_aborts_and_holds(
+    node: ControllerNode, client: Client, value: float
+) -> None:
+    set_to(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05})
+    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], value)]))
+    led(node, 0, 490)
+    led(node, 500, 500, off=lambda _: (0.2, 0.06))  # the shoulder has no tolerance
+    status, result = client.result(handle)
+    assert (status, result.error_code) == (ABORTED, Result.PATH_TOLERANCE_VIOLATED)
+    assert result.error_string == "Aborted due to path tolerance violation"
+    there = reference_of(node, 500 * MS)
+    assert_close(there[0], np.array(moved(0.2, 0.2)) - [0.2, 0.06], ALGEBRA)  # where the arm is
+    assert not reference_of(node, 800 * MS)[1:].any()
+    assert np.abs(reference_of(node, 800 * MS)[0] - there[0]).max() < 0.11  # v T / 2
+
+
+def test_an_erased_tolerance_allows_any_error(node: ControllerNode, client: Client) -> None:
+    set_to(node, **{f"constraints.{NAMES[1]}.trajectory": 0.05})
+    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[1], -1.0)]))
+    led(node, 0, 990, off=lambda _: (0.0, 0.5))
+    led(node, 1000, 1000)
+    assert client.result(handle)[0] == SUCCEEDED
+
+
+def test_velocities_have_path_tolerances_too(node: ControllerNode, client: Client) -> None:
+    handle = client.send(to(0.4, 0.4, path_tolerance=[tolerance(NAMES[0], velocity=0.1)]))
+    effort(node, 500 * MS, moved(0.2, 0.2), (0.4, 0.6))  # 0.6 should be the speed of both
+    assert client.result(handle)[1].error_code == Result.PATH_TOLERANCE_VIOLATED
+
+
+def test_without_a_goal_time_it_waits_until_the_goal_is_reached(
+    ros: Ros, node: ControllerNode, client: Client
+) -> None:
+    handle = client.send(to(0.4, 0.4, goal_tolerance=[tolerance(NAMES[0], 0.01)]))
+    led(node, 0, 60_000, off=lambda _: (0.02, 0.0), step=500)
+    future = handle.get_result_async()
+    heard = len(client.feedback)
+    led(node, 60_100, 60_100, off=lambda _: (0.02, 0.0))
+    ros.spin_until(lambda: len(client.feedback) > heard)
+    assert not future.done()
+    led(node, 60_200, 60_200, off=lambda _: (0.009, 0.0))
+    ros.spin_until(future.done)
+    assert future.result().status == SUCCEEDED
+
+
+@pytest.mark.parametrize("by_goal", [True, False], ids=["of the goal", "the default"])
+def test_a_goal_time_ends_the_wait(node: ControllerNode, client: Client, by_goal: bool) -> None:
+    set_to(node, **{"constraints.goal_time": 0.5, f"constraints.{NAMES[0]}.goal": 0.01})
+    own = {"within": 0.5, "goal_tolerance": [tolerance(NAMES[0], 0.01)]} if by_goal else {}
+    handle = client.send(to(0.4, 0.4, **own))
+    led(node, 0, 1510, off=lambda _: (0.02, 0.0))
+    status, result = client.result(handle)
+    assert (status, result.error_code) == (ABORTED, Result.GOAL_TOLERANCE_VIOLATED)
+    assert result.error_string == (
+        "Aborted due to goal_time_tolerance exceeding by 0.510000 seconds"
+    )
+    assert_close(reference_of(node, 3000 * MS)[0], moved(0.38, 0.4), ALGEBRA)
+
+
+def test_an_arm_that_has_not_stopped_is_not_there(node: ControllerNode, client: Client) -> None:
+    handle = client.send(to(0.4, 0.4, time=1.0))
+    led(node, 0, 990)
+    effort(node, 1000 * MS, moved(0.4, 0.4), (0.0, 0.0101))
+    assert node.goals.outcome.startswith("following")
+    effort(node, 1010 * MS, moved(0.4, 0.4), (0.0, 0.0099))
+    assert client.result(handle)[0] == SUCCEEDED
+
+
+def test_cancelled_it_comes_to_rest_and_holds(node: ControllerNode, client: Client) -> None:
+    handle = client.send(to(0.4, 0.4))
+    led(node, 0, 500)
+    before = reference_of(node, 500 * MS)
+    assert client.cancel(handle) == 1
+    status, result = client.result(handle)
+    assert (status, result.error_code, result.error_string) == (CANCELED, 0, "")
+    assert_close(reference_of(node, 500 * MS)[:2], before[:2], ALGEBRA)  # no jump
+    held = before[0] + 0.5 * 0.2 * before[1]
+    assert_close(reference_of(node, 700 * MS), [held, [0, 0], [0, 0]], ALGEBRA)
+
+
+def test_a_new_goal_takes_over_from_where_the_reference_is(
+    node: ControllerNode, client: Client
+) -> None:
+    first = client.send(to(0.4, 0.4))
+    led(node, 0, 500)
+    before = reference_of(node, 500 * MS)
+    second = client.send(to(-0.4, 0.4))
+    status, result = client.result(first)
+    assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
+    assert result.error_string == "Current goal cancelled due to new incoming action."
+    assert_close(reference_of(node, 500 * MS)[:2], before[:2], ALGEBRA)
+    led(node, 500, 1500)
+    assert client.result(second)[0] == SUCCEEDED
+    assert_close(reference_of(node, 1500 * MS)[0], moved(-0.4, 0.4), ALGEBRA)
+
+
+def test_a_trajectory_on_the_topic_ends_the_goal(node: ControllerNode, client: Client) -> None:
+    handle = client.send(to(0.4, 0.4))
+    led(node, 0, 500)
+    node.on_joint_trajectory(trajectory(point(1.0, *HERE)))
+    led(node, 510, 510)
+    status, result = client.result(handle)
+    assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
+    assert result.error_string == "Current goal cancelled due to new incoming trajectory."
+
+
+def test_states_whose_time_goes_backwards_end_the_goal(
+    node: ControllerNode, client: Client
+) -> None:
+    effort(node, 100 * MS, HERE)
+    handle = client.send(to(0.4, 0.4))
+    effort(node, 50 * MS, (0.5, 0.5))
+    status, result = client.result(handle)
+    assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
+    assert "held where it is" in result.error_string
+    assert_close(reference_of(node, 2000 * MS)[0], [0.5, 0.5], ALGEBRA)
+
+
+def stamped(wanted: Any, seconds: float) -> Any:
+    stamp = wanted.trajectory.header.stamp
+    stamp.sec, stamp.nanosec = divmod(round(1e9 * seconds), 10**9)
+    return wanted
+
+
+def test_a_stamp_ahead_delays_the_start(node: ControllerNode, client: Client) -> None:
+    handle = client.send(stamped(to(0.4, 0.4), 2.0))
+    led(node, 0, 1990, off=lambda _: (0.0, 0.0))
+    assert not client.feedback
+    assert_close(reference_of(node, 2000 * MS)[0], HERE, ALGEBRA)
+    assert_close(reference_of(node, 2500 * MS)[0], moved(0.2, 0.2), ALGEBRA)
+    led(node, 2000, 3000)
+    assert client.result(handle)[0] == SUCCEEDED
+
+
+def test_points_that_are_over_are_left_out(node: ControllerNode, client: Client) -> None:
+    effort(node, 1000 * MS, HERE)
+    points = trajectory(point(0.2, *moved(-0.2, 0.0)), point(1.5, *moved(0.4, 0.0)))
+    assert client.send(stamped(goal(points), 0.5)).accepted  # a second from here to the last one
+    assert_close(reference_of(node, 1500 * MS)[:2, 0], [0.3, 0.4], ALGEBRA)
+    assert_close(reference_of(node, 2000 * MS)[0], moved(0.4, 0.0), ALGEBRA)
+
+
+def test_who_is_there_already_needs_no_time(node: ControllerNode, client: Client) -> None:
+    handle = client.send(goal(trajectory(point(0.0, *moved(0.005, -0.005)))))
+    led(node, 10, 10)
+    assert client.result(handle)[0] == SUCCEEDED
+    assert not client.send(goal(trajectory(point(0.0, *moved(0.02, 0.0))))).accepted
+
+
+BAD = {
+    "no joint names": goal(trajectory(point(1.0), names=[])),
+    "0 points": goal(trajectory()),
+    "joint names are nobody": goal(trajectory(point(1.0, 0.1, 0.1), names=["nobody", NAMES[0]])),
+    "each once": goal(trajectory(point(1.0, 0.1, 0.1), names=[NAMES[0]] * 2)),
+    "joints elbow are missing": goal(trajectory(point(1.0, 0.1), names=NAMES[:1])),
+    "positions of point 0 has 1 numbers; allowed is 2": goal(trajectory(point(1.0, 0.1))),
+    "positions of point 0 has 0": goal(trajectory(point(1.0, velocities=[0.0, 0.0]))),
+    "velocities of point 0 has 1": goal(trajectory(point(1.0, *HERE, velocities=[0.0]))),
+    "accelerations, but no": goal(trajectory(point(1.0, *HERE, accelerations=[0.0, 0.0]))),
+    "positions of point 0, joint 'elbow', is not finite": goal(
+        trajectory(point(1.0, 0.1, float("nan")))
+    ),
+    "effort of point 0": goal(trajectory(point(1.0, *HERE, effort=[1.0, 1.0]))),
+    "time_from_start of point 1 is 1 s": goal(trajectory(point(1.0, *HERE), point(1.0, *HERE))),
+    "time_from_start of point 0 is -1 s": goal(trajectory(point(-1.0, *HERE))),
+    "last velocity of joint 'elbow' is 0.1": goal(
+        trajectory(point(1.0, *HERE, velocities=[0.0, 0.1]))
+    ),
+    "names joint 'nobody'": to(0.1, 0.1, path_tolerance=[tolerance("nobody", 0.1)]),
+    "position in goal_tolerance of joint 'elbow' is -0.5": to(
+        0.1, 0.1, goal_tolerance=[tolerance(NAMES[1], -0.5)]
+    ),
+    "velocity in path_tolerance of joint 'elbow' is nan": to(
+        0.1, 0.1, path_tolerance=[tolerance(NAMES[1], velocity=float("nan"))]
+    ),
+    "have no accelerations": to(
+        0.1, 0.1, path_tolerance=[tolerance(NAMES[1], acceleration=0.1)]
+    ),
+    "goal_time_tolerance is -0.5": to(0.1, 0.1, within=-0.5),
+    "none of 1 waypoints lies in the future": stamped(to(0.1, 0.1), 0.5),
+    "stamps of one clock": stamped(to(0.1, 0.1), 1.7e9),
+    "'shoulder' would leave its position limit at 7.63": to(3.2, 0.0, time=9.0),
+    "'elbow' would leave its velocity limit at 0.": to(0.0, 2.0, time=0.3),
+    "'shoulder' would leave its effort limit at 0.": to(0.6, 0.0, time=0.2),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("complaint", BAD)
+def test_a_bad_goal_is_refused_and_nothing_moves(
+    node: ControllerNode, client: Client, complaint: str, capfd: pytest.CaptureFixture[str]
+) -> None:
+    effort(node, 2000 * MS, HERE)
+    assert not client.send(BAD[complaint]).accepted
+    assert complaint in node.goals.outcome
+    assert capfd.readouterr().err.count("action goal refused") == 1
+    assert_close(reference_of(node, 9000 * MS), [HERE, (0, 0), (0, 0)], ALGEBRA)
+
+
+def test_a_refused_goal_leaves_the_one_under_way(node: ControllerNode, client: Client) -> None:
+    handle = client.send(to(0.4, 0.4))
+    led(node, 0, 500)
+    assert not client.send(to(0.0, 2.0, time=0.3)).accepted
+    led(node, 500, 1000)
+    assert client.result(handle)[0] == SUCCEEDED
+
+
+def test_partial_goals_are_a_parameter(node: ControllerNode, client: Client) -> None:
+    set_to(node, allow_partial_joints_goal=True)
+    assert client.send(goal(trajectory(point(1.0, 0.5), names=NAMES[1:]))).accepted
+    assert_close(reference_of(node, 1000 * MS)[0], [HERE[0], 0.5], ALGEBRA)
+
+
+def test_stretching_is_a_parameter(node: ControllerNode, client: Client) -> None:
+    set_to(node, stretch_goals=True, limit_margin=0.0)
+    handle = client.send(to(0.0, 2.0, time=0.3))  # 10 rad/s at the peak, where 8 are allowed
+    assert handle.accepted
+    moving = np.array([reference_of(node, k * MS) for k in range(2000)])
+    assert np.abs(moving[:, 1]).max() <= 8.0
+    assert_close(moving[-1, 0], moved(0.0, 2.0), ALGEBRA)
+    led(node, 0, 2000)
+    assert client.result(handle)[0] == SUCCEEDED
+
+
+def test_a_goal_before_any_state_is_refused(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"))
+    assert not Client(ros).send(to(0.1, 0.1)).accepted
+    assert "no joint state has been seen yet" in node.goals.outcome
+
+
+def test_a_goal_while_the_arm_is_led_by_hand_is_refused(
+    node: ControllerNode, client: Client
+) -> None:
+    set_to(node, controller="float")
+    assert not client.send(to(0.1, 0.1)).accepted
+    assert "follows no trajectories" in node.goals.outcome
+
+
+def test_a_long_goal_is_planned_in_the_background(node: ControllerNode, client: Client) -> None:
+    s = np.linspace(0.0, 1.0, 101)[1:]
+    points = [point(2.0 * x, *moved(0.5 * x, -0.5 * x)) for x in s]
+    handle = client.send(goal(trajectory(*points)))
+    assert handle.accepted
+    led(node, 0, 2000)
+    assert client.result(handle)[0] == SUCCEEDED
+
+
+def test_a_newer_goal_takes_the_place_of_one_that_is_being_planned(
+    ros: Ros, node: ControllerNode, client: Client
+) -> None:
+    long = goal(trajectory(*[point(0.01 * k, *moved(1e-4 * k, 0.0)) for k in range(1, 5000)]))
+    first = client._client.send_goal_async(long)
+    second = client.send(to(0.2, 0.2))
+    ros.spin_until(first.done)
+    assert second.accepted
+    if first.result().accepted:  # it was the quicker one
+        assert client.result(first.result())[0] == ABORTED
+    led(node, 0, 1000)
+    assert client.result(second)[0] == SUCCEEDED
+
+
+def test_a_continuous_joint_goes_the_shorter_way(ros: Ros) -> None:
+    """From one turn and 0.1 rad to 0.3 rad: 0.2 rad, and not a turn back."""
+    scene = models.scene("kinova")
+    node = ros.add(ControllerNode, scene)
+    names, q0 = list(node.dynamics.joint_names), np.array(node.dynamics.model.q0)
+    turn = next(i for i, k in enumerate(node.dynamics.model.joint_types) if k == "continuous")
+    here, there = q0.copy(), q0.copy()
+    here[turn], there[turn] = 2.0 * np.pi + 0.1, 0.3
+    show(node, names, 0, here)
+    assert Client(ros).send(goal(trajectory(point(2.0, *there), names=names))).accepted
+    assert node.follower.reference(2000 * MS).q[turn] == pytest.approx(2.0 * np.pi + 0.3)
+
+
+def show(node: ControllerNode, names: list[str], stamp: int, q: np.ndarray) -> None:
+    message = JointState(name=names, position=q.tolist(), velocity=[0.0] * len(names))
+    message.header.stamp.sec, message.header.stamp.nanosec = divmod(stamp, 10**9)
+    node.on_joint_states(serialize_message(message))
+
+
+def test_without_the_interface_there_is_no_action(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch, capfd: pytest.CaptureFixture[str]
+) -> None:
+    absent = trajectory_action.ACTION._replace(type=None)
+    monkeypatch.setattr(trajectory_action, "ACTION", absent)
+    node = ros.add(ControllerNode, models.scene("two_link"))
+    assert "control_msgs is not installed" in capfd.readouterr().err
+    effort(node, 0, HERE)
+    node.on_joint_trajectory(trajectory(point(1.0, 0.3, 0.3)))
+    assert_close(reference_of(node, 1000 * MS)[0], [0.3, 0.3], ALGEBRA)

@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which joint breaks which limit, when, and by how much."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.trajectory import Bounds, Limits, Trajectory, Waypoint, spline
+from tolerances import ALGEBRA
+
+ARM = models.dynamics("two_link")
+NONE = np.full(2, np.inf)
+FREE = Limits(NONE, NONE, -NONE, NONE, ("shoulder", "elbow"))
+
+
+def limits(**only: list[float]) -> Limits:
+    return Limits(**({name: getattr(FREE, name) for name in ("velocity", "acceleration", "lower",
+                  "upper")} | {k: np.array(v) for k, v in only.items()}),
+                  joint_names=FREE.joint_names)  # fmt: skip
+
+
+def rest_to_rest(*q: float, time: float = 2.0) -> Trajectory:
+    """The quintic 10 s³ - 15 s⁴ + 6 s⁵ from zero."""
+    still = [0.0, 0.0]
+    return spline([Waypoint(0.0, still, still, still), Waypoint(time, q, still, still)])
+
+
+def complaint(bounds: Bounds, trajectory: Trajectory, late: float = 0.0) -> str:
+    with pytest.raises(InvalidInput) as found:
+        bounds.check(trajectory, late)
+    return str(found.value)
+
+
+def test_what_keeps_to_all_limits_passes() -> None:
+    peak = 15 / 8 / 2  # of the speed of one radian in two seconds
+    Bounds(limits(velocity=[peak, peak], upper=[1, 1], lower=[-1, -1])).check(rest_to_rest(1, -1))
+
+
+def test_velocity_joint_moment_and_limit_are_named() -> None:
+    """u' = 30 s² (1 - s)² / T reaches half its peak of 15/8 / T at s = (1 - √(1 - √½)) / 2."""
+    half = 15 / 8 / 2 / 2
+    said = complaint(Bounds(limits(velocity=[9, half])), rest_to_rest(1, -1))
+    when = 2 * (1 - np.sqrt(1 - np.sqrt(0.5))) / 2
+    assert said == (
+        f"joint 'elbow' would leave its velocity limit at {when:.3f} s and reach {-2 * half:.4g}; "
+        f"allowed is {-half:.4g}"
+    )
+
+
+def test_the_moment_counts_from_when_the_caller_starts_to_count() -> None:
+    bounds = Bounds(limits(upper=[0.5, 9]))
+    assert "position limit at 1.000 s" in complaint(bounds, rest_to_rest(1, 0))
+    assert "position limit at 1.250 s" in complaint(bounds, rest_to_rest(1, 0), late=0.25)
+
+
+def test_an_overshoot_between_two_allowed_points_is_seen() -> None:
+    hook = [Waypoint(0.0, [0, 0], [0, 0], [0, 0]), Waypoint(1.0, [0.9, 0], [2, 0]),
+            Waypoint(2.0, [0.9, 0], [0, 0])]  # fmt: skip
+    Bounds(limits(upper=[1.3, 1])).check(spline(hook))
+    assert "'shoulder' would leave its position limit at 1." in complaint(
+        Bounds(limits(upper=[1, 1])), spline(hook)
+    )
+
+
+def test_of_several_the_first_in_time_is_named() -> None:
+    both = Bounds(limits(velocity=[0.1, 9], upper=[9, 0.5]))
+    assert "'shoulder' would leave its velocity" in complaint(both, rest_to_rest(1, 1))
+    other = Bounds(limits(velocity=[0.93, 9], upper=[9, 0.01]))
+    assert "'elbow' would leave its position" in complaint(other, rest_to_rest(1, 1))
+
+
+def test_an_arm_beyond_a_position_limit_may_come_back() -> None:
+    away = spline([Waypoint(0.0, [1.2, 0], [0, 0], [0, 0]), Waypoint(1.0, [0.5, 0])])
+    Bounds(limits(upper=[1, 1])).check(away)
+
+
+def test_lines_jump_in_velocity_which_no_acceleration_limit_allows() -> None:
+    lines = spline([Waypoint(0.0, [0, 0], [0, 0], [0, 0]), Waypoint(1.0, [0, 0.1]),
+                    Waypoint(2.0, [0, 0.1])])  # fmt: skip
+    Bounds(FREE).check(lines)
+    said = complaint(Bounds(limits(acceleration=[5, 5])), lines)
+    assert "'elbow' would leave its acceleration limit at 0.000 s and reach inf" in said
+    with pytest.raises(InvalidInput, match="at 1.000 s"):  # it moved like that already
+        Bounds(limits(acceleration=[5, 5])).check(lines, before=np.array([0.0, 0.1]))
+
+
+def test_torque_of_inverse_dynamics_is_held_to_the_effort_limit() -> None:
+    quick = rest_to_rest(0.4, 0.4, time=0.12)
+    Bounds(FREE, ARM).check(rest_to_rest(0.4, 0.4))
+    assert "effort limit" in complaint(Bounds(FREE, ARM), quick)
+    found = [ARM.inverse(*(getattr(quick.sample(t), x) for x in "qva")) for t in
+             np.linspace(0.0, 0.12, 61)[:-1]]  # fmt: skip
+    assert np.any(np.abs(found) > ARM.model.effort_limit)
+
+
+def test_a_margin_widens_velocities_and_not_positions() -> None:
+    peak = 15 / 8 / 2
+    Bounds(limits(velocity=[peak / 1.05] * 2), margin=0.06).check(rest_to_rest(1, 0))
+    complaint(Bounds(limits(velocity=[peak / 1.05] * 2), margin=0.04), rest_to_rest(1, 0))
+    complaint(Bounds(limits(upper=[0.99, 1]), margin=1.0), rest_to_rest(1, 0))
+
+
+def test_the_factor_is_what_time_must_be_stretched_by() -> None:
+    """Speeds go with one over the time, accelerations with one over its square."""
+    peak = 15 / 8 / 2
+    by_speed = Bounds(limits(velocity=[peak / 3, 9]))
+    assert by_speed.factor(rest_to_rest(1, 0)) == pytest.approx(3.0, rel=1e-9)
+    by_rise = Bounds(limits(acceleration=[10 / np.sqrt(3) / 4 / 9, 99]))
+    assert by_rise.factor(rest_to_rest(1, 0)) == pytest.approx(3.0, rel=1e-9)
+    assert Bounds(FREE).factor(rest_to_rest(1, 0)) == 1.0
+
+
+def test_stretched_by_the_torque_factor_the_effort_limit_holds() -> None:
+    bounds, quick = Bounds(FREE, ARM), rest_to_rest(0.4, 0.4, time=0.12)
+    factor = bounds.factor(quick)
+    assert factor > 1.0
+    bounds.check(rest_to_rest(0.4, 0.4, time=0.12 * factor * (1 + ALGEBRA)))
+    complaint(bounds, rest_to_rest(0.4, 0.4, time=0.12 * factor * 0.98))
