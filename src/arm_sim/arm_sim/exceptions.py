@@ -24,3 +24,7 @@ class NotDifferentiable(InvalidInput):
     A state on the edge between two modes, events at the same instant or at the very beginning or
     end of the tick, a contact that is grazed.
     """
+
+
+class ViewError(ArmError):
+    """Something cannot be shown: packages, a browser or a port are missing, or a file is broken."""

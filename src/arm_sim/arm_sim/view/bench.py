@@ -1,0 +1,368 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Simulations to touch: run, pause, step, reset, place, push and pull."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, Protocol
+
+import numpy as np
+
+from arm_dynamics import Dynamics
+from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.arrays import Array
+from arm_dynamics.control.joint_space import GravityCompensation, PDGravity, tuned
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.trajectory.reference import Reference
+from arm_sim.external_wrench import ExternalWrenches
+from arm_sim.state import State
+from arm_sim.view.charts import Chart, Charts
+from arm_sim.view.marks import Instant
+from arm_sim.view.pulse import Pulse
+from arm_sim.view.stage import Actor
+
+if TYPE_CHECKING:
+    import viser
+
+NOTHING, WEIGHT, SLIDERS = "nothing", "its weight is carried", "it goes to the sliders"
+CONTROLS = (NOTHING, WEIGHT, SLIDERS)
+SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")
+AT_ONCE = 0.025  # [s] of this machine's time that ticks may take between two pictures
+MEMORY = 10.0  # [s] that curves go back
+SAMPLED = 0.02  # [s] between points of curves, in simulated time
+CHARTED = 0.25  # [s] between drawings of curves
+EAGER = 4.0  # [rad/s] with which references go to the sliders
+UNLIMITED = {"prismatic": 1.0}  # range of a slider without limits in [m]; others: one turn
+
+
+class Simulated(Protocol):
+    """What a simulation offers to be touched; ``Simulator`` does."""
+
+    n: int
+    joint_names: tuple[str, ...]
+    dt: float
+
+    @property
+    def model(self) -> ArmModel:
+        """The arm."""
+
+    @property
+    def state(self) -> State:
+        """Where it is."""
+
+    @property
+    def dynamics(self) -> Dynamics:
+        """Its dynamics."""
+
+    @property
+    def effort(self) -> Array:
+        """Torques that acted, shape (n,)."""
+
+    def advance(self, tau: Sequence[float]) -> None:
+        """Make a tick."""
+
+    def reset(self) -> State:
+        """Start again."""
+
+    def set_state(self, q: Any = None, v: Any = None) -> State:
+        """Put it somewhere else."""
+
+    def set_parameter(self, name: str, value: Any) -> None:
+        """Change a tunable quantity."""
+
+
+class Rig:
+    """A simulation with what acts on it.
+
+    Args:
+        simulation: The arm; the thread of the page's pulse moves it.
+        look: What there is to see of it now.
+        let_push: Makes ready for pushes from outside; called before the first.
+    """
+
+    def __init__(
+        self, simulation: Simulated, look: Callable[[], Instant], let_push: Callable[[], None]
+    ) -> None:
+        self.simulation, self.look, self._let_push = simulation, look, let_push
+        self.control, self.target = NOTHING, simulation.state.q.copy()
+        self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
+        self._reference = self.target.copy(), np.zeros(simulation.n)
+        self._pushable = self._pushed = False
+        model = simulation.model
+        self._command = CommandMap(model)
+        gains = tuned(simulation.dynamics, 20.0, 1.0, dt=simulation.dt)
+        self._lead = PDGravity(simulation.dynamics, *gains)
+        self._carry = GravityCompensation(simulation.dynamics)
+
+    @property
+    def error(self) -> Array:
+        """How far it is from where it is led to, shape (n,); zeros where nothing leads it."""
+        if self.control != SLIDERS:
+            return np.zeros(self.simulation.n)
+        return np.asarray(self._reference[0] - self.simulation.state.q)
+
+    def choose(self, control: str) -> None:
+        """Choose what moves it."""
+        state = self.simulation.state
+        self.control, self.target = control, state.q.copy()
+        self._reference = state.q.copy(), np.zeros(self.simulation.n)
+
+    def push(self, frame: str, wrench: Array, ticks: int) -> None:
+        """Push a frame for some ticks: force in [N] and moment in [N m], axes of the world."""
+        if not self._pushable:
+            self.wrenches.push(frame, wrench, 0)  # refuses at once what cannot be pushed
+            self._let_push()
+            self._pushable = True
+        self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
+
+    def tick(self) -> None:
+        """Make a tick."""
+        simulation, state = self.simulation, self.simulation.state
+        if self.wrenches.active or self._pushed:
+            torque = self.wrenches.torque(state.q, state.step)
+            simulation.set_parameter("external", torque)
+            self._pushed = bool(self.wrenches.active)
+        simulation.advance(self._commanded(state).tolist())
+
+    def restart(self) -> None:
+        """Start again, without pushes."""
+        self.wrenches.clear()
+        self.simulation.reset()
+        self.choose(self.control)
+
+    def place(self, q: Array) -> None:
+        """Put it elsewhere, at rest."""
+        self.simulation.set_state(q, np.zeros(self.simulation.n))
+        self.choose(self.control)
+
+    def _commanded(self, state: State) -> Array:
+        if self.control == NOTHING:
+            return np.zeros(self.simulation.n)
+        if self.control == WEIGHT:
+            torque = self._carry.torque(state)
+        else:
+            torque = self._lead.torque(state, self._led())
+        return np.asarray(self._command(state.q, state.v, torque))
+
+    def _led(self) -> Reference:
+        """The reference after another tick: it follows the sliders without a jump of speed."""
+        q, v = self._reference
+        a = EAGER**2 * (self.target - q) - 2 * EAGER * v
+        v = v + self.simulation.dt * a
+        q = q + self.simulation.dt * v
+        self._reference = q, v
+        return Reference(q, v, a)
+
+
+class Bench:
+    """The controls of a page that shows simulations.
+
+    Args:
+        server: The page.
+        rigs: The simulations, one for each actor; they share a clock.
+        actors: The arms.
+
+    Attributes:
+        pulse: What moves it.
+        running: Whether time passes.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, rigs: Sequence[Rig], actors: Sequence[Actor]
+    ) -> None:
+        self._server, self.rigs, self._actors = server, tuple(rigs), tuple(actors)
+        self.running, self._owed, self._trouble = False, 0.0, ""
+        self.pulse = Pulse(self._beat, self._complain)
+        gui, order = server.gui, self.pulse.order
+        self._run = gui.add_button("Run")
+        self._run.on_click(lambda _: order(lambda: self.run(not self.running)))
+        step = gui.add_button("Step")
+        self._ticks = gui.add_number("ticks of a step", 1, min=1, max=10000, step=1)
+        step.on_click(lambda _: order(lambda: self.step(int(self._ticks.value))))
+        gui.add_button("Reset").on_click(lambda _: order(self.reset))
+        self._speed = gui.add_dropdown("speed", SPEEDS, "1")
+        control = gui.add_dropdown("what moves it", CONTROLS, NOTHING)
+        control.on_update(lambda _: order(lambda: self._choose(control.value)))
+        self._status = gui.add_markdown("")
+        self._sliders = [
+            self._add_sliders(rig, actor)
+            for rig, actor in zip(self.rigs, self._actors, strict=True)
+        ]
+        for rig, actor in zip(self.rigs, self._actors, strict=True):
+            self._add_push(rig, actor)
+            self._add_pull(rig, actor)
+        size = round(MEMORY / SAMPLED)
+        self._samples: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in self.rigs]
+        self._charts = Charts(server, self._curves())
+        self._charted = 0.0
+        self.draw()
+
+    # --- orders: for the thread of the pulse ---------------------------------------------------
+
+    def run(self, on: bool) -> None:
+        """Let time pass, or stand still."""
+        self.running, self._owed, self._trouble = on, 0.0, ""
+        self._run.label = "Pause" if on else "Run"
+
+    def step(self, ticks: int) -> None:
+        """Make some ticks."""
+        self.run(False)
+        for _ in range(ticks):
+            self._tick()
+        self.draw()
+
+    def reset(self) -> None:
+        """Start again at time zero."""
+        self.run(False)
+        for rig, actor, samples in zip(self.rigs, self._actors, self._samples, strict=True):
+            rig.restart()
+            actor.forget_way()
+            samples.clear()
+        self.draw()
+
+    def draw(self) -> None:
+        """Draw the arms where they are."""
+        with self._server.atomic():
+            for rig, actor in zip(self.rigs, self._actors, strict=True):
+                actor.trail(actor.draw(rig.look()).hand)
+        for rig, sliders in zip(self.rigs, self._sliders, strict=True):
+            if rig.control != SLIDERS:
+                for slider, value in zip(sliders, rig.simulation.state.q.tolist(), strict=True):
+                    slider.value = float(np.clip(value, slider.min, slider.max))
+        state = self.rigs[0].simulation.state
+        going = f"running at {self._speed.value} ×" if self.running else "paused"
+        trouble = f"\n\n**{self._trouble}**" if self._trouble else ""
+        self._status.content = f"t = {state.time:.3f} s, {going}{trouble}"
+        if time.monotonic() - self._charted > CHARTED or not self.running:
+            self._charted = time.monotonic()
+            for chart in self._curves():
+                self._charts.update(chart.title, chart.time, chart.values)
+
+    # --- inside --------------------------------------------------------------------------------
+
+    def _beat(self, passed: float) -> None:
+        if not self.running:
+            return
+        dt = max(rig.simulation.dt for rig in self.rigs)
+        self._owed = min(self._owed + passed * float(self._speed.value), 0.25)
+        until = time.monotonic() + AT_ONCE
+        while self._owed >= dt and time.monotonic() < until:
+            self._owed -= dt
+            self._tick()
+        self.draw()
+
+    def _tick(self) -> None:
+        """All arms by the longest of their ticks."""
+        dt = max(rig.simulation.dt for rig in self.rigs)
+        for rig, samples in zip(self.rigs, self._samples, strict=True):
+            for _ in range(round(dt / rig.simulation.dt)):
+                rig.tick()
+            now = rig.simulation.state.time
+            if not samples or now - samples[-1][0] >= SAMPLED - 1e-9:
+                samples.append((now, _sample(rig)))
+
+    def _choose(self, control: str) -> None:
+        for rig in self.rigs:
+            rig.choose(control)
+        self.draw()
+
+    def _complain(self, trouble: str) -> None:
+        self.run(False)
+        self._trouble = trouble
+        self.draw()
+
+    def _curves(self) -> list[Chart]:
+        """Torques, errors and energies of the last seconds."""
+        charts = []
+        for rig, actor, samples in zip(self.rigs, self._actors, self._samples, strict=True):
+            n, names = rig.simulation.n, rig.simulation.joint_names
+            title = f"{actor.name}: " if len(self.rigs) > 1 else ""
+            time = np.array([t for t, _ in samples])
+            values = np.array([row for _, row in samples]).reshape(-1, 2 * n + 3)
+            charts += [
+                Chart(f"{title}torque [N m]", names, time, values[:, :n]),
+                Chart(f"{title}error [rad]", names, time, values[:, n : 2 * n]),
+                Chart(
+                    f"{title}energy [J]", ("kinetic", "potential", "both"), time,
+                    values[:, 2 * n :],
+                ),
+            ]  # fmt: skip
+        return charts
+
+    def _add_sliders(self, rig: Rig, actor: Actor) -> list[Any]:
+        model, q, sliders = rig.simulation.model, rig.simulation.state.q, []
+        kinds = zip(model.joint_names, model.joint_types, strict=True)
+        with self._server.gui.add_folder(f"Joints of {actor.name}"):
+            for i, (name, kind) in enumerate(kinds):
+                wide = UNLIMITED.get(kind, np.pi)
+                low = max(model.position_lower[i], min(-wide, q[i]))
+                high = min(model.position_upper[i], max(wide, q[i]))
+                slider = self._server.gui.add_slider(
+                    name, float(low), float(high), (float(high) - float(low)) / 2000, float(q[i])
+                )
+                slider.on_update(
+                    lambda event, i=i: event.client
+                    and self.pulse.order(lambda: self._slide(rig, i, event.target.value))
+                )
+                sliders.append(slider)
+        return sliders
+
+    def _slide(self, rig: Rig, joint: int, value: float) -> None:
+        """Lead the arm to where a slider is, or put it there while time stands still."""
+        if rig.control == SLIDERS:
+            rig.target[joint] = value
+        elif not self.running:
+            q = rig.simulation.state.q.copy()
+            q[joint] = value
+            rig.place(q)
+            self.draw()
+
+    def _add_push(self, rig: Rig, actor: Actor) -> None:
+        gui, model = self._server.gui, rig.simulation.model
+        frames = [frame.name for frame in model.pin.frames if frame.parentJoint > 0]
+        hand = actor.marker.hand
+        with gui.add_folder(f"Push {actor.name}", expand_by_default=False):
+            frame = gui.add_dropdown("frame", frames, hand)
+            force = gui.add_vector3("force [N]", (0.0, 20.0, 0.0), step=1.0)
+            lasting = gui.add_number("for [s]", 0.2, min=0.001, max=60.0, step=0.05)
+
+            def push() -> None:
+                ticks = max(1, round(lasting.value / rig.simulation.dt))
+                rig.push(frame.value, np.array([*force.value, 0.0, 0.0, 0.0]), ticks)
+
+            gui.add_button("Push").on_click(lambda _: self.pulse.order(push))
+
+    def _add_pull(self, rig: Rig, actor: Actor) -> None:
+        """A link that the mouse drags is pulled, as by a spring, at the point that it holds."""
+        stiffness = 2.0 * 9.81 * rig.simulation.model.total_mass / actor.size
+        frames = set(rig.simulation.model.frame_names)
+
+        def pull(frame: str, held: Array, mouse: Array) -> None:
+            actor.marker.at(rig.look())
+            force = stiffness * (mouse - held)
+            moment = np.cross(held - actor.base - actor.marker.origin(frame), force)
+            rig.push(frame, np.concatenate([force, moment]), 2**62)
+
+        def dragged(frame: str) -> Callable[[Any], Any]:
+            async def on_drag(event: Any) -> None:  # in order, as plain functions would not be
+                if event.phase == "end":
+                    self.pulse.order(rig.wrenches.clear)
+                    return
+                ends = np.array(event.start_position), np.array(event.end_position)
+                self.pulse.order(lambda: pull(frame, *ends))
+
+            return on_drag
+
+        for frame, link in actor.links:
+            if frame in frames:
+                link.on_drag(dragged(frame))
+
+
+def _sample(rig: Rig) -> Array:
+    """Torques, errors and energies now, shape (2n + 3,)."""
+    state = rig.simulation.state
+    kinetic, potential = rig.simulation.dynamics.energy(state.q, state.v)
+    energies = [kinetic, potential, kinetic + potential]
+    return np.concatenate([rig.simulation.effort, rig.error, energies])

@@ -1,0 +1,106 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Curves beside the arm: torques, errors, energies."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+
+if TYPE_CHECKING:
+    import viser
+
+COLOURS = (
+    "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f",
+    "#bcbd22", "#17becf",
+)  # fmt: skip
+POINTS = 1200  # of a curve
+
+
+@dataclass(frozen=True)
+class Chart:
+    """Curves over time.
+
+    Attributes:
+        title: What they show, with the unit.
+        names: Of the curves.
+        time: In [s], shape (k,).
+        values: Shape (k, curves).
+    """
+
+    title: str
+    names: tuple[str, ...]
+    time: Array
+    values: Array
+
+
+def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
+    """Fewer points of curves, with each least and greatest value kept.
+
+    Of every stretch of time each curve keeps its minimum and its maximum, in their order.
+
+    Args:
+        time: Shape (k,).
+        values: Shape (k, m).
+        points: How many are to be left at most.
+
+    Returns:
+        Times and values.
+    """
+    stretches = points // 2
+    if len(time) <= points:
+        return time, values
+    edges = np.linspace(0, len(time), stretches + 1).astype(int)
+    times, rows = np.empty(2 * stretches), np.empty((2 * stretches, values.shape[1]))
+    columns = np.arange(values.shape[1])
+    for i, (a, b) in enumerate(zip(edges[:-1], edges[1:], strict=True)):
+        part = values[a:b]
+        ends = np.sort([part.argmin(axis=0), part.argmax(axis=0)], axis=0)
+        times[2 * i : 2 * i + 2] = time[a], time[(a + b) // 2]
+        rows[2 * i : 2 * i + 2] = part[ends, columns]
+    return times, rows
+
+
+class Charts:
+    """Tabs with curves in a panel of the page."""
+
+    def __init__(self, server: viser.ViserServer, charts: Sequence[Chart]) -> None:
+        """Draw them; there may be none."""
+        self._handles = {}
+        if not charts:
+            return
+        panel = server.gui.add_panel()
+        for chart in charts:
+            with panel.add_tab(chart.title):
+                self._handles[chart.title] = server.gui.add_uplot(
+                    _columns(chart.time, chart.values), _series(chart.names),
+                    scales={"x": {"time": False, "auto": True}, "y": {"auto": True}},
+                    axes=({"label": "time [s]"}, {"label": chart.title}),
+                    legend={"show": True}, aspect=1.25,
+                )  # fmt: skip
+        panel.dock_left()
+        panel.set_width(380)
+
+    def update(self, title: str, time: Array, values: Array) -> None:
+        """Draw other curves of the same names."""
+        self._handles[title].data = _columns(time, values)
+
+
+def _columns(time: Array, values: Array) -> tuple[Array, ...]:
+    x, rows = thinned(np.asarray(time, dtype=float), np.asarray(values, dtype=float))
+    if not len(x):  # the library draws nothing of no points
+        x, rows = np.zeros(1), np.zeros((1, values.shape[1]))
+    return (np.ascontiguousarray(x), *map(np.ascontiguousarray, rows.T))
+
+
+def _series(names: Sequence[str]) -> tuple[dict[str, object], ...]:
+    curves = [
+        {"label": name, "stroke": COLOURS[i % len(COLOURS)], "width": 1.5,
+         "points": {"show": False}}
+        for i, name in enumerate(names)
+    ]  # fmt: skip
+    return ({"label": "t"}, *curves)

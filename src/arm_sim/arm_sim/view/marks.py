@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Where joints, forces, springs and touched stops are at an instant, by Pinocchio, as numbers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations.constraint import across
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.constraint_rows import ConstraintRows
+from arm_dynamics.scene.constraint import (
+    WORLD,
+    CouplingConstraint,
+    DistanceConstraint,
+    FrameBased,
+    LineConstraint,
+    PlaneConstraint,
+    RollingConstraint,
+)
+
+_NONE = np.zeros((0, 2, 3))
+
+
+@dataclass(frozen=True)
+class Instant:
+    """What there is to see of an arm at one instant.
+
+    Attributes:
+        time: In [s].
+        q: Joint positions in [rad] or [m], shape (n,).
+        contacts: Points in the world in [m] and forces on the arm there in [N], shape (k, 2, 3).
+        multipliers: λ of the constraints, shape (m,); empty where they are not known.
+        stop_torque: Torques of stops in [N m] or [N], shape (n,); empty where they are not known.
+    """
+
+    time: float
+    q: Array
+    contacts: Array = field(default_factory=_NONE.copy)
+    multipliers: Array = field(default_factory=lambda: np.zeros(0))
+    stop_torque: Array = field(default_factory=lambda: np.zeros(0))
+
+
+@dataclass(frozen=True)
+class Marks:
+    """Where things are in the world, in [m].
+
+    Attributes:
+        position: Of Pinocchio's joints, the world first, shape (k, 3).
+        rotation: Of their axes as quaternions w, x, y, z, shape (k, 4).
+        hand: Where the hand is, shape (3,).
+        contacts: Points and forces in [N] there, shape (c, 2, 3).
+        constraints: The same of constraints between frames, on the first one, shape (r, 2, 3).
+        springs: Both ends of each spring between points, shape (s, 2, 3).
+        stops: Joints that are at a stop, shape (t, 3).
+    """
+
+    position: Array
+    rotation: Array
+    hand: Array
+    contacts: Array
+    constraints: Array
+    springs: Array
+    stops: Array
+
+
+class Marker:
+    """Finds the marks of an arm; for one thread.
+
+    Args:
+        model: The arm.
+        hand: Frame whose way is shown; None for the one that the longest chain carries farthest
+            out.
+
+    Attributes:
+        model: The arm.
+        hand: Name of that frame.
+    """
+
+    def __init__(self, model: ArmModel, hand: str | None = None) -> None:
+        self.model, self._data = model, model.pin.createData()
+        self.hand = outermost(model) if hand is None else hand
+        self._hand = model.pin.getFrameId(self.hand)
+        self._rows = ConstraintRows(model) if model.scene.bilateral else None
+
+    def at(self, instant: Instant) -> Marks:
+        """Where everything is at an instant."""
+        model, data, q = self.model.pin, self._data, np.asarray(instant.q, dtype=float)
+        pin.framesForwardKinematics(model, data, self.model.configuration(q))
+        turns = [pin.Quaternion(place.rotation).coeffs() for place in data.oMi]
+        springs = [
+            [self._point(*end) for end in zip(spring.frames, spring.points, strict=True)]
+            for spring in self.model.springs.points
+        ]
+        stopped = self.model.stops.touched(q)
+        if len(instant.stop_torque):
+            stopped = stopped & (instant.stop_torque != 0.0)
+        joints = [model.getJointId(self.model.joint_names[i]) for i in np.flatnonzero(stopped)]
+        return Marks(
+            np.array([place.translation for place in data.oMi]),
+            np.roll(np.array(turns), 1, axis=1),
+            data.oMf[self._hand].translation.copy(),
+            np.asarray(instant.contacts, dtype=float),
+            self._constraint_forces(instant.multipliers),
+            np.array(springs) if springs else _NONE,
+            np.array([data.oMi[joint].translation for joint in joints]).reshape(-1, 3),
+        )
+
+    def origin(self, frame: str) -> Array:
+        """Where a frame was when ``at`` was last called, shape (3,)."""
+        index = self.model.pin.getFrameId(frame)
+        return np.asarray(self._data.oMf[index].translation.copy())
+
+    def path(self, q: Iterable[Array]) -> Array:
+        """Where the hand is at joint positions, shape (k, 3)."""
+        model, data, places = self.model.pin, self._data, []
+        for row in q:
+            pin.forwardKinematics(model, data, self.model.configuration(np.asarray(row)))
+            places.append(pin.updateFramePlacement(model, data, self._hand).translation.copy())
+        return np.array(places).reshape(-1, 3)
+
+    def _point(self, frame: str, point: Sequence[float]) -> Array:
+        place = self._data.oMf[0 if frame == WORLD else self.model.pin.getFrameId(frame)]
+        return np.asarray(place.act(np.array(point)))
+
+    def _constraint_forces(self, multipliers: Array) -> Array:
+        """Points and forces on the first frame of each constraint, shape (r, 2, 3).
+
+        The power of λ is that of the force: λ·A q̇ = f·u̇ with u the first point as seen from the
+        second frame. λ acts against the motion, see ``Dynamics.constrained_forward``.
+        """
+        if self._rows is None or not len(multipliers):
+            return _NONE
+        first, marks = 0, []
+        for constraint, count in zip(self._rows.constraints, self._rows.counts, strict=True):
+            own = multipliers[first : first + count]
+            first += count
+            if isinstance(constraint, CouplingConstraint):
+                continue
+            (a, b), (p, r) = constraint.frames, constraint.points
+            point, other = self._point(a, p), self._point(b, r)
+            R = self._data.oMf[0 if b == WORLD else self.model.pin.getFrameId(b)].rotation
+            pull = _slope(constraint, R.T @ (point - other))
+            marks.append([point, -R @ (pull.T @ own[: len(pull)])])
+        return np.array(marks).reshape(-1, 2, 3)
+
+
+def _slope(constraint: FrameBased, u: Array) -> Array:
+    """How the rows of a constraint that are about places change with u, shape (k, 3)."""
+    if isinstance(constraint, LineConstraint):
+        return np.asarray(across(constraint.direction))
+    if isinstance(constraint, PlaneConstraint):
+        return np.array([constraint.normal])
+    if isinstance(constraint, DistanceConstraint):
+        return u[None] / constraint.distance
+    if isinstance(constraint, RollingConstraint):
+        return np.asarray(across(constraint.normal))
+    return np.eye(3)  # a point, or the first rows of a weld
+
+
+def outermost(model: ArmModel) -> str:
+    """The link that the last joint of the longest chain carries farthest out."""
+    tree = model.pin
+    depth = [0] * tree.njoints
+    for i in range(1, tree.njoints):
+        depth[i] = depth[tree.parents[i]] + 1
+
+    def outward(frame: Any) -> tuple[int, float]:
+        return depth[frame.parentJoint], float(np.linalg.norm(frame.placement.translation))
+
+    links = [frame for frame in tree.frames if frame.type == pin.FrameType.BODY]
+    return str(max(links, key=outward).name)

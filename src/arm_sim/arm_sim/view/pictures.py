@@ -1,0 +1,163 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Pictures of a page without a screen: a browser without a window draws them."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import shutil
+import subprocess
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from arm_sim.exceptions import ViewError
+from arm_sim.view.server import address
+
+if TYPE_CHECKING:
+    import viser
+
+BROWSERS = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
+HOW_TO_GET_ONE = (
+    "install one (Debian: sudo apt install chromium; Ubuntu: sudo snap install chromium), or name "
+    "one in ARM_BROWSER"
+)
+DRAWING = (  # without a graphics card, too
+    "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
+    "--hide-scrollbars", "--disable-dev-shm-usage",
+)  # fmt: skip
+PATIENCE = 60.0  # [s] for the page, and for each picture
+SETTLED = 1.5  # [s] in which a browser reads meshes
+
+
+def browser() -> str:
+    """A browser that can draw.
+
+    Raises:
+        ViewError: If none is found.
+    """
+    named = os.environ.get("ARM_BROWSER")
+    if named and not shutil.which(named):
+        raise ViewError(f"ARM_BROWSER = {named!r} is no program; a Chromium is expected")
+    found = named or next((path for path in map(shutil.which, BROWSERS) if path), None)
+    if found is None:
+        raise ViewError(f"no browser for pictures: none of {', '.join(BROWSERS)}; {HOW_TO_GET_ONE}")
+    return found
+
+
+@contextlib.contextmanager
+def page_in_browser(url: str, size: tuple[int, int]) -> Iterator[Any]:
+    """A page in a browser without a window, as playwright has it.
+
+    Args:
+        url: What to open.
+        size: Width and height in pixels.
+
+    Raises:
+        ViewError: If there is no browser, or it does not start.
+    """
+    program = browser()
+    from playwright.sync_api import Error, sync_playwright
+
+    root = hasattr(os, "geteuid") and os.geteuid() == 0  # whom Chromium's sandbox does not take
+    arguments = [*DRAWING, *(["--no-sandbox"] if root else [])]
+    width, height = size
+    with sync_playwright() as playwright:
+        try:
+            opened = playwright.chromium.launch(executable_path=program, args=arguments)
+        except Error as error:
+            raise ViewError(f"{program} does not start: {error.message.splitlines()[0]}") from None
+        try:
+            page = opened.new_page(viewport={"width": width, "height": height})
+            page.goto(url)
+            yield page
+        finally:
+            opened.close()
+
+
+@contextlib.contextmanager
+def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
+    """Something that takes pictures of what a server shows: a function without arguments.
+
+    It returns a picture as an array of bytes, shape (height, width, 3).
+    """
+    known = set(server.get_clients())
+    with page_in_browser(address(server), size) as page:
+        for _ in range(round(PATIENCE / 0.1)):
+            if arrived := set(server.get_clients()) - known:
+                break
+            page.wait_for_timeout(100)
+        else:
+            raise ViewError(f"the page did not open within {PATIENCE:g} s")
+        client = server.get_clients()[arrived.pop()]
+        page.wait_for_timeout(1000 * SETTLED)
+        width, height = size
+
+        def shoot() -> Any:
+            try:
+                return client.get_render(height, width, timeout=PATIENCE)[..., :3]
+            except (TimeoutError, RuntimeError) as error:
+                raise ViewError(f"the browser gave no picture: {error}") from None
+
+        shoot()  # what has not been read by now is waited for by the first
+        yield shoot
+
+
+def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
+    """Write pictures as a film.
+
+    Args:
+        path: Of the file; .gif or .mp4.
+        pictures: Arrays of bytes, shape (height, width, 3).
+        rate: How many are shown in a second.
+
+    Raises:
+        ViewError: If the format is unknown, or ffmpeg is missing or fails.
+    """
+    if path.suffix == ".gif":
+        _write_gif(path, pictures, rate)
+    elif path.suffix == ".mp4":
+        _write_mp4(path, pictures, rate)
+    else:
+        raise ViewError(f"'{path}': films are .gif or .mp4")
+
+
+def _write_gif(path: Path, pictures: Iterable[Any], rate: float) -> None:
+    """One palette for all, so that what stands still is not stored again and does not flicker."""
+    from PIL import Image
+
+    frames = [Image.fromarray(picture) for picture in pictures]
+    height = frames[0].height
+    sample = Image.new("RGB", (frames[0].width, 3 * height))
+    for i, k in enumerate((0, len(frames) // 2, -1)):
+        sample.paste(frames[k], (0, i * height))
+    palette = sample.quantize(128, dither=Image.Dither.NONE)
+    drawn = [frame.quantize(palette=palette, dither=Image.Dither.NONE) for frame in frames]
+    drawn[0].save(
+        path, save_all=True, append_images=drawn[1:], duration=max(20, round(1000 / rate)),
+        loop=0, optimize=True,
+    )  # fmt: skip
+
+
+def _write_mp4(path: Path, pictures: Iterable[Any], rate: float) -> None:
+    program = shutil.which("ffmpeg")
+    if program is None:
+        raise ViewError(
+            f"'{path}': .mp4 needs ffmpeg (Debian, Ubuntu: sudo apt install ffmpeg); .gif does not"
+        )
+    frames = iter(pictures)
+    first = next(frames)
+    height, width = first.shape[:2]
+    command = [
+        program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
+        "-s", f"{width}x{height}", "-r", f"{rate:g}", "-i", "-", "-pix_fmt", "yuv420p",
+        "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2", str(path),
+    ]  # fmt: skip
+    coder = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+    assert coder.stdin is not None
+    with contextlib.suppress(BrokenPipeError):
+        for frame in (first, *frames):
+            coder.stdin.write(frame.tobytes())
+    _, said = coder.communicate()
+    if coder.returncode:
+        raise ViewError(f"'{path}': ffmpeg failed: {said.decode(errors='replace').strip()}")

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays motions: to and fro in time, at any speed, over and over."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_sim.view.charts import Charts
+from arm_sim.view.film import Film
+from arm_sim.view.pulse import Pulse
+from arm_sim.view.stage import Actor
+
+if TYPE_CHECKING:
+    import viser
+
+SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
+WAY_POINTS = 1500  # of the way of a hand
+
+
+class Player:
+    """The controls of a page that shows motions.
+
+    Args:
+        server: The page.
+        films: The motions, one for each actor; they begin together.
+        actors: The arms.
+
+    Attributes:
+        pulse: What moves it.
+        time: Time in [s] of what is drawn.
+        begin: Where the motions begin.
+        end: Where the longest ends.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, films: Sequence[Film], actors: Sequence[Actor]
+    ) -> None:
+        self._server, self._pairs = server, tuple(zip(films, actors, strict=True))
+        self.begin = min(float(film.time[0]) for film in films)
+        self.end = max(float(film.time[-1]) for film in films)
+        self.time, self._playing = self.begin, False
+        self.pulse = Pulse(self._beat, self._say)
+        gui = server.gui
+        step = max((self.end - self.begin) / 20000, 1e-3)
+        self._slider = gui.add_slider(
+            "time [s]", self.begin, max(self.end, self.begin + step), step, self.begin
+        )
+        self._button = gui.add_button("Play")
+        self._speed = gui.add_dropdown("speed", SPEEDS, "1")
+        self._loop = gui.add_checkbox("loop", True)
+        self._status = gui.add_markdown("")
+        self._button.on_click(lambda _: self.pulse.order(self._toggle))
+        self._slider.on_update(
+            lambda event: event.client and self.pulse.order(lambda: self.seek(self._slider.value))
+        )
+        Charts(server, [chart for film in films for chart in film.charts])
+        for film, actor in self._pairs:
+            rows = np.unique(np.linspace(0, len(film.time) - 1, WAY_POINTS).astype(int))
+            actor.show_path(actor.marker.path(film.q[rows]))
+        self.seek(self.begin)
+
+    def play(self, on: bool = True) -> None:
+        """Begin or stop to play; for the thread of the pulse."""
+        if on and self.time >= self.end:
+            self.seek(self.begin)
+        self._playing = on
+        self._button.label = "Pause" if on else "Play"
+
+    def seek(self, time: float) -> None:
+        """Draw a time in [s]; for the thread of the pulse."""
+        self.time = min(max(time, self.begin), self.end)
+        with self._server.atomic():
+            for film, actor in self._pairs:
+                actor.draw(film.at(self.time))
+        self._slider.value = self.time
+        self._say("")
+
+    def _toggle(self) -> None:
+        self.play(not self._playing)
+
+    def _beat(self, passed: float) -> None:
+        if not self._playing:
+            return
+        time = self.time + passed * float(self._speed.value)
+        if time < self.end:
+            self.seek(time)
+        elif self._loop.value and self.end > self.begin:
+            self.seek(self.begin)
+        else:
+            self.seek(self.end)
+            self.play(False)
+
+    def _say(self, trouble: str) -> None:
+        text = f"t = {self.time:.3f} s of {self.end:.3f} s"
+        self._status.content = f"{text}\n\n**{trouble}**" if trouble else text

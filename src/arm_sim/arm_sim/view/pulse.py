@@ -1,0 +1,73 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The thread that moves what a page shows, and the orders that the page gives it."""
+
+from __future__ import annotations
+
+import logging
+import queue
+import threading
+import time
+from collections.abc import Callable
+
+from arm_dynamics.exceptions import ArmError
+
+RATE = 60.0  # [Hz] at which pictures change at most
+
+_log = logging.getLogger(__name__)
+
+
+class Pulse:
+    """Calls ``beat`` at most sixty times a second, and between two calls what the page ordered.
+
+    So what a page shows is touched by one thread only.
+
+    Args:
+        beat: Called with the time in [s] since the last call.
+        on_error: Told what an order was refused with.
+    """
+
+    def __init__(self, beat: Callable[[float], None], on_error: Callable[[str], None]) -> None:
+        self._beat, self._on_error = beat, on_error
+        self._orders: queue.SimpleQueue[Callable[[], object]] = queue.SimpleQueue()
+        self._ended = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="arm view", daemon=True)
+
+    def start(self) -> None:
+        """Begin."""
+        self._thread.start()
+
+    def order(self, action: Callable[[], object]) -> None:
+        """Have something done before the next beat; for any thread."""
+        self._orders.put(action)
+
+    def stop(self) -> None:
+        """End, and wait until it has ended."""
+        self._ended.set()
+        if self._thread.is_alive() and self._thread is not threading.current_thread():
+            self._thread.join(timeout=5.0)
+
+    def wait(self, seconds: float | None = None) -> None:
+        """Wait for the end."""
+        self._ended.wait(seconds)
+
+    def _run(self) -> None:
+        last = time.monotonic()
+        while not self._ended.is_set():
+            now = time.monotonic()
+            self._guarded(self._serve)
+            self._guarded(lambda passed=now - last: self._beat(passed))
+            last = now
+            self._ended.wait(max(0.0, now + 1.0 / RATE - time.monotonic()))
+
+    def _serve(self) -> None:
+        while not self._orders.empty():
+            self._guarded(self._orders.get())
+
+    def _guarded(self, action: Callable[[], object]) -> None:
+        try:
+            action()
+        except ArmError as error:
+            self._on_error(str(error))
+        except Exception as error:  # a page that stands still would not say why
+            _log.exception("the view met a failure")
+            self._on_error(f"{type(error).__name__}: {error}")

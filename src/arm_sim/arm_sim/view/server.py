@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The page's server: on this machine unless told otherwise, and with nothing but the page."""
+
+from __future__ import annotations
+
+import contextlib
+import logging
+import socket
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Any
+
+from arm_sim.exceptions import ViewError
+
+if TYPE_CHECKING:
+    import viser
+
+HERE = "127.0.0.1"
+PORT = 8080
+TRIED = 50  # ports after the usual one
+
+_log = logging.getLogger(__name__)
+
+
+def library() -> Any:
+    """The library that draws.
+
+    Raises:
+        ViewError: If it is not installed.
+    """
+    try:
+        import viser
+    except ModuleNotFoundError as error:
+        raise ViewError(
+            f"Python finds no module '{error.name}': the view needs the packages of "
+            "requirements-view.txt; './arm setup view' installs them, or pip install viser==1.1.1 "
+            "pycollada==0.9.3 playwright==1.65.0"
+        ) from None
+    return viser
+
+
+def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.ViserServer:
+    """Serve an empty page.
+
+    Args:
+        label: Heading of its panel.
+        host: Address to listen at; ``0.0.0.0`` lets every machine of the network look and steer.
+        port: Port; None for 8080 or the next one that is free, which is said.
+
+    Raises:
+        ViewError: If the library is missing, or the address or port cannot be used.
+    """
+    viser, chosen = library(), _free_port(host, port)
+    with _silent():
+        server: viser.ViserServer = viser.ViserServer(
+            host=host, port=chosen, label=label, verbose=False
+        )
+    if server.get_port() != chosen:
+        close_server(server)
+        raise ViewError(f"port {chosen} of {host} was taken by somebody else just now; try again")
+    # The library can let the whole world in through a tunnel, for whoever asks the page to.
+    server.request_share_url = lambda verbose=True: None
+    server.gui.configure_theme(show_share_button=False, show_logo=False)
+    return server
+
+
+def close_server(server: viser.ViserServer) -> None:
+    """End a server without a word."""
+    with _silent():
+        server.stop()
+
+
+def address(server: viser.ViserServer) -> str:
+    """What a browser is to open."""
+    host = server.get_host()
+    return f"http://{'localhost' if host == '0.0.0.0' else host}:{server.get_port()}"
+
+
+def _free_port(host: str, port: int | None) -> int:
+    if port is not None and not 0 <= port <= 65535:
+        raise ViewError(f"port = {port}; allowed are 1 to 65535, and 0 for any that is free")
+    first = PORT if port is None else port
+    for candidate in range(first, first + (TRIED if port is None else 1)):
+        try:
+            with socket.socket() as trial:
+                trial.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+                trial.bind((host, candidate))
+                found = int(trial.getsockname()[1])
+        except OSError as error:
+            trouble = error
+            continue
+        if found != first and first:
+            _log.warning("port %d is taken; the view is at port %d", first, found)
+        return found
+    if port is None:
+        raise ViewError(f"none of the ports {first} to {first + TRIED - 1} of {host} is free")
+    raise ViewError(f"port {port} of {host} cannot be used: {trouble.strerror or trouble}")
+
+
+@contextlib.contextmanager
+def _silent() -> Iterator[None]:
+    """Keep the library from printing tables of its own; other threads' words are kept meanwhile.
+
+    It prints through rich's common console, which nobody else of the suite uses.
+    """
+    import rich
+
+    console = rich.get_console()
+    before, console.quiet = console.quiet, True
+    try:
+        yield
+    finally:
+        console.quiet = before

@@ -1,0 +1,263 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What to draw of a robot: the visuals of its URDF, else capsules that have its links' inertia."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+from xml.etree import ElementTree
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.model.robot import Robot
+from arm_dynamics.scene.load import find_file
+
+_log = logging.getLogger(__name__)
+
+type Colour = tuple[float, float, float, float]
+"""Red, green, blue and opacity, 0 to 1."""
+
+METAL: Colour = (0.72, 0.74, 0.78, 1.0)
+LOAD: Colour = (0.93, 0.55, 0.15, 1.0)
+SURFACE: Colour = (0.45, 0.6, 0.75, 0.35)
+TOUCH: Colour = (0.15, 0.35, 0.6, 1.0)
+LOAD_DENSITY = 1000.0  # [kg/m³] of the balls that stand for payloads
+THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, of the robot's reach
+
+
+@dataclass(frozen=True)
+class Mesh:
+    """A file of triangles, scaled; colours and textures are the file's own."""
+
+    path: Path
+    scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box about its middle, of ``size`` in [m]."""
+
+    size: tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Cylinder:
+    """A cylinder about its middle, along z, in [m]; with ``rounded`` ends it is a capsule."""
+
+    radius: float
+    length: float
+    rounded: bool = False
+
+
+@dataclass(frozen=True)
+class Sphere:
+    """A ball of a radius in [m]."""
+
+    radius: float
+
+
+type Shape = Mesh | Box | Cylinder | Sphere
+
+
+@dataclass(frozen=True)
+class Visual:
+    """A shape that is fixed to what a joint carries.
+
+    Attributes:
+        name: What it shows: a link, a payload, a plane.
+        joint: Number of Pinocchio's joint that carries it; 0 is the world.
+        placement: Where it is in the joint's frame.
+        shape: What it is.
+        colour: Its colour; None for the file's own, or none at all.
+    """
+
+    name: str
+    joint: int
+    placement: pin.SE3
+    shape: Shape
+    colour: Colour | None = None
+
+
+def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
+    """All that is drawn of a robot and stays as it is: links, payloads, planes and balls.
+
+    A mesh that is not found is told, and its link is drawn as a capsule.
+
+    Args:
+        robot: The robot.
+        folder: Where meshes with relative names are; None for the present one.
+    """
+    links = list(_described(robot, folder or Path.cwd()))
+    drawn = {visual.joint for visual in links}
+    bare = [joint for joint in range(1, robot.pin.njoints) if joint not in drawn]
+    return (*links, *capsules_of(robot, bare), *_payloads(robot), *_contacts(robot))
+
+
+def reach(robot: Robot) -> float:
+    """A length that suits the robot in [m]: how far its farthest joint or frame may be."""
+    model = robot.pin
+    far = np.zeros(model.njoints)
+    for i in range(1, model.njoints):
+        far[i] = far[model.parents[i]] + np.linalg.norm(model.jointPlacements[i].translation)
+    ends = [
+        far[frame.parentJoint] + np.linalg.norm(frame.placement.translation)
+        for frame in model.frames
+    ]
+    bodies = [
+        far[i] + np.linalg.norm(model.inertias[i].lever) for i in range(1, model.njoints)
+    ]
+    return float(max([*ends, *bodies])) or 1.0
+
+
+# --- the URDF's visuals --------------------------------------------------------------------------
+
+
+def _described(robot: Robot, folder: Path) -> Iterable[Visual]:
+    root = ElementTree.fromstring(robot.scene.robot.urdf.encode())
+    colours = {
+        material.get("name"): _colour(material, {}) for material in root.findall("material")
+    }
+    for link in root.findall("link"):
+        name = str(link.get("name"))
+        frame = robot.pin.frames[robot.pin.getFrameId(name, pin.FrameType.BODY)]
+        for visual in link.findall("visual"):
+            try:
+                shape = _shape(visual.find("geometry"), folder)
+                placement = frame.placement * _origin(visual.find("origin"))
+                colour = _colour(visual.find("material"), colours)
+            except (SceneError, ValueError) as error:
+                _log.warning("link '%s' is drawn without one of its visuals: %s", name, error)
+                continue
+            yield Visual(name, frame.parentJoint, placement, shape, colour)
+
+
+def _shape(geometry: ElementTree.Element | None, folder: Path) -> Shape:
+    element = geometry[0] if geometry is not None and len(geometry) else None
+    if element is None:
+        raise ValueError("its <geometry> is empty")
+    numbers = {key: element.get(key, "") for key in ("radius", "length", "size", "scale")}
+    if element.tag == "mesh":
+        scale = _three(numbers["scale"] or "1 1 1")
+        return Mesh(find_file(element.get("filename", ""), folder), scale)
+    if element.tag == "box":
+        return Box(_three(numbers["size"]))
+    if element.tag in ("cylinder", "capsule"):
+        rounded = element.tag == "capsule"
+        return Cylinder(float(numbers["radius"]), float(numbers["length"]), rounded)
+    if element.tag == "sphere":
+        return Sphere(float(numbers["radius"]))
+    raise ValueError(f"<{element.tag}>; allowed: mesh, box, cylinder, capsule, sphere")
+
+
+def _three(text: str) -> tuple[float, float, float]:
+    x, y, z = map(float, text.split())
+    return x, y, z
+
+
+def _origin(element: ElementTree.Element | None) -> pin.SE3:
+    if element is None:
+        return pin.SE3.Identity()
+    turn = pin.rpy.rpyToMatrix(*_three(element.get("rpy", "0 0 0")))
+    return pin.SE3(turn, np.array(_three(element.get("xyz", "0 0 0"))))
+
+
+def _colour(
+    material: ElementTree.Element | None, named: dict[str | None, Colour | None]
+) -> Colour | None:
+    if material is None:
+        return None
+    element = material.find("color")
+    if element is None:
+        return named.get(material.get("name"))
+    r, g, b, a = map(float, element.get("rgba", "").split())
+    return r, g, b, a
+
+
+# --- links without visuals ------------------------------------------------------------------------
+
+
+def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
+    """What joints carry as capsules of the same inertia, and thin ones on to the next joints.
+
+    A cylinder of mass m, radius r and length l has m r²/2 about its axis and m (3 r² + l²)/12
+    across (Goldstein, Classical Mechanics, section 5.3); these are solved for r and l, the mean of
+    the larger two moments taken for the one across, and the ends are rounded.
+
+    Args:
+        robot: The robot.
+        joints: Pinocchio's numbers of the joints.
+    """
+    model, size = robot.bare, reach(robot)
+    visuals = []
+    for joint in joints:
+        body, name = model.inertias[joint], model.names[joint]
+        if body.mass > 0.0:
+            visuals.append(Visual(name, joint, *_capsule(body, size), METAL))
+        ways = [
+            model.jointPlacements[child].translation
+            for child in range(1, model.njoints)
+            if model.parents[child] == joint
+        ]
+        for way in ways or [body.lever]:
+            if (length := float(np.linalg.norm(way))) > THIN * size:
+                placement = pin.SE3(_along(way), way / 2)
+                bone = Cylinder(THIN * size, length, rounded=True)
+                visuals.append(Visual(name, joint, placement, bone, METAL))
+    return visuals
+
+
+def _capsule(body: pin.Inertia, size: float) -> tuple[pin.SE3, Cylinder]:
+    moments, axes = np.linalg.eigh(body.inertia)
+    along, across = max(float(moments[0]), 0.0), float(moments[1:].mean())
+    radius = np.sqrt(2 * along / body.mass)
+    length = np.sqrt(max(12 * across / body.mass - 3 * radius**2, 0.0))
+    radius = float(np.clip(radius, THIN * size, THICK * size))
+    return pin.SE3(_along(axes[:, 0]), body.lever), Cylinder(radius, float(length), rounded=True)
+
+
+def _along(direction: Array) -> Array:
+    """A rotation that brings z onto a direction, shape (3, 3)."""
+    z = np.array([0.0, 0.0, 1.0])
+    turn: Array = pin.Quaternion.FromTwoVectors(z, np.asarray(direction, dtype=float)).matrix()
+    return turn
+
+
+# --- what the scene adds --------------------------------------------------------------------------
+
+
+def _payloads(robot: Robot) -> Iterable[Visual]:
+    for i, payload in enumerate(robot.scene.payloads):
+        frame = robot.pin.frames[robot.pin.getFrameId(payload.frame)]
+        place = frame.placement * pin.SE3(np.eye(3), np.array(payload.com))
+        radius = (3 * payload.mass / (4 * np.pi * LOAD_DENSITY)) ** (1 / 3)
+        if radius > 0.0:
+            yield Visual(f"payload_{i}", frame.parentJoint, place, Sphere(radius), LOAD)
+
+
+def _contacts(robot: Robot) -> Iterable[Visual]:
+    size, planes = reach(robot), set()
+    for name, contact in robot.scene.contacts:
+        joint, place = _placed(robot, contact.frame, contact.point)
+        radius = contact.radius or THIN * size
+        yield Visual(name, joint, place, Sphere(radius), TOUCH)
+        if contact.plane not in planes:
+            planes.add(contact.plane)
+            joint, place = _placed(robot, contact.plane.frame, contact.plane.point)
+            normal = place.rotation @ np.array(contact.plane.normal)
+            wide = size if joint == 0 else 0.2 * size
+            sheet = Box((1.6 * wide, 1.6 * wide, 2e-4 * size))
+            yield Visual(
+                f"{name}_plane", joint, pin.SE3(_along(normal), place.translation), sheet, SURFACE
+            )
+
+
+def _placed(robot: Robot, frame: str, point: Iterable[float]) -> tuple[int, pin.SE3]:
+    """The joint that carries a point of a frame or of the world, and where it is there."""
+    offset = pin.SE3(np.eye(3), np.array(list(point)))
+    found = robot.pin.frames[0 if frame == "world" else robot.pin.getFrameId(frame)]
+    return found.parentJoint, found.placement * offset

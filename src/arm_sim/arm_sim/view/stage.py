@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Draws arms with viser: links, ground, ways, and the marks of an instant."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.model.arm import ArmModel
+from arm_sim.view.marks import Instant, Marker, Marks
+from arm_sim.view.shapes import (
+    METAL,
+    Box,
+    Colour,
+    Cylinder,
+    Mesh,
+    Shape,
+    Sphere,
+    Visual,
+    capsules_of,
+    reach,
+    visuals_of,
+)
+
+if TYPE_CHECKING:
+    from pathlib import Path
+
+    import viser
+
+_log = logging.getLogger(__name__)
+
+CONTACT, TIE, SPRING, STOP, WAY = (
+    (40, 130, 60), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20)
+)  # fmt: skip
+"""Red, green and blue of forces of contacts and constraints, springs, stops, and the hand's way."""
+
+LONGEST = 0.6  # length of an arrow, of the reach; half of it stands for the arm's weight
+KEPT = 300  # points of the way behind a moving hand
+
+
+class Actor:
+    """One arm in the scene of a page.
+
+    Args:
+        server: The page.
+        model: The arm.
+        name: Of the arm in the scene's tree.
+        base: Where its world is put, in [m].
+        folder: Where meshes with relative names are.
+        hand: Frame whose way is shown, see ``Marker``.
+
+    Attributes:
+        name: Of the arm.
+        base: Where its world is, shape (3,).
+        marker: Finds where everything is.
+        size: Length that suits the arm in [m].
+        links: What is drawn of links and joints: its name, and its handle.
+    """
+
+    def __init__(
+        self,
+        server: viser.ViserServer,
+        model: ArmModel,
+        name: str,
+        base: Sequence[float] = (0.0, 0.0, 0.0),
+        folder: Path | None = None,
+        hand: str | None = None,
+    ) -> None:
+        self.marker, self.size = Marker(model, hand), reach(model)
+        self.name, self.base = name, np.array(base, dtype=float)
+        self._scene, self._name = server.scene, f"/{name}"
+        self._weight = 9.81 * model.total_mass or 1.0
+        self._way: list[Array] = []
+        scene = self._scene
+        self._root = scene.add_frame(self._name, show_axes=False, position=tuple(base))
+        axes = {"axes_length": 0.12 * self.size, "axes_radius": 0.004 * self.size}
+        joints = ["base", *list(model.pin.names)[1:]]
+        self._joints = [
+            scene.add_frame(f"{self._name}/{joint}", show_axes=False, **axes) for joint in joints
+        ]
+        self.links = self._draw_all(visuals_of(model, folder), joints)
+        thin = {"shaft_radius": 0.006 * self.size, "head_radius": 0.016 * self.size,
+                "head_length": 0.04 * self.size}  # fmt: skip
+        nothing = np.zeros((1, 2, 3))
+        self._arrows = {
+            kind: scene.add_arrows(
+                f"{self._name}/{kind}", nothing, colour, visible=False, **thin
+            )
+            for kind, colour in {"contact forces": CONTACT, "constraint forces": TIE}.items()
+        }
+        self._lines = {
+            kind: scene.add_line_segments(
+                f"{self._name}/{kind}", nothing, colour, thickness=width, visible=False,
+                thickness_units="screen",
+            )
+            for kind, colour, width in (
+                ("springs", SPRING, 4.0), ("way", WAY, 2.5), ("whole way", (150, 150, 150), 1.5)
+            )
+        }  # fmt: skip
+        self._stops = [
+            scene.add_icosphere(
+                f"{self._name}/stop {i}", 0.055 * self.size, color=STOP, opacity=0.6, visible=False
+            )
+            for i in range(model.n)
+        ]
+        self._shown = dict.fromkeys(("contact forces", "constraint forces", "springs", "way"), True)
+
+    def draw(self, instant: Instant) -> Marks:
+        """Draw an instant; the caller groups what is to appear at once."""
+        marks = self.marker.at(instant)
+        for frame, position, wxyz in zip(
+            self._joints, marks.position, marks.rotation, strict=True
+        ):
+            frame.position, frame.wxyz = position, wxyz
+        for kind, forces in (
+            ("contact forces", marks.contacts), ("constraint forces", marks.constraints)
+        ):  # fmt: skip
+            self._set(self._arrows[kind], self._to_arrows(forces), self._shown[kind])
+        self._set(self._lines["springs"], _coils(marks.springs, self.size), self._shown["springs"])
+        for i, ball in enumerate(self._stops):
+            ball.visible = i < len(marks.stops)
+            if ball.visible:
+                ball.position = marks.stops[i]
+        return marks
+
+    def trail(self, hand: Array) -> None:
+        """Let the hand's way go on to a place, shape (3,)."""
+        if self._way and float(np.linalg.norm(hand - self._way[-1])) < 2e-3 * self.size:
+            return
+        self._way = [*self._way[-KEPT:], hand]
+        self._set(self._lines["way"], _pairs(np.array(self._way)), self._shown["way"])
+
+    def forget_way(self) -> None:
+        """Let the hand's way begin anew."""
+        self._way = []
+        self._lines["way"].visible = False
+
+    def show_path(self, path: Array) -> None:
+        """Draw a whole way of the hand, shape (k, 3), that stays."""
+        self._set(self._lines["whole way"], _pairs(path), self._shown["way"])
+
+    def show_axes(self, on: bool) -> None:
+        """Show or hide the axes of the joints' frames."""
+        for joint in self._joints:
+            joint.show_axes = on
+
+    def show_links(self, on: bool) -> None:
+        """Show or hide the links."""
+        for _, link in self.links:
+            link.visible = on
+
+    def show(self, kind: str, on: bool) -> None:
+        """Show or hide ``way``, ``springs``, ``contact forces`` or ``constraint forces``."""
+        self._shown[kind] = on
+        for handle in (
+            [self._lines["way"], self._lines["whole way"]] if kind == "way"
+            else [(self._arrows | self._lines)[kind]]
+        ):  # fmt: skip
+            handle.visible = on and bool(np.ptp(handle.points))
+
+    def _to_arrows(self, forces: Array) -> Array:
+        """From points and forces to beginnings and ends: long forces are drawn shorter."""
+        if not len(forces):
+            return forces
+        size = np.linalg.norm(forces[:, 1], axis=1)
+        length = LONGEST * self.size * size / (size + self._weight)
+        way = forces[:, 1] * (length / np.maximum(size, 1e-300))[:, None]
+        seen = length > 2e-3 * self.size
+        arrows: Array = np.stack([forces[:, 0], forces[:, 0] + way], axis=1)[seen]
+        return arrows
+
+    @staticmethod
+    def _set(handle: Any, points: Array, on: bool) -> None:
+        if len(points):
+            handle.points = points
+        handle.visible = on and len(points) > 0
+
+    def _draw_all(
+        self, visuals: Sequence[Visual], joints: Sequence[str]
+    ) -> list[tuple[str, Any]]:
+        handles, broken = [], set[int]()
+        for i, visual in enumerate(visuals):
+            try:
+                handle = self._draw_one(visual, f"{joints[visual.joint]}/{i} {visual.name}")
+                handles.append((visual.name, handle))
+            except Exception as error:  # whatever a parser of meshes may raise
+                _log.warning(
+                    "link '%s' is drawn without its mesh %s: %s: %s", visual.name,
+                    getattr(visual.shape, "path", ""), type(error).__name__, error,
+                )  # fmt: skip
+                broken.add(visual.joint)
+        for i, visual in enumerate(capsules_of(self.marker.model, broken - {0})):
+            handle = self._draw_one(visual, f"{joints[visual.joint]}/in place of a mesh {i}")
+            handles.append((visual.name, handle))
+        return handles
+
+    def _draw_one(self, visual: Visual, name: str) -> Any:
+        wxyz = np.roll(pin.Quaternion(visual.placement.rotation).coeffs(), 1)
+        place = {"wxyz": wxyz, "position": visual.placement.translation}
+        where, colour = f"{self._name}/{name}", visual.colour
+        if isinstance(visual.shape, Mesh):
+            return self._scene.add_glb(where, _glb(visual.shape, colour), **place)
+        mesh, (r, g, b, a) = _solid(visual.shape), colour or METAL
+        return self._scene.add_mesh_simple(
+            where, mesh.vertices, mesh.faces, color=(r, g, b), opacity=a if a < 1.0 else None,
+            flat_shading=isinstance(visual.shape, Box), **place,
+        )  # fmt: skip
+
+
+def lay_ground(server: viser.ViserServer, actors: Sequence[Actor], width: float) -> None:
+    """A grid, light and a camera that suit the arms, which take a ``width`` in [m]."""
+    size = max(actor.size for actor in actors)
+    lowest = min(float(marks.position[:, 2].min()) for marks in map(_start, actors))
+    level = min(lowest, 0.0) - (0.15 * size if lowest < -1e-3 else 0.0)
+    extent = 2.0 * (width + 2.0 * size)
+    server.scene.add_grid(
+        "/ground", extent, extent, cell_size=0.1 * _round(size), section_size=_round(size),
+        position=(0.0, 0.0, level), fade_distance=4.0 * extent, shadow_opacity=0.25,
+    )  # fmt: skip
+    places = np.concatenate([actor.base + _start(actor).position for actor in actors])
+    middle = (places.min(axis=0) + places.max(axis=0)) / 2
+    distance = 1.1 * size + 0.8 * width
+    server.initial_camera.look_at = middle
+    server.initial_camera.position = middle + distance * np.array([1.1, -0.8, 0.5])
+    server.initial_camera.fov = 0.7
+
+
+def _start(actor: Actor) -> Marks:
+    return actor.marker.at(Instant(0.0, actor.marker.model.q0))
+
+
+def _round(size: float) -> float:
+    """The power of ten next to a length."""
+    return float(10.0 ** np.round(np.log10(size)))
+
+
+def _pairs(points: Array) -> Array:
+    """Segments between points of shape (k, 3), shape (k - 1, 2, 3)."""
+    return np.stack([points[:-1], points[1:]], axis=1)
+
+
+def _coils(springs: Array, size: float, turns: int = 9) -> Array:
+    """Zigzag lines between the ends of springs, shape (s, 2, 3), as segments."""
+    lines = []
+    for first, second in springs:
+        way = second - first
+        side = np.cross(way, [0.3, -0.8, 0.5] if abs(way[0]) > abs(way[1]) else [1.0, 0.0, 0.2])
+        side *= 0.02 * size / max(float(np.linalg.norm(side)), 1e-12)
+        inner = np.linspace(0.1, 0.9, 2 * turns)[:, None]
+        bent = first + inner * way + side * np.resize([1.0, -1.0], (2 * turns, 1))
+        lines.append(_pairs(np.vstack([first, bent, second])))
+    return np.concatenate(lines) if lines else np.zeros((0, 2, 3))
+
+
+@lru_cache(maxsize=256)
+def _glb(mesh: Mesh, colour: Colour | None) -> bytes:
+    """A file of triangles as binary glTF, in [m]; a colour is for files that have none."""
+    import trimesh
+
+    loaded = trimesh.load_scene(mesh.path)
+    if not loaded.geometry:
+        raise ValueError("it holds no triangles")
+    unit, _, of = str(loaded.units or "").partition(" * ")
+    scale = np.array(mesh.scale) * (float(unit) if of == "meters" else 1.0)
+    if not np.all(scale == 1.0):
+        loaded.apply_transform(np.diag([*scale, 1.0]))
+    if mesh.path.suffix.lower() in (".stl", ".ply"):
+        r, g, b, a = (round(255 * x) for x in colour or METAL)
+        for geometry in loaded.geometry.values():
+            geometry.visual = trimesh.visual.TextureVisuals(
+                material=trimesh.visual.material.PBRMaterial(
+                    baseColorFactor=[r, g, b, a], metallicFactor=0.1, roughnessFactor=0.6
+                )
+            )
+    return bytes(loaded.export(file_type="glb"))
+
+
+@lru_cache(maxsize=256)
+def _solid(shape: Shape) -> Any:
+    import trimesh.creation as make
+
+    if isinstance(shape, Box):
+        return make.box(shape.size)
+    if isinstance(shape, Sphere):
+        return make.icosphere(subdivisions=3, radius=shape.radius)
+    assert isinstance(shape, Cylinder)
+    if not shape.rounded:
+        return make.cylinder(shape.radius, shape.length)
+    height = max(shape.length - 2 * shape.radius, 1e-6)
+    capsule = make.capsule(height, shape.radius)
+    capsule.apply_translation([0.0, 0.0, -capsule.bounds.mean(axis=0)[2]])
+    return capsule

@@ -1,0 +1,256 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page that shows arms, as an object: its address, its pictures, its end."""
+
+from __future__ import annotations
+
+import html
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from arm_dynamics.model.arm import ArmModel
+from arm_sim.exceptions import ViewError
+from arm_sim.view import pictures
+from arm_sim.view.bench import Bench, Rig
+from arm_sim.view.film import Film
+from arm_sim.view.player import Player
+from arm_sim.view.pulse import Pulse
+from arm_sim.view.server import HERE, address, close_server, open_server
+from arm_sim.view.shapes import reach
+from arm_sim.view.stage import Actor, lay_ground
+
+if TYPE_CHECKING:
+    import viser
+
+SIZE = 960, 600
+RATE = 25.0  # [Hz] pictures of a film
+MOST = 3000  # pictures of a page or film
+GAP = 0.6  # between arms that stand beside each other, of the reach of the larger
+
+
+class View:
+    """A page that shows arms until it is closed.
+
+    Args:
+        server: The page.
+        actors: The arms.
+        source: What moves them: a player of films, or a bench with simulations.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, actors: Sequence[Actor], source: Player | Bench
+    ) -> None:
+        self._server, self.actors, self.source = server, tuple(actors), source
+        with server.gui.add_folder("Show", expand_by_default=False):
+            for what, on in (
+                ("links", True), ("axes", False), ("way", True), ("springs", True),
+                ("contact forces", True), ("constraint forces", True),
+            ):  # fmt: skip
+                self._add_switch(what, on)
+        self._pulse.start()
+
+    @property
+    def url(self) -> str:
+        """What a browser is to open."""
+        return address(self._server)
+
+    @property
+    def _pulse(self) -> Pulse:
+        return self.source.pulse
+
+    def draw(self) -> None:
+        """Draw simulations where they are now, in a loop of one's own."""
+        if isinstance(self.source, Bench):
+            self.source.draw()
+
+    def wait(self) -> None:
+        """Show until it is closed from elsewhere, or Ctrl-C."""
+        self._pulse.wait()
+
+    def close(self) -> None:
+        """End the page."""
+        self._pulse.stop()
+        close_server(self._server)
+
+    def __enter__(self) -> View:
+        """Show within a ``with`` block."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """End the page."""
+        self.close()
+
+    def __repr__(self) -> str:
+        """Where it is."""
+        names = ", ".join(actor.name for actor in self.actors)
+        return f"<View of {names} at {self.url}>"
+
+    def _repr_html_(self) -> str:
+        """The page inside a notebook."""
+        return (
+            f'<iframe src="{html.escape(self.url)}" width="100%" height="{SIZE[1]}" '
+            'style="border:1px solid #ddd"></iframe>'
+        )
+
+    # --- pictures ------------------------------------------------------------------------------
+
+    def picture(
+        self, path: str | Path, size: tuple[int, int] = SIZE, time: float | None = None
+    ) -> Path:
+        """Write what is shown as a picture (.png, .jpg); a browser draws it without a window.
+
+        Args:
+            path: Of the file.
+            size: Width and height in pixels.
+            time: For motions: at which time in [s]; None for the one that is shown.
+
+        Raises:
+            ViewError: If there is no browser, or it fails.
+        """
+        from PIL import Image
+
+        path = _writable(path)
+        if time is not None:
+            self._seek(time)
+        with pictures.camera(self._server, size) as shoot:
+            Image.fromarray(shoot()).save(path)
+        return path
+
+    def film(
+        self,
+        path: str | Path,
+        size: tuple[int, int] = SIZE,
+        rate: float = RATE,
+        speed: float = 1.0,
+    ) -> Path:
+        """Write a motion as a film (.gif, or .mp4 where ffmpeg is installed).
+
+        Args:
+            path: Of the file.
+            size: Width and height in pixels.
+            rate: Pictures in a second.
+            speed: Of the motion: 2 for twice as fast.
+
+        Raises:
+            ViewError: If it is no motion, there is no browser, or something fails.
+        """
+        path, times = _writable(path), self._times(rate / speed)
+        if path.suffix not in (".gif", ".mp4"):
+            raise ViewError(f"'{path}': films are .gif or .mp4")
+        with pictures.camera(self._server, size) as shoot:
+
+            def taken(time: float) -> np.ndarray:
+                self._seek(time)
+                picture: np.ndarray = shoot()
+                return picture
+
+            pictures.write_film(path, map(taken, times), rate)
+        return path
+
+    def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:
+        """Write a page that plays without a server; arguments as those of ``film``.
+
+        Raises:
+            ViewError: If the file cannot be written.
+        """
+        path = _writable(path)
+        motion = isinstance(self.source, Player)
+        times = self._times(rate / speed) if motion else []
+        if motion:
+            self._seek(times[0])
+        recorder = self._server.get_scene_serializer()
+        for time in times:
+            self._seek(time)
+            recorder.insert_sleep(1.0 / rate)
+        path.write_text(recorder.as_html(), encoding="utf-8")
+        return path
+
+    def _times(self, rate: float) -> list[float]:
+        if not isinstance(self.source, Player):
+            raise ViewError("a simulation has no end; films and times are for recordings")
+        if not rate > 0.0:
+            raise ViewError(f"{rate:g} pictures in a second of the motion; more than 0 is expected")
+        begin, end = self.source.begin, self.source.end
+        count = min(MOST, max(2, round((end - begin) * rate) + 1))
+        return [float(t) for t in np.linspace(begin, end, count)]
+
+    def _seek(self, time: float) -> None:
+        """Draw a time of the motion, here and now: the pulse draws only when it plays."""
+        if not isinstance(self.source, Player):
+            raise ViewError("a simulation has no end; films and times are for recordings")
+        self.source.play(False)
+        self.source.seek(time)
+
+    def _add_switch(self, what: str, on: bool) -> None:
+        box = self._server.gui.add_checkbox(what, on)
+
+        def switch() -> None:
+            for actor in self.actors:
+                if what == "links":
+                    actor.show_links(box.value)
+                elif what == "axes":
+                    actor.show_axes(box.value)
+                else:
+                    actor.show(what, box.value)
+
+        box.on_update(lambda _: self._pulse.order(switch))
+
+
+def show_films(
+    films: Sequence[Film], host: str = HERE, port: int | None = None, folder: Path | None = None,
+    together: bool = False,
+) -> View:  # fmt: skip
+    """Show motions, beside each other or, if they are to be compared, ``together`` in one place.
+
+    Raises:
+        ViewError: If the library is missing, or the address cannot be used.
+    """
+    server = open_server("arm view", host, port)
+    names = _different([film.name for film in films])
+    actors = _cast(server, names, [film.model for film in films], folder, together)
+    return View(server, actors, Player(server, films, actors))
+
+
+def show_rigs(
+    rigs: Sequence[Rig], names: Sequence[str], host: str = HERE, port: int | None = None,
+    folder: Path | None = None,
+) -> View:  # fmt: skip
+    """Show simulations to touch, beside each other; raises as ``show_films``."""
+    server = open_server("arm view", host, port)
+    models = [rig.simulation.model for rig in rigs]
+    actors = _cast(server, _different(names), models, folder, False)
+    return View(server, actors, Bench(server, rigs, actors))
+
+
+def _cast(
+    server: viser.ViserServer, names: Sequence[str], models: Sequence[ArmModel],
+    folder: Path | None, together: bool,
+) -> list[Actor]:  # fmt: skip
+    """Put arms beside each other about the middle, the first at the left."""
+    sizes = np.array([reach(model) for model in models])
+    gaps = np.zeros(len(sizes) - 1) if together else GAP * (sizes[:-1] + sizes[1:])
+    places = np.concatenate([[0.0], np.cumsum(gaps)])
+    places -= places[-1] / 2
+    actors = [
+        Actor(server, model, name, (0.0, -place, 0.0), folder)
+        for name, model, place in zip(names, models, places.tolist(), strict=True)
+    ]
+    lay_ground(server, actors, float(np.ptp(places)))
+    return actors
+
+
+def _different(names: Sequence[str]) -> list[str]:
+    """The same names, numbered where two are equal."""
+    return [
+        name if list(names).count(name) == 1 else f"{name} {1 + list(names[:i]).count(name)}"
+        for i, name in enumerate(names)
+    ]
+
+
+def _writable(path: str | Path) -> Path:
+    path = Path(path)
+    if not path.parent.is_dir():
+        raise ViewError(f"'{path}': there is no folder '{path.parent}'")
+    return path
