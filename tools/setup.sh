@@ -283,12 +283,11 @@ set_up() {
     unlock_set_up
 }
 
-set_up_bench() {
+set_up_group() { # NAME WHAT
     lock_set_up
     begin_log
-    step "Installing the simulators to compare with (0.2 GB; one is compiled, up to fifteen minutes)" \
-        pip_install "$root/requirements-bench.txt"
-    sha256sum <"$root/requirements-bench.txt" >"$env/bench.stamp"
+    step "Installing $2" pip_install "$root/requirements-$1.txt"
+    sha256sum <"$root/requirements-$1.txt" >"$env/$1.stamp"
     trap - INT TERM HUP EXIT
     unlock_set_up
 }

@@ -11,7 +11,7 @@ from arm_dynamics.lazy import on_demand
 
 if TYPE_CHECKING:
     from arm_sim.closed_loop import ClosedLoop
-    from arm_sim.contact_forces import contact_history
+    from arm_sim.contact_history import contact_history
     from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
     from arm_sim.plan import Plan
     from arm_sim.plant.actuation import CompiledControl, computed_torque
@@ -43,6 +43,6 @@ __getattr__, __dir__ = on_demand(
         "Simulator": "simulator",
         "State": "state",
         "computed_torque": "plant.actuation",
-        "contact_history": "contact_forces",
+        "contact_history": "contact_history",
     },
 )

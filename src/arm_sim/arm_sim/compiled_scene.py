@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from functools import cached_property
 
+from arm_dynamics import ArmModel
 from arm_sim.integrators.selection import Choice
 from arm_sim.plan import Plan
 from arm_sim.plant.actuation import CompiledControl
@@ -14,6 +15,8 @@ from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
+
+EXTERNAL = "external"
 
 
 class CompiledScene:
@@ -29,6 +32,17 @@ class CompiledScene:
         self.plant, self.choice, self.backend = plant, choice, backend
         self.stepper = Stepper(plant, choice, backend)
         self._controlled: tuple[CompiledControl, Stepper] | None = None
+
+    def pushable(self) -> CompiledScene:
+        """The same with pushes from outside: joint torques that are the quantity ``external``.
+
+        Nothing is computed for pushes in a scene without; the equations are built anew here.
+        """
+        scene = self.plant.model.scene
+        if EXTERNAL in scene.tunable:
+            return self
+        model = ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)}))
+        return CompiledScene(Plant(model), self.choice, self.backend)
 
     def restart(self) -> None:
         """Forget what was learned from earlier ticks."""

@@ -27,4 +27,4 @@ class NotDifferentiable(InvalidInput):
 
 
 class ViewError(ArmError):
-    """Something cannot be shown: packages, a browser or a port are missing, or a file is broken."""
+    """Something cannot be shown: a library, a browser or a port is missing, or a file is bad."""

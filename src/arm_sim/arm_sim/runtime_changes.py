@@ -12,15 +12,12 @@ from collections.abc import Callable
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics import ArmModel, InvalidInput
+from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array
 from arm_dynamics.scene.schema import validated
-from arm_sim.compiled_scene import CompiledScene
 from arm_sim.inputs import row
-from arm_sim.plant.plant import Plant
 from arm_sim.simulator import Simulator
 
-EXTERNAL = "external"
 Change = Callable[[], None]
 """Puts in force what was prepared: quick, to be called between two ticks."""
 
@@ -75,12 +72,9 @@ def external_change(simulator: Simulator) -> Change:
 
     A simulation without pushes computes nothing for it; the equations are built anew here.
     """
-    scene = simulator.model.scene
-    if EXTERNAL in scene.tunable:
+    compiled = simulator.compiled.pushable()
+    if compiled is simulator.compiled:
         return lambda: None
-    plant = Plant(ArmModel(scene.model_copy(update={"tunable": (*scene.tunable, EXTERNAL)})))
-    present = simulator.compiled
-    compiled = CompiledScene(plant, present.choice, present.backend)
     compiled.energy_account.prepare()
     return lambda: simulator.use(compiled)
 

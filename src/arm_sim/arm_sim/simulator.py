@@ -16,9 +16,7 @@ from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.exceptions import known_names
 from arm_dynamics.scene.constraint import label, switchable
 from arm_dynamics.trajectory.reference import Motion
-from arm_sim import contact_forces
 from arm_sim.compiled_scene import CompiledScene
-from arm_sim.contact_forces import ContactForce
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.imperfections import Line, Measured, command_line, delivered, sensors_of
 from arm_sim.inputs import (
@@ -41,7 +39,10 @@ from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.origin import Origin, Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.state import State, read_only
+from arm_sim.stepping.contact_forces import ContactForce, contact_forces, trouble
 from arm_sim.stepping.stepper import Stepper
+from arm_sim.view import Instant, Rig, View, show_rigs
+from arm_sim.view.server import HERE
 
 Control = Callable[[State], Any]
 
@@ -472,7 +473,42 @@ class Simulator:
         Raises:
             InvalidInput: If the scene has no contact.
         """
-        return contact_forces.contact_forces(self._compiled, self._x, self.command)
+        return contact_forces(self.plant, self._stepper, self._x, self.command)
+
+    def view(self, name: str = "arm", host: str = HERE, port: int | None = None) -> View:
+        """Show it in a browser, to be run, stepped, placed, pushed and pulled.
+
+        The page moves it on a thread of its own. In a loop of one's own, leave the page's buttons
+        alone and call ``draw()`` of what is returned.
+
+        Args:
+            name: What the page calls the arm.
+            host: Address that the page listens at.
+            port: Port; None for 8080 or the next one that is free.
+
+        Returns:
+            The page, in a notebook the page itself; ``close()`` ends it.
+
+        Raises:
+            ViewError: If the library that draws is missing, or the address cannot be used.
+        """
+        return show_rigs([self.rig()], [name], host, port)
+
+    def rig(self) -> Rig:
+        """The simulator as a page takes it, which may show several."""
+        return Rig(self, self._seen, lambda: self.use(self._compiled.pushable()))
+
+    def _seen(self) -> Instant:
+        """What there is to see now, under the torque of the last tick."""
+        scene, state = self.model.scene, self.state
+        forces = self.contact_forces() if scene.contacts else ()
+        return Instant(
+            state.time,
+            state.q,
+            np.array([[force.point, force.force] for force in forces]).reshape(-1, 2, 3),
+            self.multipliers() if scene.bilateral else np.zeros(0),
+            self.stop_torque if self.model.stops.touched(state.q).any() else np.zeros(self.n),
+        )
 
     def use(self, compiled: CompiledScene, **parameters: Any) -> None:
         """Go on with another compiled scene of the same states, between two ticks.
@@ -567,5 +603,5 @@ class Simulator:
         return SimulationDiverged(
             f"tick {state.step + 1} (t = {state.time:.6g} s) cannot be computed with "
             f"{choice.method.name}{choice.remark}; the state before it is kept: largest |v| = "
-            f"{abs(state.v).max():.3g}{hint}{contact_forces.trouble(self._stepper)}"
+            f"{abs(state.v).max():.3g}{hint}{trouble(self._stepper)}"
         )

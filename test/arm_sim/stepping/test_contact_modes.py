@@ -11,7 +11,7 @@ import pytest
 import models
 from arm_dynamics import InvalidInput, SceneError
 from arm_sim import SimulationDiverged, Simulator, contact_history
-from arm_sim.contact_forces import trouble
+from arm_sim.stepping.contact_forces import trouble
 from models.touching import contact, rails
 from tolerances import CLOSED_FORM, assert_close
 

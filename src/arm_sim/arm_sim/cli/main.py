@@ -16,6 +16,7 @@ from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import examples
 from arm_sim.cli.recordings import plot
 from arm_sim.cli.robot import get, go, set_, watch
+from arm_sim.cli.view import view
 
 
 class Suite(click.Group):
@@ -54,6 +55,8 @@ def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
-COMMANDS = (demo, describe, build, call, plot, dynamics, sim, controller, go, set_, get, watch)
+COMMANDS = (
+    demo, describe, build, call, view, plot, dynamics, sim, controller, go, set_, get, watch
+)  # fmt: skip
 for command in COMMANDS:
     main.add_command(command)

@@ -6,12 +6,13 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
 from typing import Any, Self
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from arm_dynamics import Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array, read_only
@@ -23,6 +24,9 @@ from arm_sim.recording.figure import draw
 from arm_sim.recording.measured import with_scene
 from arm_sim.recording.origin import Physics
 from arm_sim.recording.tables import columns, to_pandas, to_xarray
+from arm_sim.recording.showing import film_of
+from arm_sim.view import View, show_films
+from arm_sim.view.server import HERE
 
 _log = logging.getLogger(__name__)
 
@@ -325,6 +329,38 @@ class Recording(Contents):
             f"not to be trusted: the energy account is off by {error:.2g} of the energy that "
             f"moved, more than {TRUSTED:g}"
         )
+
+    def part(self, rows: ArrayLike) -> Recording:
+        """Some of its states, by their places; what flows between them is not to be asked for."""
+        here = np.asarray(rows)
+        states = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
+        chosen = {name: read_only(getattr(self, name)[here]) for name in states}
+        return replace(self, **chosen, jumps=(), gaps=(), measured=None)
+
+    def show(
+        self,
+        *others: Recording,
+        name: str = "arm",
+        host: str = HERE,
+        port: int | None = None,
+    ) -> View:
+        """Show the motion in a browser: to and fro in time, at any speed, with its forces.
+
+        Args:
+            *others: Recordings to be laid over it.
+            name: What the page calls the arm.
+            host: Address that the page listens at.
+            port: Port; None for 8080 or the next one that is free.
+
+        Returns:
+            The page, in a notebook the page itself; ``close()`` ends it.
+
+        Raises:
+            ViewError: If the library that draws is missing, or the address cannot be used.
+            InvalidInput: If a recording brings no scene.
+        """
+        films = [film_of(recording, name) for recording in (self, *others)]
+        return show_films(films, host, port, together=True)
 
     @property
     def _x(self) -> Array:

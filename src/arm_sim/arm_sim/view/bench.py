@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
@@ -182,9 +183,9 @@ class Bench:
         self._ticks = gui.add_number("ticks of a step", 1, min=1, max=10000, step=1)
         step.on_click(lambda _: order(lambda: self.step(int(self._ticks.value))))
         gui.add_button("Reset").on_click(lambda _: order(self.reset))
-        self._speed = gui.add_dropdown("speed", SPEEDS, "1")
-        control = gui.add_dropdown("what moves it", CONTROLS, NOTHING)
-        control.on_update(lambda _: order(lambda: self._choose(control.value)))
+        self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
+        control = gui.add_dropdown("what moves it", CONTROLS, initial_value=NOTHING)
+        control.on_update(self.pulse.moved(self._choose))
         self._status = gui.add_markdown("")
         self._sliders = [
             self._add_sliders(rig, actor)
@@ -205,6 +206,7 @@ class Bench:
         """Let time pass, or stand still."""
         self.running, self._owed, self._trouble = on, 0.0, ""
         self._run.label = "Pause" if on else "Run"
+        self.draw()
 
     def step(self, ticks: int) -> None:
         """Make some ticks."""
@@ -231,16 +233,19 @@ class Bench:
             if rig.control != SLIDERS:
                 for slider, value in zip(sliders, rig.simulation.state.q.tolist(), strict=True):
                     slider.value = float(np.clip(value, slider.min, slider.max))
-        state = self.rigs[0].simulation.state
-        going = f"running at {self._speed.value} ×" if self.running else "paused"
-        trouble = f"\n\n**{self._trouble}**" if self._trouble else ""
-        self._status.content = f"t = {state.time:.3f} s, {going}{trouble}"
+        self._tell()
         if time.monotonic() - self._charted > CHARTED or not self.running:
             self._charted = time.monotonic()
             for chart in self._curves():
                 self._charts.update(chart.title, chart.time, chart.values)
 
     # --- inside --------------------------------------------------------------------------------
+
+    def _tell(self) -> None:
+        now = self.rigs[0].simulation.state.time
+        going = f"running at {self._speed.value} ×" if self.running else "paused"
+        trouble = f"\n\n**{self._trouble}**" if self._trouble else ""
+        self._status.content = f"t = {now:.3f} s, {going}{trouble}"
 
     def _beat(self, passed: float) -> None:
         if not self.running:
@@ -271,7 +276,7 @@ class Bench:
     def _complain(self, trouble: str) -> None:
         self.run(False)
         self._trouble = trouble
-        self.draw()
+        self._tell()
 
     def _curves(self) -> list[Chart]:
         """Torques, errors and energies of the last seconds."""
@@ -302,10 +307,7 @@ class Bench:
                 slider = self._server.gui.add_slider(
                     name, float(low), float(high), (float(high) - float(low)) / 2000, float(q[i])
                 )
-                slider.on_update(
-                    lambda event, i=i: event.client
-                    and self.pulse.order(lambda: self._slide(rig, i, event.target.value))
-                )
+                slider.on_update(self.pulse.moved(partial(self._slide, rig, i)))
                 sliders.append(slider)
         return sliders
 
@@ -324,7 +326,7 @@ class Bench:
         frames = [frame.name for frame in model.pin.frames if frame.parentJoint > 0]
         hand = actor.marker.hand
         with gui.add_folder(f"Push {actor.name}", expand_by_default=False):
-            frame = gui.add_dropdown("frame", frames, hand)
+            frame = gui.add_dropdown("frame", frames, initial_value=hand)
             force = gui.add_vector3("force [N]", (0.0, 20.0, 0.0), step=1.0)
             lasting = gui.add_number("for [s]", 0.2, min=0.001, max=60.0, step=0.05)
 

@@ -41,7 +41,9 @@ def browser() -> str:
         raise ViewError(f"ARM_BROWSER = {named!r} is no program; a Chromium is expected")
     found = named or next((path for path in map(shutil.which, BROWSERS) if path), None)
     if found is None:
-        raise ViewError(f"no browser for pictures: none of {', '.join(BROWSERS)}; {HOW_TO_GET_ONE}")
+        raise ViewError(
+            f"no browser for pictures: none of {', '.join(BROWSERS)}; {HOW_TO_GET_ONE}"
+        )
     return found
 
 

@@ -49,13 +49,11 @@ class Player:
             "time [s]", self.begin, max(self.end, self.begin + step), step, self.begin
         )
         self._button = gui.add_button("Play")
-        self._speed = gui.add_dropdown("speed", SPEEDS, "1")
+        self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
         self._loop = gui.add_checkbox("loop", True)
         self._status = gui.add_markdown("")
         self._button.on_click(lambda _: self.pulse.order(self._toggle))
-        self._slider.on_update(
-            lambda event: event.client and self.pulse.order(lambda: self.seek(self._slider.value))
-        )
+        self._slider.on_update(self.pulse.moved(self.seek))
         Charts(server, [chart for film in films for chart in film.charts])
         for film, actor in self._pairs:
             rows = np.unique(np.linspace(0, len(film.time) - 1, WAY_POINTS).astype(int))

@@ -8,6 +8,8 @@ import queue
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
+from typing import Any
 
 from arm_dynamics.exceptions import ArmError
 
@@ -40,6 +42,19 @@ class Pulse:
         """Have something done before the next beat; for any thread."""
         self._orders.put(action)
 
+    def moved(self, action: Callable[[Any], object]) -> Callable[[Any], None]:
+        """A callback for a control: what a person sets is an order, what the program sets is not.
+
+        Args:
+            action: Takes the control's value.
+        """
+
+        def callback(event: Any) -> None:
+            if event.client is not None:
+                self.order(lambda: action(event.target.value))
+
+        return callback
+
     def stop(self) -> None:
         """End, and wait until it has ended."""
         self._ended.set()
@@ -55,7 +70,7 @@ class Pulse:
         while not self._ended.is_set():
             now = time.monotonic()
             self._guarded(self._serve)
-            self._guarded(lambda passed=now - last: self._beat(passed))
+            self._guarded(partial(self._beat, now - last))
             last = now
             self._ended.wait(max(0.0, now + 1.0 / RATE - time.monotonic()))
 

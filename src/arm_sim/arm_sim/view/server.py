@@ -49,11 +49,9 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
     Raises:
         ViewError: If the library is missing, or the address or port cannot be used.
     """
-    viser, chosen = library(), _free_port(host, port)
+    make, chosen = library().ViserServer, _free_port(host, port)
     with _silent():
-        server: viser.ViserServer = viser.ViserServer(
-            host=host, port=chosen, label=label, verbose=False
-        )
+        server: viser.ViserServer = make(host=host, port=chosen, label=label, verbose=False)
     if server.get_port() != chosen:
         close_server(server)
         raise ViewError(f"port {chosen} of {host} was taken by somebody else just now; try again")

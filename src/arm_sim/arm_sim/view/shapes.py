@@ -15,7 +15,7 @@ import pinocchio as pin
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.model.robot import Robot
-from arm_dynamics.scene.load import find_file
+from arm_dynamics.scene.files import find_file
 
 _log = logging.getLogger(__name__)
 
@@ -108,13 +108,11 @@ def reach(robot: Robot) -> float:
         far[frame.parentJoint] + np.linalg.norm(frame.placement.translation)
         for frame in model.frames
     ]
-    bodies = [
-        far[i] + np.linalg.norm(model.inertias[i].lever) for i in range(1, model.njoints)
-    ]
+    bodies = [far[i] + np.linalg.norm(model.inertias[i].lever) for i in range(1, model.njoints)]
     return float(max([*ends, *bodies])) or 1.0
 
 
-# --- the URDF's visuals --------------------------------------------------------------------------
+# --- the URDF's visuals ----------------------------------------------------------------------
 
 
 def _described(robot: Robot, folder: Path) -> Iterable[Visual]:
@@ -178,7 +176,7 @@ def _colour(
     return r, g, b, a
 
 
-# --- links without visuals ------------------------------------------------------------------------
+# --- links without visuals -------------------------------------------------------------------
 
 
 def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
@@ -227,7 +225,7 @@ def _along(direction: Array) -> Array:
     return turn
 
 
-# --- what the scene adds --------------------------------------------------------------------------
+# --- what the scene adds ---------------------------------------------------------------------
 
 
 def _payloads(robot: Robot) -> Iterable[Visual]:

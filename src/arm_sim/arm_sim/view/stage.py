@@ -38,7 +38,7 @@ _log = logging.getLogger(__name__)
 CONTACT, TIE, SPRING, STOP, WAY = (
     (40, 130, 60), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20)
 )  # fmt: skip
-"""Red, green and blue of forces of contacts and constraints, springs, stops, and the hand's way."""
+"""Colours of forces of contacts and constraints, springs, stops, and the way of the hand."""
 
 LONGEST = 0.6  # length of an arrow, of the reach; half of it stands for the arm's weight
 KEPT = 300  # points of the way behind a moving hand
@@ -89,9 +89,7 @@ class Actor:
                 "head_length": 0.04 * self.size}  # fmt: skip
         nothing = np.zeros((1, 2, 3))
         self._arrows = {
-            kind: scene.add_arrows(
-                f"{self._name}/{kind}", nothing, colour, visible=False, **thin
-            )
+            kind: scene.add_arrows(f"{self._name}/{kind}", nothing, colour, visible=False, **thin)
             for kind, colour in {"contact forces": CONTACT, "constraint forces": TIE}.items()
         }
         self._lines = {
@@ -109,7 +107,9 @@ class Actor:
             )
             for i in range(model.n)
         ]
-        self._shown = dict.fromkeys(("contact forces", "constraint forces", "springs", "way"), True)
+        self._shown = dict.fromkeys(
+            ("contact forces", "constraint forces", "springs", "way"), True
+        )
 
     def draw(self, instant: Instant) -> Marks:
         """Draw an instant; the caller groups what is to appear at once."""
@@ -181,9 +181,7 @@ class Actor:
             handle.points = points
         handle.visible = on and len(points) > 0
 
-    def _draw_all(
-        self, visuals: Sequence[Visual], joints: Sequence[str]
-    ) -> list[tuple[str, Any]]:
+    def _draw_all(self, visuals: Sequence[Visual], joints: Sequence[str]) -> list[tuple[str, Any]]:
         handles, broken = [], set[int]()
         for i, visual in enumerate(visuals):
             try:
@@ -223,12 +221,20 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[Actor], width: float)
         "/ground", extent, extent, cell_size=0.1 * _round(size), section_size=_round(size),
         position=(0.0, 0.0, level), fade_distance=4.0 * extent, shadow_opacity=0.25,
     )  # fmt: skip
+    server.scene.set_background_image(_sky(), format="png")
     places = np.concatenate([actor.base + _start(actor).position for actor in actors])
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
-    distance = 1.1 * size + 0.8 * width
+    distance = 1.0 * size + 0.8 * width
     server.initial_camera.look_at = middle
     server.initial_camera.position = middle + distance * np.array([1.1, -0.8, 0.5])
     server.initial_camera.fov = 0.7
+
+
+def _sky() -> Any:
+    """Pale blue that fades downwards, so that white arms are seen, as bytes, (64, 4, 3)."""
+    top, bottom = np.array([196.0, 212.0, 230.0]), np.array([250.0, 250.0, 252.0])
+    column = top + np.linspace(0.0, 1.0, 64)[:, None] * (bottom - top)
+    return np.repeat(column[:, None], 4, axis=1).astype(np.uint8)
 
 
 def _start(actor: Actor) -> Marks:

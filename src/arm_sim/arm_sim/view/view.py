@@ -171,7 +171,9 @@ class View:
         if not isinstance(self.source, Player):
             raise ViewError("a simulation has no end; films and times are for recordings")
         if not rate > 0.0:
-            raise ViewError(f"{rate:g} pictures in a second of the motion; more than 0 is expected")
+            raise ViewError(
+                f"{rate:g} pictures in a second of the motion; more than 0 is expected"
+            )
         begin, end = self.source.begin, self.source.end
         count = min(MOST, max(2, round((end - begin) * rate) + 1))
         return [float(t) for t in np.linspace(begin, end, count)]

@@ -1,18 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What contacts did: forces at a state, a run's forces and losses, and why a tick failed."""
+"""What contacts do at a state, and why a tick failed."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Protocol
 
 import numpy as np
 
 from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
-from arm_sim.compiled_scene import CompiledScene
-from arm_sim.recording.recording import Recording
+from arm_sim.plant.plant import Plant
 from arm_sim.stepping.events import Trouble
 from arm_sim.stepping.stepper import Stepper
 
@@ -54,66 +52,12 @@ class ContactForce:
     point: Array
 
 
-@dataclass(frozen=True)
-class ContactHistory:
-    """What the contacts of a recorded run did; arrays are read-only.
-
-    Attributes:
-        names: Of the nc contacts.
-        gap: Distances from the planes in [m], shape (k+1, nc).
-        force: Forces of the planes on what touches them in the world frame in [N], shape
-            (k+1, nc, 3).
-        point: Where they act in the world frame in [m], shape (k+1, nc, 3).
-        impact_loss: Energy that impacts have taken out by each time in [J], shape (k+1,).
-        friction_loss: Energy that friction of contacts has, likewise.
-    """
-
-    names: tuple[str, ...]
-    gap: Array
-    force: Array
-    point: Array
-    impact_loss: Array
-    friction_loss: Array
-
-
-class _Simulated(Protocol):
-    @property
-    def compiled(self) -> CompiledScene: ...
-
-
-def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
-    """Forces and losses of a run, found by computing its ticks again.
-
-    Args:
-        sim: The simulator that recorded it; its state does not change.
-        recording: The run.
-
-    Returns:
-        The history.
-
-    Raises:
-        InvalidInput: If the scene has no contact.
-    """
-    compiled, x = sim.compiled, np.hstack([recording.q, recording.v, recording.z])
-    forces = [contact_forces(compiled, *pair) for pair in zip(x, recording.command, strict=True)]
-    losses = compiled.energy_account.contact_losses(
-        x[:-1], recording.command[:-1], recording.p[:-1]
-    )
-    losses = np.vstack([np.zeros(2), np.cumsum(losses, axis=0)])
-    return ContactHistory(
-        tuple(f.name for f in forces[0]),
-        read_only([[f.gap for f in row] for row in forces]),
-        read_only([[f.force for f in row] for row in forces]),
-        read_only([[f.point for f in row] for row in forces]),
-        *map(read_only, losses.T),
-    )
-
-
-def contact_forces(compiled: CompiledScene, x: Array, u: Array) -> tuple[ContactForce, ...]:
+def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[ContactForce, ...]:
     """Forces of the contacts at a state under a torque.
 
     Args:
-        compiled: A scene with contacts.
+        plant: The equation of motion of a scene with contacts.
+        stepper: Its compiled ticks.
         x: State, shape (nx,).
         u: Torque that acts, shape (n,).
 
@@ -123,7 +67,6 @@ def contact_forces(compiled: CompiledScene, x: Array, u: Array) -> tuple[Contact
     Raises:
         InvalidInput: If the scene has no contact.
     """
-    plant, stepper = compiled.plant, compiled.stepper
     if plant.contact is None:
         raise InvalidInput("the scene has no contact; its 'constraints' may name some")
     modes = stepper.modes_at(x, u)

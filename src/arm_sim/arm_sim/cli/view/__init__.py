@@ -1,0 +1,116 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm view``: arms in the browser, and their pictures."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from arm_sim.cli.output import examples, told_meanwhile
+
+__all__ = ["view"]
+
+FILE = click.Path(dir_okay=False, path_type=Path)
+
+
+class Size(click.ParamType):
+    """Width and height in pixels: 960x600."""
+
+    name = "WIDTHxHEIGHT"
+
+    def convert(
+        self, value: object, param: click.Parameter | None, ctx: click.Context | None
+    ) -> tuple[int, int]:
+        """Read it, or say what is expected."""
+        if isinstance(value, tuple):
+            return value
+        width, _, height = str(value).partition("x")
+        if not (width.isdecimal() and height.isdecimal()) or not (
+            16 <= int(width) <= 4096 and 16 <= int(height) <= 4096
+        ):
+            self.fail(f"{value!r}; 16x16 to 4096x4096 is allowed, e.g. 960x600", param, ctx)
+        return int(width), int(height)
+
+
+@click.command(
+    epilog=examples(
+        "./arm view panda",
+        "./arm view panda ur10 --port 9000",
+        "./arm view run.mcap",
+        "./arm view rosbag2_of_my_robot --scene ur10",
+        "./arm view four_bar --gif four_bar.gif --duration 4",
+        "./arm view my_arm.urdf --png my_arm.png --size 1200x800",
+    )
+)
+@click.argument("what", nargs=-1, required=True)
+@click.option("--host", default="127.0.0.1", show_default=True,
+              help="Address to listen at; 0.0.0.0 lets all the network look and steer.")  # fmt: skip
+@click.option("--port", type=click.IntRange(0, 65535),
+              help="Port; 8080 or the next one that is free when omitted.")  # fmt: skip
+@click.option("--html", type=FILE, help="Write a page that plays without a server.")
+@click.option("--png", type=FILE, help="Write a picture; a browser draws it without a window.")
+@click.option("--gif", type=FILE, help="Write a film, likewise.")
+@click.option("--mp4", type=FILE, help="Write a film, likewise; needs ffmpeg.")
+@click.option("--size", type=Size(), default=(960, 600), help="Of pictures; 960x600 by default.")
+@click.option("--time", type=float, help="For --png: at which time in s.")
+@click.option("--duration", type=click.FloatRange(0.0, min_open=True), default=5.0,
+              show_default=True, help="For scenes: how long a film or page is, in s.")  # fmt: skip
+@click.option("--control", type=click.Choice(["nothing", "weight"]), default="nothing",
+              show_default=True,
+              help="For scenes: what holds the arm in pictures and pages; weight: its weight is "
+              "carried.")  # fmt: skip
+@click.option("--scene", help="For recordings of a robot, which bring none.")
+@click.option("--topic", help="Of the joint states, where a bag has several.")
+@click.option("--speed", type=click.FloatRange(0.01, 100.0), default=1.0, show_default=True,
+              help="Of films and pages.")  # fmt: skip
+@click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True,
+              help="Of films and pages: pictures in a second.")  # fmt: skip
+def view(
+    what: tuple[str, ...],
+    host: str,
+    port: int | None,
+    html: Path | None,
+    png: Path | None,
+    gif: Path | None,
+    mp4: Path | None,
+    size: tuple[int, int],
+    time: float | None,
+    duration: float,
+    control: str,
+    scene: str | None,
+    topic: str | None,
+    speed: float,
+    rate: float,
+) -> None:
+    """Show WHAT in the browser until Ctrl-C, or write its pictures.
+
+    WHAT is a scene to run, step, place, push with numbers and pull with the mouse: a scene file, a
+    URDF, or the name of a ready scene. Or it is a recording to play: a file of the sim's parameter
+    record or of Recording.save, a bag of a robot, or a .csv. Several stand side by side.
+    """
+    from arm_sim.cli.view.sources import Wish, shown
+
+    written = {"png": png, "gif": gif, "mp4": mp4, "html": html}
+    pictures = {kind: path for kind, path in written.items() if path is not None}
+    with told_meanwhile():
+        wish = Wish(
+            host, 0 if pictures else port, bool(pictures), duration, control, scene, topic
+        )
+        page = shown(what, wish)
+        with page:
+            for kind, path in pictures.items():
+                if kind == "png":
+                    page.picture(path, size, time)
+                elif kind == "html":
+                    page.page(path, rate, speed)
+                else:
+                    page.film(path, size, rate, speed)
+                click.echo(path)
+            if pictures:
+                return
+            click.echo(f"{page.url}  (Ctrl-C ends)")
+            try:
+                page.wait()
+            except KeyboardInterrupt:
+                click.echo("")

@@ -1,0 +1,93 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a user may call WHAT, as a page."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from arm_dynamics.control import GravityCompensation
+from arm_sim import Recording, Simulator
+from arm_sim.exceptions import ViewError
+from arm_sim.recording import film_of
+from arm_sim.view import Film, View, show_films, show_rigs
+
+
+RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
+
+
+@dataclass(frozen=True)
+class Wish:
+    """How things are to be shown.
+
+    Attributes:
+        host: Address to listen at.
+        port: Port; None for the usual one or the next.
+        over: Whether motions are to be shown of scenes, rather than simulations to touch.
+        duration: Of these motions in [s].
+        control: What holds arms meanwhile: ``nothing`` or ``weight``.
+        scene: Of recordings that bring none.
+        topic: Of the joint states of bags that have several.
+    """
+
+    host: str
+    port: int | None
+    over: bool = False
+    duration: float = 5.0
+    control: str = "nothing"
+    scene: str | None = None
+    topic: str | None = None
+
+
+def shown(what: Sequence[str], wish: Wish) -> View:
+    """A page that shows scenes, or recordings.
+
+    Raises:
+        ArmError: If one of them cannot be used, or both are named.
+    """
+    names, folder = [_name(thing) for thing in what], _folder(wish.scene or what[0])
+    recorded = [thing for thing in what if _is_recording(thing)]
+    if recorded:
+        if len(recorded) < len(what):
+            other = next(thing for thing in what if thing not in recorded)
+            raise ViewError(
+                f"'{recorded[0]}' is a recording and '{other}' is none; only things of one kind "
+                "are shown beside each other"
+            )
+        return show_films([_loaded(path, wish) for path in what], wish.host, wish.port, folder)
+    simulators = [Simulator(scene) for scene in what]
+    if not wish.over:
+        rigs = [simulator.rig() for simulator in simulators]
+        return show_rigs(rigs, names, wish.host, wish.port, folder)
+    pairs = zip(simulators, names, strict=True)
+    films = [_moved(*pair, wish.duration, wish.control) for pair in pairs]
+    return show_films(films, wish.host, wish.port, folder)
+
+
+def _is_recording(what: str) -> bool:
+    path = Path(what)
+    return path.suffix.lower() in RECORDINGS or path.is_dir()
+
+
+def _loaded(path: str, wish: Wish) -> Film:
+    recording = Recording.load(path, topic=wish.topic)
+    if recording.scene is None and wish.scene is None:
+        raise ViewError(f"'{path}' brings no scene, so its arm is not known; name it by --scene")
+    if recording.scene is None:
+        recording = recording.of(wish.scene)
+    return film_of(recording, _name(path))
+
+
+def _moved(simulator: Simulator, name: str, duration: float, control: str) -> Film:
+    carried = GravityCompensation(simulator.dynamics).torque if control == "weight" else None
+    return film_of(simulator.run(duration, control=carried), name)
+
+
+def _name(what: str) -> str:
+    return Path(what).stem
+
+
+def _folder(what: str) -> Path:
+    """Where meshes with relative names are: beside the file, else here."""
+    return Path(what).parent if Path(what).is_file() else Path.cwd()

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A simulation as a page moves it, without the page."""
+
+from __future__ import annotations
+
+import threading
+
+import numpy as np
+import pytest
+
+from arm_dynamics import InvalidInput
+from arm_sim import Simulator
+from arm_sim.view.bench import NOTHING, SLIDERS, WEIGHT
+from arm_sim.view.pulse import Pulse
+
+
+def test_a_push_accelerates_as_its_torque_does() -> None:
+    sim = Simulator("two_link")
+    rig, before = sim.rig(), sim.state
+    rig.push("forearm", np.array([0.0, 0.0, 30.0, 0.0, 0.0, 0.0]), ticks=2)
+    free = sim.dynamics.forward(before.q, before.v, np.zeros(2))
+    torque = rig.wrenches.torque(before.q, 0)
+    pushed = sim.dynamics.forward(before.q, before.v, torque)
+    assert abs(pushed - free).max() > 1.0
+    rig.tick()
+    np.testing.assert_allclose(sim.state.v / sim.dt, pushed, rtol=2e-2)
+    for _ in range(5):
+        rig.tick()
+    assert rig.wrenches.active == ()
+    np.testing.assert_array_equal(sim.plant.parameters.of("external", sim.parameters), 0.0)
+
+
+def test_a_frame_that_never_moves_is_not_pushed() -> None:
+    with pytest.raises(InvalidInput, match="base"):
+        Simulator("two_link").rig().push("base", np.ones(6), 1)
+
+
+def test_weight_is_carried_and_sliders_are_gone_to() -> None:
+    sim = Simulator("panda")
+    rig = sim.rig()
+    rig.choose(WEIGHT)
+    for _ in range(200):
+        rig.tick()
+    np.testing.assert_allclose(sim.state.q, sim.model.q0, atol=1e-9)
+    rig.choose(SLIDERS)
+    rig.target[0] += 0.5
+    fastest = 0.0
+    for _ in range(4000):
+        rig.tick()
+        fastest = max(fastest, float(abs(sim.state.v).max()))
+    np.testing.assert_allclose(sim.state.q, rig.target, atol=2e-3)
+    assert fastest < 1.5  # without a jump
+    rig.choose(NOTHING)
+    np.testing.assert_array_equal(rig.error, 0.0)
+
+
+def test_drives_get_commands_and_not_torques() -> None:
+    sim = Simulator("motor_pendulum")
+    rig = sim.rig()
+    rig.place(sim.state.q + 0.7)
+    rig.choose(WEIGHT)
+    start = sim.state.q
+    for _ in range(1000):
+        rig.tick()
+    np.testing.assert_allclose(sim.state.q, start, atol=1e-2)
+
+
+def test_orders_are_served_in_turn_by_one_thread_and_refusals_are_told() -> None:
+    told, served, done = list[str](), list[object](), threading.Event()
+    pulse = Pulse(lambda passed: None, told.append)
+
+    def refuse() -> None:
+        raise InvalidInput("not allowed")
+
+    for order in (lambda: served.append(threading.current_thread()), refuse, done.set):
+        pulse.order(order)
+    pulse.start()
+    assert done.wait(10.0)
+    pulse.stop()
+    assert told == ["not allowed"]
+    assert served != [threading.current_thread()]

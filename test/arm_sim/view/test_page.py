@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a real browser draws, and what its buttons do."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from browser import Page, needed, opened
+
+from arm_sim import Simulator
+from arm_sim.view import Film, View, show_films, show_rigs
+
+SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _browser() -> None:
+    needed()
+
+
+@pytest.fixture(scope="module")
+def panda() -> Simulator:
+    return Simulator("panda")
+
+
+@pytest.fixture
+def touched(panda: Simulator) -> Iterator[tuple[View, Page]]:
+    """A simulation in a page."""
+    panda.reset()
+    with panda.view(port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
+        yield view, page
+
+
+def assert_drawn(page: Page, simulator: Simulator, name: str = "arm") -> None:
+    """The page comes to show the state, and shows it to rounding."""
+    q = simulator.state.q
+    page.until(lambda: abs(page.angles(name, simulator.model) - q).max() < SHARP, f"q = {q}")
+
+
+def test_a_scene_runs_pauses_steps_and_resets(
+    touched: tuple[View, Page], panda: Simulator
+) -> None:
+    _, page = touched
+    assert_drawn(page, panda)
+    page.click("Step")
+    page.until(lambda: panda.state.step == 1, "a tick")
+    page.click("Run")
+    page.until(lambda: panda.state.time > 0.2, "time to pass")
+    page.click("Pause")
+    page.until(lambda: page.handle.get_by_text("paused").is_visible(), "the pause")
+    stopped = panda.state.step
+    assert_drawn(page, panda)
+    assert panda.state.step == stopped
+    assert abs(panda.state.q - panda.model.q0).max() > 0.05
+    page.click("Reset")
+    page.until(lambda: panda.state.step == 0, "the start")
+    assert_drawn(page, panda)
+    np.testing.assert_array_equal(panda.state.q, panda.model.q0)
+
+
+def test_a_slider_places_a_joint(touched: tuple[View, Page], panda: Simulator) -> None:
+    _, page = touched
+    box = page.handle.get_by_role("textbox").filter(visible=True)
+    fields = [f for f in box.all() if f.input_value().startswith(f"{panda.model.q0[3]:.3f}"[:5])]
+    fields[0].fill("-1.5")
+    fields[0].press("Enter")
+    page.until(lambda: abs(panda.state.q[3] + 1.5) < 2e-3, "joint 4 at -1.5")
+    assert_drawn(page, panda)
+
+
+def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
+    view, page = touched
+    page.handle.get_by_text("Push arm").click()
+    page.click("Push")
+    rig = view.source.rigs[0]
+    page.until(lambda: rig.wrenches.active, "the push")
+    page.click("Step")
+    page.until(lambda: panda.state.step == 1, "a tick")
+    task = 20.0 * np.linalg.solve(panda.dynamics.mass_matrix(panda.model.q0), _sideways(panda))
+    fall = panda.dynamics.forward(panda.model.q0, panda.model.v0, np.zeros(7))
+    np.testing.assert_allclose(panda.state.v / panda.dt, task + fall, rtol=2e-2, atol=0.5)
+
+
+def _sideways(panda: Simulator) -> np.ndarray:
+    """How the hand moves sideways with each joint, by differences, shape (7,)."""
+    from arm_sim.view.marks import Marker
+
+    marker, q, h = Marker(panda.model), panda.model.q0, 1e-6
+    ways = marker.path(np.vstack([q + h * np.eye(7), q - h * np.eye(7)]))
+    return np.asarray((ways[:7] - ways[7:])[:, 1] / (2 * h))
+
+
+def test_the_mouse_pulls_a_link(touched: tuple[View, Page], panda: Simulator) -> None:
+    view, page = touched
+    hand = page.handle
+    middle = page.place("/arm/panda_joint5")  # a link that is in sight
+    hand.mouse.move(*_on_screen(page, middle[:3, 3]))
+    hand.mouse.down()
+    hand.mouse.move(600, 100, steps=8)
+    rig = view.source.rigs[0]
+    page.until(lambda: rig.wrenches.active, "the pull")
+    hand.mouse.up()
+    page.until(lambda: not rig.wrenches.active, "the release")
+
+
+def _on_screen(page: Page, point: np.ndarray) -> tuple[float, float]:
+    """Where a point of the rendered scene is on the page, in pixels."""
+    seen = page.handle.evaluate(
+        """point => {
+          let node = window.drawn['/arm'];
+          while (node.parent) node = node.parent;
+          const store = node.__r3f.root.getState();
+          const at = store.camera.position.clone().set(...point).project(store.camera);
+          const box = store.gl.domElement.getBoundingClientRect();
+          return [box.left + (at.x + 1) / 2 * box.width, box.top + (1 - at.y) / 2 * box.height];
+        }""",
+        point.tolist(),
+    )
+    return seen[0], seen[1]
+
+
+def test_two_arms_are_drawn_beside_each_other(panda: Simulator) -> None:
+    panda.reset()
+    other = Simulator("ur10")
+    rigs = [panda.rig(), other.rig()]
+    with (
+        show_rigs(rigs, ["left", "right"], port=0) as view,
+        opened(view.url, "/left/panda_joint7", "/right/wrist_3_joint") as page,
+    ):
+        page.click("Run")
+        page.until(lambda: other.state.time > 0.1, "time to pass")
+        page.click("Pause")
+        page.until(lambda: not view.source.running, "the pause")
+        assert_drawn(page, panda, "left")
+        assert_drawn(page, other, "right")
+        assert panda.state.time == pytest.approx(other.state.time)
+        far = page.place("/left/base")[:3, 3] - page.place("/right/base")[:3, 3]
+        assert np.linalg.norm(far) > 1.0
+
+
+@pytest.fixture(scope="module")
+def long_film(panda: Simulator) -> Film:
+    """Ten minutes at 1 kHz."""
+    time = np.arange(600_001) * 1e-3
+    q = panda.model.q0 + 0.3 * np.sin(0.5 * time[:, None] + np.arange(7))
+    return Film("arm", panda.model, time, q)
+
+
+def test_ten_minutes_are_scrubbed_played_and_repeated(long_film: Film, panda: Simulator) -> None:
+    with show_films([long_film], port=0) as view, opened(view.url, "/arm/panda_joint7") as page:
+        player = view.source
+
+        def drawn(row: int) -> bool:
+            return bool(abs(page.angles("arm", panda.model) - long_film.q[row]).max() < SHARP)
+
+        page.until(lambda: drawn(0), "the beginning")
+        track = page.handle.locator(".mantine-Slider-track").first.bounding_box()
+        middle = track["x"] + track["width"] / 2, track["y"] + track["height"] / 2
+        page.handle.mouse.click(*middle)
+        page.until(lambda: abs(player.time - 300.0) < 20.0, "the middle")
+        page.until(lambda: drawn(round(1e3 * player.time)), "its positions")
+        page.click("Play")
+        begun = player.time
+        page.until(lambda: player.time > begun + 0.5, "time to pass")
+        page.click("Pause")
+        page.until(lambda: page.handle.get_by_role("button", name="Play").is_visible(), "a stop")
+        page.until(lambda: drawn(int(1e3 * player.time + 1e-6)), "where it stopped")
+        player.pulse.order(lambda: player.seek(player.end - 0.05))
+        page.click("Play")
+        page.until(lambda: player.time < 10.0, "the beginning again")
+
+
+def test_a_page_without_a_server_plays(panda: Simulator, tmp_path: Path) -> None:
+    time = np.linspace(0.0, 2.0, 201)
+    q = panda.model.q0 + 0.4 * time[:, None]
+    with show_films([Film("arm", panda.model, time, q)], port=0) as view:
+        file = view.page(tmp_path / "arm.html", rate=10.0)
+    with opened(file.as_uri(), "/arm/panda_joint7") as page:
+        seen = [page.angles("arm", panda.model)]
+
+        def moved() -> bool:
+            seen.append(page.angles("arm", panda.model))
+            return bool(abs(seen[-1] - seen[0]).max() > 0.1)
+
+        page.until(moved, "the motion")
+        for angles in seen:  # each is one of the states
+            assert abs(q - angles).max(axis=1).min() < 1e-2

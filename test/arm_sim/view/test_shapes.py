@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is drawn of a robot, and where it is."""
+
+from __future__ import annotations
+
+import logging
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.model import Robot
+from arm_sim.view.shapes import Box, Cylinder, Mesh, Sphere, Visual, visuals_of
+
+ROD = """<robot name="rod">
+  <material name="blue"><color rgba="0 0 1 1"/></material>
+  <link name="base"/>
+  <link name="rod">
+    <inertial><origin xyz="0 0 0.4"/><mass value="2"/>
+      <inertia ixx="{across}" iyy="{across}" izz="{along}" ixy="0" ixz="0" iyz="0"/></inertial>
+    {visual}
+  </link>
+  <joint name="hinge" type="continuous"><parent link="base"/><child link="rod"/>
+    <axis xyz="1 0 0"/></joint>
+</robot>"""
+RADIUS, LENGTH, MASS = 0.03, 0.8, 2.0
+
+
+def rod(visual: str = "") -> Robot:
+    """A cylinder on a hinge: moments of a solid one, as in any table."""
+    along, across = MASS * RADIUS**2 / 2, MASS * (3 * RADIUS**2 + LENGTH**2) / 12
+    return Robot(load_scene(ROD.format(across=across, along=along, visual=visual)))
+
+
+def visual(geometry: str, material: str = "") -> str:
+    origin = '<origin xyz="0 0 0.4" rpy="0 0 1"/>'
+    return f"<visual>{origin}<geometry>{geometry}</geometry>{material}</visual>"
+
+
+def test_a_link_without_visuals_is_the_cylinder_of_its_inertia() -> None:
+    capsule, bone = visuals_of(rod())
+    assert capsule.shape == Cylinder(pytest.approx(RADIUS), pytest.approx(LENGTH), rounded=True)
+    np.testing.assert_allclose(capsule.placement.translation, [0.0, 0.0, 0.4])
+    np.testing.assert_allclose(abs(capsule.placement.rotation[:, 2]), [0.0, 0.0, 1.0], atol=1e-12)
+    assert bone.joint == capsule.joint == 1
+
+
+@pytest.mark.parametrize(
+    ("geometry", "shape"),
+    [
+        ('<box size="1 2 3"/>', Box((1.0, 2.0, 3.0))),
+        ('<cylinder radius="0.1" length="2"/>', Cylinder(0.1, 2.0)),
+        ('<capsule radius="0.1" length="2"/>', Cylinder(0.1, 2.0, rounded=True)),
+        ('<sphere radius="0.3"/>', Sphere(0.3)),
+    ],
+)
+def test_visuals_of_the_description_are_drawn(geometry: str, shape: object) -> None:
+    (drawn,) = visuals_of(rod(visual(geometry, '<material name="blue"/>')))
+    assert drawn.shape == shape
+    assert drawn.colour == (0.0, 0.0, 1.0, 1.0)
+    np.testing.assert_allclose(drawn.placement.rotation, pin.utils.rotate("z", 1.0))
+    np.testing.assert_allclose(drawn.placement.translation, [0.0, 0.0, 0.4])
+
+
+@pytest.mark.parametrize(
+    ("geometry", "told"),
+    [
+        ('<mesh filename="package://nowhere/arm.stl"/>', "no file 'package://nowhere/arm.stl'"),
+        ('<box size="1 2"/>', "not enough values"),
+        ("<pyramid/>", "<pyramid>; allowed: mesh, box"),
+        ("", "its <geometry> is empty"),
+    ],
+)
+def test_a_visual_that_cannot_be_drawn_is_told_and_replaced(
+    geometry: str, told: str, caplog: pytest.LogCaptureFixture
+) -> None:
+    with caplog.at_level(logging.WARNING):
+        drawn = visuals_of(rod(visual(geometry)))
+    assert told in caplog.text
+    assert "link 'rod'" in caplog.text
+    assert isinstance(drawn[0].shape, Cylinder)
+
+
+def test_meshes_of_a_real_arm_are_found() -> None:
+    visuals = visuals_of(ArmModel(load_scene("panda")))
+    files = [v.shape.path for v in visuals if isinstance(v.shape, Mesh)]
+    assert len(files) == 11  # eight links, the hand, two fingers
+    assert all(path.is_file() for path in files)
+    assert len(visuals) == len(files)
+
+
+def test_payloads_planes_and_contact_points_are_drawn() -> None:
+    scene = {
+        "robot": {"urdf": rod().scene.robot.urdf},
+        "payloads": [{"frame": "rod", "mass": 2.0, "com": [0.1, 0.0, 0.0],
+                      "inertia": [1e-3, 0, 0, 1e-3, 0, 1e-3]}],
+        "constraints": [{"type": "contact", "frame": "rod", "radius": 0.03,
+                         "plane": {"point": [0, 0, -3], "normal": [0, 1, 0]}}],
+    }  # fmt: skip
+    drawn: dict[str, Visual] = {v.name: v for v in visuals_of(Robot(load_scene(scene)))}
+    radius = drawn["payload_0"].shape.radius
+    assert 4 / 3 * np.pi * radius**3 * 1000.0 == pytest.approx(2.0)
+    assert drawn["contact_0"].shape == Sphere(0.03)
+    plane = drawn["contact_0_plane"]
+    assert plane.joint == 0
+    np.testing.assert_allclose(plane.placement.rotation[:, 2], [0.0, 1.0, 0.0], atol=1e-12)
+    np.testing.assert_allclose(plane.placement.translation, [0.0, 0.0, -3.0])

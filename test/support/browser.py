@@ -1,0 +1,121 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A page of the view in a real browser: what it drew, read back from the scene that it renders."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from arm_dynamics import ArmModel
+from arm_dynamics.arrays import Array
+from arm_sim.exceptions import ViewError
+
+PATIENCE = 60.0  # [s] on a machine that others use, without a graphics card
+NOISE = ("deprecated", "GPU stall", "WebGL")  # what the libraries say of themselves
+
+# The nodes of the scene that three.js renders, by name: they hang in the page's React tree.
+_FIND = """() => {
+  const root = document.getElementById('root');
+  const key = Object.keys(root).find(k => k.startsWith('__reactContainer'));
+  const left = [root[key]];
+  while (left.length) {
+    const fiber = left.pop();
+    const nodes = fiber?.memoizedProps?.value?.mutable?.current?.nodeRefFromName;
+    if (nodes) { window.drawn = nodes; return true; }
+    if (fiber?.sibling) left.push(fiber.sibling);
+    if (fiber?.child) left.push(fiber.child);
+  }
+  return false;
+}"""
+_PLACE = """name => {
+  const node = window.drawn[name];
+  if (!node) return null;
+  node.updateWorldMatrix(true, false);
+  return Array.from(node.matrixWorld.elements);
+}"""
+
+
+def needed() -> None:
+    """Skip the test where there is no library that draws or no browser."""
+    pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
+    pytest.importorskip("playwright", reason="the view's packages are missing: ./arm setup view")
+    from arm_sim.view.pictures import browser
+
+    try:
+        browser()
+    except ViewError as error:
+        pytest.skip(str(error))
+
+
+class Page:
+    """A page in a browser.
+
+    Attributes:
+        handle: As playwright has it.
+        troubles: Errors and warnings of its console.
+    """
+
+    def __init__(self, handle: Any) -> None:
+        self.handle, self.troubles = handle, list[str]()
+        handle.on("console", self._hear)
+        handle.on("pageerror", lambda error: self.troubles.append(str(error)))
+
+    def _hear(self, message: Any) -> None:
+        if message.type in ("error", "warning") and not any(x in message.text for x in NOISE):
+            self.troubles.append(f"{message.type}: {message.text}")
+
+    def open(self, url: str, *nodes: str) -> None:
+        """Open a page and wait for nodes of its scene."""
+        self.handle.goto(url)
+        self.until(lambda: self.handle.evaluate(_FIND), "a scene")
+        for node in nodes:
+            self.until(lambda node=node: self.handle.evaluate(_PLACE, node), node)
+
+    def click(self, name: str) -> None:
+        """Press a button; the mouse does not wait for a slow machine to stop drawing."""
+        box = self.handle.get_by_role("button", name=name, exact=True).bounding_box()
+        self.handle.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+
+    def place(self, node: str) -> Array:
+        """Where the scene that is rendered has a node, a homogeneous matrix of shape (4, 4)."""
+        elements = self.handle.evaluate(_PLACE, node)
+        assert elements is not None, f"{node} is not drawn"
+        return np.array(elements).reshape(4, 4).T
+
+    def angles(self, name: str, model: ArmModel) -> Array:
+        """Joint angles that are drawn, from places of links that follow each other, (pin.nv,)."""
+        tree, places = model.pin, [self.place(f"/{name}/base")]
+        angles = []
+        for i in range(1, tree.njoints):
+            places.append(self.place(f"/{name}/{tree.names[i]}"))
+            way = np.linalg.solve(places[tree.parents[i]], places[i])
+            turn = tree.jointPlacements[i].rotation.T @ way[:3, :3]
+            axis = np.array(tree.joints[i].createData().S).ravel()[3:]
+            angles.append(float(axis @ pin.log3(turn)))
+        return np.array(angles)
+
+    def until(self, holds: Callable[[], object], what: str) -> None:
+        """Wait for something."""
+        end = time.monotonic() + PATIENCE
+        while not holds():
+            if time.monotonic() > end:
+                raise AssertionError(f"waited {PATIENCE} s for {what}; {self.troubles}")
+            self.handle.wait_for_timeout(50)
+
+
+@contextmanager
+def opened(url: str, *nodes: str, size: tuple[int, int] = (900, 560)) -> Iterator[Page]:
+    """A page that is open and shows some nodes; at the end its console has said nothing bad."""
+    from arm_sim.view.pictures import page_in_browser
+
+    with page_in_browser("about:blank", size) as handle:
+        page = Page(handle)
+        page.open(url, *nodes)
+        yield page
+        assert page.troubles == []
