@@ -33,12 +33,12 @@ _FIND = """() => {
   }
   return false;
 }"""
-_PLACE = """name => {
+_PLACES = """names => names.map(name => {
   const node = window.drawn[name];
   if (!node) return null;
   node.updateWorldMatrix(true, false);
   return Array.from(node.matrixWorld.elements);
-}"""
+})"""
 
 
 def needed() -> None:
@@ -74,26 +74,22 @@ class Page:
         """Open a page and wait for nodes of its scene."""
         self.handle.goto(url)
         self.until(lambda: self.handle.evaluate(_FIND), "a scene")
-        for node in nodes:
-            self.until(lambda node=node: self.handle.evaluate(_PLACE, node), node)
+        self.until(lambda: None not in self.handle.evaluate(_PLACES, nodes), str(nodes))
 
     def click(self, name: str) -> None:
-        """Press a button; the mouse does not wait for a slow machine to stop drawing."""
-        box = self.handle.get_by_role("button", name=name, exact=True).bounding_box()
-        self.handle.mouse.click(box["x"] + box["width"] / 2, box["y"] + box["height"] / 2)
+        """Press a button, wherever it is; a slow machine is not waited for to stop drawing."""
+        self.handle.get_by_role("button", name=name, exact=True).dispatch_event("click")
 
-    def place(self, node: str) -> Array:
-        """Where the scene that is rendered has a node, a homogeneous matrix of shape (4, 4)."""
-        elements = self.handle.evaluate(_PLACE, node)
-        assert elements is not None, f"{node} is not drawn"
-        return np.array(elements).reshape(4, 4).T
+    def places(self, *nodes: str) -> Array:
+        """Where the scene that is rendered has nodes, all at once: matrices, shape (k, 4, 4)."""
+        elements = np.array(self.handle.evaluate(_PLACES, nodes), dtype=float)
+        return np.asarray(elements.reshape(-1, 4, 4).transpose(0, 2, 1))
 
     def angles(self, name: str, model: ArmModel) -> Array:
         """Joint angles that are drawn, from places of links that follow each other, (pin.nv,)."""
-        tree, places = model.pin, [self.place(f"/{name}/base")]
-        angles = []
+        tree, angles = model.pin, []
+        places = self.places(*(f"/{name}/{joint}" for joint in ("base", *list(tree.names)[1:])))
         for i in range(1, tree.njoints):
-            places.append(self.place(f"/{name}/{tree.names[i]}"))
             way = np.linalg.solve(places[tree.parents[i]], places[i])
             turn = tree.jointPlacements[i].rotation.T @ way[:3, :3]
             axis = np.array(tree.joints[i].createData().S).ravel()[3:]

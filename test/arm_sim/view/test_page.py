@@ -73,15 +73,17 @@ def test_a_slider_places_a_joint(touched: tuple[View, Page], panda: Simulator) -
 
 def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     view, page = touched
-    page.handle.get_by_text("Push arm").click()
+    page.handle.get_by_text("Push arm").dispatch_event("click")
+    page.until(lambda: page.handle.get_by_role("button", name="Push", exact=True).count(), "it")
     page.click("Push")
     rig = view.source.rigs[0]
     page.until(lambda: rig.wrenches.active, "the push")
     page.click("Step")
     page.until(lambda: panda.state.step == 1, "a tick")
-    task = 20.0 * np.linalg.solve(panda.dynamics.mass_matrix(panda.model.q0), _sideways(panda))
-    fall = panda.dynamics.forward(panda.model.q0, panda.model.v0, np.zeros(7))
-    np.testing.assert_allclose(panda.state.v / panda.dt, task + fall, rtol=2e-2, atol=0.5)
+    q, v = panda.model.q0, panda.model.v0
+    pushed = panda.dynamics.forward(q, v, 20.0 * _sideways(panda))  # 20 N along y, as offered
+    assert abs(pushed - panda.dynamics.forward(q, v, np.zeros(7))).max() > 10.0
+    np.testing.assert_allclose(panda.state.v / panda.dt, pushed, rtol=5e-2, atol=0.5)
 
 
 def _sideways(panda: Simulator) -> np.ndarray:
@@ -93,17 +95,30 @@ def _sideways(panda: Simulator) -> np.ndarray:
     return np.asarray((ways[:7] - ways[7:])[:, 1] / (2 * h))
 
 
-def test_the_mouse_pulls_a_link(touched: tuple[View, Page], panda: Simulator) -> None:
-    view, page = touched
-    hand = page.handle
-    middle = page.place("/arm/panda_joint5")  # a link that is in sight
-    hand.mouse.move(*_on_screen(page, middle[:3, 3]))
-    hand.mouse.down()
-    hand.mouse.move(600, 100, steps=8)
-    rig = view.source.rigs[0]
-    page.until(lambda: rig.wrenches.active, "the pull")
-    hand.mouse.up()
-    page.until(lambda: not rig.wrenches.active, "the release")
+def test_the_mouse_pulls_a_link(panda: Simulator) -> None:
+    panda.reset()
+    with (
+        panda.view(port=0) as view,
+        opened(view.url, "/arm/panda_joint7", size=(1300, 650)) as page,
+    ):
+        rig, mouse = view.source.rigs[0], page.handle.mouse
+        x, y = _on_screen(page, page.places("/arm/panda_joint3")[0, :3, 3])
+        for at in (x - 5, x):  # what is beneath the mouse is found out with a picture
+            mouse.move(at, y + 10)
+            page.handle.wait_for_timeout(500)
+        mouse.down()
+        for k in range(1, 60):
+            mouse.move(x + 2 * k, y + 10 - k)
+            page.handle.wait_for_timeout(50)
+            if rig.wrenches.active:
+                break
+        assert rig.wrenches.active == ("panda_link3",)
+        page.click("Step")
+        page.until(lambda: panda.state.step == 1, "a tick")
+        pulled = panda.plant.parameters.of("external", panda.parameters)
+        assert abs(pulled).max() > 0.0
+        mouse.up()
+        page.until(lambda: not rig.wrenches.active, "the release")
 
 
 def _on_screen(page: Page, point: np.ndarray) -> tuple[float, float]:
@@ -137,8 +152,8 @@ def test_two_arms_are_drawn_beside_each_other(panda: Simulator) -> None:
         assert_drawn(page, panda, "left")
         assert_drawn(page, other, "right")
         assert panda.state.time == pytest.approx(other.state.time)
-        far = page.place("/left/base")[:3, 3] - page.place("/right/base")[:3, 3]
-        assert np.linalg.norm(far) > 1.0
+        left, right = page.places("/left/base", "/right/base")[:, :3, 3]
+        assert np.linalg.norm(left - right) > 1.0
 
 
 @pytest.fixture(scope="module")

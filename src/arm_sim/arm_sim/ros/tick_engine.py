@@ -9,6 +9,7 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
+from arm_sim.compiled_scene import EXTERNAL
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
@@ -16,7 +17,7 @@ from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import ZERO, LatestCommand
 from arm_sim.ros.energy_meter import Account, EnergyMeter
 from arm_sim.ros.tick_queue import TickQueue
-from arm_sim.runtime_changes import EXTERNAL, external_change
+from arm_sim.runtime_changes import external_change
 from arm_sim.simulator import Simulator
 
 MAX_STEPS = 10_000  # of one call

@@ -45,7 +45,7 @@ class Size(click.ParamType):
 )
 @click.argument("what", nargs=-1, required=True)
 @click.option("--host", default="127.0.0.1", show_default=True,
-              help="Address to listen at; 0.0.0.0 lets all the network look and steer.")  # fmt: skip
+              help="Address to listen at; 0.0.0.0 lets the network look and steer.")  # fmt: skip
 @click.option("--port", type=click.IntRange(0, 65535),
               help="Port; 8080 or the next one that is free when omitted.")  # fmt: skip
 @click.option("--html", type=FILE, help="Write a page that plays without a server.")
