@@ -23,8 +23,8 @@ from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_er
 from arm_sim.recording.figure import draw
 from arm_sim.recording.measured import with_scene
 from arm_sim.recording.origin import Physics
-from arm_sim.recording.tables import columns, to_pandas, to_xarray
 from arm_sim.recording.showing import film_of
+from arm_sim.recording.tables import columns, to_pandas, to_xarray
 from arm_sim.view import View, show_films
 from arm_sim.view.server import HERE
 
@@ -334,7 +334,7 @@ class Recording(Contents):
         """Some of its states, by their places; what flows between them is not to be asked for."""
         here = np.asarray(rows)
         states = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
-        chosen = {name: read_only(getattr(self, name)[here]) for name in states}
+        chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}
         return replace(self, **chosen, jumps=(), gaps=(), measured=None)
 
     def show(

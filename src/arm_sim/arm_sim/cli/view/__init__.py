@@ -94,9 +94,7 @@ def view(
     written = {"png": png, "gif": gif, "mp4": mp4, "html": html}
     pictures = {kind: path for kind, path in written.items() if path is not None}
     with told_meanwhile():
-        wish = Wish(
-            host, 0 if pictures else port, bool(pictures), duration, control, scene, topic
-        )
+        wish = Wish(host, 0 if pictures else port, bool(pictures), duration, control, scene, topic)
         page = shown(what, wish)
         with page:
             for kind, path in pictures.items():

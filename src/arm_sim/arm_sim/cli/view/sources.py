@@ -13,7 +13,6 @@ from arm_sim.exceptions import ViewError
 from arm_sim.recording import film_of
 from arm_sim.view import Film, View, show_films, show_rigs
 
-
 RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
 
 
