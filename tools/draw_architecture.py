@@ -50,6 +50,7 @@ SAYS = {
         "scene": "keys, checks, URDF",
         "codegen": "C, compiler, cache",
         "arrays": "vectors and their checks",
+        "cdr": "messages as bytes",
         "exceptions": "ArmError and its kinds",
         "lazy": "imports at first use",
     },
