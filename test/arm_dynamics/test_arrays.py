@@ -202,3 +202,12 @@ def test_batches_of_different_length_are_refused_with_their_lengths() -> None:
 def test_a_positive_number_is_no_truth_value(value: float) -> None:
     with pytest.raises(InvalidInput, match=r"^dt is .*; a positive number is expected"):
         positive("dt", value)
+
+
+def test_a_number_that_is_not_finite_is_told_with_its_joint() -> None:
+    with pytest.raises(InvalidInput, match=r"q\[1\] = nan of joint 'elbow'; only finite"):
+        vector("q", [0.0, np.nan], ("shoulder", "elbow"))
+    with pytest.raises(InvalidInput, match=r"q\[2, 0\] = inf of joint 'shoulder'; only finite"):
+        vectors(("shoulder", "elbow"), q=[[0, 0], [0, 0], [np.inf, 0]])
+    with pytest.raises(InvalidInput, match=r"q\[1\] = nan; only finite"):
+        vector("q", [0.0, np.nan], 2)

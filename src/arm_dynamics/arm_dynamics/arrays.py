@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Collection, Iterable
+from collections.abc import Callable, Collection, Iterable, Sequence
 from itertools import repeat
 from operator import gt
 
@@ -37,13 +37,22 @@ def each(answer: Callable[..., Array], *given: Array) -> Array:
     return np.array([answer(*row) for row in zip(*columns, strict=False)])
 
 
-def vector(name: str, value: ArrayLike, n: int) -> Array:
+Joints = int | Sequence[str]
+"""Joints by name, or how many there are."""
+
+
+def count(joints: Joints) -> int:
+    """How many joints there are."""
+    return joints if isinstance(joints, int) else len(joints)
+
+
+def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
     """Check an argument: finite numbers of shape (n,) or (k, n).
 
     Args:
         name: How the caller calls it.
         value: What was given.
-        n: Degrees of freedom.
+        joints: Whose numbers they are, or how many.
 
     Returns:
         The value as an array of float.
@@ -52,12 +61,14 @@ def vector(name: str, value: ArrayLike, n: int) -> Array:
         InvalidInput: If it is anything else.
     """
     array = real_array(name, value)
+    n = count(joints)
     if array.ndim not in (1, 2) or array.shape[-1] != n or array.size == 0:
         raise InvalidInput(f"{name} has shape {array.shape}; ({n},) or (k, {n}) is expected")
     if not all_finite(array):
         bad = np.argwhere(~np.isfinite(array))[0]
+        whose = "" if isinstance(joints, int) else f" of joint '{joints[bad[-1]]}'"
         raise InvalidInput(
-            f"{name}{bad.tolist()} = {array[tuple(bad)]}; only finite numbers are allowed"
+            f"{name}{bad.tolist()} = {array[tuple(bad)]}{whose}; only finite numbers are allowed"
         )
     return array
 
@@ -145,11 +156,11 @@ def positive_limits(name: str, limit: ArrayLike, n: int) -> Array:
     return np.array(np.broadcast_to(array, (n,)))
 
 
-def vectors(n: int, **given: ArrayLike) -> list[Array]:
+def vectors(joints: Joints, **given: ArrayLike) -> list[Array]:
     """Check arguments that belong together: each of shape (n,), or all batches of one length.
 
     Args:
-        n: Degrees of freedom.
+        joints: Whose numbers they are, or how many.
         given: What was given, by the caller's names.
 
     Returns:
@@ -158,10 +169,10 @@ def vectors(n: int, **given: ArrayLike) -> list[Array]:
     Raises:
         InvalidInput: If one is anything else, or batches differ in length.
     """
-    arrays = [vector(name, value, n) for name, value in given.items()]
+    arrays = [vector(name, value, joints) for name, value in given.items()]
     counts = {array.shape[0] for array in arrays if array.ndim == 2}
     if len(counts) > 1:
         raise InvalidInput(f"batches must be of one length, got {sorted(counts)}")
     if not counts:
         return arrays
-    return [x if x.ndim == 2 else np.broadcast_to(x, (*counts, n)) for x in arrays]
+    return [x if x.ndim == 2 else np.broadcast_to(x, (*counts, x.size)) for x in arrays]

@@ -7,7 +7,11 @@ Each says what is wrong, the value and what is allowed.
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Iterable
+from difflib import get_close_matches
+
+_NAME = 80  # characters of a name that are shown
 
 
 class ArmError(Exception):
@@ -65,8 +69,46 @@ class Refused(ArmError):
     """A node answered that it will not do what it was asked; the message is the node's."""
 
 
+def plain(text: object, most: int = 1000) -> str:
+    """What others wrote, or a message that repeats it, as one line that is safe to show.
+
+    Characters that are not printable (ends of lines, marks that turn the direction of writing) are
+    escaped, and of a long text the middle is left out.
+
+    Args:
+        text: Anything; its text is meant.
+        most: Characters after which the middle is left out.
+    """
+    whole = str(text)
+    half = most // 2
+    if len(whole) <= most:
+        return _printable(whole)
+    left_out = f" … ({len(whole) - 2 * half} characters) … "
+    return _printable(whole[:half]) + left_out + _printable(whole[-half:])
+
+
+def _printable(text: str) -> str:
+    if text.isprintable():
+        return text
+    return "".join(c if c.isprintable() else ascii(c)[1:-1] for c in text)
+
+
 def known_names(names: Iterable[str], limit: int = 30) -> str:
     """List the names that would have been accepted as ``a, b, c``, cut after ``limit``."""
-    listed = list(names)
+    listed = [plain(name, _NAME) for name in names]
     more = f", … ({len(listed) - limit} more)" if len(listed) > limit else ""
     return (", ".join(listed[:limit]) + more) or "none"
+
+
+def did_you_mean(name: str, names: Iterable[str]) -> str:
+    """The name that was possibly meant, as the end of a message; empty if none is near.
+
+    Names that differ in nothing but numbers are not near: ``joint9`` does not mean ``joint4``.
+    """
+    others = [other for other in names if _bare(other) != _bare(name)]
+    near = get_close_matches(name, others, n=1)
+    return f"; did you mean '{near[0]}'?" if near else ""
+
+
+def _bare(name: str) -> str:
+    return re.sub(r"\d", "", name)

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
-from arm_dynamics.arrays import Array, finite_numbers, real_array, vector
+from arm_dynamics.arrays import Array, Joints, count, finite_numbers, real_array, vector
 from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.trajectory.reference import Motion, hold
 
@@ -22,14 +22,15 @@ if TYPE_CHECKING:
 _log = logging.getLogger(__name__)
 
 
-def torque(tau: Any, n: int) -> list[float]:
+def torque(tau: Any, joints: Joints) -> list[float]:
     """Check torques for one tick, finite numbers of shape (n,), and give n plain numbers back."""
+    n = count(joints)
     command = tau if type(tau) is np.ndarray and tau.dtype == float else real_array("tau", tau)
     if command.shape != (n,):
         raise InvalidInput(f"tau has shape {command.shape}; expected ({n},)")
     numbers: list[float] = command.tolist()
     if not finite_numbers(numbers):
-        vector("tau", command, n)  # which says what is wrong
+        vector("tau", command, joints)  # which says what is wrong
     return numbers
 
 
@@ -57,21 +58,21 @@ def answers(
     return answer
 
 
-def torque_table(control: Any, ticks: int, n: int, dt: float) -> Array:
+def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
     """Check torques for a run: None for zero, held ones of shape (n,), or a row for each tick."""
-    table = vector("control", np.zeros(n) if control is None else control, n)
+    table = vector("control", np.zeros(count(joints)) if control is None else control, joints)
     if table.ndim == 2 and len(table) != ticks:
         raise InvalidInput(f"control has {len(table)} rows; the run has {ticks} ticks of {dt} s")
     return np.ascontiguousarray(table)
 
 
-def row(name: str, value: Any, n: int) -> Array:
-    """Check one row of n finite numbers; n may be zero."""
-    if n == np.size(value) == 0:
+def row(name: str, value: Any, joints: Joints) -> Array:
+    """Check one row of finite numbers, by joint or so many; there may be none."""
+    if joints == np.size(value) == 0:
         return np.zeros(0)
-    given = vector(name, value, n)
+    given = vector(name, value, joints)
     if given.ndim != 1:
-        raise InvalidInput(f"{name} has shape {given.shape}; expected ({n},)")
+        raise InvalidInput(f"{name} has shape {given.shape}; expected {given.shape[1:]}")
     return given
 
 
@@ -90,7 +91,7 @@ def named(scene: Any) -> str:
 def tick_count(duration: Any, dt: float) -> int:
     """Check a duration in [s] and round it to whole ticks."""
     try:
-        seconds = np.nan if isinstance(duration, bool) else float(duration)
+        seconds = np.nan if isinstance(duration, bool | str) else float(duration)
     except (TypeError, ValueError):
         seconds = np.nan
     if not 0.0 <= seconds < np.inf:

@@ -220,7 +220,7 @@ class Simulator:
             InvalidInput: If ``tau`` has the wrong shape or is not finite.
             SimulationDiverged: If the tick gives numbers that are not finite; the state stays.
         """
-        self.advance(self._arrived(torque(tau, self.n)))
+        self.advance(self._arrived(torque(tau, self.joint_names)))
         return self.state
 
     def advance(self, tau: Sequence[float]) -> None:
@@ -263,7 +263,7 @@ class Simulator:
         """
         ticks = tick_count(duration, self.dt)
         if hasattr(control, "torque"):
-            control = answers(control, reference, self.dynamics, self.state)
+            control = answers(control, reference, self.dynamics, self.measured)
         elif reference is not None:
             raise InvalidInput("a reference is for a controller with torque(state, reference)")
         time = np.asarray((self._step + np.arange(ticks + 1)) * self.dt, dtype=np.float64)
@@ -283,7 +283,7 @@ class Simulator:
         elif callable(control):
             done = self._run_function(control, x, effort, later, changes, told)
         else:
-            table = torque_table(control, ticks, self.n, self.dt)
+            table = torque_table(control, ticks, self.joint_names, self.dt)
             if self._line is not None:
                 rows = np.broadcast_to(table, (ticks, self.n))
                 table = np.array([self._arrived(row, k) for k, row in enumerate(rows.tolist())])
@@ -423,7 +423,8 @@ class Simulator:
             SimulationDiverged: If a tick cannot be computed.
         """
         whole("ticks", ticks, 1)
-        x, command = packed(self.plant, state.q, state.v, state.z), np.array(torque(tau, self.n))
+        x = packed(self.plant, state.q, state.v, state.z)
+        command = np.array(torque(tau, self.joint_names))
         return self._compiled.linearizer(x, command, ticks)
 
     def multipliers(self) -> Array:
@@ -552,7 +553,7 @@ class Simulator:
             command = control(self.measured)
             changes.look(k, x)
             try:
-                self.advance(self._arrived(torque(command, self.n)))
+                self.advance(self._arrived(torque(command, self.joint_names)))
             except SimulationDiverged:
                 return k
             x[k + 1], effort[k], notes[k] = self._x, self._effort[0], self._notes[0]

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -162,3 +164,43 @@ def test_made_by_name_they_hold_any_arm(robot_name: str, name: str) -> None:
     if name != "motion_force":  # along its direction it only brakes
         assert abs(error).max() < 5e-3
     assert abs(done.v[-1]).max() < 0.5
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"bandwidth": 1e308}, "bandwidth = 1e.308; allowed is 0 to 3141.59"),
+        ({"bandwidth": 400.0, "dt": 0.01}, "bandwidth = 400.0; allowed is 0 to 314.159"),
+        ({"bandwidth": [20.0, np.nan]}, "bandwidth is .*; allowed are finite numbers"),
+        ({"bandwidth": True}, "bandwidth = True: real numbers are expected"),
+        ({"damping_ratio": 1e6}, "damping_ratio = 1000000.0; allowed is 0 to 100"),
+        ({"damping_ratio": -1}, "damping_ratio = -1; allowed is 0 to 100"),
+        ({"observer": np.inf}, "observer is inf"),
+        ({"force": -2e4}, "force = .*; allowed is 0 to 10000"),
+        ({"direction": (0, 0, 0)}, "force_direction = .*; a vector of shape .3,. but zero"),
+        ({"direction": (0, 1)}, "force_direction has shape"),
+        ({"axes": "x q"}, "task_axes: selection = 'x q'; allowed: pose"),
+        ({"axes": ""}, "task_axes: selection"),
+        ({"dt": 0.0}, "control_period is 0.0; a positive number is expected"),
+    ],
+)
+def test_settings_are_checked_whatever_controller_reads_them(
+    given: dict[str, Any], said: str
+) -> None:
+    with pytest.raises(InvalidInput, match=said):
+        Settings(**given)
+
+
+def test_gains_of_each_joint_must_be_as_many_whatever_controller_reads_them() -> None:
+    for name in ("float", "pd", "computed_torque"):
+        with pytest.raises(InvalidInput, match=r"bandwidth has shape \(3,\); allowed is a number"):
+            make_controller(name, models.dynamics("two_link"), Settings(bandwidth=[1, 2, 3]))
+
+
+@pytest.mark.parametrize("name", ["operational_space", "motion_force", "cartesian_impedance"])
+def test_gains_in_task_space_are_bounded_by_the_control_rate(name: str) -> None:
+    about = {"frame": "tip", "axes": "x y", "direction": (1, 0, 0), "dt": 0.002}
+    make_controller(name, models.dynamics("two_link"), Settings(bandwidth=370.0, **about))
+    for gains in ({"bandwidth": 380.0}, {"bandwidth": 100.0, "damping_ratio": 4.0}):
+        with pytest.raises(InvalidInput, match="at 500 states per second .* at most 375 rad/s"):
+            make_controller(name, models.dynamics("two_link"), Settings(**gains, **about))

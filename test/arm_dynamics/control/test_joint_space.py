@@ -354,3 +354,22 @@ def test_bad_settings_are_refused() -> None:
         Switch(PD(2, 1.0, 1.0), 1e-3, -1.0)
     with pytest.raises(InvalidInput, match="allowed: all, dry"):
         FrictionFeedForward(PD(2, 1.0, 1.0), dyn.model, "wet")
+
+
+@pytest.mark.parametrize(
+    ("reference", "said"),
+    [
+        (
+            Reference(np.zeros(3), np.zeros(2), np.zeros(2)),
+            r"reference.q has shape \(3,\); \(2,\)",
+        ),
+        (Reference(np.zeros(2), np.zeros(2), np.zeros(())), r"reference.a has shape \(\); \(2,\)"),
+        (np.zeros(2), "the reference is of type ndarray; positions q, velocities v and"),
+        (None, "the reference is of type NoneType"),
+    ],
+)
+def test_a_wrong_reference_is_told(reference: object, said: str) -> None:
+    dyn, state = models.dynamics("two_link"), Measured(np.zeros(2), np.zeros(2))
+    for control in (PD(2, 1.0, 1.0), FeedForwardPD(dyn, 1.0, 1.0), ComputedTorque(dyn)):
+        with pytest.raises(InvalidInput, match=said):
+            control.torque(state, reference)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from typing import Any
 
 import numpy as np
@@ -123,3 +124,11 @@ def test_what_is_said_when_a_tick_cannot_be_computed() -> None:
     scene = models.scene("gantry")
     assert "smaller dt" in chosen(scene, "rk4").remark
     assert "1e-05 (a larger one" in chosen(scene, tolerance=1e-5).remark
+
+
+def test_a_tick_that_is_long_for_an_arm_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        chosen(rotor(0.1), dt=0.05)
+        assert not caplog.records
+        chosen(rotor(0.1), dt=1.0)
+    assert "dt = 1 s is long for a tick" in caplog.text

@@ -109,6 +109,8 @@ def test_set_joint_state_by_name_while_time_goes_on(ros: Ros, node: SimNode) -> 
         ({"position": [1.0]}, "position has 1 numbers; allowed is 2"),
         ({"position": [1.0, np.nan]}, "only finite numbers are allowed"),
         ({"velocity": [1.0] * 3}, "velocity has 3 numbers; allowed is 2"),
+        ({"position": [1.0, np.nan]}, f"nan of joint '{NAMES[1]}'"),
+        ({"velocity": [0.0, 1e17]}, "is 1e+17; allowed is up to 1000 rad/s, 1 rad in a tick"),
         ({"joint_names": ["nobody"], "position": [1.0]}, "joint names are nobody; allowed are"),
         ({"joint_names": [NAMES[0]] * 2, "position": [1.0] * 2}, "each once"),
     ],
@@ -121,6 +123,15 @@ def test_bad_joint_states_are_refused(
     answer = set_joint_state(node, **fields)
     assert not answer.success
     assert complaint in answer.message
+    np.testing.assert_array_equal(motion(node), before)
+
+
+def test_a_place_beyond_the_limits_is_refused_with_them(ros: Ros) -> None:
+    node = by_hand(ros, "panda")
+    before = motion(node)
+    answer = set_joint_state(node, joint_names=["panda_joint4"], position=[3.0])
+    assert not answer.success
+    assert "'panda_joint4' at 3 is beyond its stops; allowed: -3.07" in answer.message
     np.testing.assert_array_equal(motion(node), before)
 
 

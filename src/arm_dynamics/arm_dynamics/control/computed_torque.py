@@ -28,6 +28,8 @@ from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from arm_dynamics.trajectory.reference import Reference
 
 _FLOAT = np.dtype(float)
+_NONE = object()  # where there is no reference to look at
+_FASTEST = 1e6  # [rad/s], beyond anything that a torque can follow
 
 
 class Moving(Protocol):
@@ -124,7 +126,7 @@ class ComputedTorque:
             state: Where the arm is and how it moves.
             reference: Where it should be and how it should move.
         """
-        q, v = checked(state, self._n)
+        q, v = checked(state, self._n, reference)
         friction, desired = self._friction, (reference.q, reference.v, reference.a)
         sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.has_dry else v
         tuning = self._kp, self._kd, self._dt
@@ -176,6 +178,8 @@ def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array
         InvalidInput: If a gain has a wrong shape or value.
     """
     omega = gain("bandwidth", bandwidth, n)
+    if np.any(omega > _FASTEST):
+        raise InvalidInput(f"bandwidth is {bandwidth!r}; at most {_FASTEST:g} rad/s is allowed")
     return omega**2, 2.0 * gain("damping_ratio", damping_ratio, n) * omega
 
 
@@ -228,8 +232,14 @@ def gain(name: str, value: ArrayLike, n: int) -> Array:
     return np.array(np.broadcast_to(given, (n,)))
 
 
-def checked(state: Moving, n: int) -> tuple[Array, Array]:
+def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Array]:
     """Positions and velocities of a state, each of shape (n,) and finite.
+
+    Args:
+        state: How the arm moves. Whoever knows that it is right makes a ``Checked`` one, and has a
+            right reference too: then nothing is looked at.
+        n: Number of joints.
+        reference: What is to be followed, if its shapes are to be looked at as well.
 
     Raises:
         InvalidInput: If they are anything else.
@@ -237,6 +247,8 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
     q, v = state.q, state.v
     if type(state) is Checked:
         return q, v
+    if reference is not _NONE:
+        _check_shapes(reference, n)
     arrays = isinstance(q, np.ndarray) and isinstance(v, np.ndarray)
     if arrays and q.shape == v.shape == (n,) and q.dtype == v.dtype == _FLOAT:
         if all_finite(q) and all_finite(v):
@@ -245,6 +257,18 @@ def checked(state: Moving, n: int) -> tuple[Array, Array]:
         if vector(name, value, n).ndim != 1:
             raise InvalidInput(f"{name} has shape {np.shape(value)}; ({n},) is expected")
     return np.asarray(q, float), np.asarray(v, float)
+
+
+def _check_shapes(reference: object, n: int) -> None:
+    for name in ("q", "v", "a"):
+        value = getattr(reference, name, None)
+        if value is None:
+            raise InvalidInput(
+                f"the reference is of type {type(reference).__name__}; positions q, velocities v "
+                "and accelerations a are expected, as Reference(q, v, a) has them"
+            )
+        if np.shape(value) != (n,):
+            raise InvalidInput(f"reference.{name} has shape {np.shape(value)}; ({n},) is expected")
 
 
 _log = logging.getLogger(__name__)
@@ -262,7 +286,7 @@ class CompiledComputedTorque(ComputedTorque):
         call = self._call
         if call is None:
             return super().torque(state, reference)
-        q, v = checked(state, self._n)
+        q, v = checked(state, self._n, reference)
         np.concatenate((q, v, reference.q, reference.v, reference.a), out=call.inputs[0])
         call.run()
         return call.outputs[0].copy()

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
-from arm_dynamics.arrays import Array, numbers
+from arm_dynamics.arrays import Array, numbers, positive, unit_vector
 from arm_dynamics.control import computed_torque, custom, joint_space, task_space
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
@@ -24,6 +24,8 @@ from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
 
 Job = Callable[[], object]
+_STRONGEST = 1e4  # [N]
+_STEADY = 1.5  # of dt times K_d; from 2 on an acceleration that is held swings up
 
 
 def _tunable(default: Any, description: str, **about: Any) -> Any:
@@ -68,7 +70,9 @@ class Settings:
         "pose", 'Axes that they lead: pose, position, orientation, or some of "x y z rx ry rz"',
         parameter="task_axes",
     )  # fmt: skip
-    force: float = _tunable(0.0, "Force with which motion_force presses [N]", low=-1e4, high=1e4)
+    force: float = _tunable(
+        0.0, "Force with which motion_force presses [N]", low=-_STRONGEST, high=_STRONGEST
+    )
     direction: tuple[float, ...] = _tunable(
         (0.0, 0.0, -1.0), "Direction in the world along which it presses",
         parameter="force_direction",
@@ -81,6 +85,27 @@ class Settings:
     )
     saturate: bool = _tunable(False, "Cut torques at the scene's effort limits and say so")
     limit: ArrayLike = np.inf
+
+    def __post_init__(self) -> None:
+        """Refuse what no controller could be made with, whichever reads it."""
+        positive("control_period", self.dt)
+        fastest = np.pi / self.dt
+        _within("bandwidth", self.bandwidth, fastest, "rad/s, half a turn in a control period")
+        _within("damping_ratio", self.damping_ratio, 100.0, "beyond which errors hardly vanish")
+        _within("observer", self.observer, 1e4, "1/s")
+        _within("force", np.abs(numbers("force", self.force)), _STRONGEST, "N")
+        unit_vector("force_direction", self.direction, 3)
+        try:
+            chosen_axes(self.axes)
+        except InvalidInput as error:
+            raise InvalidInput(f"task_axes: {error}") from None
+
+
+def _within(name: str, value: ArrayLike, most: float, why: str) -> None:
+    """Refuse numbers that are not finite, below zero or above ``most``."""
+    given = numbers(name, value)
+    if given.ndim > 1 or np.any(given < 0.0) or np.any(given > most):
+        raise InvalidInput(f"{name} = {value!r}; allowed is 0 to {most:.6g} ({why})")
 
 
 def make_controller(
@@ -118,6 +143,9 @@ def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> 
         return custom.made(name, offered, dynamics.n)
     if name not in _BUILDERS:
         raise InvalidInput(f"controller = {name!r}; allowed: {known_names(_BUILDERS)}")
+    if name not in IN_TASK_SPACE:  # those have axes instead of joints
+        for key in ("bandwidth", "damping_ratio"):
+            computed_torque.gain(key, getattr(settings, key), dynamics.n)
     return _BUILDERS[name](dynamics, settings)
 
 
@@ -154,8 +182,23 @@ def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
 def _along_joints(
     kind: Callable[..., task_space.TaskController], task: TaskSpace, s: Settings, *chosen: Any
 ) -> AnyController:
+    _check_steady(s)
     about = {"posture_bandwidth": s.bandwidth, "friction": s.friction}
     return task_space.AlongJoints(kind(task, *chosen, s.damping_ratio, **about), task, s.force)
+
+
+def _check_steady(s: Settings) -> None:
+    """Refuse gains that swing up when what they ask for is held for a control period.
+
+    Held for dt, ë = -2 ζ ω ė takes ė to (1 - 2 ζ ω dt) ė from tick to tick.
+    """
+    damping = 2.0 * numbers("bandwidth", s.bandwidth) * numbers("damping_ratio", s.damping_ratio)
+    if np.any(damping * s.dt > _STEADY):
+        raise InvalidInput(
+            f"bandwidth = {s.bandwidth!r} with damping_ratio = {s.damping_ratio!r}: a controller "
+            f"in task space is steady at {1.0 / s.dt:g} states per second while bandwidth times "
+            f"damping_ratio is at most {0.5 * _STEADY / s.dt:g} rad/s"
+        )
 
 
 _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {

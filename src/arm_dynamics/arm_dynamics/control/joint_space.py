@@ -36,7 +36,7 @@ class PD:
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        return self._feedback(*checked(state, self._n), reference)
+        return self._feedback(*checked(state, self._n, reference), reference)
 
     def _feedback(self, q: Array, v: Array, reference: Reference) -> Array:
         return self._kp * (reference.q - q) + self._kd * (reference.v - v)
@@ -90,7 +90,7 @@ class PID:
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n)
+        q, v = checked(state, self._n, reference)
         e = reference.q - q
         asked = self._kp * e + self._kd * (reference.v - v) + self._integral
         tau = cut(asked, self._limit)
@@ -132,7 +132,7 @@ class PDGravity(PD):
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n)
+        q, v = checked(state, self._n, reference)
         return self._rigid.standing(q) + self._feedback(q, v, reference)
 
 
@@ -150,7 +150,7 @@ class FeedForwardPD(PD):
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n)
+        q, v = checked(state, self._n, reference)
         ahead = self._rigid.frictionless(reference.q, reference.v, reference.a)
         return ahead + self._viscous * reference.v + self._feedback(q, v, reference)
 
@@ -183,7 +183,7 @@ class JointImpedance:
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n)
+        q, v = checked(state, self._n, reference)
         rigid, K = self._rigid, self._stiffness
         M, C = rigid.mass(q), rigid.coriolis(q, v)
         D = self._ratio * np.sqrt(K * M.diagonal())

@@ -97,7 +97,7 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
         """
         inertia, coriolis, gravity, friction, spring = _chosen(terms)
-        q, v, a = vectors(self.n, q=q, v=v, a=a)
+        q, v, a = vectors(self.joint_names, q=q, v=v, a=a)
         moving = v if coriolis else np.zeros_like(v)
         pushed = a if inertia else np.zeros_like(a)
         tau = self._rigid.inverse(q, moving, pushed, self._gravity if gravity else _WEIGHTLESS)
@@ -114,7 +114,7 @@ class Dynamics:
 
         Args and errors as those of ``inverse``, whose sum of all terms it is without drives.
         """
-        tau, (q, v, a) = self.inverse(q, v, a), vectors(self.n, q=q, v=v, a=a)
+        tau, (q, v, a) = self.inverse(q, v, a), vectors(self.joint_names, q=q, v=v, a=a)
         rotors = self.command_map.rotor_inertia * a + self.command_map.rotor_damping * v
         command: Array = self.command_map(q, v, tau + rotors)
         return command
@@ -139,7 +139,7 @@ class Dynamics:
             InvalidInput: If a shape or a value is not allowed.
             ModelError: If the mass matrix is singular to rounding.
         """
-        q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
+        q, v, tau = vectors(self.joint_names, q=q, v=v, tau=tau)
         if self.model.scene.bilateral:
             return self.constrained.forward(q, v, tau)[0]
         if not self._regular:
@@ -170,33 +170,33 @@ class Dynamics:
         self, q: ArrayLike, v: ArrayLike, tau: ArrayLike, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
         """Accelerations and λ of τ = M a + C v + G + S + F + Aᵀλ; see ``Constrained.forward``."""
-        q, v, tau = vectors(self.n, q=q, v=v, tau=tau)
+        q, v, tau = vectors(self.joint_names, q=q, v=v, tau=tau)
         return self.constrained.forward(q, v, tau, active)
 
     def constrained_inverse(
         self, q: ArrayLike, v: ArrayLike, a: ArrayLike, lam: ArrayLike
     ) -> Array:
         """Torques M a + C v + G + S + F + Aᵀλ; see ``Constrained.inverse``."""
-        q, v, a = vectors(self.n, q=q, v=v, a=a)
+        q, v, a = vectors(self.joint_names, q=q, v=v, a=a)
         return self.constrained.inverse(q, v, a, lam)
 
     def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
         """Torques Jᵀ f with which the arm pushes on the world; see ``constrained``."""
-        return contact_torque(self.model, vectors(self.n, q=q)[0], wrench, frame)
+        return contact_torque(self.model, vectors(self.joint_names, q=q)[0], wrench, frame)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
         """Joint-space inertia M(q) with armature in [kg m²] or [kg], shape (n, n) or (k, n, n)."""
-        (q,) = vectors(self.n, q=q)
+        (q,) = vectors(self.joint_names, q=q)
         return self._rigid.mass_matrix(q)
 
     def coriolis_matrix(self, q: ArrayLike, v: ArrayLike) -> Array:
         """Coriolis matrix C(q, v), with dM/dt - 2 C skew-symmetric, shape (n, n) or (k, n, n)."""
-        q, v = vectors(self.n, q=q, v=v)
+        q, v = vectors(self.joint_names, q=q, v=v)
         return self._rigid.coriolis_matrix(q, v)
 
     def gravity(self, q: ArrayLike) -> Array:
         """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
-        (q,) = vectors(self.n, q=q)
+        (q,) = vectors(self.joint_names, q=q)
         return self._rigid.gravity(q)
 
     def spring(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
@@ -209,7 +209,7 @@ class Dynamics:
         Raises:
             InvalidInput: If a shape or a value is not allowed.
         """
-        q, v = vectors(self.n, q=q, v=np.zeros(self.n) if v is None else v)
+        q, v = vectors(self.joint_names, q=q, v=np.zeros(self.n) if v is None else v)
         return self._rigid.spring(q, v)
 
     def friction(
@@ -236,7 +236,7 @@ class Dynamics:
             raise InvalidInput("friction depends on the position in this scene: q is expected")
         still = np.zeros(self.n)
         v, direction, q, load = vectors(
-            self.n,
+            self.joint_names,
             v=v,
             direction=v if direction is None else direction,
             q=still if q is None else q,
@@ -250,7 +250,7 @@ class Dynamics:
 
         The kinetic energy includes that of the armature, the potential one that of springs.
         """
-        q, v = vectors(self.n, q=q, v=v)
+        q, v = vectors(self.joint_names, q=q, v=v)
         both = self._rigid.energies(q, v)
         kinetic, potential = both[..., 0], both[..., 1]
         return (kinetic, potential) if q.ndim == 2 else (float(kinetic), float(potential))

@@ -27,12 +27,13 @@ from arm_dynamics.control.factory import (
 )
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput
+from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, plain
 from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.direct import advertise
-from arm_dynamics.ros.common.executor import run, subscribe
+from arm_dynamics.ros.common.executable import execute
+from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_dynamics.ros.controller import (
@@ -202,7 +203,8 @@ class ControllerNode(Node):
         try:
             built()
         except ArmError as error:
-            self.get_logger().error(f"controller refused, the old one stays active: {error}")
+            kept = "controller refused, the old one stays active"
+            self.get_logger().error(f"{kept}: {plain(error)}")
         else:
             put()
 
@@ -220,7 +222,7 @@ class ControllerNode(Node):
             stamp, (q, v) = self._reader.read(raw)
         except InvalidInput as error:
             self._log.passed_over += 1
-            self._say(f"joint state passed over: {error}")
+            self._say(f"joint state passed over: {plain(error)}")
             return None
         state = Checked(np.array(q), np.array(v))
         reference = self._reference(stamp, state)
@@ -310,4 +312,4 @@ class ControllerNode(Node):
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
     take_short_turns()
-    sys.exit(run(ControllerNode, args))
+    sys.exit(execute(ControllerNode, ControllerParams, args))

@@ -12,10 +12,11 @@ from rclpy.node import Node
 from std_msgs.msg import String
 
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.exceptions import ArmError, InvalidInput, plain
 from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
-from arm_dynamics.ros.common.executor import run, subscribe
+from arm_dynamics.ros.common.executable import execute
+from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
 from arm_dynamics.ros.dynamics import ANSWERS, RequestCounts
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
@@ -97,7 +98,7 @@ class DynamicsNode(Node):
         except ArmError as error:
             self._counts.descriptions_refused += 1
             kept = "the one before stays" if self._dynamics else "there is still no robot"
-            self.get_logger().error(f"robot_description refused, {kept}: {error}")
+            self.get_logger().error(f"robot_description refused, {kept}: {plain(error)}")
 
     def diagnostics(self) -> list[Finding]:
         """How the node has been doing since this was last asked."""
@@ -112,4 +113,4 @@ class DynamicsNode(Node):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
-    sys.exit(run(DynamicsNode, args))
+    sys.exit(execute(DynamicsNode, DynamicsParams, args))

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.exceptions import SceneError, did_you_mean, known_names
 from arm_dynamics.scene.types import Direction, Finite, NonNegative, Part, Positive, Vector3
 from arm_dynamics.scene.urdf import Urdf
 
@@ -322,7 +322,8 @@ def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:
     """
     if frame not in urdf.frames:
         allowed = known_names([*others, *urdf.frames])
-        raise SceneError(f"scene: '{key}' = '{frame}' does not exist; allowed: {allowed}")
+        guess = did_you_mean(frame, [*others, *urdf.frames])
+        raise SceneError(f"scene: '{key}' = '{frame}' does not exist; allowed: {allowed}{guess}")
 
 
 def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
@@ -332,6 +333,7 @@ def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
             raise SceneError(
                 f"scene: '{key}' names '{frame}', which does not exist; "
                 f"allowed: {known_names([WORLD, *urdf.frames])}"
+                f"{did_you_mean(frame, [WORLD, *urdf.frames])}"
             )
 
 
@@ -351,7 +353,8 @@ def check_joints(
             if name in urdf.joints
             else "does not exist"
         )
+        guess = "" if name in urdf.joints else did_you_mean(name, allowed)
         raise SceneError(
             f"scene: '{key}' names joint '{name}', which {trouble}; "
-            f"allowed: {known_names(allowed)}"
+            f"allowed: {known_names(allowed)}{guess}"
         )

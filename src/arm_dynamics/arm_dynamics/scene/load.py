@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 import logging
+import math
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +21,8 @@ from arm_dynamics.scene.schema import Joint, Scene, validated
 from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.urdf import Urdf, read_urdf
 
+_FAR = 10.0  # [m]
+_MANY_TURNS = 4.0 * math.pi  # [rad]
 _log = logging.getLogger(__name__)
 
 
@@ -34,7 +38,7 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Sc
         The scene with the URDF's text in ``robot.urdf``.
 
     Raises:
-        SceneError: If something is missing, unknown or not allowed.
+        SceneError: If something is missing, unknown or not allowed; of a file, with its name.
         ModelError: If it is the robot description that cannot be used.
 
     Example:
@@ -54,9 +58,10 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Sc
         return scene_from_urdf(text)
     path = find_scene(text, Path.cwd())
     content = _read(path)
-    if _is_urdf(content):
-        return scene_from_urdf(content)
-    return _complete(_yaml(content, path), path.parent)
+    with _in_file(path):
+        if _is_urdf(content):
+            return scene_from_urdf(content)
+        return _complete(_yaml(content), path.parent)
 
 
 def scene_from_urdf(text: str) -> Scene:
@@ -86,14 +91,25 @@ def _read(path: Path) -> str:
         raise SceneError(f"scene: cannot read '{path}': {error}") from None
 
 
-def _yaml(content: str, path: Path) -> dict[str, Any]:
+@contextmanager
+def _in_file(path: Path) -> Iterator[None]:
+    """Say in which file something is wrong, in every line."""
+    try:
+        yield
+    except SceneError as error:
+        lines = str(error).split("\n")
+        raise type(error)("\n".join(f"{path}: {line}" for line in lines)) from None
+
+
+def _yaml(content: str) -> dict[str, Any]:
     try:
         data = yaml.safe_load(content)
     except yaml.YAMLError as error:
-        raise SceneError(f"scene: '{path}' is not well-formed YAML: {error}") from None
+        said = " ".join(str(error).split())
+        raise SceneError(f"scene: this is not well-formed YAML: {said}") from None
     if not isinstance(data, dict):
         raise SceneError(
-            f"scene: '{path}' holds {type(data).__name__}, a mapping with 'robot' is expected"
+            f"scene: the file holds {type(data).__name__}, a mapping with 'robot' is expected"
         )
     return data
 
@@ -101,11 +117,16 @@ def _yaml(content: str, path: Path) -> dict[str, Any]:
 def _complete(data: dict[str, Any], folder: Path) -> Scene:
     scene = validated(data)
     text = scene.robot.urdf
-    if not _is_urdf(text):
-        text = _read(find_file(text, folder))
-    urdf = read_urdf(text)
+    if _is_urdf(text):
+        urdf = read_urdf(text)
+    else:
+        path = find_file(text, folder)
+        text = _read(path)
+        with _in_file(path):
+            urdf = read_urdf(text)
     _check_names(scene, urdf)
     _tell(urdf)
+    _tell_far(scene, urdf)
     robot = scene.robot.model_copy(update={"urdf": text})
     return scene.model_copy(update={"robot": robot})
 
@@ -121,6 +142,22 @@ def _tell(urdf: Urdf) -> None:
             "robot description: %s an inertia that no rigid body has; it is computed with as it "
             "is: link '%s'%s: %s", many, name, more, trouble,
         )  # fmt: skip
+
+
+def _tell_far(scene: Scene, urdf: Urdf) -> None:
+    """Say what is so far off that another unit was possibly meant."""
+    for i, payload in enumerate(scene.payloads):
+        if (distance := math.dist(payload.com, (0.0, 0.0, 0.0))) > _FAR:
+            _log.warning(
+                "scene: 'payloads.%d.com' = %s is %g m from '%s'; lengths are in m",
+                i, list(payload.com), distance, payload.frame,
+            )  # fmt: skip
+    for name, angle in scene.initial.position.items():
+        if urdf.joints[name] != "prismatic" and abs(angle) > _MANY_TURNS:
+            _log.warning(
+                "scene: 'initial.position.%s' = %g is %.3g turns; angles are in rad",
+                name, angle, angle / math.tau,
+            )  # fmt: skip
 
 
 def _check_names(scene: Scene, urdf: Urdf) -> None:

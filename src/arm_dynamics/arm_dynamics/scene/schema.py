@@ -7,7 +7,7 @@ that is absent from it is not computed.
 
 from __future__ import annotations
 
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 from pydantic import (
     Field,
@@ -17,9 +17,9 @@ from pydantic import (
     field_validator,
     model_validator,
 )
-from pydantic_core import ErrorDetails
 
-from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.scene.complaints import complaint
 from arm_dynamics.scene.constraint import (
     SCHEMAS,
     Bilateral,
@@ -268,33 +268,5 @@ def validated(data: dict[str, Any], context: dict[str, Any] | None = None) -> Sc
     try:
         return Scene.model_validate(data, context=context)
     except ValidationError as error:
-        raise SceneError("\n".join(_complaint(e) for e in error.errors())) from None
-
-
-def _complaint(error: ErrorDetails) -> str:
-    where = ".".join(str(key) for key in error["loc"] if key not in KINDS) or "scene"
-    if error["type"] == "extra_forbidden":
-        allowed = known_names(_fields_at(error["loc"][:-1]))
-        return f"scene: unknown key '{where}' = {error['input']!r}; allowed here: {allowed}"
-    said = error["msg"].removeprefix("Value error, ")
-    return f"scene: '{where}' = {error['input']!r}: {said}"
-
-
-def _fields_at(path: tuple[int | str, ...]) -> list[str]:
-    """Names of the keys that the schema allows at ``path``."""
-    parts: list[type[Part]] = [Scene]
-    for key in map(str, path):
-        named = [part.model_fields[key] for part in parts if key in part.model_fields]
-        tagged = SCHEMAS.get(key)
-        if tagged in parts:  # of several types of constraints, the one that is meant
-            parts = [tagged]
-        elif named:
-            parts = _parts_in(named[0].annotation) or parts
-    return [field.alias or name for name, field in parts[0].model_fields.items()]
-
-
-def _parts_in(annotation: object) -> list[type[Part]]:
-    """The parts of a scene that a type is made of."""
-    if isinstance(annotation, type) and issubclass(annotation, Part):
-        return [annotation]
-    return [part for argument in get_args(annotation) for part in _parts_in(argument)]
+        said = [complaint(e, Scene, SCHEMAS, KINDS) for e in error.errors()]
+        raise SceneError("\n".join(dict.fromkeys(said))) from None

@@ -191,21 +191,28 @@ class TaskSpace:
 
     def pose(self, q: ArrayLike) -> Pose:
         """Where the frame is, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""
-        position, rotation = _each(self.motion.placement, *vectors(self.n, q=q))
+        position, rotation = _each(self.motion.placement, *vectors(self.model.joint_names, q=q))
         return Pose(_plain(position), _plain(rotation))
 
     def jacobian(self, q: ArrayLike) -> Array:
         """J of shape (m, n) or (k, m, n)."""
-        return each(lambda qi: self.motion.jacobian(qi)[self.rows], *vectors(self.n, q=q))
+        return each(
+            lambda qi: self.motion.jacobian(qi)[self.rows], *vectors(self.model.joint_names, q=q)
+        )
 
     def jacobian_rate(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ of shape (m, n) or (k, m, n)."""
-        return each(lambda *s: self.motion.moving(*s)[3][self.rows], *vectors(self.n, q=q, v=v))
+        return each(
+            lambda *s: self.motion.moving(*s)[3][self.rows],
+            *vectors(self.model.joint_names, q=q, v=v),
+        )
 
     def bias(self, q: ArrayLike, v: ArrayLike) -> Array:
         """J̇ v in [m/s²] and [rad/s²], shape (m,) or (k, m)."""
         moving, rows = self.motion.moving, self.rows
-        return each(lambda qi, vi: moving(qi, vi)[3][rows] @ vi, *vectors(self.n, q=q, v=v))
+        return each(
+            lambda qi, vi: moving(qi, vi)[3][rows] @ vi, *vectors(self.model.joint_names, q=q, v=v)
+        )
 
     def terms(self, q: ArrayLike, v: ArrayLike | None = None) -> TaskTerms:
         """Everything at a state, see ``TaskTerms``.
@@ -219,7 +226,7 @@ class TaskSpace:
             ModelError: If a joint moves no mass.
         """
         still = np.zeros(self.n) if v is None else v
-        q, v = vectors(self.n, q=q, v=still)
+        q, v = vectors(self.model.joint_names, q=q, v=still)
         position, rotation, J, J_dot, W, bias, gravity, spring = _each(self._state, q, v)
         A, drift = self._mobility(J, W), _times(J_dot, v)
         inertia = task_inertia(A, self.linear, self.threshold)
@@ -256,7 +263,7 @@ class TaskSpace:
         Raises:
             InvalidInput: If a shape or value is not allowed.
         """
-        (q,), u = vectors(self.n, q=q), unit_vector("direction", direction, self.m)
+        (q,), u = vectors(self.model.joint_names, q=q), unit_vector("direction", direction, self.m)
         A = self._mobility(*_each(self._frozen, q))
         reference = np.trace(A, axis1=-2, axis2=-1) / self.m
         mobility, floor = (A @ u) @ u, self.threshold * np.maximum(reference, 1e-12)
@@ -277,7 +284,7 @@ class TaskSpace:
                 f"an ellipsoid over {self.axes} mixes kg and kg m²; allowed are tasks of linear "
                 "or of angular axes alone"
             )
-        A = self._mobility(*_each(self._frozen, *vectors(self.n, q=q)))
+        A = self._mobility(*_each(self._frozen, *vectors(self.model.joint_names, q=q)))
         values, axes = np.linalg.eigh(A)
         floor = self.threshold * np.maximum(values.mean(-1, keepdims=True), 1e-12)
         masses = 1.0 / np.maximum(values, floor)

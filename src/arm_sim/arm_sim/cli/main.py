@@ -16,7 +16,6 @@ from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import examples
 from arm_sim.cli.recordings import plot
 from arm_sim.cli.robot import get, go, set_, watch
-from arm_sim.cli.urdf import urdf
 from arm_sim.cli.view import view
 
 
@@ -57,7 +56,7 @@ def main() -> None:
 
 
 COMMANDS = (
-    demo, describe, build, call, view, plot, dynamics, sim, controller, go, set_, get, watch, urdf
+    demo, describe, build, call, view, plot, dynamics, sim, controller, go, set_, get, watch
 )  # fmt: skip
 for command in COMMANDS:
     main.add_command(command)

@@ -15,6 +15,7 @@ from typing import Any
 
 import click
 
+from arm_dynamics import InvalidInput
 from arm_sim.cli.output import examples
 
 _PR_SET_PDEATHSIG = 1
@@ -117,16 +118,12 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
 
 def split_words(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
     """Tell the scene from ROS arguments, and refuse what is neither instead of ignoring it."""
-    words = (scene, *rest) if scene else rest
-    at = words.index("--ros-args") if "--ros-args" in words else len(words)
-    before = words[:at]
-    if len(before) > 1 or (before and before[0].startswith("-")):
-        stray = next(word for i, word in enumerate(before) if i or word.startswith("-"))
-        raise click.UsageError(
-            f"'{stray}' is neither the scene nor behind --ros-args; allowed: SCENE, "
-            "then for example --ros-args -p NAME:=VALUE"
-        )
-    return (before[0] if before else None), words[at:]
+    from arm_dynamics.ros.common import executable
+
+    try:
+        return executable.split_words((scene, *rest) if scene else rest)
+    except InvalidInput as error:
+        raise click.UsageError(str(error)) from None
 
 
 def _end_with_parent() -> None:

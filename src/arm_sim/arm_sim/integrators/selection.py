@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import logging
 from dataclasses import dataclass, replace
 
 import casadi as ca
@@ -16,6 +17,7 @@ from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.plant.plant import Plant
 
 DT_RANGE = (1e-9, 10.0)
+LONG = 0.1  # [s]
 TOLERANCE_RANGE = (1e-14, 1e-1)
 # Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
 # Differential Equations II, figure IV.2.1); the rate grows as the arm folds, hence the margin.
@@ -28,6 +30,7 @@ STIFF_LAW = 1e-6
 # extrapolated implicit method takes less time than DOP853.
 DRIVEN_TOLERANCE = 1e-10
 DRIVEN_STIFF, DRIVEN_STIFF_TOLERANCE = 50.0, 1e-8
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -76,6 +79,11 @@ def choose(
     if tolerance is None and integrator is None:
         tolerance = scene.sim.tolerance
     dt = _within("dt", scene.sim.dt if dt is None else dt, DT_RANGE, " s")
+    if dt > LONG:
+        _log.warning(
+            "dt = %g s is long for a tick: a torque is held for all of it, and without a tolerance"
+            " it is one step; arms are controlled every 0.001 to 0.01 s", dt,
+        )  # fmt: skip
     tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
     if name not in ("auto", *METHODS):
         raise InvalidInput(f"integrator = {name!r}; allowed: auto, {', '.join(METHODS)}")

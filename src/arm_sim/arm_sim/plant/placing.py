@@ -24,8 +24,8 @@ NEARLY_SINGULAR = 1e-3
 
 def packed(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
     """Check a state and join it to x = (q, v, z) of shape (nx,); None for z's initial values."""
-    n = plant.model.n
-    q, v = row("q", q, n), row("v", v, n)
+    joints = plant.model.joint_names
+    q, v = row("q", q, joints), row("v", v, joints)
     return np.concatenate([q, v, plant.initial(q, v) if z is None else row("z", z, plant.nz)])
 
 

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import known_names
 from arm_dynamics.ros.common.diagnostics import ERROR, WARN, Finding, Growth
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state import native
@@ -69,7 +70,7 @@ class SimDiagnostics:
         found.values = {
             "age [s]": slot.age * engine.simulator.dt, "stale": slot.stale,
             "stale count": slot.stale_count, "policy": policy, "passed over": inputs.refused,
-            "sources": ", ".join(arbiter.sources), "publishers": publishers,
+            "sources": known_names(arbiter.sources), "publishers": publishers,
             "answers": trip.count, "round trip p50 [s]": trip.p50,
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),
             "wrenches passed over": inputs.refused_wrenches,

@@ -10,6 +10,7 @@ from std_msgs.msg import Float64MultiArray
 
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
+from arm_dynamics.exceptions import plain
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state import JointStateSource, Numbers, make_reader
 from arm_sim.ros.latency import RoundTrip
@@ -116,7 +117,9 @@ class Inputs:
             self._engine.push(message.header.frame_id, wrench)
         except ArmError as error:
             self.refused_wrenches += 1
-            self._log.warning(f"wrench passed over: {error}", throttle_duration_sec=_THROTTLE)
+            self._log.warning(
+                f"wrench passed over: {plain(error)}", throttle_duration_sec=_THROTTLE
+            )
 
     def _cut(self, tau: Numbers) -> Numbers:
         """Cut efforts to their limits, with a warning."""
@@ -131,4 +134,4 @@ class Inputs:
 
     def _refuse(self, why: InvalidInput) -> None:
         self.refused += 1
-        self._log.warning(f"command passed over: {why}", throttle_duration_sec=_THROTTLE)
+        self._log.warning(f"command passed over: {plain(why)}", throttle_duration_sec=_THROTTLE)

@@ -117,3 +117,24 @@ def simulator_of(scene: Scene, params: SimParams) -> Simulator:
     """
     chosen = {"integrator": params.integrator, "dt": params.dt, "tolerance": params.tolerance}
     return Simulator(scene, **{name: value for name, value in chosen.items() if value})
+
+
+def greeting(simulator: Simulator, params: SimParams) -> str:
+    """What is simulated and from where, in words for whoever has just started it."""
+    model, choice = simulator.model, simulator.choice
+    at = ", ".join(
+        f"{name} {place:.4g}" for name, place in zip(model.joint_names, model.q0, strict=True)
+    )
+    pace = {
+        LOCKSTEP: "in lockstep",
+        CLOCK: f"{params.realtime_factor:g} times as fast as the clock",
+        HAND: "by hand",
+    }[params.tick_source]
+    if params.tick_source == CLOCK and params.realtime_factor in (0.0, 1.0):
+        pace = "in real time" if params.realtime_factor else "as fast as it goes"
+    if params.paused:
+        pace += ", paused at first"
+    return (
+        f"simulates {model.n} joints of '{model.pin.name}' by {choice.method.name}, "
+        f"tick {1e3 * choice.dt:g} ms, {pace}; from {at}"
+    )

@@ -9,6 +9,8 @@ from typing import Any
 
 from rclpy.node import Node
 
+from arm_dynamics import InvalidInput
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros import interfaces
 from arm_dynamics.ros.common.convert import answering, joint_indices, spread
 from arm_dynamics.ros.interfaces import Service
@@ -16,6 +18,7 @@ from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.runtime_changes import friction_change, payload_change
 
 Action = Callable[[], Any]
+_REACH = 1.0  # [rad] or [m]: farther a joint does not get within a tick of any use
 
 
 class SimServices:
@@ -65,7 +68,22 @@ class SimServices:
         joints = joint_indices(request.joint_names, simulator.joint_names)
         q = spread("position", request.position or state.q[joints], joints, state.q)
         v = spread("velocity", request.velocity or 0.0 * q[joints], joints, state.v)
+        self._refuse_fast(v)
         self._engine.change(lambda: simulator.set_state(q, v))
+
+    def _refuse_fast(self, v: Array) -> None:
+        """Refuse speeds that no tick could follow, rather than stop at the next one."""
+        simulator = self._engine.simulator
+        limit = _REACH / simulator.dt
+        for name, kind, speed in zip(
+            simulator.joint_names, simulator.model.joint_types, v.tolist(), strict=True
+        ):
+            if abs(speed) > limit:
+                unit = "m" if kind == "prismatic" else "rad"
+                raise InvalidInput(
+                    f"velocity of joint '{name}' is {speed:.6g}; allowed is up to {limit:g} "
+                    f"{unit}/s, {_REACH:g} {unit} in a tick"
+                )
 
     def _set_payload(self, request: Any, response: Any) -> Action:
         """Another mass in the hand."""

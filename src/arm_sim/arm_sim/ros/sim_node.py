@@ -9,7 +9,8 @@ from typing import Any
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import Diagnosis
-from arm_dynamics.ros.common.executor import run, subscribe
+from arm_dynamics.ros.common.executable import execute
+from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
 from arm_sim.ros.diagnostics import SimDiagnostics
@@ -17,7 +18,7 @@ from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
-from arm_sim.ros.params import CLOCK, HAND, SimParams, simulator_of
+from arm_sim.ros.params import CLOCK, HAND, SimParams, greeting, simulator_of
 from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.robot import Display, publish_description
 from arm_sim.ros.services import SimServices
@@ -101,6 +102,7 @@ class SimNode(Node):
         self._start()
 
     def _start(self) -> None:
+        self.get_logger().info(greeting(self.simulator, self.params))
         self._outputs.publish()
         self._outputs.stamps.release()  # building took time
         if self.lockstep is not None:
@@ -161,4 +163,4 @@ class SimNode(Node):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
-    sys.exit(run(SimNode, args))
+    sys.exit(execute(SimNode, SimParams, args))

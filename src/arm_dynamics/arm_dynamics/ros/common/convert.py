@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from arm_dynamics.arrays import Array, vector
-from arm_dynamics.exceptions import ArmError, InvalidInput, known_names
+from arm_dynamics.exceptions import ArmError, InvalidInput, known_names, plain
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
 from arm_dynamics.task_space.task_space import Pose
@@ -46,10 +46,10 @@ def answering(response: Any, log: RcutilsLogger) -> Iterator[None]:
         with np.errstate(over="ignore", invalid="ignore"):  # refused by finite_answer
             yield
     except ArmError as error:
-        response.success, response.message = False, str(error)
+        response.success, response.message = False, plain(error)
     except Exception as error:
-        log.error(f"a service call failed unexpectedly: {error!r}")
-        response.success, response.message = False, f"unexpected failure: {error!r}"
+        log.error(f"a service call failed unexpectedly: {plain(repr(error))}")
+        response.success, response.message = False, plain(f"unexpected failure: {error!r}")
     else:
         response.success = True
 
@@ -121,7 +121,7 @@ def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
     if frame_id not in fixed:
         allowed = known_names(["world", *fixed])
         raise InvalidInput(
-            f"poses in frame '{frame_id}': allowed are frames that stand, {allowed}"
+            f"poses in frame '{plain(frame_id, 80)}': allowed are frames that stand, {allowed}"
         )
     base = fixed[frame_id].placement
     return Pose(base.rotation @ pose.position + base.translation, base.rotation @ pose.rotation)

@@ -18,7 +18,7 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.exceptions import ArmError, InvalidInput, plain
 from arm_dynamics.ros.common.privileges import demote_timers, freeze_garbage
 from arm_dynamics.ros.interfaces import Topic
 
@@ -94,7 +94,7 @@ def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: boo
             callback(message)
         except Exception as error:
             node.get_logger().error(
-                f"a message was passed over after an unexpected failure: {error!r}",
+                plain(f"a message was passed over after an unexpected failure: {error!r}"),
                 throttle_duration_sec=_THROTTLE,
             )
 

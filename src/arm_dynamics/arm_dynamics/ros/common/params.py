@@ -21,7 +21,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.exceptions import ArmError, InvalidInput, plain
 
 SCENE = (
     "Scene: the name of a ready one, a scene file or URDF (path or package:// URI), or URDF text"
@@ -79,6 +79,18 @@ def declare[P](node: Node, kind: type[P]) -> P:
     return _with(kind(), declared)
 
 
+def listed(kind: type) -> list[tuple[str, Any, Mapping[str, Any]]]:
+    """Names, defaults and metadata of the parameters of ``kind``, in order."""
+    found: list[tuple[str, Any, Mapping[str, Any]]] = []
+
+    def noted(name: str, default: Any, about: Mapping[str, Any]) -> Any:
+        found.append((name, default, about))
+        return default
+
+    _with(kind(), noted)
+    return found
+
+
 def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
     """Take changes at run time: all parameters of one request together, or none of them.
 
@@ -98,7 +110,7 @@ def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
                 apply(wanted)
                 present = wanted
         except ArmError as error:
-            return SetParametersResult(reason=str(error))  # not successful
+            return SetParametersResult(reason=plain(error))  # not successful
         return SetParametersResult(successful=True)
 
     node.add_on_set_parameters_callback(on_set)

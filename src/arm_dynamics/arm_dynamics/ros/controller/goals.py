@@ -17,7 +17,7 @@ from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import ArmError, InvalidInput
+from arm_dynamics.exceptions import ArmError, InvalidInput, plain
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.background import Background
 from arm_dynamics.ros.common.convert import in_world
@@ -214,6 +214,6 @@ class Goals:
 
     def refuse(self, kind: str, why: str) -> None:
         """Say that a goal of a kind is refused, and why, and count it."""
-        self.outcome = f"{kind} refused{why}"
+        self.outcome = plain(f"{kind} refused{why}")
         self.refused += 1
         self._log.error(self.outcome)

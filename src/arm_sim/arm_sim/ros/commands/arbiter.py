@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.exceptions import plain
 
 STREAM = 10  # commands without a long silence that make a stream
 
@@ -80,7 +81,8 @@ class Arbiter:
                 self.refused += 1
                 self._refused_at = self._now
                 self.last_refusal = (
-                    f"two controllers: '{source}' is refused while '{other}' commands these joints"
+                    f"two controllers: '{plain(source, 80)}' is refused while "
+                    f"'{plain(other, 80)}' commands these joints"
                 )
                 raise InvalidInput(f"{self.last_refusal}; allowed is one stream for each joint")
 

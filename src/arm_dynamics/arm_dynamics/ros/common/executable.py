@@ -1,0 +1,91 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the executables of the nodes take on their command line: a scene, ROS arguments, --help."""
+
+from __future__ import annotations
+
+import inspect
+import sys
+from collections.abc import Sequence
+from textwrap import fill
+
+from rclpy.node import Node
+from rclpy.parameter import Parameter
+
+from arm_dynamics.exceptions import InvalidInput, plain
+from arm_dynamics.ros.common.executor import run
+from arm_dynamics.ros.common.params import listed
+
+_ROS = "--ros-args"
+_HELP = {"-h", "--help"}
+_WIDTH = 98
+Words = tuple[str, ...]
+
+
+def execute(kind: type[Node], params: type, args: Sequence[str] | None = None) -> int:
+    """Run a node as an executable: ``NAME [SCENE] [--ros-args …]``, or tell how with ``--help``.
+
+    Args:
+        kind: The node's class.
+        params: The dataclass of its parameters.
+        args: Command line without the program's name, that of the process when None.
+
+    Returns:
+        The exit status: 0 after a clean end, 2 when the node could not start, with the reason on
+        stderr.
+    """
+    words = tuple(sys.argv[1:] if args is None else args)
+    if _HELP & set(words[: _end(words)]):
+        print(usage(kind, params))
+        return 0
+    try:
+        scene, rest = split_words(words)
+    except InvalidInput as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    chosen = [Parameter("scene", value=scene)] if scene else []
+    return run(lambda **about: kind(parameter_overrides=chosen, **about), list(rest))
+
+
+def split_words(words: Words) -> tuple[str | None, Words]:
+    """Tell the scene from ROS arguments.
+
+    Raises:
+        InvalidInput: If a word is neither, instead of ignoring it.
+    """
+    end = _end(words)
+    before = words[:end]
+    if len(before) > 1 or (before and before[0].startswith("-")):
+        stray = next(word for i, word in enumerate(before) if i or word.startswith("-"))
+        raise InvalidInput(
+            f"'{plain(stray, 80)}' is neither the scene nor behind {_ROS}; allowed: SCENE, then "
+            f"for example {_ROS} -p NAME:=VALUE"
+        )
+    return (before[0] if before else None), words[end:]
+
+
+def _end(words: Words) -> int:
+    """Where the arguments of ROS begin."""
+    return words.index(_ROS) if _ROS in words else len(words)
+
+
+def usage(kind: type[Node], params: type) -> str:
+    """How the executable is called, what it does, and its parameters with their defaults."""
+    name = kind.__name__.removesuffix("Node").lower()
+    about = (inspect.getdoc(kind) or "").split("\n\nAttributes:")[0]
+    lines = [
+        f"usage: {name} [SCENE] [{_ROS} -p NAME:=VALUE … -r __ns:=/NAMESPACE …]",
+        "",
+        about,
+        "",
+        "SCENE is the name of a ready scene such as panda, a scene file, a URDF, or a package:// "
+        "URI;",
+        "it stands for the parameter 'scene'.",
+        "",
+        "parameters, with their defaults:",
+    ]
+    for parameter, default, told in listed(params):
+        allowed = f" [{', '.join(told['choices'])}]" if told.get("choices") else ""
+        lines.append(f"  {parameter} = {default!r}")
+        text = fill(told["description"] + allowed, _WIDTH - 6)
+        lines += [f"      {line}" for line in text.split("\n")]
+    return "\n".join(lines)

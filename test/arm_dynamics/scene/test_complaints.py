@@ -1,0 +1,112 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene's author is told: the file, the key, what is expected, and what was meant."""
+
+from __future__ import annotations
+
+import logging
+from pathlib import Path
+from typing import Any
+
+import pytest
+
+import models
+from arm_dynamics import ModelError, SceneError, load_scene
+from arm_dynamics.exceptions import did_you_mean
+
+PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
+
+SAID = {
+    "number for a list": ({"gravity": -9.81}, "'gravity' = -9.81: a list is expected"),
+    "list for a mapping": (
+        {"initial": {"position": [0, 1]}},
+        r"'initial.position' = \[0, 1\]: a mapping from names to values is expected",
+    ),
+    "number for a part": (
+        {"joints": {"elbow": {"friction": 0.5}}},
+        "'joints.elbow.friction' = 0.5: a mapping with some of viscous, coulomb, .* is expected",
+    ),
+    "part for a list": ({"payloads": {"frame": "x"}}, "'payloads' = .*: a list is expected$"),
+    "name for a list": (
+        {"robot": {**PLAIN["robot"], "lock": "elbow"}},
+        r"'robot.lock' = 'elbow': a list is expected, such as \[elbow\]",
+    ),
+    "number for text": ({"sim": {"integrator": 3}}, "'sim.integrator' = 3: text is expected"),
+    "text for truth": (
+        {"joints": {"elbow": {"limits": {"stop": "yes"}}}},
+        "'joints.elbow.limits.stop' = 'yes': true or false is expected\n"
+        "scene: 'joints.elbow.limits.stop' = 'yes': a mapping with some of restitution, .*",
+    ),
+    "nothing": ({"robot": {}}, "'robot.urdf' is missing; it is required"),
+    "key": (
+        {"gravty": 1},
+        r"unknown key 'gravty' = 1; allowed here: .*; did you mean 'gravity'\?",
+    ),
+    "key inside": (
+        {"joints": {"elbow": {"friction": {"viscus": 1}}}},
+        r"unknown key 'joints.elbow.friction.viscus' = 1; .*; did you mean 'viscous'\?",
+    ),
+    "joint": ({"joints": {"elbw": {}}}, r"'elbw', which does not exist; .*did you mean 'elbow'\?"),
+    "frame": (
+        {"payloads": [{"frame": "forarm", "mass": 1}]},
+        r"'forarm' does not exist; allowed: .*; did you mean 'forearm'\?",
+    ),
+    "word": ({"tunable": ["gravty"]}, r"'tunable.0' = 'gravty': .*; did you mean 'gravity'\?"),
+    "type": (
+        {"constraints": [{"type": "contct"}]},
+        r"no type is called 'contct'; allowed: point, .*; did you mean 'contact'\?",
+    ),
+    "no type": ({"constraints": [{}]}, "'type' is missing"),
+}
+
+
+@pytest.mark.parametrize("case", SAID)
+def test_what_is_said(case: str) -> None:
+    changes, said = SAID[case]
+    with pytest.raises(SceneError, match=said) as caught:
+        load_scene({**PLAIN, **changes})
+    for leak in ("valid tuple", "valid dict", "instance of", "function-", "Input should be a v"):
+        assert leak not in str(caught.value)
+
+
+def test_every_line_names_the_file(tmp_path: Path) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text("robot: {urdf: x}\ngravty: 1\nsim: 3\n")
+    with pytest.raises(SceneError) as caught:
+        load_scene(path)
+    lines = str(caught.value).splitlines()
+    assert len(lines) == 2
+    assert all(line.startswith(f"{path}: scene: ") for line in lines)
+
+
+def test_what_is_wrong_in_a_description_names_both_files(tmp_path: Path) -> None:
+    (tmp_path / "arm.urdf").write_text("<robot name='x'><joint name='j' type='floating'/></robot>")
+    path = tmp_path / "arm.yaml"
+    path.write_text("robot: {urdf: arm.urdf}\n")
+    for source, files in ((path, "arm.yaml: .*arm.urdf: "), (tmp_path / "arm.urdf", "arm.urdf: ")):
+        with pytest.raises(ModelError, match=files):
+            load_scene(source)
+
+
+@pytest.mark.parametrize("content", ["robot: [", "- a\n- b\n", "robot"])
+def test_a_file_that_is_no_scene_is_named(tmp_path: Path, content: str) -> None:
+    path = tmp_path / "arm.yaml"
+    path.write_text(content)
+    with pytest.raises(SceneError, match=rf"^{path}: scene: th.*\Z"):
+        load_scene(path)
+
+
+def test_names_that_differ_in_numbers_only_are_not_meant() -> None:
+    assert did_you_mean("joint9", ["joint1", "joint4"]) == ""
+    assert did_you_mean("jont4", ["joint1", "joint4"]) == "; did you mean 'joint4'?"
+    assert did_you_mean("something", ["joint1"]) == ""
+
+
+def test_a_payload_in_millimetres_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    def load(com: list[Any]) -> None:
+        load_scene({**PLAIN, "payloads": [{"frame": "forearm", "mass": 1, "com": com}]})
+
+    with caplog.at_level(logging.WARNING):
+        load([0, 0, 0.05])
+        assert not caplog.records
+        load([0, 0, 50])
+    assert "is 50 m from 'forearm'; lengths are in m" in caplog.text

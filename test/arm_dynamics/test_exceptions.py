@@ -1,0 +1,37 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What others wrote is shown on one line, printable and of bounded length."""
+
+from __future__ import annotations
+
+import pytest
+
+from arm_dynamics.exceptions import known_names, plain
+
+
+@pytest.mark.parametrize(
+    ("text", "shown"),
+    [
+        ("elbow", "elbow"),
+        ("Gelenk für q̇", "Gelenk für q̇"),
+        ("a\nb\r\tc", r"a\nb\r\tc"),
+        ("right\u202eto left\u200f", r"right\u202eto left\u200f"),
+        ("bell\x07\x1b[31m", r"bell\x07\x1b[31m"),
+    ],
+)
+def test_what_is_not_printable_is_escaped(text: str, shown: str) -> None:
+    assert plain(text) == shown
+
+
+def test_the_middle_of_a_long_text_is_left_out_and_both_ends_stay() -> None:
+    text = "unknown joint '" + "x" * 400_000 + "'; allowed: elbow"
+    shown = plain(text)
+    assert len(shown) < 1100
+    assert shown.startswith("unknown joint 'xx")
+    assert shown.endswith("xx'; allowed: elbow")
+    assert "characters" in shown
+
+
+def test_listed_names_are_shown_likewise() -> None:
+    shown = known_names(["a\nb", "y" * 10_000, *["z" * 1000] * 100])
+    assert "\n" not in shown
+    assert len(shown) < 30 * 150

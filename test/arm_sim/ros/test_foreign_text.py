@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a caller wrote comes back clipped and on one line, wherever it comes back."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import pytest
+from arm_msgs.srv import InverseDynamics, SetFriction, SetJointState, TaskSpace
+from geometry_msgs.msg import PoseStamped
+from harness import Ros
+from rclpy.parameter import Parameter
+from sim_by_hand import NAMES, by_hand, command
+from std_msgs.msg import Header
+
+import models
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import SET_FRICTION, SET_JOINT_STATE
+
+pytestmark = pytest.mark.ros
+
+RUDE = "\n\u202eall is well\x1b[31m" + "x" * 100_000
+
+
+def is_safe(text: str) -> None:
+    assert text
+    assert text.isprintable()
+    assert len(text) < 2500
+
+
+def test_requests_to_the_sim(ros: Ros) -> None:
+    node = by_hand(ros)
+    for service, request in (
+        (SET_JOINT_STATE, SetJointState.Request(joint_names=[RUDE], position=[0.0])),
+        (SET_FRICTION, SetFriction.Request(joint_names=[RUDE], viscous=[0.0])),
+    ):
+        answer = node.requests.answer(service, request)
+        assert not answer.success
+        is_safe(answer.message)
+
+
+@pytest.mark.parametrize(
+    "request_",
+    [
+        InverseDynamics.Request(joint_names=[RUDE, "elbow"], position=[0.0, 0.0]),
+        TaskSpace.Request(position=[0.0, 0.0], frame=RUDE),
+        TaskSpace.Request(position=[0.0, 0.0], frame="tip", reference=RUDE),
+        TaskSpace.Request(position=[0.0, 0.0], frame="tip", axes=[RUDE]),
+    ],
+    ids=["joint", "frame", "reference", "axis"],
+)
+def test_questions_to_the_dynamics_node(ros: Ros, request_: Any) -> None:
+    node = ros.add(DynamicsNode, models.scene("two_link"))
+    kind = next(k for k in (InverseDynamics, TaskSpace) if isinstance(request_, k.Request))
+    name = "inverse_dynamics" if kind is InverseDynamics else "task_space"
+    answer = ros.call(kind, f"/{node.get_name()}/{name}", request_)
+    assert not answer.success
+    is_safe(answer.message)
+
+
+def test_parameters_and_goals_of_the_controller(ros: Ros) -> None:
+    node = ros.add(ControllerNode, models.scene("two_link"))
+    for name in ("controller", "task_frame", "task_axes", "cartesian_timing"):
+        (result,) = node.set_parameters([Parameter(name, value=RUDE)])
+        assert not result.successful
+        is_safe(result.reason)
+    goal = PoseStamped()
+    goal.header.frame_id, goal.pose.orientation.w = RUDE, 1.0
+    node.on_cartesian_goal(goal)
+    ros.spin_until(lambda: not node.busy)
+    is_safe(node.goals.outcome)
+
+
+def test_sources_of_commands_in_the_diagnostics(ros: Ros) -> None:
+    node = by_hand(ros)
+    for _ in range(20):
+        message = command(header=Header(frame_id=RUDE), name=NAMES, effort=[0.0, 0.0])
+        node.inputs.on_joint_commands(message)
+        node.tick()
+    node.inputs.on_joint_commands(command(name=NAMES, effort=[0.0, 0.0]))
+    is_safe(node.engine.arbiter.last_refusal)
+    for finding in node.diagnostics():
+        for value in finding.values.values():
+            assert str(value).isprintable()
+            assert len(str(value)) < 2500
