@@ -1,0 +1,113 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is in the simulation, by name: the robot, and its links as ``robot/link``."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import pinocchio as pin
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.arrays import Array
+from arm_sim.ros.standard.names import Pattern
+from arm_sim.ros.standard.results import NOT_FOUND, UNSUPPORTED, Unmet, clipped
+from arm_sim.simulator import Simulator
+
+OBJECT, ROBOT = 0, 1  # EntityCategory.msg
+_ANY, _ALL = 0, 1  # TagsFilter.msg
+
+
+@dataclass(frozen=True)
+class Entity:
+    """The robot, or one of its links.
+
+    Attributes:
+        name: Unique name.
+        category: As in ``EntityCategory``.
+        description: What it is, in words.
+        tags: ``arm``, or ``link`` and whether it moves.
+        frame: Its frame in the model that is simulated.
+    """
+
+    name: str
+    category: int
+    description: str
+    tags: tuple[str, ...]
+    frame: int
+
+
+class Entities:
+    """Entities of a simulation."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._model = model = simulator.model
+        self._data = model.pin.createData()
+        frames = [
+            (i, frame)
+            for i, frame in enumerate(model.pin.frames)
+            if frame.type == pin.FrameType.BODY
+        ]
+        robot, joints = model.whole.name or "robot", ", ".join(model.joint_names)
+        about = f"an arm of {model.n} joints: {joints}"
+        found = [Entity(robot, ROBOT, about, ("arm",), frames[0][0])]
+        for i, frame in frames:
+            joint = frame.parentJoint
+            moves = f"moved by {model.pin.names[joint]}" if joint else "fixed to the world"
+            tags = ("link", "moving" if joint else "fixed")
+            found.append(Entity(f"{robot}/{frame.name}", OBJECT, f"a link, {moves}", tags, i))
+        self._all = {entity.name: entity for entity in found}
+
+    def named(self, name: str) -> Entity:
+        """The entity of a name.
+
+        Raises:
+            Unmet: If there is none.
+        """
+        if name not in self._all:
+            robot = next(iter(self._all))
+            raise Unmet(
+                NOT_FOUND,
+                f"no entity {clipped(name)}; there are '{robot}' and its links, as '{robot}/link'",
+            )
+        return self._all[name]
+
+    def chosen(self, filters: Any) -> list[Entity]:
+        """Those that ``EntityFilters`` choose.
+
+        Raises:
+            Unmet: If bounds are asked for.
+            InvalidInput: If a filter is none.
+        """
+        if filters.bounds.points:
+            raise Unmet(UNSUPPORTED, "bounds: links have no shape here; leave them empty")
+        mode, tags = filters.tags.filter_mode, set(filters.tags.tags)
+        if mode not in (_ANY, _ALL):
+            raise InvalidInput(f"filter_mode is {mode}; allowed is 0 (any) or 1 (all)")
+        kinds = {category.category for category in filters.categories}
+        pattern = Pattern(filters.filter) if filters.filter else None
+
+        def fits(entity: Entity) -> bool:
+            tagged = tags <= set(entity.tags) if mode == _ALL else tags & set(entity.tags)
+            return bool(
+                (not kinds or entity.category in kinds)
+                and (not tags or tagged)
+                and (pattern is None or pattern.finds(entity.name))
+            )
+
+        return [entity for entity in self._all.values() if fits(entity)]
+
+    def place(self, q: Array, v: Array) -> None:
+        """Put the arm at joint positions and velocities, each of shape (n,)."""
+        model = self._model
+        pin.forwardKinematics(model.pin, self._data, model.configuration(q), model.spread(v))
+        pin.updateFramePlacements(model.pin, self._data)
+
+    def pose(self, entity: Entity) -> list[float]:
+        """x y z [m] and quaternion x y z w in the world."""
+        return pin.SE3ToXYZQUAT(self._data.oMf[entity.frame]).tolist()
+
+    def twist(self, entity: Entity) -> list[float]:
+        """Velocity of the origin [m/s] and angular velocity [rad/s], in axes of the world."""
+        axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
+        return pin.getFrameVelocity(self._model.pin, self._data, entity.frame, axes).vector.tolist()

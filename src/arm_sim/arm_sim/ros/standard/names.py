@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""POSIX extended regular expressions, which the standard asks for, by the C library."""
+
+from __future__ import annotations
+
+import ctypes
+
+from arm_dynamics import InvalidInput
+from arm_sim.ros.standard.results import clipped
+
+_LONGEST = 200  # characters
+_EXTENDED, _NO_PLACES = 1, 8  # REG_EXTENDED and REG_NOSUB of regex.h in the GNU C library
+_ROOM = 256  # bytes; a regex_t has 64
+
+
+class Pattern:
+    """Finds names; compiled once, given back in the end.
+
+    Intervals and back references are refused: they are what makes expressions explode.
+
+    Args:
+        expression: A POSIX extended regular expression; it may match any part of a name.
+
+    Raises:
+        InvalidInput: If it is none, or too long.
+    """
+
+    def __init__(self, expression: str) -> None:
+        self._expression, self._compiled = ctypes.create_string_buffer(_ROOM), False
+        refused = [c for c in ("{", "\0") if c in expression]
+        if len(expression) > _LONGEST or refused or any(f"\\{i}" in expression for i in range(10)):
+            raise InvalidInput(
+                f"filter {clipped(expression)}: allowed are {_LONGEST} characters without "
+                "intervals {…}, back references and zeros"
+            )
+        self._c = ctypes.CDLL(None)
+        code = self._c.regcomp(self._expression, expression.encode(), _EXTENDED | _NO_PLACES)
+        if code:
+            why = ctypes.create_string_buffer(_ROOM)
+            self._c.regerror(code, self._expression, why, _ROOM)
+            raise InvalidInput(
+                f"filter {clipped(expression)} is no POSIX extended regular expression: "
+                f"{why.value.decode()}"
+            )
+        self._compiled = True
+
+    def finds(self, name: str) -> bool:
+        """Whether it matches a part of the name."""
+        return self._c.regexec(self._expression, name.encode(), 0, None, 0) == 0
+
+    def __del__(self) -> None:
+        if self._compiled:
+            self._c.regfree(self._expression)

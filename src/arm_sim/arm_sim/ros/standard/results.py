@@ -1,0 +1,59 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Result codes of simulation_interfaces, and requests that are answered with one."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from typing import Any
+
+from rclpy.impl.rcutils_logger import RcutilsLogger
+
+from arm_dynamics import ArmError
+
+# Result.msg
+UNSUPPORTED, OK, NOT_FOUND, INCORRECT_STATE, FAILED = range(5)
+# SetSimulationState.srv
+ALREADY_THERE, TRANSITION_ERROR, INCORRECT_TRANSITION = 101, 102, 103
+
+_LONGEST = 80  # characters of a caller's text in a message
+
+
+class Unmet(ArmError):
+    """A request that is answered with a code other than OK and FAILED."""
+
+    def __init__(self, code: int, why: str) -> None:
+        super().__init__(why)
+        self.code = code
+
+
+def clipped(text: str) -> str:
+    """A caller's text for a message: printable, in quotes, and no longer than one line."""
+    return repr(text if len(text) <= _LONGEST else text[:_LONGEST] + "…")
+
+
+@contextmanager
+def answering(result: Any, log: RcutilsLogger) -> Iterator[None]:
+    """Fill a ``simulation_interfaces/Result``; a node never dies of a request."""
+    try:
+        yield
+    except Unmet as error:
+        result.result, result.error_message = error.code, str(error)
+    except ArmError as error:
+        result.result, result.error_message = FAILED, str(error)
+    except Exception as error:
+        log.error(f"a service call failed unexpectedly: {error!r}")
+        result.result, result.error_message = FAILED, f"unexpected failure: {error!r}"
+    else:
+        result.result = OK
+
+
+def answered(answer: Callable[[Any, Any], None], log: RcutilsLogger) -> Callable[..., Any]:
+    """A service callback out of a function that fills the response, or raises."""
+
+    def callback(request: Any, response: Any) -> Any:
+        with answering(response.result, log):
+            answer(request, response)
+        return response
+
+    return callback

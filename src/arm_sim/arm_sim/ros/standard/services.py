@@ -1,0 +1,210 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The services of simulation_interfaces that have a meaning for one arm."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any
+
+from rclpy.node import Node
+
+from arm_dynamics.ros.common.convert import to_time
+from arm_sim.ros.standard.entities import Entities, Entity
+from arm_sim.ros.standard.results import (
+    ALREADY_THERE,
+    INCORRECT_TRANSITION,
+    UNSUPPORTED,
+    Unmet,
+    answered,
+)
+from arm_sim.ros.standard.simulate_steps import SimulateSteps
+from arm_sim.ros.tick_engine import TickEngine
+
+STOPPED, PLAYING, PAUSED = 0, 1, 2  # SimulationState.msg
+_STATES = {STOPPED: "stopped", PLAYING: "playing", PAUSED: "paused"}
+TIME, STATE, SPAWNED, ALL = 1, 2, 4, 255  # ResetSimulation.srv
+
+# What must be offered for a feature to be told, and the feature's name in SimulatorFeatures.msg.
+FEATURES = {
+    "get_entities": ("ENTITY_TAGS", "ENTITY_CATEGORIES"),
+    "get_entity_state": ("ENTITY_STATE_GETTING",),
+    "get_entity_info": ("ENTITY_INFO_GETTING",),
+    "reset_simulation": ("SIMULATION_RESET", "SIMULATION_RESET_TIME", "SIMULATION_RESET_STATE"),
+    "get_simulation_state": ("SIMULATION_STATE_GETTING",),
+    "set_simulation_state": ("SIMULATION_STATE_SETTING", "SIMULATION_STATE_PAUSE"),
+    "step_simulation": ("STEP_SIMULATION_SINGLE", "STEP_SIMULATION_MULTIPLE"),
+    "simulate_steps": ("STEP_SIMULATION_ACTION",),
+    "get_current_world": ("WORLD_INFO_GETTING",),
+}
+
+
+class StandardServices:
+    """Answers the standard services, and the action.
+
+    Attributes:
+        offered: Names of those that are; none without the package.
+    """
+
+    def __init__(
+        self, node: Node, engine: TickEngine, scene: str, stamp: Callable[[], int]
+    ) -> None:
+        """Offer those that the installed package has, under ``~/``.
+
+        Args:
+            node: The node.
+            engine: What ticks.
+            scene: Name of the scene, perhaps empty.
+            stamp: Stamp of the present state in [ns], for the ticking thread.
+        """
+        self._engine, self._scene, self._stamp = engine, scene, stamp
+        self.offered: list[str] = []
+        self._steps: SimulateSteps | None = None
+        try:
+            from simulation_interfaces import action, srv
+        except ImportError:
+            return
+        self._entities = Entities(engine.simulator)
+        log = node.get_logger()
+        node.create_service(
+            srv.GetSimulatorFeatures, "~/get_simulator_features", self._features
+        )
+        for name, answer in {
+            "get_simulation_state": self._get_state,
+            "set_simulation_state": self._set_state,
+            "reset_simulation": self._reset,
+            "step_simulation": self._step,
+            "get_entities": self._get_entities,
+            "get_entity_info": self._get_info,
+            "get_entity_state": self._get_entity_state,
+            "get_entities_states": self._get_entities_states,
+            "get_current_world": self._get_world,
+        }.items():
+            kind = getattr(srv, name.title().replace("_", ""), None)
+            if kind is not None:
+                node.create_service(kind, f"~/{name}", answered(answer, log))
+                self.offered.append(name)
+        if hasattr(action, "SimulateSteps"):
+            self._steps = SimulateSteps(node, engine, action.SimulateSteps)
+            self.offered.append("simulate_steps")
+        self.offered.append("get_simulator_features")
+
+    def close(self) -> None:
+        """Take the action away; before the node is destroyed."""
+        if self._steps is not None:
+            self._steps.close()
+
+    # --- the simulation ------------------------------------------------------------------------
+
+    def _features(self, request: Any, response: Any) -> Any:
+        """Name what is offered."""
+        known = response.features
+        names = [name for service in self.offered for name in FEATURES.get(service, ())]
+        known.features = sorted(getattr(known, name) for name in names if hasattr(known, name))
+        known.custom_info = (
+            "one robot arm; entities are the robot and its links, as robot/link; their "
+            "accelerations are left zero"
+        )
+        return response
+
+    def _state(self) -> int:
+        if not self._engine.paused:
+            return PLAYING
+        return PAUSED if self._engine.simulator.step_count else STOPPED
+
+    def _get_state(self, request: Any, response: Any) -> None:
+        """Whether time goes on."""
+        response.state.state = self._engine.queue.run(self._state)
+
+    def _set_state(self, request: Any, response: Any) -> None:
+        """Go on, pause, or stop, which is to pause and go back to the start."""
+        self._engine.queue.run(lambda: self._enter(request.state.state))
+
+    def _enter(self, target: int) -> None:
+        engine, present = self._engine, self._state()
+        if target not in _STATES:
+            allowed = ", ".join(f"{code} ({name})" for code, name in _STATES.items())
+            raise Unmet(UNSUPPORTED, f"state {target}; allowed are {allowed}")
+        if target == present:
+            raise Unmet(ALREADY_THERE, f"the simulation is {_STATES[target]} already")
+        if (present, target) == (STOPPED, PAUSED):
+            raise Unmet(INCORRECT_TRANSITION, "a stopped simulation can only be played")
+        engine.pause(target != PLAYING)
+        if target == STOPPED:
+            engine.reset()
+
+    def _reset(self, request: Any, response: Any) -> None:
+        """Go back to the start in time, in state, or both; whether time goes on stays."""
+        scope = request.scope or ALL
+        if not scope & (TIME | STATE):
+            raise Unmet(
+                UNSUPPORTED,
+                f"scope {scope}; allowed is a sum of 1 (time) and 2 (state), or 0 (all): nothing "
+                "is spawned here",
+            )
+        self._engine.queue.run(lambda: self._back(bool(scope & TIME), bool(scope & STATE)))
+
+    def _back(self, time: bool, state: bool) -> None:
+        engine, simulator = self._engine, self._engine.simulator
+        if time and state:
+            engine.reset()
+        elif time:
+            n, x = simulator.n, simulator.x.copy()
+            engine.change(lambda: simulator.reset(x[:n], x[n : 2 * n], x[2 * n :]))
+        else:
+            model = simulator.model
+            engine.change(lambda: simulator.set_state(model.q0, model.v0))
+
+    def _step(self, request: Any, response: Any) -> None:
+        """Advance by whole ticks while paused."""
+        self._engine.queue.run(lambda: self._engine.step(request.steps))
+
+    def _get_world(self, request: Any, response: Any) -> None:
+        """The scene, by its name, or else as the description of its robot."""
+        model, world = self._engine.simulator.model, response.world
+        world.name = model.whole.name
+        world.description = "the scene of one robot arm"
+        world.world_resource.uri = self._scene
+        if not self._scene:
+            world.world_resource.resource_string = model.scene.robot.urdf
+
+    # --- entities ------------------------------------------------------------------------------
+
+    def _get_entities(self, request: Any, response: Any) -> None:
+        """Names of entities."""
+        response.entities = [entity.name for entity in self._entities.chosen(request.filters)]
+
+    def _get_info(self, request: Any, response: Any) -> None:
+        """What an entity is."""
+        entity, info = self._entities.named(request.entity), response.info
+        info.category.category, info.description = entity.category, entity.description
+        info.tags = list(entity.tags)
+
+    def _get_entity_state(self, request: Any, response: Any) -> None:
+        """Where an entity is."""
+        entity = self._entities.named(request.entity)
+        self._fill(response.state, entity, self._look())
+
+    def _get_entities_states(self, request: Any, response: Any) -> None:
+        """Names of entities, and where they are."""
+        from simulation_interfaces.msg import EntityState
+
+        entities, stamp = self._entities.chosen(request.filters), self._look()
+        response.entities = [entity.name for entity in entities]
+        response.states = [self._fill(EntityState(), entity, stamp) for entity in entities]
+
+    def _look(self) -> int:
+        """Put the entities where they are now; return its stamp in [ns]."""
+        simulator = self._engine.simulator
+        n, (stamp, x) = simulator.n, self._engine.queue.run(
+            lambda: (self._stamp(), simulator.x.copy())
+        )  # fmt: skip
+        self._entities.place(x[:n], x[n : 2 * n])
+        return int(stamp)
+
+    def _fill(self, message: Any, entity: Entity, stamp: int) -> Any:
+        message.header.stamp, message.header.frame_id = to_time(stamp), "world"
+        at, turn = message.pose.position, message.pose.orientation
+        at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w = self._entities.pose(entity)
+        v, w = message.twist.linear, message.twist.angular
+        v.x, v.y, v.z, w.x, w.y, w.z = self._entities.twist(entity)
+        return message

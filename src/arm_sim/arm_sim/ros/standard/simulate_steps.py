@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The action SimulateSteps: many ticks while paused, with feedback, and up to a cancel."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rclpy.action import ActionServer, CancelResponse
+from rclpy.impl.rcutils_logger import RcutilsLogger
+from rclpy.node import Node
+from rclpy.task import Future
+
+from arm_dynamics.ros.common.executor import steady_timer
+from arm_sim.ros.standard.results import FAILED, INCORRECT_STATE, OK, Unmet, answering
+from arm_sim.ros.tick_engine import TickEngine
+
+_PARTS = 100  # feedback comes after each of so many parts of a goal
+_LARGEST = 200  # ticks in a part, so that a cancel is seen soon
+_PERIOD = 0.001  # [s] between parts; others get their turn
+
+
+class SimulateSteps:
+    """Makes the ticks of one goal at a time, part by part, by a timer of the spinning thread."""
+
+    def __init__(self, node: Node, engine: TickEngine, kind: Any) -> None:
+        """Offer the action ``~/simulate_steps`` of type ``kind``."""
+        self._engine, self._kind = engine, kind
+        self._log: RcutilsLogger = node.get_logger()
+        self._goal: Any = None
+        self._timer = steady_timer(node, _PERIOD, self._part)
+        self._timer.cancel()
+        self._server = ActionServer(
+            node, kind, "~/simulate_steps", self._execute,
+            cancel_callback=lambda _: CancelResponse.ACCEPT,
+        )  # fmt: skip
+
+    async def _execute(self, goal: Any) -> Any:
+        result = self._kind.Result()
+        with answering(result.result, self._log):
+            self._check(goal)
+        if result.result.result != OK:
+            goal.abort()
+            return result
+        self._goal, self._made, self._result, self._done = goal, 0, result, Future()
+        self._timer.reset()
+        return await self._done
+
+    def _check(self, goal: Any) -> None:
+        if self._goal is not None:
+            raise Unmet(INCORRECT_STATE, "another goal is under way; cancel it, or wait for it")
+        if not self._engine.may_step:
+            raise Unmet(FAILED, "the simulation is running; allowed only while it is paused")
+        if not goal.request.steps:
+            raise Unmet(FAILED, "steps = 0; allowed is 1 or more")
+
+    def _part(self) -> None:
+        """Make some ticks, unless the goal was cancelled."""
+        goal, asked = self._goal, self._goal.request.steps
+        if goal.is_cancel_requested:
+            self._result.result.error_message = f"cancelled after {self._made} of {asked} steps"
+            self._finish(goal.canceled)
+            return
+        steps = min(max(1, min(asked // _PARTS, _LARGEST)), asked - self._made)
+        with answering(self._result.result, self._log):
+            self._engine.queue.run(lambda: self._engine.step(steps))
+            self._made += steps
+        if self._result.result.result != OK:
+            self._finish(goal.abort)
+            return
+        left = asked - self._made
+        goal.publish_feedback(
+            self._kind.Feedback(completed_steps=self._made, remaining_steps=left)
+        )
+        if not left:
+            self._finish(goal.succeed)
+
+    def _finish(self, end: Any) -> None:
+        self._timer.cancel()
+        self._goal = None
+        end()
+        self._done.set_result(self._result)
+
+    def close(self) -> None:
+        """Take the action away; before the node is destroyed."""
+        self._timer.cancel()
+        self._server.destroy()
