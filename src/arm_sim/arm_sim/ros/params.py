@@ -46,6 +46,9 @@ class SimParams(ThreadParams, RobotParams):
     lockstep_timeout: float = parameter(
         1.0, "Time without answer after which the partner is reported gone [s]", low=0.01, high=1e4
     )
+    standard_services: bool = parameter(
+        True, "Offer services and the action of simulation_interfaces where that is installed"
+    )
     paused: bool = parameter(False, "Start paused")
     wait_for_command: bool = parameter(
         False, "Let time stand still until the first command, also after a reset"

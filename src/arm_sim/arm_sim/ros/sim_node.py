@@ -22,7 +22,7 @@ from arm_sim.ros.params import CLOCK, HAND, SimParams, greeting, simulator_of
 from arm_sim.ros.realtime_loop import RealtimeLoop
 from arm_sim.ros.robot import Display, publish_description
 from arm_sim.ros.services import SimServices
-from arm_sim.ros.standard_services import StandardServices
+from arm_sim.ros.standard import StandardServices
 from arm_sim.ros.tick_engine import TickEngine
 
 
@@ -91,7 +91,7 @@ class SimNode(Node):
         subscribe(self, COMMANDS, inputs.on_commands)
         subscribe(self, WRENCH, inputs.on_wrench)
         self.requests = SimServices(self, engine, self._reset_counters)
-        self.standard = StandardServices(self, engine)
+        self.standard = StandardServices(self, engine, params, self._outputs.stamp)
         self.diagnostics = SimDiagnostics(
             self, params, engine, self.loop, inputs, self._outputs, self.display, self.lockstep,
             self._refused_privileges,
@@ -151,6 +151,7 @@ class SimNode(Node):
         self.loop.stop()
         self.engine.queue.served = False
         self.inputs.close()
+        self.standard.close()
         if self.params.tick_source == CLOCK:
             loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
             self.get_logger().info(

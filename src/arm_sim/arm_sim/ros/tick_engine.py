@@ -127,6 +127,11 @@ class TickEngine:
         except Exception as error:
             self._fail(f"paused after an unexpected failure: {error!r}")
 
+    @property
+    def may_step(self) -> bool:
+        """Whether ``step`` is allowed: nothing else makes ticks."""
+        return self.paused or not self._self_running
+
     def step(self, steps: int) -> None:
         """Make some ticks with the newest command, which does not age.
 
@@ -136,7 +141,7 @@ class TickEngine:
         """
         if not 1 <= steps <= MAX_STEPS:
             raise InvalidInput(f"steps = {steps}; allowed are 1 to {MAX_STEPS}")
-        if self._self_running and not self.paused:
+        if not self.may_step:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         self.read_commands()
         for done in range(steps):
@@ -173,14 +178,18 @@ class TickEngine:
             self.failure = ""
         _call(self.on_pause)
 
-    def reset(self) -> None:
-        """Go back to the initial state and time zero, without commands, sources and wrenches."""
+    def reset(self, *state: Any) -> None:
+        """Go back to time zero, without commands, sources and wrenches.
+
+        Args:
+            *state: q, v and z to begin with, see ``Simulator.reset``; none for the initial ones.
+        """
         self.commands.clear()
         self.arbiter.forget()
         self._wrenches.clear()
         self.failure, self._was_stale = "", False
         self._meter = None
-        self.change(self.simulator.reset)
+        self.change(lambda: self.simulator.reset(*state))
 
     def change(self, action: Callable[[], Any]) -> None:
         """Run what changes state or model at once; the energy account notes what it puts in."""

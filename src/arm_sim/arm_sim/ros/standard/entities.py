@@ -104,10 +104,12 @@ class Entities:
         pin.updateFramePlacements(model.pin, self._data)
 
     def pose(self, entity: Entity) -> list[float]:
-        """x y z [m] and quaternion x y z w in the world."""
+        """Where it is in the world: x y z [m] and quaternion x y z w."""
         return pin.SE3ToXYZQUAT(self._data.oMf[entity.frame]).tolist()
 
     def twist(self, entity: Entity) -> list[float]:
         """Velocity of the origin [m/s] and angular velocity [rad/s], in axes of the world."""
         axes = pin.ReferenceFrame.LOCAL_WORLD_ALIGNED
-        return pin.getFrameVelocity(self._model.pin, self._data, entity.frame, axes).vector.tolist()
+        return pin.getFrameVelocity(
+            self._model.pin, self._data, entity.frame, axes
+        ).vector.tolist()

@@ -49,5 +49,6 @@ class Pattern:
         return self._c.regexec(self._expression, name.encode(), 0, None, 0) == 0
 
     def __del__(self) -> None:
+        """Give the compiled expression back."""
         if self._compiled:
             self._c.regfree(self._expression)

@@ -9,6 +9,7 @@ from typing import Any
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.convert import to_time
+from arm_sim.ros.params import SimParams
 from arm_sim.ros.standard.entities import Entities, Entity
 from arm_sim.ros.standard.results import (
     ALREADY_THERE,
@@ -46,28 +47,28 @@ class StandardServices:
     """
 
     def __init__(
-        self, node: Node, engine: TickEngine, scene: str, stamp: Callable[[], int]
+        self, node: Node, engine: TickEngine, params: SimParams, stamp: Callable[[], int]
     ) -> None:
         """Offer those that the installed package has, under ``~/``.
 
         Args:
             node: The node.
             engine: What ticks.
-            scene: Name of the scene, perhaps empty.
+            params: Whether to offer any, and the name of the scene.
             stamp: Stamp of the present state in [ns], for the ticking thread.
         """
-        self._engine, self._scene, self._stamp = engine, scene, stamp
+        self._engine, self._scene, self._stamp = engine, params.scene, stamp
         self.offered: list[str] = []
         self._steps: SimulateSteps | None = None
+        if not params.standard_services:
+            return
         try:
             from simulation_interfaces import action, srv
         except ImportError:
             return
         self._entities = Entities(engine.simulator)
         log = node.get_logger()
-        node.create_service(
-            srv.GetSimulatorFeatures, "~/get_simulator_features", self._features
-        )
+        node.create_service(srv.GetSimulatorFeatures, "~/get_simulator_features", self._features)
         for name, answer in {
             "get_simulation_state": self._get_state,
             "set_simulation_state": self._set_state,
@@ -149,7 +150,7 @@ class StandardServices:
             engine.reset()
         elif time:
             n, x = simulator.n, simulator.x.copy()
-            engine.change(lambda: simulator.reset(x[:n], x[n : 2 * n], x[2 * n :]))
+            engine.reset(x[:n], x[n : 2 * n], x[2 * n :])
         else:
             model = simulator.model
             engine.change(lambda: simulator.set_state(model.q0, model.v0))
