@@ -23,6 +23,7 @@ from arm_sim.ros.robot.params import RobotParams
 from arm_sim.ros.tick_engine import TickEngine
 
 _RSP = "robot_state_publisher"
+_GLANCE, _SELDOM = 0.2, 5  # [s] between looks for listeners; one in five is for rivals, too
 
 
 class Display:
@@ -65,24 +66,30 @@ class Display:
         if params.publish_tf:
             self._tf = Frames.where_possible(node, Links(model), joints.names, params.frame_prefix)
             self.frames = "published" if self._tf else "not published: tf2_msgs is not installed"
-        self._looks = count()
-        self._every = max(1, round(params.display_rate))  # once a second
+        self._looks, self._heard, self._wanted = count(), False, False
         self._timer = steady_timer(node, 1.0 / params.display_rate, self.show)
+        self._timer.cancel()
+        self._watch = steady_timer(node, _GLANCE, self.look)
+
+    def look(self) -> None:
+        """See who listens, and stop or go on."""
+        idle = not (self._heard or self._wanted)
+        self._heard, self._wanted = self._states.heard, self._frames_wanted()
+        if not (self._heard or self._wanted):
+            self._timer.cancel()
+        elif idle:
+            self._timer.reset()
 
     def show(self) -> None:
         """Publish what is asked for."""
-        wanted = self._frames_wanted()
-        heard = self._states.heard
-        if not (wanted or heard):
-            return
         try:
             stamp = self._engine.queue.run(self._copy)
         except ArmError:
             return  # it does not tick: there is nothing new
         self._all.fill()
-        if heard:
+        if self._heard:
             self._states.send(stamp)
-        if wanted and self._tf is not None:
+        if self._wanted and self._tf is not None:
             self._tf.publish(stamp, self._all.arrays[0])
 
     def _copy(self) -> int:
@@ -93,7 +100,7 @@ class Display:
     def _frames_wanted(self) -> bool:
         if self._tf is None:
             return False
-        if next(self._looks) % self._every == 0:
+        if next(self._looks) % _SELDOM == 0:
             self.frames = "left to robot_state_publisher" if self._tf.rivals() else "published"
         return self.frames == "published" and self._tf.heard
 
