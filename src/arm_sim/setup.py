@@ -6,6 +6,7 @@ from glob import glob
 from setuptools import find_packages, setup
 
 PACKAGE = "arm_sim"
+SHARED = ("config", "launch", "rviz")
 
 setup(
     name=PACKAGE,
@@ -31,6 +32,7 @@ setup(
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
         (f"share/{PACKAGE}/scenes", sorted(glob(f"{PACKAGE}/scenes/*"))),  # package://arm_sim/…
+        *((f"share/{PACKAGE}/{folder}", sorted(glob(f"{folder}/*"))) for folder in SHARED),
     ],
     zip_safe=False,
     entry_points={

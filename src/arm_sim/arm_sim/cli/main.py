@@ -16,6 +16,7 @@ from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import examples
 from arm_sim.cli.recordings import plot
 from arm_sim.cli.robot import get, go, set_, watch
+from arm_sim.cli.urdf import urdf
 from arm_sim.cli.view import view
 
 
@@ -56,7 +57,7 @@ def main() -> None:
 
 
 COMMANDS = (
-    demo, describe, build, call, view, plot, dynamics, sim, controller, go, set_, get, watch
+    demo, describe, build, call, view, plot, dynamics, sim, controller, go, set_, get, watch, urdf
 )  # fmt: skip
 for command in COMMANDS:
     main.add_command(command)

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """The energy account of a motion: what its laws store, what came in and what went out as heat.
 
-Where a motion is smooth and the command is the torque, both can be had from the recorded states, to
-fourth order. Under error control that would be less than was asked for. Where laws have states, a current rises and bristles snap within a tick, and where there are events
-friction and stops jump within one: a quadrature on the recorded states would miss it. Every tick
-is made again from its recorded beginning, by the same method, with the work that came in and the
-heat that went out since as further states. They are integrated as accurately as the motion itself.
+Where a motion is smooth and the command is the torque, both can be had from the recorded states,
+to fourth order. Under error control that would be less than was asked for. Where laws have states,
+a current rises and bristles snap within a tick, and where there are events friction and stops jump
+within one: a quadrature on the recorded states would miss it. There every tick is made again from
+its recorded beginning, by the same method, with the work that came in and the heat that went out
+since as further states. They are integrated as accurately as the motion itself.
 Nothing of this is done before it is asked for.
 """
 

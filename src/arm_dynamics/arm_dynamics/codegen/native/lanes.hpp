@@ -28,8 +28,8 @@ static inline real operator-(real x, real y) { return x.v - y.v; }
 static inline real operator*(real x, real y) { return x.v * y.v; }
 static inline real operator/(real x, real y) { return x.v / y.v; }
 static inline real operator-(real x) { return -x.v; }
-static inline real fmin(real x, real y) { return x.v < y.v ? x.v : y.v; }
-static inline real fmax(real x, real y) { return x.v > y.v ? x.v : y.v; }
+static inline real fmin(real x, real y) { return y.v < x.v ? y.v : x.v; }
+static inline real fmax(real x, real y) { return y.v > x.v ? y.v : x.v; }
 static inline real fabs(real x) { return (lanes_t)((bits)x.v & 0x7fffffffffffffffLL); }
 
 /* Truth is 1 or 0, as in C; what is not chosen may be anything, even no number. */

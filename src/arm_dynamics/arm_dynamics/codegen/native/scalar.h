@@ -16,7 +16,18 @@ static inline real far_cos(real x) { return cos(x); }
 
 #include "sincos.h"
 
+/* The library's are calls, and where the upper halves of vector registers are in use slow ones: seven take a microsecond.
+ * Without a number among the two it is the first that counts. No number here is so large or small that squares leave the
+ * range.
+ */
+static inline real arm_fmin(real x, real y) { return y < x ? y : x; }
+static inline real arm_fmax(real x, real y) { return y > x ? y : x; }
+static inline real arm_hypot(real x, real y) { return sqrt(x * x + y * y); }
+
 #define sin arm_sin
 #define cos arm_cos
+#define fmin arm_fmin
+#define fmax arm_fmax
+#define hypot arm_hypot
 #define LANES 1
 #define LANE(x, i) (x)

@@ -1,0 +1,76 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm urdf``: the robot description of a scene, for nodes that want it as text."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+from xml.etree import ElementTree
+
+import click
+
+from arm_sim.cli.output import examples
+
+if TYPE_CHECKING:
+    from arm_dynamics import ArmModel
+
+HARDWARE = "joint_state_topic_hardware_interface/JointStateTopicSystem"
+COMMANDS = ("position", "velocity", "effort")
+STATES = ("position", "velocity", "effort")
+
+
+@click.command(
+    epilog=examples(
+        "./arm urdf panda > panda.urdf",
+        "./arm urdf panda --ros2-control position",
+    )
+)
+@click.argument("scene")
+@click.option("--ros2-control", "command", type=click.Choice(COMMANDS),
+              help="Add the tag of ros2_control's JointState-topic hardware, with joints "
+              "commanded by this.")  # fmt: skip
+@click.option("--commands-topic", default="/robot_joint_commands", show_default=True,
+              help="Topic on which the hardware publishes commands.")  # fmt: skip
+@click.option("--states-topic", default="/robot_joint_states", show_default=True,
+              help="Topic on which it hears joint states.")  # fmt: skip
+def urdf(scene: str, command: str | None, commands_topic: str, states_topic: str) -> None:
+    """Print the URDF of SCENE: of a ready scene by name, of a scene file, of a package:// URI."""
+    from arm_dynamics import ArmModel, load_scene
+
+    loaded = load_scene(scene)
+    if command is None:
+        click.echo(loaded.robot.urdf)
+        return
+    topics = {"joint_commands_topic": commands_topic, "joint_states_topic": states_topic}
+    click.echo(with_hardware(ArmModel(loaded), command, topics))
+
+
+def with_hardware(model: ArmModel, command: str, topics: dict[str, str]) -> str:
+    """The arm's URDF with the tag of the JointState-topic hardware.
+
+    Args:
+        model: The arm; joints that it holds fast or that follow others are not commanded.
+        command: What its joints are commanded by.
+        topics: Names of the hardware's topics.
+
+    Source: README of joint_state_topic_hardware_interface (ros-controls).
+    """
+    robot = ElementTree.fromstring(model.scene.robot.urdf)
+    for other in robot.findall("ros2_control"):  # of the real robot's hardware
+        robot.remove(other)
+    tag = ElementTree.SubElement(robot, "ros2_control", name="arm", type="system")
+    hardware = ElementTree.SubElement(tag, "hardware")
+    ElementTree.SubElement(hardware, "plugin").text = HARDWARE
+    # Not positive: it never falls silent, which would be taken for commands that stopped.
+    for name, value in {**topics, "trigger_joint_command_threshold": "-1"}.items():
+        ElementTree.SubElement(hardware, "param", name=name).text = value
+    for name, start in zip(model.joint_names, model.q0, strict=True):
+        joint = ElementTree.SubElement(tag, "joint", name=name)
+        ElementTree.SubElement(joint, "command_interface", name=command)
+        for state in STATES:
+            interface = ElementTree.SubElement(joint, "state_interface", name=state)
+            if state == "position":
+                ElementTree.SubElement(interface, "param", name="initial_value").text = repr(
+                    float(start)
+                )
+    ElementTree.indent(tag)
+    return ElementTree.tostring(robot, encoding="unicode")

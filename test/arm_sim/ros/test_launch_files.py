@@ -1,0 +1,178 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Launch files start what is there, with parameters that are there; all of it is installed."""
+
+from __future__ import annotations
+
+import re
+import runpy
+import subprocess
+import sys
+from collections.abc import Iterator
+from dataclasses import fields, is_dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import pytest
+import yaml
+from harness import running
+from launch_files import Launch, Start
+
+import models
+from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.ros.controller.params import ControllerParams
+from arm_dynamics.ros.interfaces import CONTROLLER_STATE
+from arm_sim.cli.robot.listener import Listener
+from arm_sim.cli.urdf import HARDWARE, with_hardware
+from arm_sim.ros.params import SimParams
+
+PACKAGE = Path(__file__).parents[3] / "src/arm_sim"
+FILES = sorted((PACKAGE / "launch").glob("*.launch.xml"))
+OURS = {"sim": SimParams, "controller": ControllerParams}
+OTHERS = {  # packages of ROS 2 Jazzy, with the executables that are started
+    ("robot_state_publisher", "robot_state_publisher"), ("rviz2", "rviz2"),
+    ("controller_manager", "ros2_control_node"), ("controller_manager", "spawner"),
+}  # fmt: skip
+FOREIGN = {"robot_state_publisher": {"robot_description"}}
+
+
+def executables(package: str, monkeypatch: pytest.MonkeyPatch) -> set[str]:
+    """Console scripts that a package installs."""
+    said: dict[str, Any] = {}
+    monkeypatch.setattr("setuptools.setup", lambda **given: said.update(given))
+    monkeypatch.chdir(PACKAGE.parent / package)
+    runpy.run_path("setup.py")
+    return {entry.split("=")[0].strip() for entry in said["entry_points"]["console_scripts"]}
+
+
+def by_python(line: str) -> str:
+    """``ros2 run arm_sim arm …`` without ros2."""
+    words = line.split()
+    assert words[:4] == ["ros2", "run", "arm_sim", "arm"]
+    command = [sys.executable, "-P", "-m", "arm_sim.cli", *words[4:]]
+    return subprocess.run(command, check=True, capture_output=True, text=True, timeout=60).stdout
+
+
+def started(name: str, **given: str) -> list[Start]:
+    share = {"arm_sim": PACKAGE}
+    return Launch(share, by_python).read(PACKAGE / f"launch/{name}.launch.xml", given)
+
+
+def declared(params: type) -> Iterator[tuple[str, Any]]:
+    """Parameters that a class declares, and their defaults."""
+    for item in fields(params):
+        default = getattr(params(), item.name)
+        if is_dataclass(default):
+            yield from declared(type(default))
+        elif "description" in item.metadata:
+            yield item.metadata.get("parameter", item.name), default
+
+
+@pytest.mark.parametrize("file", FILES, ids=lambda path: path.name)
+def test_what_is_started_exists(file: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for start in started(file.name.split(".")[0]):
+        if start.package in ("arm_sim", "arm_dynamics"):
+            assert start.executable in executables(start.package, monkeypatch)
+            known = set(dict(declared(OURS[start.executable])))
+            assert start.name == start.executable
+        else:
+            assert (start.package, start.executable) in OTHERS
+            known = FOREIGN.get(start.executable, set())
+        assert set(start.parameters) <= known
+        assert all(path.is_file() for path in start.files)
+
+
+def test_parameters_of_the_file_are_the_defaults() -> None:
+    given = yaml.safe_load((PACKAGE / "config/parameters.yaml").read_text())
+    assert set(given) == {"/**/sim", "/**/controller"}
+    for node, params in OURS.items():
+        default = dict(declared(params))
+        for name, value in given[f"/**/{node}"]["ros__parameters"].items():
+            np.testing.assert_array_equal(np.ravel(value), np.ravel(default[name]))
+
+
+def test_arguments_reach_the_nodes() -> None:
+    one = {start.executable: start for start in started("arm", scene="ur5e", controller="float")}
+    assert one["sim"].parameters["scene"] == one["controller"].parameters["scene"] == "ur5e"
+    assert one["controller"].parameters["controller"] == "float"
+    both = started("two_arms", right="ur5e")
+    assert [(s.namespace, s.executable, s.parameters["scene"]) for s in both] == [
+        ("/left", "sim", "panda"), ("/left", "controller", "panda"),
+        ("/right", "sim", "ur5e"), ("/right", "controller", "ur5e"),
+    ]  # fmt: skip
+    assert [s.parameters["frame_prefix"] for s in both if s.executable == "sim"] == [
+        "left/", "right/",
+    ]  # fmt: skip
+
+
+def test_a_display_shows_the_description_of_the_scene() -> None:
+    found = {start.executable: start for start in started("display", scene="two_link")}
+    description = found["robot_state_publisher"].parameters["robot_description"]
+    assert str(description).strip() == models.scene("two_link").robot.urdf.strip()
+    assert found["robot_state_publisher"].remaps["joint_states"] == "sim/all_joint_states"
+    option, file, *frame = found["rviz2"].words
+    assert option == "-d" and Path(file).is_file() and frame == ["-f", "panda_link0"]
+    assert "rviz2" not in {start.executable for start in started("display", rviz="false")}
+    shown = yaml.safe_load((PACKAGE / "rviz/arm.rviz").read_text())["Visualization Manager"]
+    arm = next(d for d in shown["Displays"] if d["Class"] == "rviz_default_plugins/RobotModel")
+    assert arm["Description Topic"]["Value"] == "robot_description"
+    assert arm["Description Topic"]["Durability Policy"] == "Transient Local"
+
+
+def test_hardware_of_ros2_control_speaks_with_the_sim() -> None:
+    found = {start.executable: start for start in started("ros2_control", command="effort")}
+    text = str(found["robot_state_publisher"].parameters["robot_description"])
+    tag = ElementTree.fromstring(text).find("ros2_control")
+    assert tag is not None and tag.findtext("hardware/plugin") == HARDWARE
+    said = {p.get("name"): p.text for p in tag.findall("hardware/param")}
+    remaps = found["sim"].remaps
+    assert said["joint_commands_topic"] == "/" + remaps["joint_commands"]
+    assert said["joint_states_topic"] == "/" + remaps["joint_states"]
+    assert float(said["trigger_joint_command_threshold"] or 0) < 0.0
+    joints = [joint.get("name") for joint in tag.findall("joint")]
+    assert joints == list(models.dynamics("panda").joint_names)
+    assert {c.get("name") for c in tag.iter("command_interface")} == {"effort"}
+    listed = yaml.safe_load(found["ros2_control_node"].files[0].read_text())
+    assert listed["joint_trajectory_controller"]["ros__parameters"]["joints"] == joints
+    manager = listed["controller_manager"]["ros__parameters"]
+    assert set(found["spawner"].words) & set(manager) == set(manager) - {"update_rate"}
+
+
+def test_a_description_keeps_its_robot() -> None:
+    """With the tag it is the same arm; that of other hardware (the xArm has one) is taken out."""
+    model = models.dynamics("xarm7").model
+    text = with_hardware(model, "position", {"joint_states_topic": "/states"})
+    assert len(re.findall("<ros2_control", text)) == 1
+    again = Dynamics(load_scene({"robot": {"urdf": text}}))
+    q = np.full(model.n, 0.3)
+    np.testing.assert_array_equal(again.gravity(q), models.dynamics("xarm7").gravity(q))
+
+
+@pytest.mark.ros
+def test_two_arms_are_led_each_in_its_namespace(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """By plain processes with the arguments of the launch file."""
+    starts = started("two_arms", left="two_link", right="two_link")
+    commands = [(s.executable, "--ros-args", *s.ros_arguments()) for s in starts]
+    states: dict[str, list[Any]] = {"left": [], "right": []}
+    with running(tmp_path, *commands) as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        with Listener() as listener:
+            for arm, heard in states.items():
+                listener.hear(CONTROLLER_STATE, f"/{arm}/controller/state", heard.append)
+            assert listener.until(lambda: all(states.values()), 40.0), listener.nodes()
+    for heard in states.values():
+        assert list(heard[0].joint_names) == ["shoulder", "elbow"]
+
+
+def test_what_is_shared_is_installed(tmp_path: Path) -> None:
+    subprocess.run(
+        [sys.executable, "setup.py", "-q", "install_data", "--install-dir", tmp_path],
+        cwd=PACKAGE, check=True, timeout=60,
+    )  # fmt: skip
+    installed = tmp_path / "share/arm_sim"
+    for folder in ("config", "launch", "rviz"):
+        there = {path.name for path in (installed / folder).iterdir()}
+        assert there == {path.name for path in (PACKAGE / folder).iterdir()}

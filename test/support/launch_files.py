@@ -1,0 +1,173 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Reads launch files as ROS 2 Jazzy documents them: what would be started, and with what.
+
+Source: "Migrating Launch Files" and "Using XML, YAML, and Python for ROS 2 Launch Files" of ROS 2
+Jazzy's documentation; the library ``launch`` is in no registry.
+"""
+
+from __future__ import annotations
+
+import re
+import subprocess
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from xml.etree import ElementTree
+
+import yaml
+
+# Tags with their attributes, those that must be there first, and their children.
+TAGS: dict[str, tuple[set[str], set[str], set[str]]] = {
+    "launch": (set(), set(), {"arg", "let", "node", "include", "group", "push_ros_namespace"}),
+    "group": (set(), {"scoped", "if", "unless"}, {"node", "include", "push_ros_namespace", "let"}),
+    "arg": ({"name"}, {"default", "value", "description"}, set()),
+    "let": ({"name", "value"}, set(), set()),
+    "include": ({"file"}, {"if", "unless"}, {"arg"}),
+    "push_ros_namespace": ({"namespace"}, {"if", "unless"}, set()),
+    "node": (
+        {"pkg", "exec"},
+        {"name", "namespace", "args", "output", "respawn", "launch-prefix", "if", "unless"},
+        {"param", "remap", "env"},
+    ),
+    "param": (set(), {"name", "value", "from", "type", "sep"}, {"param"}),
+    "remap": ({"from", "to"}, set(), set()),
+}
+
+
+@dataclass(frozen=True)
+class Start:
+    """A node that a launch file would start.
+
+    Attributes:
+        package: Its package.
+        executable: Its executable there.
+        namespace: The namespace it is in, such as ``/left``.
+        name: Its name, perhaps empty.
+        words: Words of its own on the command line.
+        files: Parameter files, in order.
+        parameters: Parameters by name, typed.
+        remaps: New names of topics.
+    """
+
+    package: str
+    executable: str
+    namespace: str
+    name: str
+    words: tuple[str, ...]
+    files: tuple[Path, ...]
+    parameters: dict[str, object]
+    remaps: dict[str, str]
+
+    def ros_arguments(self) -> list[str]:
+        """What the executable would be given after ``--ros-args``."""
+        said = ["-r", f"__ns:={self.namespace}"]
+        said += ["-r", f"__node:={self.name}"] if self.name else []
+        said += [word for path in self.files for word in ("--params-file", str(path))]
+        for name, value in self.parameters.items():
+            text = yaml.safe_dump(value, default_flow_style=True).splitlines()[0]
+            said += ["-p", f"{name}:={text}"]
+        for old, new in self.remaps.items():
+            said += ["-r", f"{old}:={new}"]
+        return said
+
+
+@dataclass
+class Launch:
+    """A launch file that is being read.
+
+    Attributes:
+        share: Folders of packages by name.
+        run: Carries out a command of ``$(command …)`` and gives what it prints.
+    """
+
+    share: dict[str, Path]
+    run: Callable[[str], str] = lambda line: subprocess.check_output(line, shell=True, text=True)
+    started: list[Start] = field(default_factory=list)
+
+    def read(self, path: Path, given: dict[str, str], namespace: str = "") -> list[Start]:
+        """Everything that a launch file starts, with arguments that it is given."""
+        root = ElementTree.parse(path).getroot()
+        assert root.tag == "launch"
+        declared = {arg.get("name") for arg in root.findall("arg")}
+        assert set(given) <= declared, f"{path.name} has no argument {set(given) - declared}"
+        self._children(root, dict(given), namespace)
+        return self.started
+
+    def _children(self, parent: ElementTree.Element, known: dict[str, str], space: str) -> None:
+        for child in parent:
+            required, optional, _ = TAGS[child.tag]
+            assert child.tag in TAGS[parent.tag][2], f"<{child.tag}> in <{parent.tag}>"
+            assert required <= set(child.attrib) <= required | optional, child.attrib
+            if not self._wanted(child, known):
+                continue
+            match child.tag:
+                case "arg":
+                    assert "default" in child.attrib or child.attrib["name"] in known
+                    default = self.text(child.get("default", ""), known)
+                    known.setdefault(child.attrib["name"], default)
+                case "let":
+                    known[child.attrib["name"]] = self.text(child.attrib["value"], known)
+                case "push_ros_namespace":
+                    space += "/" + self.text(child.attrib["namespace"], known).strip("/")
+                case "group":
+                    self._children(child, dict(known), space)
+                case "include":
+                    passed = {a.attrib["name"]: self.text(a.attrib["value"], known) for a in child}
+                    inside = Launch(self.share, self.run, self.started)
+                    inside.read(Path(self.text(child.attrib["file"], known)), passed, space)
+                case "node":
+                    self._node(child, known, space)
+
+    def _wanted(self, element: ElementTree.Element, known: dict[str, str]) -> bool:
+        wanted = self.text(element.get("if", "true"), known)
+        unwanted = self.text(element.get("unless", "false"), known)
+        assert {wanted, unwanted} <= {"true", "false"}
+        return wanted == "true" and unwanted == "false"
+
+    def _node(self, node: ElementTree.Element, known: dict[str, str], space: str) -> None:
+        files, parameters, remaps = [], {}, {}
+        for child in node:
+            required, optional, _ = TAGS[child.tag]
+            assert child.tag in TAGS["node"][2]
+            assert required <= set(child.attrib) <= required | optional, child.attrib
+            said = {key: self.text(value, known) for key, value in child.attrib.items()}
+            if child.tag == "remap":
+                remaps[said["from"]] = said["to"]
+            elif "from" in said:
+                assert len(said) == 1, "name and from exclude each other"
+                files.append(Path(said["from"]))
+            else:
+                text = said.get("type") == "str"
+                parameters[said["name"]] = said["value"] if text else yaml.safe_load(said["value"])
+        own = self.text(node.get("namespace", ""), known)
+        within = "" if own.startswith("/") else space.strip("/")
+        self.started.append(
+            Start(
+                node.attrib["pkg"], node.attrib["exec"],
+                "/" + "/".join(filter(None, (within, own.strip("/")))),
+                self.text(node.get("name", ""), known),
+                tuple(self.text(node.get("args", ""), known).split()),
+                tuple(files), parameters, remaps,
+            )
+        )  # fmt: skip
+
+    def text(self, written: str, known: dict[str, str]) -> str:
+        """Text with its substitutions carried out."""
+
+        def carried_out(found: re.Match[str]) -> str:
+            match found[1]:
+                case "var":
+                    return known[found[2]]
+                case "find-pkg-share":
+                    return str(self.share[found[2]])
+                case "command":
+                    return self.run(found[2].strip("'"))
+            raise AssertionError(f"substitution {found[0]}")
+
+        inner = re.compile(r"\$\((var|find-pkg-share|command) ([^()$]*)\)")
+        while (after := inner.sub(carried_out, written, count=1)) != written:
+            written = after
+            if "<robot" in written:  # what a command has printed is not read again
+                break
+        assert "$(" not in written or "<robot" in written, written
+        return written
