@@ -163,12 +163,21 @@ class Controller:
             self._next()
 
     def settle(self, tolerance: float, patience: float) -> tuple[str, float]:
-        """Wait for the arm to come to its reference.
+        """Wait for the arm to come to rest at its reference.
+
+        Args:
+            tolerance: Of positions in [rad] or [m], and of velocities per [s].
+            patience: How long to wait in [s].
 
         Returns:
             The joint with the largest error, and that error in [rad] or [m].
         """
-        self._listener.until(lambda: self._error()[1] <= tolerance, patience)
+
+        def at_rest() -> bool:
+            fastest = max(map(abs, self._state.velocity_error))
+            return max(self._error()[1], fastest) <= tolerance
+
+        self._listener.until(at_rest, patience)
         return self._error()
 
     def _error(self) -> tuple[str, float]:

@@ -134,10 +134,13 @@ def _lead(
     except KeyboardInterrupt:
         raise Missed("no longer watching; the arm goes on to its goal") from None
     if controller.replaced:
-        raise Missed(f"another goal has taken its place: {controller.words}")
+        raise Missed(
+            "led elsewhere: another goal has taken its place, or time or a joint jumped and the "
+            f"controller holds the arm; it says: {controller.words}"
+        )
     if not error <= tolerance:
-        raise Missed(f"stopped short: {joint} is off by {number(error, 3)}, more than "
-                     f"{number(tolerance, 3)}; {controller.words}")  # fmt: skip
+        off, allowed = number(error, 3), number(tolerance, 3)
+        raise Missed(f"stopped short: {joint} is off by {off}, more than {allowed}")
     console().print(f"arrived: largest error {number(error, 2)} at {joint}", markup=False)
 
 

@@ -14,10 +14,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from arm_sim.cli.output import console, examples, show, table
+from arm_sim.cli.output import console, examples, table
 
 if TYPE_CHECKING:
-    from rich.table import Table
+    from rich.console import Group
 
     from arm_sim.cli.robot.listener import Listener
 
@@ -51,18 +51,23 @@ def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) ->
     with Listener() as listener:
         seen = Seen(full(topic))
         seen.join(listener)
-        if not listener.until(lambda: seen.state is not None, timeout):
-            raise click.ClickException(
-                f"no joint states on {full(topic)} (waited {timeout:g} s)\n  start a robot: ./arm "
-                f"sim SCENE; --topic chooses other ones\n  {listener.where()}"
-            )
-        listener.until(lambda: seen.measured, 0.3)
         try:
+            _meet(listener, seen, timeout)
             _show(listener, seen, once, 1.0 / rate, as_json)
         except KeyboardInterrupt:
             pass
         except BrokenPipeError:  # nobody reads any more
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+
+
+def _meet(listener: Listener, seen: Seen, timeout: float) -> None:
+    """Wait for joint states, and a moment longer for their rate."""
+    if not listener.until(lambda: seen.state is not None, timeout):
+        raise click.ClickException(
+            f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
+            f"sim SCENE; --topic chooses other ones\n  {listener.where()}"
+        )
+    listener.until(lambda: seen.measured, 0.3)
 
 
 @dataclass
@@ -150,24 +155,25 @@ def _show(listener: Listener, seen: Seen, once: bool, period: float, as_json: bo
                 return
             listener.until(lambda: False, period)
     if once:
-        show(console(), _table(seen))
+        console().print(_picture(seen))
         return
     from rich.live import Live
 
-    with Live(_table(seen), console=console(), auto_refresh=False) as live:
+    with Live(_picture(seen), console=console(), auto_refresh=False) as live:
         while True:
             listener.until(lambda: False, period)
-            live.update(_table(seen), refresh=True)
+            live.update(_picture(seen), refresh=True)
 
 
-def _table(seen: Seen) -> Table:
+def _picture(seen: Seen) -> Group:
+    """The table, and what is to be said below it."""
+    from rich.console import Group
+    from rich.text import Text
+
     rows = [(name, *map(_steady, values)) for name, *values in seen.rows()]
-    made = table(_COLUMNS, rows)
-    below = [f"t = {seen.stamp:.3f} s, {seen.rate:.0f} joint states/s", *seen.remarks()]
-    from rich.markup import escape
-
-    made.caption, made.caption_justify = escape("\n".join(below)), "left"
-    return made
+    about = f" t = {seen.stamp:.3f} s, {seen.rate:.0f} joint states/s"
+    remarks = [f" {remark}" for remark in seen.remarks()]
+    return Group(table(_COLUMNS, rows), Text(about, "dim"), Text("\n".join(remarks), "yellow"))
 
 
 def _steady(value: float) -> str:
