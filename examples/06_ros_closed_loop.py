@@ -12,7 +12,6 @@ import numpy as np
 import rclpy
 from arm_msgs.msg import TrackingState
 from rclpy.context import Context
-from rclpy.parameter import Parameter
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.ros import ControllerNode, make_executor
@@ -30,8 +29,7 @@ controller.create_subscription(
 )
 publisher = controller.create_publisher(JointTrajectory, "~/joint_trajectory", 10)
 
-carry = Parameter("stale_policy", value="gravity")  # until the first command
-sim = SimNode(scene, context=context, parameter_overrides=[carry])
+sim = SimNode(scene, context=context)  # its brakes hold the arm until the first command
 executor.add_node(sim)
 
 start, sent = time.monotonic(), False

@@ -20,9 +20,9 @@ TAU = [1.5, -0.5]
 
 
 def by_hand(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
-    """The node for a scene, or for one of the robots by name."""
+    """The node for a scene, or for one of the robots by name; uncommanded, the arm falls."""
     scene = models.scene(scene) if isinstance(scene, str) else scene
-    return ros.add(SimNode, scene, realtime=False, **parameters)
+    return ros.add(SimNode, scene, realtime=False, **{"stale_policy": "zero", **parameters})
 
 
 class Waiting:

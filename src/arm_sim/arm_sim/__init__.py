@@ -16,12 +16,14 @@ if TYPE_CHECKING:
     from arm_sim.plan import Plan
     from arm_sim.plant.actuation import CompiledControl, computed_torque
     from arm_sim.recording.recording import Recording
+    from arm_sim.servo import JointCommand
     from arm_sim.simulator import Simulator
     from arm_sim.state import State
 
 __all__ = [
     "ClosedLoop",
     "CompiledControl",
+    "JointCommand",
     "NotDifferentiable",
     "Plan",
     "Recording",
@@ -36,6 +38,7 @@ __getattr__, __dir__ = on_demand(
     {
         "ClosedLoop": "closed_loop",
         "CompiledControl": "plant.actuation",
+        "JointCommand": "servo",
         "NotDifferentiable": "exceptions",
         "Plan": "plan",
         "Recording": "recording.recording",

@@ -12,6 +12,7 @@ from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
+from arm_sim.servo import Servo
 from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
@@ -48,6 +49,8 @@ class CompiledScene:
         """Forget what was learned from earlier ticks."""
         self.stepper.restart()
         self._controlled = None
+        if self.has_servo:
+            self.servo.restart()
 
     def controlled(self, control: CompiledControl) -> Stepper:
         """The stepper that has ``control`` compiled in; the last one is kept."""
@@ -56,6 +59,16 @@ class CompiledScene:
             self._controlled = control, stepper
         self._controlled[1].p[:] = self.stepper.p
         return self._controlled[1]
+
+    @property
+    def has_servo(self) -> bool:
+        """Whether ``servo`` is built already."""
+        return "servo" in vars(self)
+
+    @cached_property
+    def servo(self) -> Servo:
+        """What takes positions and velocities as commands; built when first asked for."""
+        return Servo(self.plant, self.choice.dt, self.backend)
 
     @cached_property
     def present(self) -> PresentDynamics:

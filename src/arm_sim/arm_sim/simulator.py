@@ -38,6 +38,7 @@ from arm_sim.recording.changes import Changes
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.origin import Origin, Physics
 from arm_sim.recording.recording import Recording
+from arm_sim.servo import JointCommand
 from arm_sim.state import State, read_only
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces, trouble
 from arm_sim.stepping.stepper import Stepper
@@ -45,6 +46,10 @@ from arm_sim.view import Instant, Rig, View, show_rigs
 from arm_sim.view.server import HERE
 
 Control = Callable[[State], Any]
+
+# Joints slower than this, in [rad/s] or [m/s], that a servo holds at a place stand still: what is
+# left is rounding, or acceleration under 1e-7 rad/s² at ticks of 1 ms.
+AT_REST = 1e-10
 
 
 class Simulator:
@@ -98,7 +103,7 @@ class Simulator:
         self._step = 0
         self._saturation = SaturationNotice(model)
         self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
-        self._line: Line[list[float]] | None = command_line(model.scene, self.dt)
+        self._line: Line[list[float] | JointCommand] | None = command_line(model.scene, self.dt)
         self._bind(CompiledScene(plant, self.choice, backend))
         self.reset()
 
@@ -210,8 +215,8 @@ class Simulator:
 
         Args:
             tau: Joint torques in [N m] or [N], or what a joint's drive takes in its place, shape
-                (n,); saturated at the limits. With ``commands`` in the scene it acts when it
-                arrives.
+                (n,); saturated at the limits. Or a ``JointCommand``: positions and velocities.
+                With ``commands`` in the scene it acts when it arrives.
 
         Returns:
             The state at the end of the tick.
@@ -220,7 +225,15 @@ class Simulator:
             InvalidInput: If ``tau`` has the wrong shape or is not finite.
             SimulationDiverged: If the tick gives numbers that are not finite; the state stays.
         """
-        self.advance(self._arrived(torque(tau, self.joint_names)))
+        if isinstance(tau, JointCommand):
+            next(tau.rows(1, self.n, self.dt))  # which checks the shape
+            acts = self._arrived(tau)
+        else:
+            acts = self._arrived(torque(tau, self.joint_names))
+        if isinstance(acts, JointCommand):
+            self.follow(acts)
+        else:
+            self.advance(acts)
         return self.state
 
     def advance(self, tau: Sequence[float]) -> None:
@@ -229,6 +242,37 @@ class Simulator:
         They act at once: a loop that calls this carries commands itself.
         """
         self._put(self._command, 0, *tau)
+        self._advance()
+
+    def follow(self, command: JointCommand) -> None:
+        """As ``step`` for a command of shape (n,), for a loop that looks at ``x``.
+
+        The same object counts as the same command; another one, as the next of a stream. What a
+        servo holds at a place stands still when it is there, to the bit.
+        """
+        servo, x, n = self._compiled.servo, self._x, self.n
+        self._command[:] = servo.command(command, x, self._stepper.p, self._step)
+        still = servo.at_rest and abs(x[n : 2 * n]).max() < AT_REST
+        place = x[:n].copy() if still else None
+        self._advance()
+        if place is not None and abs(x[n : 2 * n]).max() < AT_REST:
+            x[:n], x[n : 2 * n] = place, 0.0
+
+    def lock(self) -> None:
+        """Let brakes close: joints and motors lose their speed at once, and drives go off."""
+        self._x[self.n : 2 * self.n] = 0.0
+        for k, name in enumerate(self.z_names, 2 * self.n):
+            if "velocity" in name or "current" in name:
+                self._x[k] = 0.0
+        self._effort[:], self._state = 0.0, None
+
+    def stand(self) -> None:
+        """Let a tick pass in which closed brakes hold every joint, see ``lock``."""
+        self._step, self._state = self._step + 1, None
+        if self.sensors is not None:
+            self.sensors.look(self._step, self._q, self._v, self._driving)
+
+    def _advance(self) -> None:
         if self._tick() != 1:
             raise self._diverged()
         self._step, self._state = self._step + 1, None
@@ -248,9 +292,10 @@ class Simulator:
             duration: In [s]; rounded to whole ticks.
             control: None for no torque, torques of shape (n,) to hold, a table of shape
                 (ticks, n), a compiled controller, a controller (an object with
-                ``torque(state, reference)``), or a function of the state that returns torques. All
-                but the last two run in compiled code; these are given the state as the scene's
-                sensors tell it.
+                ``torque(state, reference)``), or a function of the state that returns torques;
+                positions and velocities as ``JointCommand``, held, a table or a function's. All
+                but controllers, functions and servos run in compiled code; controllers and
+                functions are given the state as the scene's sensors tell it.
             reference: What a controller is to follow from now on, such as
                 ``trajectory.quintic(…)``; None: stay where it is.
 
@@ -280,6 +325,9 @@ class Simulator:
             stepper = self._compiled.controlled(control)
             substep = stepper.substep
             done = self._roll(stepper, control.reference(time[:-1]), trace, effort, later)
+        elif isinstance(control, JointCommand):
+            commands = control.rows(ticks, self.n, self.dt)
+            done = self._run_function(lambda _: next(commands), x, effort, later, changes, told)
         elif callable(control):
             done = self._run_function(control, x, effort, later, changes, told)
         else:
@@ -342,6 +390,8 @@ class Simulator:
         self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
         self._state = None
         self._sense_anew()
+        if self._compiled.has_servo:
+            self._compiled.servo.restart()
         return self.state
 
     def restore(self, x: Array, p: Array, step: int, substep: float = 0.0) -> None:
@@ -553,7 +603,7 @@ class Simulator:
             command = control(self.measured)
             changes.look(k, x)
             try:
-                self.advance(self._arrived(torque(command, self.joint_names)))
+                self.step(command)
             except SimulationDiverged:
                 return k
             x[k + 1], effort[k], notes[k] = self._x, self._effort[0], self._notes[0]
@@ -561,7 +611,9 @@ class Simulator:
                 told[k + 1] = self.sensors.said
         return len(effort)
 
-    def _arrived(self, command: list[float], ahead: int = 0) -> list[float]:
+    def _arrived[C: (list[float], JointCommand)](
+        self, command: C, ahead: int = 0
+    ) -> C | list[float] | JointCommand:
         """What acts when ``command`` is given, some ticks ahead of the present one."""
         if self._line is None:
             return command

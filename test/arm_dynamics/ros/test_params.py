@@ -226,7 +226,7 @@ CHOICES: dict[Any, dict[str, tuple[str, tuple[str, ...], bool]]] = {
     SimParams: {  # default, what else is allowed, whether it may be changed while the node runs
         "overrun": ("catch_up", ("skip", "slow_down"), False),
         "wrench_reference": ("local", ("local_world_aligned",), False),
-        "stale_policy": ("zero", ("hold", "gravity"), True),
+        "stale_policy": ("brake", ("servo", "zero", "hold", "gravity"), True),
     },
     ControllerParams: {"cartesian_timing": ("smooth", ("time_optimal",), True)},
 }

@@ -149,7 +149,7 @@ def test_unless_told_otherwise_a_command_acts_for_ever_and_nothing_before_it() -
 def test_an_unknown_policy_is_refused_and_the_old_one_stays(commands: LatestCommand) -> None:
     commands.configure(1, "hold")
     with pytest.raises(KeyError):
-        commands.configure(5, "brake")
+        commands.configure(5, "prayer")
     commands.put(TAU)
     taken = [commands.take(Q) for _ in range(3)]
     np.testing.assert_array_equal(taken, [TAU] * 3)

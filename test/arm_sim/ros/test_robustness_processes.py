@@ -166,7 +166,8 @@ def test_a_full_disk_stops_nobody(loop: Loop) -> None:
 
 
 def test_a_publisher_that_vanishes_is_told_from_one_that_goes_on(ros: Ros) -> None:
-    node = ros.add(SimNode, models.scene("two_link"), realtime=False, command_timeout=0.01)
+    ways = {"command_timeout": 0.01, "stale_policy": "zero"}
+    node = ros.add(SimNode, models.scene("two_link"), realtime=False, **ways)
     publisher = ros.publisher(JointState, "/joint_commands")
     publisher.publish(JointState(name=NAMES, effort=[1.0, 1.0]))
 

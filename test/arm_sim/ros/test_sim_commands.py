@@ -175,7 +175,9 @@ def test_joints_without_a_new_command_keep_their_last(node: SimNode) -> None:
         ({"name": list(NAMES), "effort": [1.0]}, "effort has 1 numbers for 2 joints"),
         ({"name": list(NAMES), "effort": [1.0, np.nan]}, "is nan; allowed are finite numbers"),
         ({"name": list(NAMES), "effort": [np.inf, 1.0]}, "is inf; allowed are finite numbers"),
-        ({"name": list(NAMES), "position": [1.0, 1.0]}, "effort has 0 numbers"),
+        ({"name": list(NAMES), "position": [1.0]}, "position has 1 numbers for 2 joints"),
+        ({"name": list(NAMES), "velocity": [np.inf, 1.0]}, "is inf; allowed are finite numbers"),
+        ({"name": list(NAMES)}, "effort has 0 numbers"),
         ({}, "are missing"),
     ],
 )

@@ -118,11 +118,15 @@ def drives_of(
     """
     for name in followers:
         own = scene.joints.get(name)
-        if own is not None and (own.actuator or own.transmission):
-            raise SceneError(
-                f"scene: 'joints.{name}.actuator': a mimic joint has none of its own; "
-                "the joint that it follows may have one"
-            )
+        if own is None:
+            continue
+        servo = own.servo if own.servo.model_fields_set else None
+        for key, given in (("actuator", own.actuator or own.transmission), ("servo", servo)):
+            if given:
+                raise SceneError(
+                    f"scene: 'joints.{name}.{key}': a mimic joint has none of its own; "
+                    "the joint that it follows may have one"
+                )
     return [_drive(f"scene: 'joints.{name}", scene.joint(name)) for name in free]
 
 

@@ -32,6 +32,7 @@ from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.friction import KINDS, Friction
 from arm_dynamics.scene.imperfections import Commands, Sensors
 from arm_dynamics.scene.inertia import fault
+from arm_dynamics.scene.servo import Servo
 from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.types import (
     Finite,
@@ -118,6 +119,7 @@ class Joint(Part):
         transmission: What is flexible between gear and link.
         spring: A spring and a damper that act on the link.
         limits: Limits in place of the URDF's.
+        servo: How it takes positions and velocities as commands.
     """
 
     friction: Friction = Friction()
@@ -126,6 +128,7 @@ class Joint(Part):
     transmission: Transmission | None = None
     spring: JointSpring | None = None
     limits: Limits = Limits()
+    servo: Servo = Servo()
 
 
 class Payload(Part):

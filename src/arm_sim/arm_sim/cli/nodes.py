@@ -40,20 +40,22 @@ def _node(*lines: str) -> Callable[[Command], click.Command]:
 
 @_node(
     "./arm sim panda",
-    "./arm sim my_arm.urdf --ros-args -p stale_policy:=gravity -p dt:=0.0005",
+    "./arm sim my_arm.urdf --ros-args -p stale_policy:=zero -p dt:=0.0005",
     "./arm sim my_arm.urdf --ros-args -r __ns:=/left",
 )
 @click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
               help="At the end, write how well the clock was kept to this file.")  # fmt: skip
 def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Path | None) -> None:
-    """Simulate the arm of SCENE at 1 kHz from torque commands until Ctrl-C.
+    """Simulate the arm of SCENE at 1 kHz from joint commands until Ctrl-C.
 
-    It takes torques on joint_commands, or on sim/commands in the model's order, and publishes
-    joint_states. Without a command the parameter stale_policy says what acts: zero (the default),
-    hold or gravity.
+    It takes torques, positions or velocities on joint_commands, or torques on sim/commands in the
+    model's order, and publishes joint_states. Until the first command, and when commands stop,
+    brakes hold the arm; the parameter stale_policy may also say servo, zero, hold or gravity.
     """
+    from arm_dynamics.ros.common.background import take_short_turns
     from arm_sim.ros.sim_node import SimNode
 
+    take_short_turns()
     made = _run(SimNode, scene, rest, with_parent)
     if report is not None and made is not None:
         loop = {**asdict(made.loop.report()), "bars": made.loop.lateness.bars()}

@@ -69,7 +69,8 @@ class SimDiagnostics:
         publishers = self.node.count_publishers(topic)
         found.values = {
             "age [s]": slot.age * engine.simulator.dt, "stale": slot.stale,
-            "stale count": slot.stale_count, "policy": policy, "passed over": inputs.refused,
+            "stale count": slot.stale_count, "policy": policy, "held": engine.held,
+            "passed over": inputs.refused,
             "sources": known_names(arbiter.sources), "publishers": publishers,
             "answers": trip.count, "round trip p50 [s]": trip.p50,
             "round trip p99 [s]": trip.p99, "pushed frames": ", ".join(engine.pushed_frames),

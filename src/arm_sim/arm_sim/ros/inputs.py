@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from math import copysign
+
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
 from rclpy.node import Node
@@ -13,6 +15,7 @@ from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_dynamics.ros.joint_state import JointStateSource, Numbers, make_reader
+from arm_sim.ros.joint_commands import JointCommands
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -25,7 +28,7 @@ class Inputs:
     """Hands commands and wrenches to the engine, which asks for commands before each tick.
 
     Attributes:
-        reader: Of efforts by joint name, in serialized JointStates.
+        reader: Of efforts, positions and velocities by joint name, in serialized JointStates.
         source: Where those come from when the engine asks for them; None: from nowhere.
         round_trip: How long commands take from state to effort.
         refused: How many commands were refused.
@@ -35,10 +38,14 @@ class Inputs:
     def __init__(self, node: Node, engine: TickEngine) -> None:
         self._log, self._engine, self._model = node.get_logger(), engine, engine.simulator.model
         self._limit = self._model.command_limit.tolist()
-        self.reader = make_reader(
-            self._model.joint_names, ("effort",), partial=True, extra=False,
-            admit=engine.arbiter.admit, limit=self._limit, beyond=self._cut
-        )  # fmt: skip
+        self._joints = JointCommands(self._model, engine.arbiter.admit, self._warn)
+        ways = {
+            "partial": True, "extra": False, "admit": self._joints.admit, "limit": self._limit,
+            "beyond": self._cut,
+        }  # fmt: skip
+        names, every = self._model.joint_names, ("effort", "position", "velocity")
+        references = make_reader(names, every, gaps=True, **ways)
+        self.reader = make_reader(names, ("effort",), other=references, **ways)
         self.source: JointStateSource | None = None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         engine.read_commands = self._read_waiting
@@ -71,26 +78,35 @@ class Inputs:
             except InvalidInput as error:
                 self._refuse(error)
                 continue
-            arrival, (stamp, (tau,)) = taken
-            self._engine.commands.put(tau)
+            arrival, (stamp, numbers) = taken
+            self._put(stamp, numbers)
             self.round_trip.answered(stamp, arrival)
             if stamp and stamp == self.round_trip.newest and self._engine.arbiter.alone:
                 return
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
-        """Take efforts by joint name from a serialized JointState that came at ``arrival`` [ns].
+        """Take a command by joint name from a serialized JointState that came at ``arrival`` [ns].
 
         Returns:
             Its stamp in [ns], or None if it was refused.
         """
         try:
-            stamp, (tau,) = self.reader.read(raw)
+            stamp, numbers = self.reader.read(raw)
         except InvalidInput as error:
             self._refuse(error)
             return None
-        self._engine.commands.put(tau)
+        self._put(stamp, numbers)
         self.round_trip.answered(stamp, arrival)
         return stamp
+
+    def _put(self, stamp: int, numbers: list[Numbers]) -> None:
+        """Make what a JointState held the newest command."""
+        slot = self._engine.commands
+        if slot.empty:
+            self._joints.forget()
+        command = self._joints.merged(stamp, numbers)
+        if command is not None:
+            slot.put(command)
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Take efforts in model order."""
@@ -105,6 +121,7 @@ class Inputs:
             self._refuse(error)
             return
         numbers = tuple(tau.tolist())
+        self._joints.forget()
         self._engine.commands.put(
             self._cut(numbers) if any_beyond(numbers, self._limit) else numbers
         )
@@ -125,12 +142,15 @@ class Inputs:
         """Cut efforts to their limits, with a warning."""
         limits, model = self._limit, self._model
         joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)
-        self._log.warning(
+        self._warn(
             f"effort {tau[joint]:.6g} of joint '{model.joint_names[joint]}' is beyond its "
-            f"limit {limits[joint]:.6g} {model.command_unit[joint]} and is cut to it",
-            throttle_duration_sec=_THROTTLE,
+            f"limit {limits[joint]:.6g} {model.command_unit[joint]} and is cut to it"
         )
-        return tuple(max(-limit, min(limit, x)) for x, limit in zip(tau, limits, strict=True))
+        pairs = zip(tau, limits, strict=True)
+        return tuple(x if abs(x) <= limit or x != x else copysign(limit, x) for x, limit in pairs)
+
+    def _warn(self, what: str) -> None:
+        self._log.warning(what, throttle_duration_sec=_THROTTLE)
 
     def _refuse(self, why: InvalidInput) -> None:
         self.refused += 1

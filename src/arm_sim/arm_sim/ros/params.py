@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from arm_dynamics import InvalidInput, Scene
 from arm_dynamics.ros.common.params import SCENE, parameter
 from arm_dynamics.ros.common.privileges import ThreadParams
-from arm_sim.ros.commands.latest import POLICIES, ZERO
+from arm_sim.ros.commands.latest import BRAKE, POLICIES
 from arm_sim.ros.realtime_loop import CATCH_UP, OVERRUN
 from arm_sim.ros.robot.params import RobotParams
 from arm_sim.ros.stamps import AUTO, CHOICES, ROS, SIM
@@ -81,9 +81,10 @@ class SimParams(ThreadParams, RobotParams):
         read_only=False,
     )
     stale_policy: str = parameter(
-        ZERO,
-        "What acts without a command or with an old one: zero torque, hold of the last torque, or "
-        "the torque that carries the arm's weight",
+        BRAKE,
+        "What acts without a command or with an old one: brake stops the arm and its brakes hold "
+        "it; servo stops it and the servos hold it; zero torque; hold of the last torque; or "
+        "gravity, the torque that carries the arm's weight",
         choices=POLICIES,
         read_only=False,
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sim node: a simulated arm that takes torques and publishes how it moves."""
+"""The sim node: a simulated arm that takes commands and publishes how it moves."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Any
 
 from rclpy.node import Node
 
+from arm_dynamics.ros.common.background import Background, take_short_turns
 from arm_dynamics.ros.common.diagnostics import Diagnosis
 from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import subscribe
@@ -27,7 +28,7 @@ from arm_sim.ros.tick_engine import TickEngine
 
 
 class SimNode(Node):
-    """Integrates the arm from torque commands and publishes its joint states.
+    """Integrates the arm from joint commands and publishes its joint states.
 
     With ``realtime`` a thread ticks by the clock; with ``lockstep`` the answer to a state makes
     the next tick; without either, whoever calls ``tick`` is the clock.
@@ -61,6 +62,8 @@ class SimNode(Node):
         self._refused_privileges: list[str] = []
         chosen, source = scene_for(self, scene, params.scene, params)
         self.simulator = simulator_of(chosen, params)
+        in_background = params.tick_source == CLOCK
+        self._background = Background("servos") if in_background else None
         self.engine = engine = TickEngine(
             self.simulator,
             wrench_timeout=params.wrench_timeout,
@@ -68,6 +71,7 @@ class SimNode(Node):
             paused=params.paused,
             self_running=params.tick_source != HAND,
             wait_for_command=params.wait_for_command,
+            background=self._background,
         )
         engine.on_failure.append(self._report_failure)
         engine.on_staleness.append(self._report_staleness)
@@ -152,6 +156,8 @@ class SimNode(Node):
         self.engine.queue.served = False
         self.inputs.close()
         self.standard.close()
+        if self._background is not None:
+            self._background.close()
         if self.params.tick_source == CLOCK:
             loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
             self.get_logger().info(
@@ -164,4 +170,5 @@ class SimNode(Node):
 
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
+    take_short_turns()
     sys.exit(execute(SimNode, SimParams, args))

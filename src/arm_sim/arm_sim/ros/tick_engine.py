@@ -3,21 +3,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from typing import Any
 
 from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.ros.common.background import Background
 from arm_sim.compiled_scene import EXTERNAL
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
 from arm_sim.ros.commands.arbiter import Arbiter
-from arm_sim.ros.commands.latest import ZERO, LatestCommand
+from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand, Stop
 from arm_sim.ros.energy_meter import Account, EnergyMeter
+from arm_sim.ros.stopping import Servos, Stopping
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.runtime_changes import external_change
+from arm_sim.servo import JointCommand
 from arm_sim.simulator import Simulator
 
 MAX_STEPS = 10_000  # of one call
@@ -40,6 +43,7 @@ class TickEngine:
         paused: Whether time stands still.
         failure: Why the simulation paused itself, else empty.
         stale_policy: What acts without a command or with an old one.
+        stopping: Stops and holds the arm where the policy says so.
         read_commands: Called before a tick, to fill the slot.
         on_tick: Called after each tick.
         on_idle: Called instead of a tick while time stands still.
@@ -58,6 +62,7 @@ class TickEngine:
         paused: bool = False,
         self_running: bool = False,
         wait_for_command: bool = False,
+        background: Background | None = None,
     ) -> None:
         """Prepare; the policy ``zero`` acts until ``configure`` says otherwise.
 
@@ -68,16 +73,20 @@ class TickEngine:
             paused: Whether to start paused.
             self_running: Whether a clock or a partner makes it tick, rather than a caller.
             wait_for_command: Whether time stands still until the first command.
+            background: Where to build what the loop should not wait for; None: in the loop.
         """
         self.simulator, self._q = simulator, simulator.x[: simulator.n]
-        line: Line[Sequence[float]] | None = command_line(simulator.model.scene, simulator.dt)
+        line: Line[Command] | None = command_line(simulator.model.scene, simulator.dt)
         self.commands = LatestCommand(simulator.dynamics, line)
         self.arbiter, self.queue = Arbiter(self.ticks(_SILENCE)), TickQueue()
         self.paused, self.failure, self._was_stale = paused, "", False
         self._self_running, self._wait_for_command = self_running, wait_for_command
+        self._servos = Servos(simulator, background)
+        self.stopping = Stopping(simulator, self._servos)
         self._wrenches = ExternalWrenches(simulator.dynamics, wrench_reference)
         self._wrench_ticks = self.ticks(wrench_timeout)
         self._pushable = self._pushing = False
+        self._in_background = background is not None
         self._meter: EnergyMeter | None = None
         self.read_commands: Callable[[], None] = lambda: None
         self.on_tick, self.on_idle, self.on_jump = Listeners(), Listeners(), Listeners()
@@ -87,7 +96,7 @@ class TickEngine:
     def configure(self, command_timeout: float, stale_policy: str) -> None:
         """Choose the simulated time in [s] after which a command is old, 0: never, and the policy.
 
-        The policy is ``zero``, ``hold`` or ``gravity``, see ``LatestCommand``.
+        The policy is one of ``commands.latest.POLICIES``, see ``LatestCommand``.
         """
         ticks = self.ticks(command_timeout)
         self.commands.configure(ticks, stale_policy)
@@ -102,6 +111,15 @@ class TickEngine:
     def stamp(self) -> int:
         """Simulated time in [ns]."""
         return round(1e9 * (self.simulator.step_count * self.simulator.dt))
+
+    @property
+    def held(self) -> str:
+        """What stops or holds the arm where no command leads it: ``brakes``, ``servos``, or none.
+
+        ``no`` stands for none.
+        """
+        stopping = self.stopping
+        return "no" if not stopping.acts else "brakes" if stopping.locked else "servos"
 
     # --- ticking -------------------------------------------------------------------------------
 
@@ -149,21 +167,57 @@ class TickEngine:
             if not self._advance(self.commands.held(self._q)):
                 raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
 
-    def _advance(self, tau: Sequence[float]) -> bool:
+    def _advance(self, command: Command | Stop) -> bool:
         """Make a tick; on divergence pause at the last good state and return False."""
         if self._pushable:
             self._push()
         try:
-            self.simulator.advance(tau)
+            moved = self._make(command)
         except SimulationDiverged as error:
             self._fail(
                 f"paused, the last good state is kept; reset or set the joint state: {error}"
             )
             return False
-        if self._meter is not None:
+        if moved and self._meter is not None:
             self._meter.note()
         _call(self.on_tick)
         return True
+
+    def _make(self, command: Command | Stop) -> bool:
+        """Make a tick under a command; whether the arm was free to move."""
+        simulator, stopping = self.simulator, self.stopping
+        if isinstance(command, Stop):
+            led = stopping.command(command)
+            if led is None:
+                self._stand()
+                return False
+            simulator.follow(led)
+            return True
+        if isinstance(command, JointCommand):
+            if not self._servos.ready:
+                self._stand()
+                return False
+            if stopping.acts:
+                stopping.release()
+            simulator.follow(command)
+            return True
+        if stopping.acts:
+            self._release()
+        simulator.advance(command)
+        return True
+
+    def _release(self) -> None:
+        """Let the arm move; what may have to stop it is made ready."""
+        self.stopping.release()
+        if self._in_background and self.stale_policy in (BRAKE, SERVO):
+            self._servos.ready  # noqa: B018 - begins to build them
+
+    def _stand(self) -> None:
+        """Let a tick pass in which brakes hold the arm; what they take is told as a change."""
+        if not self.stopping.locked:
+            self._accounted(self.simulator.lock)
+            self.stopping.locked = True
+        self.simulator.stand()
 
     def _fail(self, why: str) -> None:
         self.paused, self.failure = True, why
@@ -189,11 +243,14 @@ class TickEngine:
         self._wrenches.clear()
         self.failure, self._was_stale = "", False
         self._meter = None
+        self.stopping.hold()
         self.change(lambda: self.simulator.reset(*state))
 
     def change(self, action: Callable[[], Any]) -> None:
         """Run what changes state or model at once; the energy account notes what it puts in."""
         self._accounted(action)
+        if self.stopping.acts:
+            self.stopping.hold()  # where it is now
         _call(self.on_jump)
 
     def _accounted(self, action: Callable[[], Any]) -> None:

@@ -139,6 +139,8 @@ class JointStateReader:
         admit: Callable[[str, frozenset[int]], None] = lambda source, joints: None,
         limit: Sequence[float] = (),
         beyond: Callable[[Numbers], Numbers] = lambda numbers: numbers,
+        gaps: bool = False,
+        other: JointStateReader | None = None,
     ) -> None:
         """Choose what to read.
 
@@ -152,11 +154,16 @@ class JointStateReader:
             limit: How large the numbers of the first field may be, n of them; or none.
             beyond: Called with the numbers of the first field when one of them is larger; returns
                 those to take instead.
+            gaps: Whether numbers, or whole fields, may be missing; NaN stands for them, and for
+                absent joints.
+            other: What reads messages that have a position or velocity, in this reader's place.
         """
         self._names, self._fields = list(names), list(fields)
         self._partial, self._extra, self._admit = partial, extra, admit
         self._limit, self._beyond = tuple(limit), beyond
-        self._values: list[Numbers] = [(0.0,) * len(self._names) for _ in fields]
+        self._gaps, self._other = gaps, other
+        absent = math.nan if gaps else 0.0
+        self._values: list[Numbers] = [(absent,) * len(self._names) for _ in fields]
 
     def read(self, raw: bytes) -> Read:
         """Read a message.
@@ -170,7 +177,13 @@ class JointStateReader:
         Raises:
             InvalidInput: If joints or numbers are missing, unknown, doubled or not finite.
         """
-        return self._checked(parsed(raw))
+        message = parsed(raw)
+        return self._reader_of(message)._checked(message)
+
+    def _reader_of(self, message: JointState) -> JointStateReader:
+        """What reads a message."""
+        leads = message.position or message.velocity
+        return self._other if leads and self._other is not None else self
 
     def _checked(self, message: JointState) -> Read:
         places = self._places(message)
@@ -178,18 +191,19 @@ class JointStateReader:
         self._admit(message.header.frame_id, here)
         values: list[Numbers] = []
         for field, before in zip(self._fields, self._values, strict=True):
-            new = getattr(message, field)
+            new = getattr(message, field) or [math.nan] * len(message.name)
             here_or_kept = zip(places, before, strict=True)
             values.append(tuple(old if i is None else new[i] for i, old in here_or_kept))
         for field, numbers in zip(self._fields, values, strict=True):
             for joint, x in zip(self._names, numbers, strict=True):
-                if not math.isfinite(x):
+                if not (math.isfinite(x) or (self._gaps and math.isnan(x))):
                     raise InvalidInput(
                         f"{field} of joint '{joint}' is {x}; allowed are finite numbers"
                     )
         if any_beyond(values[0], self._limit):
             values[0] = self._beyond(values[0])
-        self._values = values
+        if not self._gaps:
+            self._values = values
         return to_nanoseconds(message.header.stamp), values
 
     def _places(self, message: JointState) -> list[int | None]:
@@ -199,7 +213,7 @@ class JointStateReader:
             raise InvalidInput(f"joints {names} are not all different; allowed is each once")
         for field in self._fields:
             length = len(getattr(message, field))
-            if length != len(names):
+            if length != len(names) and not (self._gaps and length == 0):
                 raise InvalidInput(
                     f"{field} has {length} numbers for {len(names)} joints; "
                     "allowed is one for each name"

@@ -20,6 +20,7 @@ from typing import Any
 import numpy as np
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from rclpy.node import Node
+from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.compiler import FLAGS, build, may_build
@@ -64,6 +65,7 @@ class _State(ctypes.Structure):
     _fields_ = (
         ("kinds", _Kind * _KINDS), ("fields", c_int64), ("joints", c_int64),
         ("limit", c_void_p), ("found", c_void_p), ("raw", c_void_p), ("length", c_int64),
+        ("gaps", c_int64),
     )  # fmt: skip
 
 
@@ -114,7 +116,7 @@ class CompiledReader(JointStateReader):
         self._limits = np.array(self._limit)
         self._state = _State(
             fields=count, joints=n, found=_address(self._found),
-            limit=self._limits.ctypes.data if self._limit else None,
+            limit=self._limits.ctypes.data if self._limit else None, gaps=self._gaps,
         )  # fmt: skip
         # Of each kind its source, the joints that it names, and the array that C looks at.
         self._kinds: list[tuple[str, frozenset[int], Any]] = []
@@ -160,14 +162,25 @@ class CompiledReader(JointStateReader):
                 tuple(new[i] if i in joints else old for i, old in enumerate(before))
                 for new, before in zip(values, self._values, strict=True)
             ]
-        self._values = values
+        if not self._gaps:
+            self._values = values
         if outcome == BEYOND:
             values[0] = self._beyond(values[0])
         return found[1], (found[0], values)
 
     def _learn(self, raw: bytes) -> Read:
         """Read a message the long way; C knows the next one of its kind."""
+        other = self._other
+        if isinstance(other, CompiledReader) and (found := other._look(raw, len(raw))) <= BEYOND:
+            return other._accepted(found)[1]
         message = parsed(raw)
+        reader = self._reader_of(message)
+        if isinstance(reader, CompiledReader):
+            return reader._take_in(message, raw)
+        return reader._checked(message)
+
+    def _take_in(self, message: JointState, raw: bytes) -> Read:
+        """Read a message that C does not know, and let it know the next one of its kind."""
         read = self._checked(message)
         if not raw.startswith(NATIVE):
             return read
@@ -179,7 +192,9 @@ class CompiledReader(JointStateReader):
         self._learned += 1
         kind = self._state.kinds[oldest]
         kind.size, kind.fixed, kind.expected = len(layout.fixed), layout.fixed, layout.expected
-        kind.at[: len(self._fields)] = [layout.places[FIELDS.index(f)] for f in self._fields]
+        kind.at[: len(self._fields)] = [
+            layout.places[FIELDS.index(f)] if getattr(message, f) else -1 for f in self._fields
+        ]
         kind.place = order.ctypes.data
         return read
 

@@ -28,7 +28,7 @@ from arm_sim.cli.output import console, show
 _SETTLED = 0.3  # [s] that are watched after the motion
 _LATE = 10.0  # [s] that the motion may take longer than one and a half times its duration
 # By simulated time a busy machine slows the motion down; by the clock it would disturb it.
-_ROS_SIM = ("--ros-args", "-p", "stale_policy:=gravity", "-p", "time:=sim")
+_ROS_SIM = ("--ros-args", "-p", "time:=sim")
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
 Say = Callable[[str], None]
@@ -75,9 +75,7 @@ def _run(
         processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
         observer.wait_for_partners()
         # Last and alone, so that no other start-up disturbs its clock.
-        processes.start(
-            "sim", "sim", str(scene), "--with-parent", "--report", str(report), *_ROS_SIM
-        )
+        processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report))
         observer.wait_for_motion()
         say("following the trajectory")
         if not observer.send(motion.waypoints):

@@ -1,25 +1,39 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The torque that acts next: the newest command, or the policy's when that one is too old."""
+"""What acts next: the newest command, or the policy when that one is too old."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from enum import Enum
 
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_sim.imperfections import Line
+from arm_sim.servo import JointCommand
 
-ZERO, HOLD, GRAVITY = "zero", "hold", "gravity"
-POLICIES = (ZERO, HOLD, GRAVITY)
+BRAKE, SERVO, ZERO, HOLD, GRAVITY = "brake", "servo", "zero", "hold", "gravity"
+POLICIES = (BRAKE, SERVO, ZERO, HOLD, GRAVITY)
+
+
+class Stop(Enum):
+    """The arm is stopped, and then held where it is."""
+
+    BRAKES = BRAKE
+    SERVO = SERVO
+
+
+type Command = Sequence[float] | JointCommand
+"""Efforts of n joints, or what each joint is commanded."""
 
 
 class LatestCommand:
     """A slot that one thread fills and another one reads; only the newest command counts.
 
     Age is counted in ticks since a command was first used, so a run by hand is repeatable. Where
-    the scene's commands take time, or get lost, one is newest when it has arrived.
+    the scene's commands take time, or get lost, one is newest when it has arrived. Positions, and
+    velocities of zero, do not grow old: a robot holds where it was told to be.
 
     Args:
         dynamics: The arm whose weight the policy ``gravity`` carries.
@@ -40,15 +54,18 @@ class LatestCommand:
             held = self.dynamics.gravity(q) + self.dynamics.spring(q)
             return list(self.dynamics.command_map(q, zero, held).tolist())
 
-        self._policies: dict[str, Callable[[Array], Sequence[float]]] = {
+        self._policies: dict[str, Callable[[Array], Command | Stop]] = {
+            BRAKE: lambda q: Stop.BRAKES,
+            SERVO: lambda q: Stop.SERVO,
             ZERO: lambda q: none,
             HOLD: lambda q: none if self._used is None else self._used,
             GRAVITY: standing,
         }
-        self._newest: Sequence[float] | None = None
-        self._sent: Sequence[float] | None = None
+        self._newest: Command | None = None
+        self._sent: Command | None = None
         self._line, self._any = line, False
-        self._used: Sequence[float] | None = None
+        self._used: Command | None = None
+        self._lasting = False
         self.age = 0
         self.stale = False
         self.stale_count = 0
@@ -59,19 +76,19 @@ class LatestCommand:
 
         Args:
             timeout: Ticks that a command may act; 0: for ever.
-            policy: What acts after that and before the first command: ``zero``, ``hold`` of the
-                last command, or the one that carries what springs leave of the arm's weight,
-                ``gravity``.
+            policy: What acts after that and before the first command: ``brake`` and ``servo`` stop
+                the arm and hold it, ``zero`` effort, ``hold`` of the last command, or the effort
+                that carries what springs leave of the arm's weight, ``gravity``.
         """
         self._timeout, self._policy = timeout, self._policies[policy]
 
-    def put(self, tau: Sequence[float]) -> None:
-        """Make ``tau``, n numbers, the newest command; it must not be changed afterwards."""
+    def put(self, command: Command) -> None:
+        """Make ``command`` the newest one; it must not be changed afterwards."""
         self._any = True
         if self._line is None:
-            self._newest = tau
+            self._newest = command
         else:
-            self._sent = tau
+            self._sent = command
 
     def arrive(self, tick: int) -> None:
         """Where commands take time, make what has arrived by this tick the newest one."""
@@ -94,8 +111,8 @@ class LatestCommand:
         """Whether no command has come yet."""
         return not self._any
 
-    def take(self, q: Array) -> Sequence[float]:
-        """Return the torque for the next tick, n numbers, and count that tick.
+    def take(self, q: Array) -> Command | Stop:
+        """Return what acts in the next tick, and count that tick.
 
         Args:
             q: Present positions in [rad], shape (n,).
@@ -105,14 +122,15 @@ class LatestCommand:
             return self._policy(q)
         if newest is not self._used:
             self._used, self.age, self.stale = newest, 0, False
+            self._lasting = isinstance(newest, JointCommand) and newest.stays
         self.age += 1
-        if not self._timeout or self.age <= self._timeout:
+        if self._lasting or not self._timeout or self.age <= self._timeout:
             return newest
         self.stale_count += not self.stale
         self.stale = True
         return self._policy(q)
 
-    def held(self, q: Array) -> Sequence[float]:
-        """Return the torque for a tick that does not make the newest command older."""
+    def held(self, q: Array) -> Command | Stop:
+        """Return what acts in a tick that does not make the newest command older."""
         newest = self._newest
         return self._policy(q) if newest is None else newest

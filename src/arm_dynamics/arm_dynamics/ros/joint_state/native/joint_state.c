@@ -24,7 +24,7 @@ enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 typedef struct {
   const uint8_t *fixed, *expected; /* bits that are the same in every message of this kind, and what they are */
   int64_t size;                    /* bytes up to the last number; 0: no kind is here */
-  int64_t at[3];                   /* where the arrays to be read begin */
+  int64_t at[3];                   /* where the arrays to be read begin; negative: one is not there */
   const int64_t* place;            /* of each joint in them; negative: it is absent */
 } kind_t;
 
@@ -36,6 +36,7 @@ typedef struct {
   uint8_t* found;         /* receives stamp and arrival in [ns] and which kind it is, then the numbers */
   const uint8_t* raw;     /* the message itself, and its length */
   int64_t length;
+  int64_t gaps; /* whether numbers, and arrays, may be missing: NaN */
 } joint_state_t;
 
 static void put(joint_state_t* s, int64_t place, int64_t value) { memcpy(s->found + 8 * place, &value, 8); }
@@ -62,10 +63,10 @@ EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   int beyond = 0;
   for (int64_t f = 0; f < s->fields; ++f)
     for (int64_t i = 0; i < s->joints; ++i) {
-      double number;
+      double number = NAN;
       if (kind->place[i] < 0) continue;
-      memcpy(&number, raw + kind->at[f] + 8 * kind->place[i], 8);
-      if (!isfinite(number)) return OTHER;
+      if (kind->at[f] >= 0) memcpy(&number, raw + kind->at[f] + 8 * kind->place[i], 8);
+      if (!isfinite(number) && !(s->gaps && isnan(number))) return OTHER;
       memcpy(s->found + 24 + 8 * (f * s->joints + i), &number, 8);
       beyond |= f == 0 && s->limit && fabs(number) > s->limit[i];
     }

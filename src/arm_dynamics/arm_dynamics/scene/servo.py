@@ -1,0 +1,36 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a scene says of the servos that take positions and velocities as commands."""
+
+from __future__ import annotations
+
+from pydantic import model_validator
+
+from arm_dynamics.scene.types import Part, Positive
+
+
+class Servo(Part):
+    """The servo of one joint, used where the joint is commanded a position or velocity.
+
+    Attributes:
+        bandwidth: ω in [rad/s]: errors obey ë + 2 ζ ω ė + ω² e = 0; absent: as fast as the tick
+            and a flexible transmission allow, at most 100.
+        damping_ratio: ζ; 1 is critical.
+        stiffness: In [N m/rad] or [N/m], in place of a bandwidth.
+        damping: In [N m s/rad] or [N s/m], with a stiffness; absent: as the damping ratio says
+            for the joint's inertia where the arm starts.
+    """
+
+    bandwidth: Positive | None = None
+    damping_ratio: Positive = 1.0
+    stiffness: Positive | None = None
+    damping: Positive | None = None
+
+    @model_validator(mode="after")
+    def _one_kind(self) -> Servo:
+        if self.stiffness is not None and self.bandwidth is not None:
+            raise ValueError("a servo has a bandwidth or a stiffness, not both")
+        if self.damping is not None and self.stiffness is None:
+            raise ValueError(
+                "damping belongs to a stiffness; with a bandwidth it is damping_ratio"
+            )
+        return self

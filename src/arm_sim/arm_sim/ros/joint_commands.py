@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands of some joints put together to one of all joints."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from arm_dynamics import ArmModel
+from arm_dynamics.arrays import Array
+from arm_dynamics.ros.joint_state import Numbers
+from arm_sim.ros.commands.latest import Command
+from arm_sim.servo import JointCommand
+
+
+class JointCommands:
+    """What each joint was commanded last, over messages that name some of them.
+
+    A message commands the joints for which it has a number; the others keep what they were
+    commanded, be it an effort, a velocity or a position. While all joints have efforts, a command
+    is the efforts alone.
+
+    Args:
+        model: The arm.
+        admit: Decides whether a source may command joints, see ``Arbiter.admit``.
+        warn: Is told of positions beyond stops.
+    """
+
+    def __init__(
+        self,
+        model: ArmModel,
+        admit: Callable[[str, frozenset[int]], None],
+        warn: Callable[[str], None],
+    ) -> None:
+        self._model, self._admit, self._warn = model, admit, warn
+        self._named: frozenset[int] = frozenset()
+        self._places = model.stops.place
+        self.forget()
+
+    def admit(self, source: str, joints: frozenset[int]) -> None:
+        """Take note of the joints of the message that is being read, if it may command them."""
+        self._admit(source, joints)
+        self._named = joints
+
+    def forget(self) -> None:
+        """Begin without any command."""
+        self._last: JointCommand | None = None
+        self._efforts: Numbers | None = None
+
+    def merged(self, stamp: int, numbers: list[Numbers]) -> Command | None:
+        """The command of all joints; None if the message commands none.
+
+        Args:
+            stamp: Of the message in [ns].
+            numbers: Efforts of n joints, as they are with those of messages before; or efforts,
+                positions and velocities, NaN where the message has none.
+        """
+        if len(numbers) == 1 and (self._last is None or len(self._named) == self._model.n):
+            self._last, self._efforts = None, numbers[0]
+            return numbers[0]
+        rows = self._rows(numbers)
+        given = np.isfinite(rows).any(axis=0)
+        if not given.any():
+            return None
+        effort, position, velocity = np.where(given, rows, self._before())
+        self._last = JointCommand.of_rows(self._reached(position), velocity, effort, stamp)
+        return self._last
+
+    def _rows(self, numbers: list[Numbers]) -> Array:
+        """Effort, position and velocity that a message commands, shape (3, n)."""
+        rows = np.full((3, self._model.n), np.nan)
+        rows[: len(numbers)] = numbers
+        if len(numbers) == 1:  # the others are those of messages before
+            rows[:, [i for i in range(self._model.n) if i not in self._named]] = np.nan
+        return rows
+
+    def _before(self) -> Array:
+        if self._last is not None:
+            return np.array([self._last.effort, self._last.position, self._last.velocity])
+        rows = np.full((3, self._model.n), np.nan)
+        if self._efforts is not None:
+            rows[0] = self._efforts
+        return rows
+
+    def _reached(self, position: Array) -> Array:
+        """Positions that stops allow, NaN where there is none."""
+        allowed: Array = np.clip(position, *self._places)
+        beyond = (allowed != position) & ~np.isnan(position)
+        if beyond.any():
+            i = int(np.argmax(beyond))
+            lower, upper = self._places[:, i]
+            self._warn(
+                f"position {position[i]:.6g} of joint '{self._model.joint_names[i]}' is beyond "
+                f"its stops and is cut; allowed: {lower:.6g} to {upper:.6g}"
+            )
+        return allowed

@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How an arm is brought to rest and held when nobody commands it."""
+
+from __future__ import annotations
+
+from arm_dynamics.ros.common.background import Background
+from arm_sim.ros.commands.latest import Stop
+from arm_sim.servo import JointCommand
+from arm_sim.simulator import Simulator
+
+# Joints slower than this, in [rad/s] or [m/s], are held at once.
+SLOW = 1e-3
+# Time in [s] that a stop by the servos may take; after it brakes hold whatever still moves.
+LONGEST = 1.0
+
+
+class Servos:
+    """The servos of a simulation, built when they are first wanted.
+
+    Args:
+        simulator: The simulation.
+        background: Where to build them while the loop goes on; None: where they are wanted.
+    """
+
+    def __init__(self, simulator: Simulator, background: Background | None) -> None:
+        self._simulator, self._background = simulator, background
+
+    @property
+    def ready(self) -> bool:
+        """Whether they can be used now; if not, they are being built."""
+        compiled, background = self._simulator.compiled, self._background
+        if compiled.has_servo:
+            return True
+        if background is None:
+            compiled.servo  # noqa: B018 - builds it
+            return True
+        if not background.busy:
+            background.start(lambda: compiled.servo, lambda result: result() and None)
+        background.deliver()  # raises what building them raised
+        return False
+
+
+class Stopping:
+    """Stops the arm by its servos, as a robot does on a stop of category 1, and then holds it.
+
+    IEC 60204-1, section 9.2.2: a controlled stop, power to the drives until it is achieved. The
+    servos take all speeds to zero within the limits of the drives, so contacts, loops and
+    flexible transmissions are what they are in any motion. When all joints are slower than
+    ``SLOW``, or after ``LONGEST``, brakes hold the joints, and the drives are off; where the
+    servos hold the arm, they go on. Without servos (they take a moment to build) brakes hold at
+    once.
+
+    Args:
+        simulator: The simulation.
+        servos: Of the same.
+
+    Attributes:
+        acts: Whether the arm is being stopped or held.
+        locked: Whether brakes have closed.
+    """
+
+    def __init__(self, simulator: Simulator, servos: Servos) -> None:
+        self._simulator, self._servos = simulator, servos
+        n = simulator.n
+        self._still = JointCommand(velocity=[0.0] * n)
+        self._place: JointCommand | None = None
+        self._begun: int | None = None
+        self.acts = self._holds = True
+        self.locked = False
+
+    def release(self) -> None:
+        """Let the arm move: there is a command."""
+        self.acts = self._holds = self.locked = False
+        self._begun = self._place = None
+
+    def hold(self) -> None:
+        """Hold the arm where it is from now on."""
+        self.acts = self._holds = True
+        self.locked, self._place = False, None
+
+    def command(self, how: Stop) -> JointCommand | None:
+        """What the servos do in the next tick; None: brakes hold."""
+        self.acts = True
+        if not self._holds:
+            if self._slows_down():
+                return self._still
+            self.hold()
+        if how is Stop.BRAKES or not self._servos.ready:
+            return None
+        if self._place is None:
+            self._place = JointCommand(position=self._simulator.x[: self._simulator.n])
+        return self._place
+
+    def _slows_down(self) -> bool:
+        """Whether servos are still stopping the arm."""
+        simulator = self._simulator
+        if self._begun is None:
+            self._begun = simulator.step_count
+        taken = (simulator.step_count - self._begun) * simulator.dt
+        speed = abs(simulator.x[simulator.n : 2 * simulator.n]).max()
+        return speed > SLOW and taken < LONGEST and self._servos.ready

@@ -1,0 +1,180 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The law of the servos as an expression, with the gains that a scene asks for."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import partial
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics import ArmModel
+from arm_dynamics.actuation.command_map import CommandMap, rigid_twin
+from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.arrays import Array
+from arm_dynamics.control.computed_torque import held_gains
+from arm_dynamics.equations import rigid_body, spring
+from arm_dynamics.equations.tree import constant
+from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.plant import Plant
+from arm_sim.plant.symbols import Symbols
+
+# Bandwidth ω in [rad/s] of joints for which the scene says nothing; less where ticks are longer
+# than a fifth of 1/ω, or a transmission would swing.
+BANDWIDTH, OF_A_TICK = 100.0, 0.2
+# Part of the frequency at which a link swings on its transmission, the motor held, that the
+# bandwidth may be.
+OF_A_TRANSMISSION = 0.5
+# Speed in [rad/s] or [m/s] from which dry friction is overcome in full; below, in proportion, so
+# that a hold does not chatter.
+SLOW = 1e-2
+# Part of what it is asked for that an arm accelerates with in any case, however weak its drives.
+LEAST = 1e-2
+
+
+@dataclass(frozen=True)
+class Gains:
+    """What servos are tuned to, each of shape (n,).
+
+    A servo asks for the speed v_d + ratio (q_d - q), and for what takes the joint there: the
+    acceleration ``rate`` times what is missing, or the torque ``damping`` times it.
+
+    Attributes:
+        ratio: In [1/s].
+        rate: In [1/s], zero for a joint whose stiffness is given.
+        damping: In [N m s/rad] or [N s/m], zero for the others.
+    """
+
+    ratio: Array
+    rate: Array
+    damping: Array
+
+    @classmethod
+    def of(cls, model: ArmModel, soft: Array, dt: float) -> Gains:
+        """Gains of the scene's ``servo`` keys.
+
+        Args:
+            model: The arm, with rigid transmissions.
+            soft: What ``flexibility`` its own have, shape (n,).
+            dt: Time in [s] for which a command is held.
+        """
+        chosen = [model.scene.joint(name).servo for name in model.joint_names]
+        ratio = np.array([servo.damping_ratio for servo in chosen])
+        given = np.array([servo.bandwidth or np.nan for servo in chosen])
+        bandwidth = np.where(np.isnan(given), default_bandwidth(model, soft, dt), given)
+        kp, kd = held_gains(bandwidth, ratio, model.n, dt)
+        stiffness = np.array([servo.stiffness or np.nan for servo in chosen])
+        critical = 2.0 * ratio * np.sqrt(stiffness * inertia(model))
+        damping = np.where([servo.damping is None for servo in chosen], critical, [
+            servo.damping or 0.0 for servo in chosen
+        ])  # fmt: skip
+        stiff = ~np.isnan(stiffness)
+        return cls(
+            np.where(stiff, stiffness / damping, kp / kd),
+            np.where(stiff, 0.0, kd),
+            np.where(stiff, damping, 0.0),
+        )
+
+
+def inertia(model: ArmModel) -> Array:
+    """Inertias of the joints where the arm starts, diag M(q₀) in [kg m²] or [kg], shape (n,)."""
+    s = Symbols(model, Parameters(model))
+    M = ca.Function("M", [s.q, s.p], [ca.diag(rigid_body.mass_matrix(s.tree, s.q))])
+    return np.array(M(model.q0, Parameters(model).nominal)).ravel()
+
+
+def default_bandwidth(model: ArmModel, soft: Array, dt: float) -> Array:
+    """Bandwidths in [rad/s] of joints for which the scene gives none, shape (n,)."""
+    most = min(BANDWIDTH, OF_A_TICK / dt)
+    if not soft.any():
+        return np.full(model.n, most)
+    swinging = np.sqrt(np.maximum(soft * inertia(model), OF_A_TRANSMISSION**2 / most**2))
+    return np.minimum(most, OF_A_TRANSMISSION / swinging)
+
+
+def servo_law(plant: Plant, dt: float) -> ca.Function:
+    """The servos of an arm.
+
+    Per joint a position loop around a velocity loop, as drives have them, its set speed within the
+    joint's limit; the torques for the accelerations that it asks for are those of the whole arm,
+    τ = M a + C v + G + F, so that the joints do not disturb one another and a hold has no droop
+    (computed torque: Craig, Introduction to Robotics, section 10.4; for the middle of the tick and
+    with gains for a torque that is held, see ``ComputedTorque``). A joint whose stiffness is given
+    gets that torque besides that of the weight. Where a drive cannot give what is asked for, all
+    joints accelerate less, by one factor.
+
+    Behind a flexible transmission a servo sees the motor, as encoders do, and turns it further by
+    what the weight twists: feedback of the link through a spring would swing (Tomei, "A simple PD
+    controller for robots with elastic joints", IEEE Trans. Automatic Control 36(10), 1991).
+
+    Args:
+        plant: The arm; payload and gravity are taken as they are where they are tunable.
+        dt: Time in [s] for which a command is held.
+
+    Returns:
+        CasADi function ``servo`` (x, r, p) -> commands of shape (n,), with r the rows of
+        ``Setpoints``: which joints follow a velocity, which a position, 1 or 0; q_d, v_d and the
+        effort added, which stands alone where neither is followed.
+    """
+    model, n = plant.model, plant.model.n
+    twin = rigid_twin(model.scene)
+    rigid = model if twin is model.scene else ArmModel(twin)
+    gains, s = Gains.of(rigid, flexibility(model), dt), Symbols(rigid, plant.parameters)
+    x, r = ca.SX.sym("x", plant.nx), ca.SX.sym("r", 5 * n)
+    q, v = _encoders(plant, x)
+    moves, leads, q_d, v_d, added = ca.vertsplit(r, n)
+    limit = np.minimum(model.velocity_limit, np.finfo(float).max)
+    inverse = partial(spring.frictionless, rigid.springs, s.tree, gravity=s.gravity)
+    still = ca.SX(n, 1)
+    twist = constant(flexibility(model)) * inverse(q, still, still)
+    wanted = v_d + leads * constant(gains.ratio) * (q_d - (q - twist))
+    wanted = _within(wanted, constant(limit))
+    missing = moves * (wanted - v)
+    direction = _within(wanted / SLOW, ca.SX.ones(n))
+    friction, commands = SteadyFriction.of(rigid), CommandMap(rigid)
+    middle = q + 0.5 * dt * v
+
+    def command_for(a: ca.SX) -> ca.SX:
+        speed = v + 0.5 * dt * a
+        tau = friction.demanded(inverse(middle, speed, a), speed, direction, middle)
+        return ca.SX(commands(q, v, tau + constant(gains.damping) * missing))
+
+    standing = command_for(still)
+    quickening = command_for(constant(gains.rate) * missing) - standing
+    command = standing + _possible(standing, moves * quickening, model) * quickening + added
+    acts = [ca.if_else(moves[i] > 0, command[i], added[i]) for i in range(n)]
+    return ca.Function("servo", [x, r, s.p], [ca.densify(ca.vertcat(*acts))], {"cse": True})
+
+
+def _possible(standing: ca.SX, quickening: ca.SX, model: ArmModel) -> ca.SX:
+    """Largest part of an acceleration, at most all of it, for which no drive is at its limit.
+
+    Were each drive cut by itself, those at their limits would throw the other joints about.
+    """
+    part = ca.SX(1)
+    for i in np.flatnonzero(np.isfinite(model.command_limit)).tolist():
+        left = ca.sign(quickening[i]) * model.command_limit[i] - standing[i]
+        part = ca.fmin(part, ca.if_else(quickening[i] == 0, 1, left / quickening[i]))
+    return ca.fmax(LEAST, part)
+
+
+def flexibility(model: ArmModel) -> Array:
+    """Twist per torque of the joints' transmissions in [rad/(N m)] or [m/N], shape (n,)."""
+    soft = (drive.coupling if drive else None for drive in model.drives)
+    return np.array([1.0 / each.stiffness if each and each.stiffness else 0.0 for each in soft])
+
+
+def _encoders(plant: Plant, x: ca.SX) -> tuple[ca.SX, ca.SX]:
+    """Positions and velocities that the servos see, as they are at the joints."""
+    n, names = plant.model.n, plant.laws.names if plant.laws else ()
+    q, v = ca.SX(x[:n]), ca.SX(x[n : 2 * n])
+    for i, joint in enumerate(plant.model.joint_names):
+        for k, name in enumerate(names, 2 * n):
+            if name.startswith(f"{joint} motor position"):
+                q[i], v[i] = x[k], x[k + 1]
+    return q, v
+
+
+def _within(x: ca.SX, limit: ca.SX) -> ca.SX:
+    return ca.fmax(-limit, ca.fmin(limit, x))

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The servos of an arm, compiled."""
+
+from __future__ import annotations
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.kernel import Kernel
+from arm_sim.plant.plant import Plant
+from arm_sim.servo.command import JointCommand
+from arm_sim.servo.law import servo_law
+from arm_sim.servo.setpoints import Setpoints
+
+
+class Servo:
+    """Turns positions and velocities into what the drives take, at the beginning of each tick.
+
+    Args:
+        plant: The arm.
+        dt: Length of a tick in [s].
+        backend: As for ``Kernel``.
+
+    Raises:
+        KernelError: If compiled code is asked for and cannot be had.
+    """
+
+    def __init__(self, plant: Plant, dt: float, backend: str) -> None:
+        kernel = Kernel([servo_law(plant, dt)], backend)
+        self._call = kernel.call("servo")
+        self._setpoints = Setpoints(plant.model.n, dt)
+        self.operations = kernel.operations("servo")
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether the reference stands still."""
+        return self._setpoints.at_rest
+
+    def restart(self) -> None:
+        """Forget the commands before."""
+        self._setpoints.restart()
+
+    def command(self, command: JointCommand, x: Array, p: Array, step: int) -> Array:
+        """What the drives are to take in the next tick, before limits, shape (n,).
+
+        Args:
+            command: The newest command; the same object until there is another.
+            x: State at the beginning of the tick, shape (nx,).
+            p: Tunable quantities, shape (np,).
+            step: Ticks so far.
+        """
+        call, setpoints = self._call, self._setpoints
+        setpoints.at(command, step)
+        state, reference, tuned = call.inputs
+        state[:], reference[:], tuned[:] = x, setpoints.rows, p
+        call.run()
+        return call.outputs[0]

@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Efforts, velocities and positions on joint_commands, mixed and by some joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from harness import Ros
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, by_hand, command, ticks
+
+import models
+from arm_dynamics.ros.joint_state import make_reader
+from arm_dynamics.ros.joint_state.serialization import JointStateReader
+from arm_sim.ros.sim_node import SimNode
+
+pytestmark = pytest.mark.ros
+
+NAN = float("nan")
+FIELDS = ("effort", "position", "velocity")
+
+
+@pytest.fixture
+def node(ros: Ros) -> SimNode:
+    """A Panda that ticks when told to, its brakes on."""
+    return by_hand(ros, "panda", stale_policy="brake")
+
+
+def names(node: SimNode) -> list[str]:
+    return list(node.simulator.joint_names)
+
+
+def test_positions_lead_the_arm(node: SimNode) -> None:
+    goal = node.simulator.state.q + 0.01
+    node.inputs.on_joint_commands(command(name=names(node), position=goal.tolist()))
+    ticks(node, 400)
+    np.testing.assert_allclose(node.simulator.state.q, goal, atol=1e-9)
+
+
+def test_by_name_in_any_order_and_some_joints_only(node: SimNode) -> None:
+    """Joints that were never commanded get no effort; others keep what they were told."""
+    every, start = names(node), node.simulator.state.q.copy()
+    node.inputs.on_joint_commands(command(name=every, position=start.tolist()))
+    ticks(node, 10)
+    chosen = [every[6], every[0]]
+    node.inputs.on_joint_commands(command(name=chosen, position=[start[6] + 0.02, 0.03]))
+    ticks(node, 400)
+    wanted = [0.03, *start[1:6], start[6] + 0.02]
+    np.testing.assert_allclose(node.simulator.state.q, wanted, atol=1e-9)
+
+
+def test_efforts_between_positions(node: SimNode) -> None:
+    every, start = names(node), node.simulator.state.q.tolist()
+    node.inputs.on_joint_commands(command(name=every, position=start))
+    node.inputs.on_joint_commands(command(name=[every[6]], effort=[0.25]))
+    node.tick()
+    assert node.simulator.effort[6] == 0.25
+    assert abs(node.simulator.effort[1]) > 1.0  # holds against its weight
+    node.inputs.on_joint_commands(command(name=every, effort=[0.5] * 7))
+    node.tick()
+    np.testing.assert_array_equal(node.simulator.effort, 0.5)
+
+
+def test_what_is_nan_is_not_commanded(node: SimNode) -> None:
+    """As the hardware of ros2_control sends what no controller has claimed."""
+    every, start = names(node), node.simulator.state.q.copy()
+    node.inputs.on_joint_commands(command(name=every, position=[NAN] * 7, effort=[NAN] * 7))
+    ticks(node, 20)
+    np.testing.assert_array_equal(node.simulator.state.q, start)
+    assert node.engine.held == "brakes"
+    assert node.inputs.refused == 0
+    mixed = {"position": [*start[:6], NAN], "effort": [NAN] * 6 + [0.1]}
+    node.inputs.on_joint_commands(command(name=every, **mixed))
+    node.tick()
+    assert node.simulator.effort[6] == 0.1
+
+
+def test_after_a_reset_nothing_of_before_is_left(node: SimNode) -> None:
+    every, start = names(node), node.simulator.state.q.copy()
+    node.inputs.on_joint_commands(command(name=every, position=(start + 0.1).tolist()))
+    ticks(node, 50)
+    node.engine.reset()
+    node.inputs.on_joint_commands(command(name=[every[0]], position=[0.0]))
+    node.tick()
+    np.testing.assert_array_equal(node.simulator.effort[1:], 0.0)
+
+
+def test_a_place_beyond_a_stop_is_cut_to_it_and_told(
+    node: SimNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    goal = node.simulator.state.q.copy()
+    goal[3] = -9.0
+    node.inputs.on_joint_commands(command(name=names(node), position=goal.tolist()))
+    ticks(node, 3000)
+    lower = node.simulator.model.position_lower[3]
+    np.testing.assert_allclose(node.simulator.state.q[3], lower, atol=1e-9)
+    said = capfd.readouterr().err
+    assert "position -9 of joint 'panda_joint4' is beyond its stops and is cut" in said
+
+
+def test_an_effort_beside_a_position_is_added_within_limits(
+    node: SimNode, capfd: pytest.CaptureFixture[str]
+) -> None:
+    start = node.simulator.state.q.tolist()
+    efforts = [1000.0] + [NAN] * 6
+    node.inputs.on_joint_commands(command(name=names(node), position=start, effort=efforts))
+    node.tick()
+    assert node.simulator.effort[0] == node.simulator.model.effort_limit[0]
+    assert "effort 1000 of joint 'panda_joint1' is beyond its limit" in capfd.readouterr().err
+
+
+def test_two_sources_lead_joints_by_position_and_by_effort(ros: Ros) -> None:
+    node = by_hand(ros)
+    left = JointState(name=[NAMES[0]], position=[node.simulator.state.q[0]])
+    right = JointState(name=[NAMES[1]], effort=[0.3])
+    left.header.frame_id, right.header.frame_id = "left", "right"
+    for _ in range(50):
+        for message in (left, right):
+            node.inputs.on_joint_commands(serialize_message(message))
+        node.tick()
+    assert node.simulator.effort[1] == 0.3
+    assert abs(node.simulator.state.q[0] - models.simulator("two_link").state.q[0]) < 1e-2
+    assert set(node.engine.arbiter.sources) == {"left", "right"}
+
+
+MESSAGES = (
+    {"position": [1.0, NAN]}, {"velocity": [0.5, 1.0]},
+    {"position": [1.0, 2.0], "effort": [3.0, NAN]},
+    {"effort": [1.0, 2.0]}, {"position": [1.0, 2.0], "velocity": [3.0, 4.0], "effort": [5.0, 6.0]},
+)  # fmt: skip
+
+
+def test_in_c_messages_mean_what_they_mean_in_python() -> None:
+    """Each kind twice: the first goes the long way, the second is known."""
+    readers = []
+    for make in (make_reader, JointStateReader):
+        ways = {"partial": True, "extra": False}
+        other = make(NAMES, FIELDS, gaps=True, **ways)
+        readers.append(make(NAMES, ("effort",), other=other, **ways))
+    for _ in range(2):
+        for fields in MESSAGES:
+            raw = command(name=list(NAMES)[::-1], **fields)
+            compiled, plain = (reader.read(raw) for reader in readers)
+            np.testing.assert_array_equal(compiled[1], plain[1])
+            assert len(plain[1]) == (1 if set(fields) == {"effort"} else 3)
+        raw = command(name=[NAMES[1]], position=[7.0])
+        for reader in readers:
+            np.testing.assert_array_equal(reader.read(raw)[1], [[NAN] * 2, [NAN, 7], [NAN] * 2])

@@ -1,0 +1,170 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What holds the arm until it is commanded, and stops it when commands stop."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Ros
+from rclpy.parameter import Parameter
+from sim_by_hand import NAMES, by_hand, command, motion, ticks
+
+import models
+from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
+from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.stopping import LONGEST, SLOW
+
+pytestmark = pytest.mark.ros
+
+SCENES = (
+    "panda", "motor_pendulum", "flexible_arm", "slider_crank_motor", "lifting_gripper",
+    "panda_lugre_table", "spring_balanced_arm",
+)  # fmt: skip
+
+
+def braked(ros: Ros, scene: Any = "two_link", **parameters: Any) -> SimNode:
+    """A node with the policy that is the default."""
+    default = ros.add(SimNode, models.scene("two_link"), realtime=False).params.stale_policy
+    assert default == "brake"
+    return by_hand(ros, scene, **{"stale_policy": default, **parameters})
+
+
+def place(node: SimNode) -> np.ndarray:
+    return node.simulator.state.q.copy()
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_until_the_first_command_the_arm_stands_to_the_bit(ros: Ros, name: str) -> None:
+    """Drives, loops, contacts, springs: whatever pulls, and time goes on."""
+    node = braked(ros, name)
+    start = node.simulator.x.copy()
+    ticks(node, 300)
+    np.testing.assert_array_equal(node.simulator.x, start)
+    assert node.simulator.step_count == 300
+    assert node.engine.held == "brakes"
+
+
+@pytest.mark.parametrize("name", SCENES)
+def test_an_arm_that_moves_is_stopped_and_then_stands(ros: Ros, name: str) -> None:
+    push = 20.0 if name == "slider_crank_motor" else 6.0
+    node = braked(ros, name, command_timeout=0.01)
+    sim = node.simulator
+    names = list(sim.joint_names)
+    for _ in range(60):
+        node.inputs.on_joint_commands(command(name=names, effort=[push] * sim.n))
+        node.tick()
+    assert abs(sim.state.v).max() > 10 * SLOW
+    ticks(node, 10 + round((LONGEST + 0.01) / sim.dt))
+    still = sim.x.copy()
+    assert not sim.state.v.any()
+    ticks(node, 100)
+    np.testing.assert_array_equal(sim.x, still)
+    assert node.engine.held == "brakes"
+    assert not sim.acted.any()
+
+
+def test_a_stop_takes_the_way_that_the_servos_need(ros: Ros) -> None:
+    """Speeds fall as exp(-2 ω t): v/(2 ω) is left, and no joint turns back."""
+    node = braked(ros, "panda", command_timeout=0.001)
+    names = list(node.simulator.joint_names)
+    speed = np.array([0.3, -0.2, 0.2, 0.1, -0.3, 0.2, 0.4])
+    for _ in range(200):
+        node.inputs.on_joint_commands(command(name=names, velocity=speed.tolist()))
+        node.tick()
+    before = place(node)
+    ticks(node, 200)
+    np.testing.assert_allclose(place(node) - before, speed / 200.0, rtol=0.2)
+
+
+def test_commands_let_it_go_on_from_where_it_stands(ros: Ros) -> None:
+    node, sim = braked(ros), models.simulator("two_link")
+    ticks(node, 50)
+    node.inputs.on_joint_commands(command(name=list(NAMES), effort=[1.0, 2.0]))
+    node.tick()
+    sim.step([1.0, 2.0])
+    np.testing.assert_array_equal(motion(node), [sim.state.q, sim.state.v])
+    assert node.engine.held == "no"
+
+
+def test_servos_hold_where_it_was_stopped(ros: Ros) -> None:
+    node = braked(ros, command_timeout=0.01, stale_policy="servo")
+    start = place(node)
+    ticks(node, 100)
+    np.testing.assert_array_equal(place(node), start)
+    for _ in range(40):
+        node.inputs.on_joint_commands(command(name=list(NAMES), effort=[0.0, 0.0]))
+        node.tick()
+    ticks(node, 500)
+    assert node.engine.held == "servos"
+    still = place(node)
+    assert abs(node.simulator.effort).max() > 1.0
+    ticks(node, 100)
+    np.testing.assert_array_equal(place(node), still)
+
+
+def test_a_push_moves_what_servos_hold_and_not_what_brakes_hold(ros: Ros) -> None:
+    for policy, moves in (("servo", True), ("brake", False)):
+        node = braked(ros, stale_policy=policy)
+        start = place(node)
+        node.engine.push("forearm", [5.0, 0.0, 0.0, 0.0, 0.0, 0.0])
+        ticks(node, 20)
+        assert (place(node) != start).any() == moves
+
+
+def test_what_brakes_take_is_told_as_a_change(ros: Ros) -> None:
+    node = braked(ros, command_timeout=0.0)
+    ticks(node, 5)
+    node.engine.keep_account(True)
+    q = node.simulator.state.q.tolist()
+    request = SET_JOINT_STATE.type.Request(joint_names=NAMES, position=q, velocity=[1.0, 0.0])
+    assert node.requests.answer(SET_JOINT_STATE, request).success
+    moving = node.engine.account()
+    node.tick()
+    stopped = node.engine.account()
+    assert moving is not None and stopped is not None
+    assert stopped.kinetic == 0.0
+    np.testing.assert_allclose(moving.changed - stopped.changed, moving.kinetic, rtol=1e-9)
+    assert abs(stopped.balance) < 1e-9
+
+
+def test_put_elsewhere_it_is_held_there(ros: Ros) -> None:
+    for policy in ("brake", "servo"):
+        node = braked(ros, stale_policy=policy)
+        ticks(node, 5)
+        request = SET_JOINT_STATE.type.Request(joint_names=NAMES, position=[0.4, -0.3])
+        assert node.requests.answer(SET_JOINT_STATE, request).success
+        ticks(node, 50)
+        np.testing.assert_array_equal(place(node), [0.4, -0.3])
+        node.requests.answer(RESET)
+        start = place(node)
+        ticks(node, 50)
+        np.testing.assert_array_equal(place(node), start)
+
+
+def test_another_policy_takes_over_in_motion(ros: Ros) -> None:
+    node = braked(ros)
+    ticks(node, 10)
+    start = place(node)
+    assert node.set_parameters([Parameter("stale_policy", value="zero")])[0].successful
+    ticks(node, 50)
+    assert abs(place(node) - start).max() > 1e-3
+    assert node.set_parameters([Parameter("stale_policy", value="brake")])[0].successful
+    ticks(node, 1200)
+    assert not node.simulator.state.v.any()
+
+
+def test_a_place_does_not_grow_old_and_an_effort_does(ros: Ros) -> None:
+    node = braked(ros, command_timeout=0.01)
+    start = place(node)
+    node.inputs.on_joint_commands(command(name=list(NAMES), position=start.tolist()))
+    ticks(node, 500)
+    assert not node.engine.commands.stale
+    np.testing.assert_array_equal(place(node), start)
+    node.inputs.on_joint_commands(command(name=list(NAMES), velocity=[0.0, 0.0]))
+    ticks(node, 500)
+    assert not node.engine.commands.stale
+    node.inputs.on_joint_commands(command(name=list(NAMES), velocity=[0.1, 0.0]))
+    ticks(node, 20)
+    assert node.engine.commands.stale

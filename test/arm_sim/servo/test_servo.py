@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arms led by positions and velocities, in every kind of scene."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import InvalidInput, SceneError, load_scene
+from arm_sim import JointCommand, Simulator
+
+QUICK = 100.0
+"""Default bandwidth in [rad/s]."""
+
+
+def led(sim: Simulator, seconds: float, **command: Any) -> np.ndarray:
+    """Positions of a run under a command, shape (k, n)."""
+    return np.asarray(sim.run(seconds, JointCommand(**command)).q)
+
+
+def quintic(q0: np.ndarray, q1: np.ndarray, share: float, sim: Simulator) -> np.ndarray:
+    """A rest-to-rest motion that reaches a share of the speed limits, shape (k, n)."""
+    duration = np.max(1.875 * abs(q1 - q0) / (share * sim.model.velocity_limit))
+    s = np.arange(0.0, 1.0, sim.dt / duration)[:, None]
+    return np.asarray(q0 + (q1 - q0) * (10 * s**3 - 15 * s**4 + 6 * s**5))
+
+
+def moves(sim: Simulator, rng: np.random.Generator, count: int) -> np.ndarray:
+    """Positions of several such motions, tick by tick."""
+    limits, q, parts = sim.model, sim.state.q, []
+    for _ in range(count):
+        goal = np.clip(
+            q + rng.uniform(-1.0, 1.0, sim.n),
+            np.maximum(limits.position_lower + 0.1, -3.0),
+            np.minimum(limits.position_upper - 0.1, 3.0),
+        )
+        parts.append(quintic(q, goal, 0.5, sim))
+        q = goal
+    return np.vstack(parts)
+
+
+@pytest.mark.parametrize("name", ["panda", "ur10"])
+def test_follows_positions_at_half_the_speed_limits(name: str, rng: np.random.Generator) -> None:
+    sim = models.simulator(name)
+    wanted = moves(sim, rng, 3)
+    error = led(sim, len(wanted) * sim.dt, position=wanted)[:-1] - wanted
+    assert np.sqrt((error**2).mean(axis=0)).max() < 1e-3
+
+
+def test_the_velocity_of_the_stream_is_what_keeps_it_near(rng: np.random.Generator) -> None:
+    """Without, a critically damped servo lags behind by 2 v/ω."""
+    sim = models.simulator("panda")
+    wanted = moves(sim, rng, 1)
+    slow = led(sim, len(wanted) * sim.dt, position=wanted, velocity=0.0 * wanted)[:-1]
+    speed = np.gradient(wanted, sim.dt, axis=0)
+    middle = len(wanted) // 2
+    np.testing.assert_allclose(
+        (wanted - slow)[middle], 2.0 * speed[middle] / QUICK, rtol=0.1, atol=1e-4
+    )
+
+
+@pytest.mark.parametrize(
+    ("name", "droop"),
+    [
+        ("panda", 0.0), ("two_link", 0.0), ("motor_pendulum", 0.0), ("slider_crank", 1e-12),
+        ("slider_crank_motor", 5e-5), ("flexible_arm", 2e-4), ("spring_balanced_arm", 0.0),
+        ("panda_table", 0.0), ("panda_lugre_table", 1e-6),
+    ],
+)  # fmt: skip
+def test_holds_without_droop_and_then_stands_to_the_bit(name: str, droop: float) -> None:
+    """Motors, springs, loops, dry and LuGre friction, contact; flexible drives twist at first."""
+    sim = models.simulator(name)
+    place = sim.state.q.copy()
+    held = led(sim, 1.0, position=place)
+    assert abs(held[-1] - place).max() <= droop
+    np.testing.assert_array_equal(led(sim, 0.2, position=place)[-1], sim.state.q)
+    still = sim.state.q.copy()
+    assert (led(sim, 0.2, position=place) == still).all()
+
+
+def test_a_small_step_decays_as_the_bandwidth_says() -> None:
+    """e = e₀ (1 + ω t) exp(-ω t), the critically damped equation, at every tick."""
+    omega = 30.0
+    sim = Simulator(scene("two_link", servo={"bandwidth": omega}))
+    place = sim.state.q.copy()
+    error = (led(sim, 0.3, position=place + 1e-3) - place - 1e-3) / -1e-3
+    t = np.arange(len(error))[:, None] * sim.dt
+    np.testing.assert_allclose(
+        error, np.broadcast_to((1 + omega * t) * np.exp(-omega * t), error.shape), atol=2e-3
+    )
+
+
+def scene(name: str, tunable: tuple[str, ...] = (), **joint: Any) -> Any:
+    """One of the robots with something said of all joints."""
+    own = models.scene(name)
+    data = own.model_dump(exclude_unset=True, exclude_none=True)
+    joints = data.setdefault("joints", {})
+    for each in ("*", *joints):
+        joints[each] = {**joints.get(each, {}), **joint}
+    return load_scene({**data, "tunable": tunable})
+
+
+def test_stiffness_in_newton_metres() -> None:
+    """Pushed from outside, a joint gives way by torque over stiffness."""
+    sim = Simulator(scene("two_link", ("external",), servo={"stiffness": 400.0}))
+    place, push = sim.state.q.copy(), np.array([2.0, -1.0])
+    sim.set_parameter("external", push)
+    given = led(sim, 3.0, position=place)[-1] - place
+    np.testing.assert_allclose(given, push / 400.0, rtol=1e-6)
+
+
+def test_a_velocity_is_reached_and_kept() -> None:
+    sim = models.simulator("panda")
+    wanted = np.array([0.3, -0.1, 0.2, 0.1, -0.3, 0.1, 0.4])
+    recording = sim.run(0.5, JointCommand(velocity=wanted))
+    np.testing.assert_allclose(recording.v[-1], wanted, atol=1e-4)
+
+
+def test_a_far_place_is_reached_within_the_limits_of_speed_and_effort() -> None:
+    """All joints accelerate less where one drive could not follow, so none is thrown about."""
+    for name in ("ur10", "panda"):
+        sim = models.simulator(name)
+        place = sim.state.q + 0.5
+        recording = sim.run(1.0, JointCommand(position=place))
+        assert (abs(recording.v) < 1.02 * sim.model.velocity_limit).all()
+        assert (abs(recording.tau) <= sim.model.effort_limit).all()
+        assert (recording.q - place).max() < 0.03
+        np.testing.assert_allclose(recording.q[-1], place, atol=1e-9)
+
+
+def test_effort_alone_is_the_torque_to_the_bit(rng: np.random.Generator) -> None:
+    sim, tau = models.simulator("panda"), rng.normal(size=(200, 7))
+    plain = sim.run(0.2, tau)
+    sim.reset()
+    command = sim.run(0.2, JointCommand(effort=tau))
+    np.testing.assert_array_equal(command.q, plain.q)
+    np.testing.assert_array_equal(command.tau, plain.tau)
+
+
+def test_each_joint_may_be_commanded_otherwise() -> None:
+    sim, nan = models.simulator("panda"), np.nan
+    place = sim.state.q.copy()
+    command = JointCommand(
+        position=[*place[:5], nan, nan],
+        velocity=[nan] * 5 + [0.2, nan],
+        effort=[1.0] + [nan] * 5 + [0.05],
+    )
+    recording = sim.run(0.3, command)
+    np.testing.assert_array_equal(recording.tau[:, 6], 0.05)
+    assert abs(recording.v[-1, 5] - 0.2) < 1e-3
+    np.testing.assert_allclose(recording.q[-1, 1:5], place[1:5], atol=1e-3)
+    alone = models.dynamics("panda").gravity(place)[0]
+    assert abs(recording.tau[-1, 0] - alone) < 1.0  # the servo works against what was added
+    assert recording.q[-1, 0] != place[0]
+
+
+def test_a_payload_that_is_changed_is_carried() -> None:
+    load = {"frame": "panda_hand", "mass": 0.0}
+    data = models.scene("panda").model_dump(exclude_unset=True, exclude_none=True)
+    sim = Simulator({**data, "payloads": [load], "tunable": ["payload"]})
+    place = sim.state.q.copy()
+    sim.set_parameter("payload", [3.0, 0, 0, 0.1] + [0.0] * 6)
+    assert abs(led(sim, 0.5, position=place)[-1] - place).max() == 0.0
+
+
+def test_a_function_may_answer_with_commands() -> None:
+    sim = models.simulator("two_link")
+    place = sim.state.q.copy()
+    recording = sim.run(0.05, lambda state: JointCommand(position=place))
+    np.testing.assert_array_equal(recording.q[-1], place)
+    sim.reset()
+    for _ in range(50):
+        state = sim.step(JointCommand(position=place))
+    np.testing.assert_array_equal(state.q, place)
+
+
+def test_repeats_to_the_bit_after_a_reset(rng: np.random.Generator) -> None:
+    sim = models.simulator("panda")
+    wanted = moves(sim, rng, 1)[:300]
+    first = led(sim, 0.3, position=wanted)
+    sim.reset()
+    np.testing.assert_array_equal(led(sim, 0.3, position=wanted), first)
+
+
+@pytest.mark.parametrize(
+    ("command", "complaint"),
+    [
+        ({}, "nothing is commanded"),
+        ({"position": [1.0], "velocity": [1.0, 2.0]}, "one shape is expected"),
+        ({"position": [np.inf, 0.0]}, "numbers, or NaN for none, are expected"),
+        ({"position": 1.0}, "one shape is expected"),
+        ({"position": ["a", "b"]}, "position"),
+    ],
+)
+def test_what_is_no_command_is_refused(command: dict[str, Any], complaint: str) -> None:
+    with pytest.raises(InvalidInput, match=complaint):
+        JointCommand(**command)
+
+
+@pytest.mark.parametrize("shape", [(3,), (7, 2), (1, 2)])
+def test_commands_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
+    sim = models.simulator("two_link")
+    with pytest.raises(InvalidInput, match="commands of shape"):
+        sim.run(0.01, JointCommand(position=np.zeros(shape)))
+    if len(shape) == 1 or shape[0] != 1:
+        with pytest.raises(InvalidInput, match="commands of shape"):
+            sim.step(JointCommand(position=np.zeros(shape)))
+
+
+@pytest.mark.parametrize(
+    ("servo", "complaint"),
+    [
+        ({"bandwidth": -1.0}, "greater than 0"),
+        ({"bandwidth": 10.0, "stiffness": 5.0}, "a bandwidth or a stiffness"),
+        ({"damping": 5.0}, "damping belongs to a stiffness"),
+        ({"gain": 5.0}, "unknown key"),
+    ],
+)
+def test_servos_that_cannot_be_are_refused(servo: dict[str, float], complaint: str) -> None:
+    with pytest.raises(SceneError, match=complaint):
+        scene("two_link", servo=servo)
