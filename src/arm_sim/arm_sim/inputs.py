@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics.actuation.command_map import gravity_compensated
 from arm_dynamics.arrays import Array, Joints, count, finite_numbers, real_array, vector
 from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.trajectory.reference import Motion, hold
@@ -107,15 +108,19 @@ class SaturationNotice:
     def __init__(self, model: ArmModel) -> None:
         self._model = model
         self._said = not np.isfinite(model.command_limit).any()
+        self._compensated = gravity_compensated(model.scene)
 
     def look(self, command: Array, effort: Array) -> None:
         """Compare commands with what acted, both of shape (n,) or (k, n)."""
         # Bytes of a single row are compared in a tenth of the time; -0.0 is looked at again.
         if self._said or command.tobytes() == effort.tobytes():
             return
-        if not np.not_equal(command, effort).any():
+        cut = np.atleast_2d(command) != effort
+        if self._compensated:  # by itself the arm adds to commands, too
+            cut &= abs(effort) >= self._model.command_limit
+        if not cut.any():
             return
-        joint = np.argmax(np.any(np.atleast_2d(command) != effort, axis=0))
+        joint = np.argmax(np.any(cut, axis=0))
         asked = np.atleast_2d(command)[:, joint]
         name, limit = self._model.joint_names[joint], self._model.command_limit[joint]
         text = "command %.6g at joint '%s' is beyond its limit of %.6g and was cut; said once"

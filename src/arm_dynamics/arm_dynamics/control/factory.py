@@ -63,6 +63,15 @@ class Settings:
     damping_ratio: ArrayLike = _tunable(
         1.0, "Damping of errors, 1 is critical: one, or one for each joint", each_joint=True
     )
+    stiffness: ArrayLike = _tunable(
+        0.0, "Stiffness of joint_impedance, one or one for each joint [N m/rad, N/m], and of "
+        "cartesian_impedance, one or one for each axis [N/m, N m/rad]; all 0: as bandwidth says",
+        each_joint=True,
+    )  # fmt: skip
+    damping: ArrayLike = _tunable(
+        0.0, "Damping of both, likewise [N m s/rad, N s/m]; all 0: as damping_ratio says",
+        each_joint=True,
+    )  # fmt: skip
     frame: str = _tunable(
         "", "Frame that laws in task space lead; empty: none", parameter="task_frame"
     )
@@ -174,9 +183,27 @@ def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
 
 
 def _cartesian_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
-    task = _task(dynamics, s)
-    stiffness = numbers("bandwidth", s.bandwidth) ** 2 * _typical_masses(task, dynamics)
-    return _along_joints(task_space.CartesianImpedance, task, s, stiffness)
+    task, K = _task(dynamics, s), _given("stiffness", s.stiffness)
+    if K is None:
+        K = numbers("bandwidth", s.bandwidth) ** 2 * _typical_masses(task, dynamics)
+    kind = partial(task_space.CartesianImpedance, damping=_given("damping", s.damping))
+    return _along_joints(kind, task, s, K)
+
+
+def _joint_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
+    K = _given("stiffness", s.stiffness)
+    return joint_space.JointImpedance(
+        dynamics,
+        _tuned(dynamics, s)[0] if K is None else K,
+        s.damping_ratio,
+        _given("damping", s.damping),
+    )
+
+
+def _given(name: str, value: ArrayLike) -> Array | None:
+    """What is chosen in units of force or torque; None if it is left to the bandwidth."""
+    chosen = numbers(name, value)
+    return chosen if chosen.any() else None
 
 
 def _along_joints(
@@ -215,9 +242,7 @@ _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
     "motion_force": lambda dyn, s: _along_joints(
         task_space.MotionForce, _task(dyn, s), s, s.direction, s.bandwidth
     ),
-    "joint_impedance": lambda dyn, s: joint_space.JointImpedance(
-        dyn, _tuned(dyn, s)[0], s.damping_ratio
-    ),
+    "joint_impedance": _joint_impedance,
     "cartesian_impedance": _cartesian_impedance,
     "float": lambda dyn, s: joint_space.GravityCompensation(dyn),
 }

@@ -164,7 +164,11 @@ class JointImpedance:
     """
 
     def __init__(
-        self, dynamics: Dynamics, stiffness: ArrayLike, damping_ratio: ArrayLike = 0.7
+        self,
+        dynamics: Dynamics,
+        stiffness: ArrayLike,
+        damping_ratio: ArrayLike = 0.7,
+        damping: ArrayLike | None = None,
     ) -> None:
         """Choose how it feels.
 
@@ -172,6 +176,7 @@ class JointImpedance:
             dynamics: The model; used from one thread only.
             stiffness: K in [N m/rad] or [N/m], a number or shape (n,), not negative.
             damping_ratio: ζ of every joint alone, D = 2 ζ √(K M_ii).
+            damping: D in [N m s/rad] or [N s/m] in its place, a number or shape (n,).
 
         Raises:
             InvalidInput: If a number has a wrong shape or value.
@@ -180,13 +185,15 @@ class JointImpedance:
         self._viscous = dynamics.model.viscous
         self._stiffness = gain("stiffness", stiffness, dynamics.n)
         self._ratio = 2.0 * gain("damping_ratio", damping_ratio, dynamics.n)
+        self._damping = None if damping is None else gain("damping", damping, dynamics.n)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         q, v = checked(state, self._n, reference)
-        rigid, K = self._rigid, self._stiffness
+        rigid, K, D = self._rigid, self._stiffness, self._damping
         M, C = rigid.mass(q), rigid.coriolis(q, v)
-        D = self._ratio * np.sqrt(K * M.diagonal())
+        if D is None:
+            D = self._ratio * np.sqrt(K * M.diagonal())
         ahead = M @ reference.a + C @ reference.v + rigid.gravity(q)
         ahead += rigid.spring(q, reference.v) + self._viscous * reference.v
         return ahead + K * (reference.q - q) + D * (reference.v - v)

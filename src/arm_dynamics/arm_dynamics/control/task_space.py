@@ -125,6 +125,7 @@ class CartesianImpedance:
         posture: ArrayLike | None = None,
         posture_bandwidth: ArrayLike = 4.0,
         friction: bool = False,
+        damping: ArrayLike | None = None,
     ) -> None:
         """Choose how it feels.
 
@@ -135,6 +136,7 @@ class CartesianImpedance:
             posture: As in ``OperationalSpace``.
             posture_bandwidth: Likewise.
             friction: Likewise.
+            damping: D in [N s/m] and [N m s/rad] in place of the ratio, likewise.
 
         Raises:
             InvalidInput: If a number has a wrong shape or value, or the axes are others.
@@ -142,12 +144,14 @@ class CartesianImpedance:
         self._arm = _Arm(task, posture, posture_bandwidth, friction)
         self._stiffness = gain("stiffness", stiffness, task.m)
         self._ratio = 2.0 * gain("damping_ratio", damping_ratio, task.m)
+        self._damping = None if damping is None else gain("damping", damping, task.m)
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        now, K = self._arm.state(state, reference), self._stiffness
-        mass = axis_masses(now.arm.A, now.arm.inertia)
-        force = K * now.error + self._ratio * np.sqrt(K * mass) * now.rate
+        now, K, D = self._arm.state(state, reference), self._stiffness, self._damping
+        if D is None:
+            D = self._ratio * np.sqrt(K * axis_masses(now.arm.A, now.arm.inertia))
+        force = K * now.error + D * now.rate
         return self._arm.torque(now, reference, now.ahead) + force @ now.arm.J
 
 

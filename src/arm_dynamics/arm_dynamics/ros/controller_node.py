@@ -59,6 +59,7 @@ from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
+_GAINS = ("bandwidth", "damping_ratio", "stiffness", "damping")
 _FREE = "float"  # the controller under which the arm is led by hand, away from its reference
 
 
@@ -168,7 +169,7 @@ class ControllerNode(Node):
 
     def _apply(self, params: ControllerParams) -> None:
         before, control = self.params, self._made(params)
-        gains = {name: getattr(before.settings, name) for name in ("bandwidth", "damping_ratio")}
+        gains = {name: getattr(before.settings, name) for name in _GAINS}
         same = replace(params, settings=replace(params.settings, **gains)) == before
         retune = same and not self._builder.busy
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Mapping, Sequence
 from typing import Annotated, Any, Literal
 
-from pydantic import BeforeValidator, ConfigDict, Field, StrictInt, model_validator
+from pydantic import BeforeValidator, ConfigDict, Field, StrictBool, StrictInt, model_validator
 
 from arm_dynamics.exceptions import SceneError
 from arm_dynamics.scene.constraint import Fraction, check_joints
@@ -126,7 +126,13 @@ class Sensors(Line):
 
 
 class Commands(Line):
-    """The line on which commands come."""
+    """What commands mean, and the line on which they come.
+
+    Attributes:
+        gravity_compensated: Whether efforts come on top of what carries the arm's own weight.
+    """
+
+    gravity_compensated: StrictBool = False
 
 
 def values(by_joint: Mapping[str, float], names: Sequence[str]) -> list[float]:

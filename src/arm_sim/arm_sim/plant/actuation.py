@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics import ArmModel
-from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.actuation.command_map import CommandMap, gravity_compensated
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import expression, held_gains
 from arm_dynamics.equations.tree import constant
@@ -65,12 +65,15 @@ def computed_torque(
     return CompiledControl(law, lambda times: np.array([_row(sample(t)) for t in times]))
 
 
-def actuation(plant: Plant, control: CompiledControl | None = None) -> ca.Function:
-    """Compose controller and limits.
+def actuation(
+    plant: Plant, control: CompiledControl | None = None, *, compensated: bool = True
+) -> ca.Function:
+    """Compose controller, the arm's own gravity compensation if the scene asks for it, and limits.
 
     Args:
         plant: The plant, for its limits.
         control: A controller, or None if commands are given directly.
+        compensated: Whether that compensation is still to be added to commands.
 
     Returns:
         CasADi function ``actuate`` (x, r) -> command that acts, shape (n,): a torque, or what
@@ -80,6 +83,8 @@ def actuation(plant: Plant, control: CompiledControl | None = None) -> ca.Functi
     x = ca.SX.sym("x", plant.nx)
     r = ca.SX.sym("r", control.law.size1_in(1) if control else n)
     command = control.law(x[: 2 * n], r) if control else r
+    if compensated and gravity_compensated(plant.model.scene):
+        command = command + CommandMap(plant.model).compensation(x[:n])
     limit = plant.model.command_limit
     bounded = [
         ca.fmax(-limit[i], ca.fmin(limit[i], command[i])) if np.isfinite(limit[i]) else command[i]

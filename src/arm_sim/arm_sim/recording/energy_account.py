@@ -225,13 +225,14 @@ class EnergyAccount:
     @cached_property
     def stepper(self) -> Stepper:
         """The scene's own, for looks at recorded states."""
-        return Stepper(self._plant, self._choice, self._backend)
+        return Stepper(self._plant, self._choice, self._backend, acted=True)
 
     @cached_property
     def _ledger(self) -> Stepper:
         ledger = Ledger(self._laws.laws, self._plant.model.n)
         powers = friction_heat(self._plant), outside_work(self._plant)
-        return Stepper(self._plant.accounted(ledger, powers), self._choice, self._backend)
+        plant = self._plant.accounted(ledger, powers)
+        return Stepper(plant, self._choice, self._backend, acted=True)
 
 
 def relative_error(balance: float, moved: float, size: float) -> float:

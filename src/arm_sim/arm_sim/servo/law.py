@@ -142,19 +142,20 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
 
     standing = command_for(still)
     quickening = command_for(constant(gains.rate) * missing) - standing
-    command = standing + _possible(standing, moves * quickening, model) * quickening + added
+    acting = standing + commands.compensation(q)
+    command = standing + _possible(acting, moves * quickening, model) * quickening + added
     acts = [ca.if_else(moves[i] > 0, command[i], added[i]) for i in range(n)]
     return ca.Function("servo", [x, r, s.p], [ca.densify(ca.vertcat(*acts))], {"cse": True})
 
 
-def _possible(standing: ca.SX, quickening: ca.SX, model: ArmModel) -> ca.SX:
+def _possible(acting: ca.SX, quickening: ca.SX, model: ArmModel) -> ca.SX:
     """Largest part of an acceleration, at most all of it, for which no drive is at its limit.
 
     Were each drive cut by itself, those at their limits would throw the other joints about.
     """
     part = ca.SX(1)
     for i in np.flatnonzero(np.isfinite(model.command_limit)).tolist():
-        left = ca.sign(quickening[i]) * model.command_limit[i] - standing[i]
+        left = ca.sign(quickening[i]) * model.command_limit[i] - acting[i]
         part = ca.fmin(part, ca.if_else(quickening[i] == 0, 1, left / quickening[i]))
     return ca.fmax(LEAST, part)
 

@@ -56,6 +56,7 @@ class Stepper:
         choice: Method, tick and tolerance.
         backend: As for ``Kernel``.
         control: Controller to compile in, if any.
+        acted: Whether commands are what acted, of a tick that is made again.
 
     Attributes:
         kernel: The functions it runs.
@@ -69,9 +70,16 @@ class Stepper:
     """
 
     def __init__(
-        self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
+        self,
+        plant: Plant,
+        choice: Choice,
+        backend: str,
+        control: CompiledControl | None = None,
+        *,
+        acted: bool = False,
     ) -> None:
-        smooth, actuate = _smooth(plant, choice), actuation(plant, control)
+        smooth = _smooth(plant, choice)
+        actuate = actuation(plant, control, compensated=not acted)
         functions = [plant.rhs, smooth, actuate, *plant.events]
         if plant.free:
             free_rhs, smooth = _renamed(plant.free.rhs), _renamed(_smooth(plant.free, choice))

@@ -10,6 +10,7 @@ from typing import Any
 from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 
+from arm_dynamics.actuation.command_map import compensating
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.common.direct import Newest
 from arm_dynamics.ros.common.params import parameter
@@ -23,13 +24,18 @@ _GLANCE = 0.02  # [s] between looks for a description
 
 @dataclass(frozen=True)
 class DescriptionParams:
-    """Parameters of a node whose arm may come as a robot description."""
+    """Parameters of a node about its arm, which may come as a robot description."""
 
     robot_description: str = parameter(
         "", "URDF text, read where there is no scene; empty: it comes from the topic"
     )
     description_timeout: float = parameter(
         5.0, "How long to wait for it on the topic robot_description [s]", low=0.0, high=3600.0
+    )
+    gravity_compensated: bool = parameter(
+        False,
+        "Efforts come on top of what carries the arm's own weight, as of the scene's key "
+        "commands.gravity_compensated; sim and controller must agree",
     )
 
 
@@ -49,6 +55,11 @@ def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> 
     Raises:
         ArmError: If there is none, or it cannot be used.
     """
+    found, source = _found(node, given, scene, params)
+    return compensating(found) if params.gravity_compensated else found, source
+
+
+def _found(node: Node, given: Any, scene: str, params: DescriptionParams) -> tuple[Scene, str]:
     if given is not None or scene:
         return load_scene(given if given is not None else scene), FROM_SCENE
     if params.robot_description:
