@@ -76,7 +76,7 @@ def external_change(simulator: Simulator) -> Change:
     if compiled is simulator.compiled:
         return lambda: None
     compiled.energy_account.prepare()
-    if present.has_servo:
+    if simulator.compiled.has_servo:
         compiled.servo  # noqa: B018 - builds what the loop should not have to wait for
     return lambda: simulator.use(compiled)
 
