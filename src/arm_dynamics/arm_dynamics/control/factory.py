@@ -101,6 +101,8 @@ class Settings:
         fastest = np.pi / self.dt
         _within("bandwidth", self.bandwidth, fastest, "rad/s, half a turn in a control period")
         _within("damping_ratio", self.damping_ratio, 100.0, "beyond which errors hardly vanish")
+        _within("stiffness", self.stiffness, 1e6, "N/m, N m/rad")
+        _within("damping", self.damping, 1e5, "N s/m, N m s/rad")
         _within("observer", self.observer, 1e4, "1/s")
         _within("force", np.abs(numbers("force", self.force)), _STRONGEST, "N")
         unit_vector("force_direction", self.direction, 3)
