@@ -108,7 +108,11 @@ class Ros:
         end = time.monotonic() + timeout
         while not done():
             assert time.monotonic() < end, "nothing came in time"
-            self._executor.spin_once(timeout_sec=0.02)
+            self.spin_once()
+
+    def spin_once(self) -> None:
+        """Run a callback, if one waits or comes within a moment."""
+        self._executor.spin_once(timeout_sec=0.02)
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
         """Call a service and return its response."""

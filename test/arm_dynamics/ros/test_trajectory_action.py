@@ -6,13 +6,14 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import own_controllers
 import pytest
 from goal_client import ABORTED, CANCELED, SUCCEEDED, Client, Result, goal, led, tolerance
 from harness import Ros
 from rclpy.parameter import Parameter
 from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
-from two_link_control import MS, NAMES, effort, point, reference_of, trajectory
+from two_link_control import MS, NAMES, effort, point, reference_of, state, trajectory
 
 import models
 from arm_dynamics.ros.controller import trajectory_action
@@ -332,6 +333,23 @@ def test_a_goal_while_the_arm_is_led_by_hand_is_refused(
     set_to(node, controller="float")
     assert not client.send(to(0.1, 0.1)).accepted
     assert "follows no trajectories" in node.goals.outcome
+
+
+def test_a_controller_that_fails_ends_the_goal_and_gets_no_other(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(own_controllers.Fails, "how", "")
+    node = ros.add(ControllerNode, models.scene("two_link"), controller="own_controllers:Fails")
+    effort(node, 0, HERE)
+    client = Client(ros)
+    handle = client.send(to(0.4, 0.4))
+    monkeypatch.setattr(own_controllers.Fails, "how", "raise")
+    assert node.on_joint_states(state(10 * MS, HERE)) is None
+    status, result = client.result(handle)
+    assert (status, result.error_code) == (ABORTED, Result.INVALID_GOAL)
+    assert result.error_string == "Current goal cancelled, the controller failed."
+    assert not client.send(to(0.4, 0.4)).accepted
+    assert "no commands until it is tuned" in node.goals.outcome
 
 
 def test_a_long_goal_is_planned_in_the_background(node: ControllerNode, client: Client) -> None:

@@ -1,0 +1,190 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The command line of the study: nodes in processes of their own, goals, a report."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import click
+import rclpy
+import yaml
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rich.console import Console
+
+from arm_dynamics import load_scene
+from arm_dynamics.model import ArmModel
+from arm_dynamics.ros.common.transport import as_usual
+from arm_sim.cli.demo.processes import Processes, free_domain, interruptible
+from benchmarks.following.client import MARGIN, SCALING, START_TOLERANCE, MoveItClient
+from benchmarks.following.course import Course
+from benchmarks.measurement.watcher import processor_time
+from benchmarks.reporting.markdown import table
+
+ROOT = Path(__file__).parents[2]
+_DESCRIPTIONS = "package://example-robot-data/robots"
+ROBOTS: dict[str, dict[str, Any]] = {
+    "panda": {
+        "robot": {
+            "urdf": f"{_DESCRIPTIONS}/panda_description/urdf/panda.urdf",
+            "lock": ["panda_finger_joint1", "panda_finger_joint2"],
+        },
+        "initial": {"position": {
+            "panda_joint2": -0.785, "panda_joint4": -2.356, "panda_joint6": 1.571,
+            "panda_joint7": 0.785,
+        }},
+    },
+    "ur5": {
+        "robot": {"urdf": f"{_DESCRIPTIONS}/ur_description/urdf/ur5_robot.urdf"},
+        "initial": {"position": {
+            "shoulder_lift_joint": -1.2, "elbow_joint": 1.6, "wrist_1_joint": -1.9,
+            "wrist_2_joint": -1.57,
+        }},
+    },
+}  # fmt: skip
+IMPERFECT: dict[str, Any] = {
+    "sensors": {
+        "position": {"counts": 1048576, "noise": 1e-6},
+        "velocity": {"from": "position", "cutoff": 100, "order": 2},
+        "effort": {"noise": 0.1},
+        "delay": 0.001, "jitter": 0.001, "loss": 0.001,
+    },
+    "commands": {"delay": 0.001, "jitter": 0.001, "loss": 0.001},
+}  # fmt: skip
+EXAMPLES = """\b
+Examples:
+  python -m benchmarks.following                             about half an hour
+  python -m benchmarks.following --realtime                  likewise; needs two idle cores
+  python -m benchmarks.following --goals 20 --cancelled 2 --replaced 2 --robot ur5
+"""
+_WARM = 3.0  # [s]
+
+
+@click.command(epilog=EXAMPLES)
+@click.option("--goals", default=200, show_default=True, type=click.IntRange(1),
+              help="For each robot, without and with imperfections.")  # fmt: skip
+@click.option("--cancelled", default=20, show_default=True, type=click.IntRange(0),
+              help="Of them cancelled on the way.")  # fmt: skip
+@click.option("--replaced", default=20, show_default=True, type=click.IntRange(0),
+              help="Of them replaced on the way.")  # fmt: skip
+@click.option("--robot", "robots", multiple=True, type=click.Choice(list(ROBOTS)),
+              help="Which arms. [default: all]")  # fmt: skip
+@click.option("--lines", multiple=True, type=click.Choice(["perfect", "imperfect"]),
+              help="Sensors and lines. [default: both]")  # fmt: skip
+@click.option(
+    "--realtime",
+    is_flag=True,
+    help="By the clock; otherwise in lockstep, where no load of the machine shows.",
+)
+@click.option("--out", type=click.Path(path_type=Path, file_okay=False),
+              default=ROOT / "benchmarks/results", show_default="benchmarks/results",
+              help="Folder for following.md and following.json.")  # fmt: skip
+def main(
+    goals: int, cancelled: int, replaced: int, robots: tuple[str, ...], lines: tuple[str, ...],
+    realtime: bool, out: Path,
+) -> None:  # fmt: skip
+    """Send goals as MoveIt's controller manager does, and count those it gets.
+
+    Only trajectories are filled in; the start must be within 0.01 rad of a joint state no older
+    than the question; a goal that takes 1.1 times its duration and half a second is cancelled. The
+    exit status is 1 when a goal is not got.
+    """
+    logs = out / "following_logs"
+    logs.mkdir(parents=True, exist_ok=True)
+    records: list[dict[str, Any]] = []
+    with interruptible():
+        for robot in robots or ROBOTS:
+            for line in lines or ("perfect", "imperfect"):
+                scene = {**ROBOTS[robot], **(IMPERFECT if line == "imperfect" else {})}
+                found = _measured(scene, (goals, cancelled, replaced), logs, realtime)
+                about = {"robot": robot, "lines": line, "realtime": realtime}
+                records.append({**about, **found})
+    (out / "following.json").write_text(json.dumps(records, indent=1))
+    text = page(records)
+    (out / "following.md").write_text(text)
+    click.echo(text)
+    if any(t["got"] < t["asked"] for record in records for t in record["tallies"].values()):
+        raise SystemExit(1)
+
+
+def _measured(
+    scene: dict[str, Any], counts: tuple[int, int, int], logs: Path, realtime: bool
+) -> dict[str, Any]:
+    """Run one course with nodes in processes of their own."""
+    file = logs / "scene.yaml"
+    file.write_text(yaml.safe_dump(scene))
+    model, domain, say = ArmModel(load_scene(scene)), free_domain(), Console(stderr=True)
+    os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=domain,
+               signal_handler_options=SignalHandlerOptions.NO)  # fmt: skip
+    node = Node("moveit_simple_controller_manager", context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        with Processes(logs) as processes:
+            processes.start("controller", "controller", str(file), "--with-parent")
+            processes.start(
+                "sim", "sim", str(file), "--with-parent", "--ros-args",
+                "-p", "stale_policy:=gravity", "-p", f"lockstep:={not realtime}",
+            )  # fmt: skip
+            look = lambda: executor.spin_once(0.01)  # noqa: E731
+            client = MoveItClient(node, model.joint_names, look, simulated=not realtime)
+            client.connect(tries=6000)
+            client.pause(_WARM)
+            course, began = Course(client, model), time.monotonic()
+            before = processor_time(processes.ids["controller"])
+            for i, _ in enumerate(course.run(*counts), 1):
+                processes.check()
+                if i % 20 == 0:
+                    say.print(f"{i} of {counts[0]} goals")
+            passed = time.monotonic() - began
+            share = (processor_time(processes.ids["controller"]) - before) / passed
+    finally:
+        executor.remove_node(node)
+        executor.shutdown()
+        node.destroy_node()
+        context.try_shutdown()
+    tallies = {kind: vars(tally) for kind, tally in course.tallies.items()}
+    return {"seconds": passed, "share": share, "feedback": client.feedback, "tallies": tallies}
+
+
+def page(records: list[dict[str, Any]]) -> str:
+    """The report in Markdown."""
+    rows = [
+        (
+            record["robot"], record["lines"], kind, f"{t['got']} of {t['asked']}",
+            f"{1e3 * t['start']:.2f}", f"{1e3 * t['goal']:.2f}", f"{1e3 * t['late']:.0f}",
+            "; ".join(sorted(set(t["failures"]))),
+        )
+        for record in records for kind, t in record["tallies"].items() if t["asked"]
+    ]  # fmt: skip
+    heads = (
+        "robot",
+        "lines",
+        "goals",
+        "got",
+        "start [mrad]",
+        "end [mrad]",
+        "late [ms]",
+        "why not",
+    )
+    ways = {True: "real time", False: "lockstep"}
+    runs = ", ".join(
+        f"{r['robot']} {r['lines']} {r['seconds']:.0f} s in {ways[r['realtime']]}, "
+        f"{100 * r['share']:.0f} % of a core for the controller"
+        for r in records
+    )
+    return (
+        "# Goals as MoveIt sends them\n\n"
+        f"Starts within {START_TOLERANCE} rad of a fresh state, at most {SCALING} times the "
+        f"duration and {MARGIN} s. Greatest distance from the start when a goal was sent and from "
+        "the end when it had succeeded, and greatest time beyond its duration.\n\n"
+        f"{table(heads, rows)}\n\n{runs}\n"
+    )

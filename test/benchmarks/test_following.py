@@ -1,0 +1,56 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A client that behaves as MoveIt's controller manager does gets its goals, in lockstep."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Ros
+
+pytest.importorskip("control_msgs")
+
+from arm_dynamics import load_scene
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_sim.ros.sim_node import SimNode
+from benchmarks.following.cli import IMPERFECT, ROBOTS
+from benchmarks.following.client import SCALING, MoveItClient
+from benchmarks.following.course import CANCELLED, PLAIN, REPLACED, Course
+from benchmarks.following.motions import message, straight
+
+GOALS, EACH = 3, 1
+
+
+@pytest.mark.ros
+@pytest.mark.parametrize(("robot", "lines"), [("panda", {}), ("ur5", IMPERFECT)])
+def test_all_goals_are_got(ros: Ros, robot: str, lines: dict[str, Any]) -> None:
+    scene = load_scene({**ROBOTS[robot], **lines})
+    sim = ros.add(SimNode, scene, lockstep=True)
+    ros.add(ControllerNode, scene)
+    model = sim.simulator.model
+    client = MoveItClient(ros.peer, model.joint_names, ros.spin_once, simulated=True)
+    client.connect(tries=1000)
+    course = Course(client, model)
+    assert len(list(course.run(GOALS, cancelled=EACH, replaced=EACH))) == GOALS
+    for kind, wanted in ((PLAIN, GOALS - 2 * EACH), (CANCELLED, EACH), (REPLACED, EACH)):
+        tally = course.tallies[kind]
+        assert (tally.got, tally.failures) == (wanted, [])
+    assert client.feedback > 20 * GOALS / SCALING
+
+
+def test_trajectories_are_those_of_a_planner() -> None:
+    """Trapezoids within limits, sampled, ending at rest."""
+    here, there = np.zeros(2), np.array([1.0, -0.5])
+    speed, limit = np.array([0.5, 1.0]), 2.0
+    motion, duration = straight(here, there, speed, limit)
+    assert duration == pytest.approx(1.0 / 0.5 + 0.5 / 2.0)  # way/speed + speed/acceleration
+    sent = message(motion, duration, ["a", "b"])
+    at = [p.time_from_start.sec + 1e-9 * p.time_from_start.nanosec for p in sent.points]
+    assert at[0] == 0.0
+    assert np.all(np.diff(at) > 0.0)
+    assert at[-1] == pytest.approx(duration, abs=1e-9)
+    np.testing.assert_allclose(sent.points[-1].positions, there, atol=1e-12)
+    assert not any(sent.points[-1].velocities)
+    assert np.abs([p.velocities for p in sent.points]).max() == pytest.approx(0.5)
+    assert np.abs([p.accelerations for p in sent.points]).max() == pytest.approx(2.0)
