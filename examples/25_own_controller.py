@@ -22,7 +22,7 @@ class Gentle:
     """τ = G(q) + F tanh(K e / F) + D ė, with F the largest torque of the spring."""
 
     def __init__(self, dynamics: Dynamics, bandwidth: float = 10.0) -> None:
-        """It is given what it asks for by name: the model, ``dt``, fields of ``Settings``."""
+        """It is given what it asks for by name, such as the model, ``dt`` or ``bandwidth``."""
         self._dynamics = dynamics
         self._stiffness, self._damping = tuned(dynamics, bandwidth)
         self._most = SHARE * dynamics.model.effort_limit

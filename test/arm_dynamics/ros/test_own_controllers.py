@@ -126,6 +126,28 @@ def test_one_that_fails_commands_nothing_more_and_says_so(
     assert level(node)[0] == OK
 
 
+def test_the_arm_of_one_that_fails_is_braked(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    """It stops within its effort limits and then rests, to the bit."""
+    sim = ros.add(SimNode, SCENE, realtime=False)
+    node = node_of(ros, controller=FAILS)
+    point = JointTrajectoryPoint(positions=(HOME + 0.5).tolist())
+    point.time_from_start.nanosec = 800 * MS
+    q = []
+    for k in range(1500):
+        if k == 400:
+            assert abs(sim.simulator.state.v).max() > 0.3
+            monkeypatch.setattr(own_controllers.Fails, "how", "raise")
+        now = sim.simulator.state
+        if command := node.on_joint_states(state(k * MS, now.q, now.v)):
+            sim.inputs.on_joint_commands(command)
+        sim.tick()
+        if k == 0:
+            node.on_joint_trajectory(JointTrajectory(joint_names=NAMES, points=[point]))
+        q.append(sim.simulator.state.q)
+    np.testing.assert_array_equal(q[-500:], np.tile(q[-1], (500, 1)))
+    assert abs(q[-1] - q[400]).max() < 0.3
+
+
 def test_one_that_failed_begins_again_after_a_reset_and_with_other_gains(
     ros: Ros, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -126,8 +126,8 @@ def make_controller(
 
     Args:
         name: One of ``NAMES``, or a class of one's own (see ``Controller``). Of its arguments
-            those are given, by name, that are called ``dynamics``, ``settings``, or as a field of
-            ``Settings`` (``dt``, ``bandwidth``, …); others must have defaults.
+            those are given, by name, that are called ``dynamics``, ``settings``, or as one of
+            ``OFFERED``; others must have defaults, and keep them.
         dynamics: The model it knows; used from one thread only.
         settings: What it is tuned to.
 
@@ -147,10 +147,15 @@ def make_controller(
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
 
 
+OFFERED = ("dt", "bandwidth", "damping_ratio", "frame", "axes", "limit")
+"""Settings that a controller of one's own may ask for one by one. It gets no others by name: a
+setting that is added later must not take the place of a default of its own."""
+
+
 def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> AnyController:
     if not isinstance(name, str):
-        offered = {f.name: getattr(settings, f.name) for f in fields(settings)}
-        offered |= {"dynamics": dynamics, "settings": settings}
+        offered = {"dynamics": dynamics, "settings": settings}
+        offered |= {key: getattr(settings, key) for key in OFFERED}
         return custom.made(name, offered, dynamics.n)
     if name not in _BUILDERS:
         raise InvalidInput(f"controller = {name!r}; allowed: {known_names(_BUILDERS)}")
