@@ -10,11 +10,13 @@ from pathlib import Path
 from rich.table import Table
 
 from benchmarks.comparison import figures, sections
+from benchmarks.comparison.claims import BROKEN, KEPT, TOO_NOISY
 from benchmarks.reporting.markdown import quantity, wrapped
 from benchmarks.studies.bench import Record
 
 TEMPLATE = Path(__file__).with_name("page.md")
 FIGURES = "figures/"
+_COLOURS = {KEPT: "[green]", BROKEN: "[red]", TOO_NOISY: "[yellow]"}
 
 
 def write(results: Record, out: Path) -> Path:
@@ -49,7 +51,7 @@ def summary(results: Record) -> Table:
     """The promises and what was measured, for the terminal."""
     table = Table("promise", "measured", "allowed", "")
     for claim in results["claims"]:
-        verdict = {True: "[green]kept", False: "[red]broken", None: "not measured"}[claim["kept"]]
+        verdict = _COLOURS.get(claim["verdict"], "") + claim["verdict"]
         table.add_row(
             claim["text"], quantity(claim["value"], claim["unit"]),
             quantity(claim["limit"], claim["unit"]), verdict,

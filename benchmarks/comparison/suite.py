@@ -72,7 +72,7 @@ def run(quick: bool, only: Sequence[str], console: Console) -> Iterator[Record]:
         for name in STUDIES:
             if name in only:
                 results[name] = RUNNERS[name](bench)
-                yield {"about": _about(bench, missing, bar.elapsed)} | judged(results)
+                yield judged({"about": _about(bench, missing, bar.elapsed)} | results)
 
 
 def judged(results: Record) -> Record:

@@ -17,21 +17,23 @@ SHORTEST = 4e-3  # [s], a sample shorter than this is repeated and averaged
 
 @dataclass(frozen=True)
 class Cost:
-    """Median and quartiles of the samples of one job, in the unit of the job."""
+    """Median and quartiles of the samples of one job, and the samples, in the unit of the job."""
 
     median: float
     low: float
     high: float
+    samples: tuple[float, ...] = ()
 
     @classmethod
     def of(cls, samples: list[float]) -> Cost:
         """Summarise samples."""
         low, median, high = np.percentile(samples, [25, 50, 75])
-        return cls(float(median), float(low), float(high))
+        return cls(float(median), float(low), float(high), tuple(samples))
 
     def scaled(self, factor: float) -> Cost:
         """The same in another unit."""
-        return Cost(self.median * factor, self.low * factor, self.high * factor)
+        samples = tuple(sample * factor for sample in self.samples)
+        return Cost(self.median * factor, self.low * factor, self.high * factor, samples)
 
 
 @dataclass

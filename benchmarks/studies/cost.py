@@ -75,7 +75,7 @@ def _growth(bench: Bench, extra: dict[str, Callable[[Robot], Job]]) -> list[Reco
 
 def _ns(cost: Cost) -> Record:
     c = cost.scaled(1e9)
-    return {"ns": c.median, "low_ns": c.low, "high_ns": c.high}
+    return {"ns": c.median, "low_ns": c.low, "high_ns": c.high, "rounds_ns": list(c.samples)}
 
 
 def repeated(call: Callable[[], object], count: int = 2000) -> Job:

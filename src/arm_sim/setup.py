@@ -15,7 +15,9 @@ setup(
     license="Apache-2.0",
     maintainer="Arm dynamics suite maintainers",
     maintainer_email="maintainers@example.org",
+    author="Arm dynamics suite maintainers",
     python_requires=">=3.12",
+    extras_require={"test": ["pytest"]},
     packages=find_packages(),
     package_data={
         "": [

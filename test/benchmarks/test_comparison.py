@@ -12,7 +12,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
-from benchmarks.comparison import targets
+from benchmarks.comparison import claims, targets
+from benchmarks.comparison.claims import BROKEN, KEPT, MISSING, TOO_NOISY
 from benchmarks.comparison.report import page, summary, write
 from benchmarks.comparison.suite import judged
 from benchmarks.measurement.timing import Cost, Noise, interleaved
@@ -102,7 +103,42 @@ def test_every_job_runs_once_a_round_in_turn() -> None:
     jobs = {name: (lambda name=name: float(calls.append(name) or len(calls))) for name in "ab"}
     costs = interleaved(jobs, 3, Noise(), lambda: None)
     assert calls == ["a", "b"] * 3
-    assert costs["a"] == Cost(median=3.0, low=2.0, high=4.0)
+    assert costs["a"] == Cost(median=3.0, low=2.0, high=4.0, samples=(1.0, 3.0, 5.0))
+
+
+@pytest.mark.parametrize(
+    ("rounds", "spread", "verdict"),
+    [
+        ([0.5, 0.5, 0.5], 0.0, KEPT),
+        ([0.5, 0.5, 0.5], 0.9, KEPT),  # noise does not make it shorter
+        ([0.9, 0.95, 1.0], 0.0, BROKEN),
+        ([0.9, 0.95, 1.0], 0.3, TOO_NOISY),
+        ([0.5, 0.6, 1.9], 0.0, TOO_NOISY),  # quartiles 0.55 and 1.25, the limit is 0.75
+    ],
+)
+def test_a_verdict_on_a_time_does_not_turn_with_the_host(
+    rounds: list[float], spread: float, verdict: str
+) -> None:
+    slow = [1.0, 3.0, 7.0]  # the host's whims, which hit both
+    rows = [
+        {"robot": "Panda", "what": "step", "who": who, "ns": 1.0, "rounds_ns": taken}
+        for who, taken in (
+            (f"{OURS} rk4", [a * b for a, b in zip(rounds, slow, strict=True)]),
+            ("MuJoCo Euler", slow),
+        )
+    ]
+    results = {"about": {"noise": {"spread_10_90": spread}}, "cost": {"rows": rows}}
+    [claim] = [c for c in claims.check(results) if "Euler" in c["text"]]
+    assert claim["verdict"] == verdict
+    assert claim["value"] == pytest.approx(np.median(rounds))
+
+
+def test_noise_is_no_excuse_for_an_error() -> None:
+    point = {"robot": "Panda", "scenario": "free motion", "family": OURS, "method": "rk4",
+             "setting": 1e-3, "error_rad": 1.0, "cpu_s": 1.0}  # fmt: skip
+    results = {"about": {"noise": {"spread_10_90": 0.9}}, "work_precision": {"points": [point]}}
+    [claim] = [c for c in claims.check(results) if "RK4 at 1 ms" in c["text"]]
+    assert claim["verdict"] == BROKEN
 
 
 def test_steps_and_targets() -> None:
@@ -181,7 +217,7 @@ def about(bench: Bench) -> dict[str, Any]:
     return {
         "date": "today", "processor": "one", "compiler": "none", "versions": {"numpy": "2"},
         "repeats": 1, "elapsed_s": 1.0, "quick": True, "left_out": {"Drake": "no module"},
-        "notes": {}, "noise": bench.noise.summary(),
+        "notes": {}, "noise": bench.noise.summary() | {"spread_10_90": 0.01},
     }  # fmt: skip
 
 
@@ -196,5 +232,5 @@ def test_report_of_a_tiny_run(bench: Bench, tmp_path: Path) -> None:
     assert "left out, not installed: Drake" in report
     assert "![work precision chain 2](work_precision_chain_2.png)" in report
     assert (tmp_path / "work_precision_chain_2.png").stat().st_size > 10_000
-    assert {c["kept"] for c in results["claims"]} == {None}, "nothing promised was measured"
+    assert {c["verdict"] for c in results["claims"]} == {MISSING}
     assert summary(results).row_count == len(results["claims"])

@@ -1,0 +1,55 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The installed package answers the equations of motion of a pendulum as the books do."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from arm_dynamics import Dynamics, SceneError, Term, load_scene
+from arm_dynamics.control import make_controller
+from arm_dynamics.trajectory import Reference
+
+MASS, LENGTH, INERTIA, WEIGHT = 2.0, 0.5, 0.1, 9.81
+URDF = f"""<robot name="pendulum">
+  <link name="base"/>
+  <link name="rod"><inertial>
+    <origin xyz="0 0 -{LENGTH}"/><mass value="{MASS}"/>
+    <inertia ixx="{INERTIA}" ixy="0" ixz="0" iyy="{INERTIA}" iyz="0" izz="{INERTIA}"/>
+  </inertial></link>
+  <joint name="swing" type="continuous">
+    <parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
+    <dynamics damping="0.3"/>
+  </joint>
+</robot>"""
+J = INERTIA + MASS * LENGTH**2
+ANGLES = np.linspace(-3.0, 3.0, 13)[:, None]
+
+
+@pytest.fixture(scope="module")
+def dynamics() -> Dynamics:
+    return Dynamics(load_scene(URDF))
+
+
+def test_inverse_dynamics(dynamics: Dynamics) -> None:
+    q, v, a = ANGLES, 0.5 * ANGLES, 1.0 - ANGLES
+    expected = J * a + MASS * WEIGHT * LENGTH * np.sin(q) + 0.3 * v
+    np.testing.assert_allclose(dynamics.inverse(q, v, a), expected, rtol=1e-12, atol=1e-12)
+    np.testing.assert_allclose(dynamics.inverse(q, v, a, terms=Term.INERTIA), J * a, rtol=1e-12)
+
+
+def test_forward_dynamics_undoes_it(dynamics: Dynamics) -> None:
+    q, v, a = ANGLES, 0.5 * ANGLES, 1.0 - ANGLES
+    np.testing.assert_allclose(dynamics.forward(q, v, dynamics.inverse(q, v, a)), a, atol=1e-11)
+
+
+def test_a_controller_holds_the_weight(dynamics: Dynamics) -> None:
+    q, still = np.array([0.7]), np.zeros(1)
+    control = make_controller("computed_torque", dynamics)
+    tau = control.torque(Reference(q, still, still), Reference(q, still, still))
+    np.testing.assert_allclose(tau, MASS * WEIGHT * LENGTH * np.sin(q), rtol=1e-9)
+
+
+def test_what_is_wrong_is_told_by_name() -> None:
+    with pytest.raises(SceneError, match="unknown key 'gravty'"):
+        load_scene({"robot": {"urdf": URDF}, "gravty": [0, 0, -9.81]})

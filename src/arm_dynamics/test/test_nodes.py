@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The nodes start from the installed package; nothing is sent to another process."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+import rclpy
+from arm_msgs.srv import ModelInfo
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.serialization import deserialize_message, serialize_message
+from sensor_msgs.msg import JointState
+from test_dynamics import LENGTH, MASS, URDF, WEIGHT
+
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.dynamics_node import DynamicsNode
+
+ROOM = 87  # a domain of its own, where nobody else is expected
+
+
+@pytest.fixture
+def context(monkeypatch: pytest.MonkeyPatch) -> Iterator[Context]:
+    monkeypatch.setenv("ROS_AUTOMATIC_DISCOVERY_RANGE", "LOCALHOST")
+    context = Context()
+    rclpy.init(args=[], context=context, domain_id=ROOM)
+    yield context
+    context.try_shutdown()
+
+
+def test_the_dynamics_node_answers(context: Context) -> None:
+    node = DynamicsNode(URDF, context=context)
+    executor = SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+    try:
+        client = node.create_client(ModelInfo, "~/model_info")
+        future = client.call_async(ModelInfo.Request())
+        for _ in range(200):
+            if future.done():
+                break
+            executor.spin_once(timeout_sec=0.05)
+        answer = future.result()
+        assert answer.success
+        assert list(answer.joint_names) == ["swing"]
+        assert answer.total_mass == MASS
+    finally:
+        executor.shutdown()
+        node.destroy_node()
+
+
+def test_the_controller_node_holds_the_arm_where_it_sees_it(context: Context) -> None:
+    node = ControllerNode(URDF, context=context)
+    try:
+        state = JointState(name=["swing"], position=[0.7], velocity=[0.0])
+        command = deserialize_message(node.on_joint_states(serialize_message(state)), JointState)
+        weight = MASS * WEIGHT * LENGTH * np.sin(0.7)
+        np.testing.assert_allclose(command.effort, [weight], rtol=1e-9)
+    finally:
+        node.destroy_node()
