@@ -13,10 +13,11 @@ from benchmarks.studies.bench import Record
 METHOD = """\
 Times are processor times of one thread unless a line says otherwise. All measurements of a table
 are interleaved (every job once, then every job again), medians are shown, and ratios are between
-numbers of the same run; those of the first promises are taken round by round. A promise on a time
-is "too noisy to judge" where the quartiles of the rounds are on both sides of the limit, or where
-it would be broken while the same arithmetic took times that vary by more than 15 %. Every simulator reads the same URDF (no limits, friction, meshes or
-contacts), and each has switched off what such a scene does not need."""
+numbers of the same run; those of the first promises are taken round by round. A promise on a
+time is "too noisy to judge" where the quartiles of the rounds are on both sides of the limit, or
+where it would be broken while the same arithmetic took times that vary by more than 15 %. Every
+simulator reads the same URDF (no limits, friction, meshes or contacts), and each has switched off
+what such a scene does not need."""
 
 
 def markdown(results: Record, pictures: dict[str, str]) -> str:

@@ -51,8 +51,6 @@ def test_the_node_ticks_as_the_library_does(context: Context) -> None:
     try:
         for _ in range(50):
             node.tick()
-        np.testing.assert_array_equal(
-            node.simulator.state.q, Simulator(SCENE).run(0.05).q[-1]
-        )
+        np.testing.assert_array_equal(node.simulator.state.q, Simulator(SCENE).run(0.05).q[-1])
     finally:
         node.destroy_node()
