@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pytest
 
@@ -10,32 +12,20 @@ from arm_dynamics import Dynamics, SceneError, Term, load_scene
 from arm_dynamics.control import make_controller
 from arm_dynamics.trajectory import Reference
 
-MASS, LENGTH, INERTIA, WEIGHT = 2.0, 0.5, 0.1, 9.81
-URDF = f"""<robot name="pendulum">
-  <link name="base"/>
-  <link name="rod"><inertial>
-    <origin xyz="0 0 -{LENGTH}"/><mass value="{MASS}"/>
-    <inertia ixx="{INERTIA}" ixy="0" ixz="0" iyy="{INERTIA}" iyz="0" izz="{INERTIA}"/>
-  </inertial></link>
-  <joint name="swing" type="continuous">
-    <parent link="base"/><child link="rod"/><axis xyz="0 1 0"/>
-    <dynamics damping="0.3"/>
-  </joint>
-</robot>"""
-J = INERTIA + MASS * LENGTH**2
 ANGLES = np.linspace(-3.0, 3.0, 13)[:, None]
 
 
 @pytest.fixture(scope="module")
-def dynamics() -> Dynamics:
-    return Dynamics(load_scene(URDF))
+def dynamics(pendulum: Any) -> Dynamics:
+    return Dynamics(load_scene(pendulum.urdf))
 
 
-def test_inverse_dynamics(dynamics: Dynamics) -> None:
+def test_inverse_dynamics(dynamics: Dynamics, pendulum: Any) -> None:
     q, v, a = ANGLES, 0.5 * ANGLES, 1.0 - ANGLES
-    expected = J * a + MASS * WEIGHT * LENGTH * np.sin(q) + 0.3 * v
+    inertia = pendulum.about_joint * a
+    expected = inertia + pendulum.weight * np.sin(q) + pendulum.damping * v
     np.testing.assert_allclose(dynamics.inverse(q, v, a), expected, rtol=1e-12, atol=1e-12)
-    np.testing.assert_allclose(dynamics.inverse(q, v, a, terms=Term.INERTIA), J * a, rtol=1e-12)
+    np.testing.assert_allclose(dynamics.inverse(q, v, a, terms=Term.INERTIA), inertia, rtol=1e-12)
 
 
 def test_forward_dynamics_undoes_it(dynamics: Dynamics) -> None:
@@ -43,13 +33,13 @@ def test_forward_dynamics_undoes_it(dynamics: Dynamics) -> None:
     np.testing.assert_allclose(dynamics.forward(q, v, dynamics.inverse(q, v, a)), a, atol=1e-11)
 
 
-def test_a_controller_holds_the_weight(dynamics: Dynamics) -> None:
+def test_a_controller_holds_the_weight(dynamics: Dynamics, pendulum: Any) -> None:
     q, still = np.array([0.7]), np.zeros(1)
     control = make_controller("computed_torque", dynamics)
     tau = control.torque(Reference(q, still, still), Reference(q, still, still))
-    np.testing.assert_allclose(tau, MASS * WEIGHT * LENGTH * np.sin(q), rtol=1e-9)
+    np.testing.assert_allclose(tau, pendulum.weight * np.sin(q), rtol=1e-9)
 
 
-def test_what_is_wrong_is_told_by_name() -> None:
+def test_what_is_wrong_is_told_by_name(pendulum: Any) -> None:
     with pytest.raises(SceneError, match="unknown key 'gravty'"):
-        load_scene({"robot": {"urdf": URDF}, "gravty": [0, 0, -9.81]})
+        load_scene({"robot": {"urdf": pendulum.urdf}, "gravty": [0, 0, -9.81]})

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 import pytest
@@ -13,7 +14,6 @@ from rclpy.context import Context
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.serialization import deserialize_message, serialize_message
 from sensor_msgs.msg import JointState
-from test_dynamics import LENGTH, MASS, URDF, WEIGHT
 
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.dynamics_node import DynamicsNode
@@ -30,8 +30,8 @@ def context(monkeypatch: pytest.MonkeyPatch) -> Iterator[Context]:
     context.try_shutdown()
 
 
-def test_the_dynamics_node_answers(context: Context) -> None:
-    node = DynamicsNode(URDF, context=context)
+def test_the_dynamics_node_answers(context: Context, pendulum: Any) -> None:
+    node = DynamicsNode(pendulum.urdf, context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
@@ -44,18 +44,19 @@ def test_the_dynamics_node_answers(context: Context) -> None:
         answer = future.result()
         assert answer.success
         assert list(answer.joint_names) == ["swing"]
-        assert answer.total_mass == MASS
+        assert answer.total_mass == pendulum.mass
     finally:
         executor.shutdown()
         node.destroy_node()
 
 
-def test_the_controller_node_holds_the_arm_where_it_sees_it(context: Context) -> None:
-    node = ControllerNode(URDF, context=context)
+def test_the_controller_node_holds_the_arm_where_it_sees_it(
+    context: Context, pendulum: Any
+) -> None:
+    node = ControllerNode(pendulum.urdf, context=context)
     try:
         state = JointState(name=["swing"], position=[0.7], velocity=[0.0])
         command = deserialize_message(node.on_joint_states(serialize_message(state)), JointState)
-        weight = MASS * WEIGHT * LENGTH * np.sin(0.7)
-        np.testing.assert_allclose(command.effort, [weight], rtol=1e-9)
+        np.testing.assert_allclose(command.effort, [pendulum.weight * np.sin(0.7)], rtol=1e-9)
     finally:
         node.destroy_node()
