@@ -35,6 +35,7 @@ from arm_sim.plant.actuation import CompiledControl
 from arm_sim.plant.placing import closed, constraint_hint, holding, packed, placed
 from arm_sim.plant.plant import Plant
 from arm_sim.recording.changes import Changes
+from arm_sim.recording.contents import BRAKES, FREE, SERVOS
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.recording.origin import Origin, Physics
 from arm_sim.recording.recording import Recording
@@ -71,6 +72,9 @@ class Simulator:
         source: What the scene was called; empty where it was none of a file.
         x: The state (q, v, z) as it is now, shape (nx,): a read-only view that steps change.
         acted: ``command`` as it is now, likewise.
+        hold: What held the arm in the last tick: ``FREE``, ``BRAKES`` or ``SERVOS``, see
+            ``Recording``.
+        notes: Estimated error and time-stepped ticks as they are now, see ``State``, likewise.
         sensors: What the scene's sensors tell, tick by tick; None if it has none.
 
     Raises:
@@ -99,6 +103,7 @@ class Simulator:
         self._effort, self._notes = np.zeros((1, self.n)), np.zeros((1, 2))
         self._put = Struct(f"{self.n}d").pack_into
         self.x, self.acted = read_only(self._x), read_only(self._effort[0])
+        self.notes, self.hold = read_only(self._notes[0]), FREE
         self._state: State | None = None
         self._step = 0
         self._saturation = SaturationNotice(model)
@@ -256,7 +261,7 @@ class Simulator:
         place = x[:n].copy() if still else None
         self._advance()
         if place is not None and abs(x[n : 2 * n]).max() < AT_REST:
-            x[:n], x[n : 2 * n] = place, 0.0
+            x[:n], x[n : 2 * n], self.hold = place, 0.0, SERVOS
 
     def lock(self) -> None:
         """Let brakes close: joints and motors lose their speed at once, and drives go off."""
@@ -268,14 +273,14 @@ class Simulator:
 
     def stand(self) -> None:
         """Let a tick pass in which closed brakes hold every joint, see ``lock``."""
-        self._step, self._state = self._step + 1, None
+        self._step, self._state, self.hold = self._step + 1, None, BRAKES
         if self.sensors is not None:
             self.sensors.look(self._step, self._q, self._v, self._driving)
 
     def _advance(self) -> None:
         if self._tick() != 1:
             raise self._diverged()
-        self._step, self._state = self._step + 1, None
+        self._step, self._state, self.hold = self._step + 1, None, FREE
         self._saturation.look(self._command, self._effort)
         if self.sensors is not None:
             self.sensors.look(self._step, self._q, self._v, self._driving)
@@ -349,7 +354,7 @@ class Simulator:
             time=time, q=q, v=v, z=z, command=command, error=notes[:, 0],
             time_stepped=notes[:, 1], joint_names=self.joint_names,
             p=changes.parameters(done + 1), origin=origin, held=self.held_constraints,
-            jumps=changes.jumps(), substep=substep,
+            jumps=changes.jumps(), hold=changes.hold(done + 1), substep=substep,
             physics=Physics.built(
                 origin, compiled.plant, compiled.present, compiled.energy_account
             ),
@@ -607,6 +612,8 @@ class Simulator:
             except SimulationDiverged:
                 return k
             x[k + 1], effort[k], notes[k] = self._x, self._effort[0], self._notes[0]
+            if self.hold != FREE:
+                changes.held(k, self.hold)
             if self.sensors is not None and told is not None:
                 told[k + 1] = self.sensors.said
         return len(effort)

@@ -14,7 +14,7 @@ from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
 from arm_sim.cli.nodes import controller, dynamics, sim
 from arm_sim.cli.output import examples
-from arm_sim.cli.recordings import plot
+from arm_sim.cli.recordings import plot, record, replay
 from arm_sim.cli.robot import get, go, set_, watch
 from arm_sim.cli.urdf import urdf
 from arm_sim.cli.view import view
@@ -57,7 +57,8 @@ def main() -> None:
 
 
 COMMANDS = (
-    demo, describe, build, call, view, plot, dynamics, sim, controller, go, set_, get, watch, urdf
+    demo, describe, build, call, view, plot, record, replay, dynamics, sim,
+    controller, go, set_, get, watch, urdf,
 )  # fmt: skip
 for command in COMMANDS:
     main.add_command(command)

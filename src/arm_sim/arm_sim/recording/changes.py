@@ -7,6 +7,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_sim.plant.plant import Plant
@@ -55,6 +56,7 @@ class Changes:
     def __init__(self, simulator: _Changing) -> None:
         self._simulator = simulator
         self._rows, self._states, self._substeps = [0], list[Array](), list[float]()
+        self._holds = dict[int, int]()
         self._tuned, self._last = [self._present()], self._token()
 
     def look(self, row: int, x: Array) -> None:
@@ -67,6 +69,18 @@ class Changes:
         self._states.append(x[row].copy())
         self._substeps.append(self._simulator.substep)
         self._last, x[row] = token, here
+
+    def held(self, row: int, how: int) -> None:
+        """Note what held the arm in the tick that begins at a row."""
+        self._holds[row] = how
+
+    def hold(self, rows: int) -> NDArray[np.uint8] | None:
+        """What held the arm in the tick from each time on, shape (rows,); None if nothing did."""
+        if not self._holds:
+            return None
+        hold = np.zeros(rows, np.uint8)
+        hold[list(self._holds)] = list(self._holds.values())
+        return hold
 
     def parameters(self, rows: int) -> Array:
         """Tunable quantities from each time on, shape (rows, np)."""

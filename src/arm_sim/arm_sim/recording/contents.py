@@ -6,10 +6,15 @@ from __future__ import annotations
 from dataclasses import dataclass, fields
 from typing import Any
 
+import numpy as np
+from numpy.typing import NDArray
+
 from arm_dynamics.arrays import Array
 from arm_sim.imperfections import Measured
 from arm_sim.recording.changes import Jump
 from arm_sim.recording.origin import Origin
+
+FREE, BRAKES, SERVOS = range(3)  # as in arm_msgs/Tick
 
 
 @dataclass(frozen=True)
@@ -45,6 +50,8 @@ class Contents:
         held: Names of the constraints that held.
         jumps: What was changed between two ticks.
         events: What was noted meanwhile.
+        hold: What held the arm in the tick that begins at each time, shape (k+1,): ``FREE``,
+            ``BRAKES`` or ``SERVOS``; None if nothing ever did.
         gaps: Rows before which ticks are missing: a recorder that could not follow, or a file
             that is damaged.
         substep: Sub-step with which error control began, in [s]; see ``Simulator.substep``.
@@ -65,6 +72,7 @@ class Contents:
     held: tuple[str, ...] = ()
     jumps: tuple[Jump, ...] = ()
     events: tuple[Event, ...] = ()
+    hold: NDArray[np.uint8] | None = None
     gaps: tuple[int, ...] = ()
     substep: float = 0.0
     measured: Measured | None = None

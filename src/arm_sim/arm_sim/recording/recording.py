@@ -18,7 +18,7 @@ from arm_dynamics import Dynamics, InvalidInput, Scene
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import known_names
 from arm_sim.plant.plant import Plant
-from arm_sim.recording.contents import Contents
+from arm_sim.recording.contents import BRAKES, Contents
 from arm_sim.recording.energy_account import TRUSTED, EnergyAccount, relative_error
 from arm_sim.recording.figure import draw
 from arm_sim.recording.measured import with_scene
@@ -267,6 +267,12 @@ class Recording(Contents):
         for jump in self.jumps:
             before = self.account.energies(jump.x[None], jump.p[None]).sum()
             changed[jump.row] = self.energy[jump.row] - before
+        for row in self.gaps:
+            if row not in {jump.row for jump in self.jumps}:
+                changed[row] = self.energy[row] - self.energy[row - 1]
+        if self.hold is not None:  # brakes take what was moving
+            taken = self.hold[:-1] == BRAKES
+            changed[1:][taken] += np.diff(self.energy)[taken]
         return np.cumsum(changed)
 
     @cached_property
@@ -378,4 +384,7 @@ class Recording(Contents):
             if jump.row > 0:
                 after[jump.row - 1] = jump.x
         flows = self.account.flows(x[:-1], after, self.command[:-1], self.p[:-1])
+        flows[[row - 1 for row in self.gaps]] = 0.0  # what went on there is not known
+        if self.hold is not None:
+            flows[self.hold[:-1] == BRAKES] = 0.0
         return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])

@@ -19,6 +19,7 @@ from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.realtime_loop import RealtimeLoop
+from arm_sim.ros.record import TickRecorder
 from arm_sim.ros.robot import Display
 from arm_sim.ros.tick_engine import TickEngine
 
@@ -36,11 +37,14 @@ class SimDiagnostics:
     display: Display
     lockstep: Lockstep | None
     refused_privileges: Sequence[str]
+    recorder: TickRecorder | None
     growth: Growth = field(default_factory=Growth)
 
     def __call__(self) -> list[Finding]:
         """Look at every part."""
         found = [self._look_at_loop(), self._look_at_commands(), self._look_at_simulation()]
+        if self.recorder is not None:
+            found.append(self._look_at_recorder(self.recorder))
         return found if self.lockstep is None else [*found, self._look_at(self.lockstep)]
 
     def _look_at_loop(self) -> Finding:
@@ -116,6 +120,17 @@ class SimDiagnostics:
                 f"the energy account is off by {off:.2g} of the energy that moved, more than "
                 f"{TRUSTED:g}: with ticks of {dt:g} s a smaller dt or a tolerance is expected",
             )
+        return found
+
+    def _look_at_recorder(self, recorder: TickRecorder) -> Finding:
+        found, thread = Finding("recording"), recorder.thread
+        found.values = {
+            "path": str(recorder.path), "ticks": recorder.ticks, "ticks lost": recorder.lost,
+            "messages lost": thread.lost, "written [B]": thread.mcap.written,
+        }  # fmt: skip
+        self.growth.warn(found, recorder.lost, "ticks are not in the recording: the disk is slow")
+        if thread.failure:
+            found.complain(ERROR, thread.failure)
         return found
 
     def _look_at(self, lockstep: Lockstep) -> Finding:

@@ -3,7 +3,10 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from math import copysign
+from typing import Any
 
 import numpy as np
 from geometry_msgs.msg import WrenchStamped
@@ -13,8 +16,9 @@ from std_msgs.msg import Float64MultiArray
 from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
-from arm_dynamics.ros.interfaces import JOINT_COMMANDS
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
 from arm_dynamics.ros.joint_state import JointStateSource, Numbers, make_reader
+from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.joint_commands import JointCommands
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.tick_engine import TickEngine
@@ -33,6 +37,7 @@ class Inputs:
         round_trip: How long commands take from state to effort.
         refused: How many commands were refused.
         refused_wrenches: How many wrenches were refused.
+        tap: Called with topic and message of what comes in, if it is there.
     """
 
     def __init__(self, node: Node, engine: TickEngine) -> None:
@@ -48,11 +53,18 @@ class Inputs:
         self.reader = make_reader(names, ("effort",), other=references, **ways)
         self.source: JointStateSource | None = None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
+        self.tap: Callable[[Topic, Any], None] | None = None
         engine.read_commands = self._read_waiting
 
     def open(self, node: Node) -> None:
         """Subscribe to efforts by joint name, to be read before each tick."""
         self.source = JointStateSource(node, JOINT_COMMANDS, self.reader)
+
+    def listen(self, tap: Callable[[Topic, Any], None]) -> None:
+        """Tell ``tap`` of everything that comes in from now on, as it came."""
+        self.tap = tap
+        if self.source is not None:
+            self.source.tap = partial(tap, JOINT_COMMANDS)
 
     def close(self) -> None:
         """End the subscription."""
@@ -90,6 +102,8 @@ class Inputs:
         Returns:
             Its stamp in [ns], or None if it was refused.
         """
+        if self.tap is not None:
+            self.tap(JOINT_COMMANDS, raw)
         try:
             stamp, numbers = self.reader.read(raw)
         except InvalidInput as error:
@@ -110,6 +124,8 @@ class Inputs:
 
     def on_commands(self, message: Float64MultiArray) -> None:
         """Take efforts in model order."""
+        if self.tap is not None:
+            self.tap(COMMANDS, message)
         tau, n = np.array(message.data, float), self._model.n
         try:
             if tau.shape != (n,) or not np.isfinite(tau).all():
@@ -128,6 +144,8 @@ class Inputs:
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """Push the frame that the header names."""
+        if self.tap is not None:
+            self.tap(WRENCH, message)
         force, moment = message.wrench.force, message.wrench.torque
         wrench = [force.x, force.y, force.z, moment.x, moment.y, moment.z]
         try:

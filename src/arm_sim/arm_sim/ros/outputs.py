@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 from arm_msgs.msg import Energy, Multipliers
@@ -11,6 +12,7 @@ from rclpy.node import Node
 
 from arm_dynamics.arrays import Array
 from arm_dynamics.model.description import AllJoints
+from arm_dynamics.ros.common.cdr import as_bytes
 from arm_dynamics.ros.common.convert import to_time
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.interfaces import JOINT_STATES, Topic
@@ -35,6 +37,7 @@ class Outputs:
         said: Positions, velocities and efforts that joint states tell of, each shape (n,).
         stamps: Where stamps come from.
         clock: What tells others the time, or None.
+        tap: Called with topic, stamp in [ns] and bytes of what is published, if it is there.
     """
 
     def __init__(
@@ -82,6 +85,7 @@ class Outputs:
         self.stamps = _stamps(node, params, simulator.dt)
         self.clock = SimClock(node) if params.publish_clock else None
         simulator.energy_account.prepare()
+        self.tap: Callable[[Topic, int, bytes], None] | None = None
         self._idle = 0.0
         engine.on_tick.append(self._after_tick)
         engine.on_idle.append(lambda: self.repeat(simulator.dt))
@@ -98,6 +102,8 @@ class Outputs:
         if self._all is not None:
             self._all.fill()
         self._states.send(stamp)
+        if self.tap is not None:
+            self.tap(JOINT_STATES, stamp, self._states.raw)
         if self._truth is not None:
             self._truth.send(stamp)
         if self.clock is not None:
@@ -134,8 +140,7 @@ class Outputs:
         if not heard:
             return
         message = Energy(**self._engine.account()._asdict())
-        message.header.stamp = to_time(self.stamp())
-        self._energy.publish(message)
+        self._publish(ENERGY, self._energy, message)
 
     def _publish_multipliers(self) -> None:
         if self._multipliers is None or self._multipliers.get_subscription_count() == 0:
@@ -143,8 +148,16 @@ class Outputs:
         simulator = self._simulator
         message = Multipliers(names=list(simulator.dynamics.constrained.names))
         message.values = simulator.multipliers().tolist()
-        message.header.stamp = to_time(self.stamp())
-        self._multipliers.publish(message)
+        self._publish(MULTIPLIERS, self._multipliers, message)
+
+    def _publish(self, topic: Topic, publisher: Any, message: Any) -> None:
+        """Publish what is not for every tick."""
+        stamp = self.stamp()
+        message.header.stamp = to_time(stamp)
+        raw = as_bytes(message)
+        publisher.publish(raw)
+        if self.tap is not None:
+            self.tap(topic, stamp, raw)
 
 
 def _stamps(node: Node, params: SimParams, dt: float) -> SimulatedTime | NodeTime:

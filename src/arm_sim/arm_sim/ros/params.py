@@ -61,6 +61,11 @@ class SimParams(ThreadParams, RobotParams):
         choices=CHOICES,
     )
     publish_clock: bool = parameter(False, "Publish simulated time on /clock")
+    record: str = parameter(
+        "",
+        "File (.mcap) or folder of a bag to record every tick to; {time} in its name stands for "
+        "the time of the start; empty: none",
+    )
     energy_period: float = parameter(
         0.02, "Time between messages on ~/energy [s]", low=0.001, high=10.0
     )

@@ -21,6 +21,7 @@ from arm_sim.ros.lockstep import Lockstep
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import CLOCK, HAND, SimParams, greeting, simulator_of
 from arm_sim.ros.realtime_loop import RealtimeLoop
+from arm_sim.ros.record import TickRecorder, listen, recorder_of
 from arm_sim.ros.robot import Display, publish_description
 from arm_sim.ros.services import SimServices
 from arm_sim.ros.standard import StandardServices
@@ -43,6 +44,7 @@ class SimNode(Node):
         loop: What ticks by the clock, and measures how well it keeps it.
         requests: The services.
         standard: The standard services of simulators.
+        recorder: What records every tick, or None.
         diagnostics: Looks at all of these.
     """
 
@@ -60,6 +62,7 @@ class SimNode(Node):
         super().__init__("sim", **node_kwargs)
         self.params = params = declare(self, SimParams)
         self._refused_privileges: list[str] = []
+        self.recorder: TickRecorder | None = None
         chosen, source = scene_for(self, scene, params.scene, params)
         self.simulator = simulator_of(chosen, params)
         in_background = params.tick_source == CLOCK
@@ -79,6 +82,7 @@ class SimNode(Node):
         self.inputs = inputs = Inputs(self, engine)
         trip, heard = inputs.round_trip, lambda: self.diagnosis.heard
         self._outputs = Outputs(self, engine, params, trip, account_wanted=heard)
+        self.recorder = recorder_of(self, params.record, engine)
         self.display = Display(self, engine, params, self._outputs.said, self._outputs.stamp)
         factor = params.realtime_factor
         self.loop = RealtimeLoop(
@@ -92,13 +96,15 @@ class SimNode(Node):
             self.lockstep = Lockstep(self, params, engine, inputs, self._outputs)
         else:
             inputs.open(self)
+        if self.recorder is not None:
+            listen(self.recorder, self, inputs, self._outputs)
         subscribe(self, COMMANDS, inputs.on_commands)
         subscribe(self, WRENCH, inputs.on_wrench)
         self.requests = SimServices(self, engine, self._reset_counters)
         self.standard = StandardServices(self, engine, params, self._outputs.stamp)
         self.diagnostics = SimDiagnostics(
             self, params, engine, self.loop, inputs, self._outputs, self.display, self.lockstep,
-            self._refused_privileges,
+            self._refused_privileges, self.recorder,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
         publish_description(self, params, chosen.robot.urdf, source)
@@ -118,6 +124,8 @@ class SimNode(Node):
 
     def _apply(self, params: SimParams) -> None:
         self.engine.configure(params.command_timeout, params.stale_policy)
+        if self.recorder is not None:
+            self.recorder.note(f"parameters: {params}")
         self.params = params
 
     def _claim_privileges(self) -> None:
@@ -158,6 +166,8 @@ class SimNode(Node):
         self.standard.close()
         if self._background is not None:
             self._background.close()
+        if self.recorder is not None:
+            self.recorder.close()
         if self.params.tick_source == CLOCK:
             loop, round_trip = self.loop.report(), self.inputs.round_trip.percentiles()
             self.get_logger().info(

@@ -133,7 +133,11 @@ def core_log_of(node: Node) -> Iterator[None]:
             logger.setLevel(level)
 
 
-def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
+def run(
+    make_node: Callable[..., Node],
+    args: list[str] | None = None,
+    done: Callable[[], bool] = lambda: False,
+) -> int:
     """Run one node in this process: start, spin until SIGINT or SIGTERM, leave nothing behind.
 
     The signals only ask for the end, so that the node is taken down while ROS still works.
@@ -141,6 +145,7 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
     Args:
         make_node: The node's class, called with ``context=``.
         args: ROS command line, that of the process when None.
+        done: Asked now and then whether to end.
 
     Returns:
         0 after a clean end, 2 when the node could not start, with the reason on stderr.
@@ -157,8 +162,8 @@ def run(make_node: Callable[..., Node], args: list[str] | None = None) -> int:
         if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
             freeze_garbage()
         with core_log_of(node):
-            spin(node, lambda: bool(asked))
-    except ArmError as error:
+            spin(node, lambda: bool(asked) or done())
+    except (ArmError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
         return 2
     finally:

@@ -142,13 +142,17 @@ class CompiledReader(JointStateReader):
             self._native.release(self._memory)
             self._memory = c_void_p(None)
 
+    @property
+    def raw(self) -> bytes:
+        """The message that was taken last."""
+        return ctypes.string_at(self._state.raw, self._state.length)
+
     def taken(self, outcome: int) -> tuple[int, Read] | None:
         """Arrival in [ns] and content of a message, after ``take`` with that outcome."""
         if outcome == NONE:
             return None
         if outcome == OTHER:
-            arrival, state = self._unpack(self._found)[1], self._state
-            return arrival, self._learn(ctypes.string_at(state.raw, state.length))
+            return self._unpack(self._found)[1], self._learn(self.raw)
         return self._accepted(outcome)
 
     def _accepted(self, outcome: int) -> tuple[int, Read]:
@@ -203,11 +207,15 @@ class JointStateSource:
     """JointStates of a topic for a loop that polls; no executor is needed.
 
     With a ``CompiledReader`` a message is taken and read in one call.
+
+    Attributes:
+        tap: Called with the bytes of every message, if it is there.
     """
 
     def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
         """Subscribe; ``close`` before the node is destroyed."""
         self._newest, self._reader = Newest(node, topic), reader
+        self.tap: Callable[[bytes], None] | None = None
         self._compiled = reader if isinstance(reader, CompiledReader) else None
         if self._compiled is not None:
             self._compiled.open(self._newest.pointer)
@@ -222,8 +230,12 @@ class JointStateSource:
             InvalidInput: As ``JointStateReader.read``.
         """
         if self._compiled is not None and (outcome := self._compiled.take()) != FAILED:
+            if self.tap is not None and outcome != NONE:
+                self.tap(self._compiled.raw)
             return self._compiled.taken(outcome)
         taken = self._newest.take()  # of a failure, it says why
+        if self.tap is not None and taken is not None:
+            self.tap(taken[0])
         return None if taken is None else (taken[1], self._reader.read(taken[0]))
 
     def close(self) -> None:
@@ -234,7 +246,11 @@ class JointStateSource:
 
 
 class JointStateSink:
-    """Publishes JointStates whose numbers stand in arrays that stay."""
+    """Publishes JointStates whose numbers stand in arrays that stay.
+
+    Attributes:
+        raw: The message that was sent last.
+    """
 
     def __init__(
         self, node: Node, topic: Topic, writer: JointStateWriter, arrays: Sequence[Array]
@@ -250,7 +266,7 @@ class JointStateSink:
             arrays: One for each of the writer's fields, contiguous, shape (n,).
         """
         self._handle = advertise(node, topic).handle
-        self._writer, self._arrays = writer, tuple(arrays)
+        self._writer, self._arrays, self.raw = writer, tuple(arrays), writer.raw
         compiled = native()
         self._compiled = None if compiled is None else self._in_c(compiled.send)
 

@@ -23,7 +23,7 @@ from arm_sim.recording.files.container import MESSAGE, McapWriter
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, LOG, TICK
 from arm_sim.recording.files.ticks import TickFile
 
-__all__ = ["MESSAGE", "McapWriter", "TickFile", "bag_metadata", "load", "save"]
+__all__ = ["MESSAGE", "McapWriter", "TickFile", "bag_metadata", "load", "save", "where"]
 
 _METADATA = "metadata.yaml"
 

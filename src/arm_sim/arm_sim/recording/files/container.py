@@ -2,8 +2,8 @@
 """MCAP files, written chunk by chunk and read as far as they go.
 
 So whatever breaks loses the last chunk at most. Specification: https://mcap.dev/spec. The library
-``mcap`` writes and reads every kind of record but messages: a message takes it 20 µs in Python,
-and a recording of ten minutes has two million. Here a chunk of them is one array.
+``mcap`` writes and reads every kind of record but messages: one takes it 20 µs in Python, and a
+recording of ten minutes has two million. Here a chunk of them is one array.
 """
 
 from __future__ import annotations

@@ -32,8 +32,8 @@ _PARTS = {"builtin_interfaces/Time": _TIME, "std_msgs/Header": _HEADER}
 _OWN = {
     JOINT_STATE: "std_msgs/Header header\nstring[] name\nfloat64[] position\n"
     "float64[] velocity\nfloat64[] effort",
-    TICK: "std_msgs/Header header\nfloat64[] state\nfloat64[] command\nfloat64 error\n"
-    "float64 time_stepped",
+    TICK: "uint8 FREE=0\nuint8 BRAKES=1\nuint8 SERVOS=2\nstd_msgs/Header header\n"
+    "float64[] state\nfloat64[] command\nfloat64 error\nfloat64 time_stepped\nuint8 hold",
     CHANGE: "std_msgs/Header header\nstring text\nstring[] tunable\nfloat64[] parameters\n"
     "float64[] state\nfloat64 substep\nfloat64 error\nfloat64 time_stepped",
     LOG: "byte DEBUG=10\nbyte INFO=20\nbyte WARN=30\nbyte ERROR=40\nbyte FATAL=50\n"
@@ -60,6 +60,7 @@ class TickWriter:
         state: Its numbers: (q, v, z), the command, error and time-stepped ticks; as bytes.
         command: Likewise.
         notes: Likewise.
+        hold: Where it says what held the arm.
     """
 
     def __init__(self, nx: int, n: int) -> None:
@@ -68,6 +69,7 @@ class TickWriter:
         writer.text("")
         state, command = writer.doubles(np.zeros(nx)), writer.doubles(np.zeros(n))
         notes = writer.array(np.zeros(2))
+        self.hold = writer.put(b"\0", 1)
         self.raw, self.places = writer.raw, (state, command, notes)
         view = memoryview(self.raw)
         self.state, self.command = view[state : state + 8 * nx], view[command : command + 8 * n]

@@ -29,6 +29,8 @@ def write(contents: Contents, path: Path) -> None:
     if jumps:
         arrays["jump_x"] = np.array([jump.x for jump in jumps])
         arrays["jump_p"] = np.array([jump.p for jump in jumps])
+    if contents.hold is not None:
+        arrays["hold"] = contents.hold
     if (told := contents.measured) is not None:
         arrays["measured"] = np.hstack([told.q, told.v, told.effort])
     about = {
@@ -90,6 +92,7 @@ def _contents(arrays: dict[str, Any]) -> Contents:
         events=tuple(Event(float(time), str(text)) for time, text in about["events"]),
         gaps=tuple(about["gaps"]), substep=float(about["substep"]),
         of_robot=bool(about["of_robot"]),
+        hold=arrays.get("hold"),
         measured=Measured.of(arrays["measured"]) if "measured" in arrays else None,
     )  # fmt: skip
 

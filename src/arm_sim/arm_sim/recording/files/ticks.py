@@ -20,7 +20,7 @@ from arm_dynamics.scene.constraint import switches
 from arm_sim.imperfections import Measured
 from arm_sim.plant.placing import held_of
 from arm_sim.recording.changes import Jump
-from arm_sim.recording.contents import Contents, Event
+from arm_sim.recording.contents import FREE, Contents, Event
 from arm_sim.recording.files.container import MESSAGE, Found, McapWriter
 from arm_sim.recording.files.messages import (
     CHANGE,
@@ -201,6 +201,8 @@ def _rows(contents: Contents, efforts: Array, file: TickFile) -> _Rows:
         _put(rows, inside + stamp + 4, rest.astype(np.uint32))
         for place, array in zip(places, arrays, strict=True):
             _put(rows, inside + place, array)
+    if contents.hold is not None:
+        _put(rows, starts[1] + MESSAGE.size + tick.hold, np.roll(contents.hold, 1))
     return _Rows(rows, starts)
 
 
@@ -238,8 +240,8 @@ def _changes(contents: Contents) -> Iterator[tuple[int, Change]]:
     """The start, and every change of anything but by a tick; the last of several at a time."""
     x = np.hstack([contents.q, contents.v, contents.z])
     scene, jumps = _scene(contents), {jump.row: i for i, jump in enumerate(contents.jumps)}
-    later = [*(jump.tunable for jump in contents.jumps[1:]), _tunable(scene)]
-    tunable = contents.jumps[0].tunable if contents.jumps else _tunable(scene)
+    later = [*(jump.tunable for jump in contents.jumps[1:]), tunable_names(scene)]
+    tunable = contents.jumps[0].tunable if contents.jumps else tunable_names(scene)
     substep = contents.substep
     changed = np.any(contents.p[1:] != contents.p[:-1], axis=1).nonzero()[0] + 1
     for row in sorted({0, *jumps, *contents.gaps, *changed.tolist()}):
@@ -247,7 +249,7 @@ def _changes(contents: Contents) -> Iterator[tuple[int, Change]]:
             tunable = later[jumps[row]]
             substep = contents.jumps[jumps[row]].substep
         p, n = contents.p[row], contents.q.shape[1]
-        if EXTERNAL not in tunable and EXTERNAL in _tunable(scene):
+        if EXTERNAL not in tunable and EXTERNAL in tunable_names(scene):
             place = _external_place(scene, p)
             p = np.delete(p, np.s_[place - n : place])
         stamp, text = _nanoseconds(contents.time[row]), "changed" if row else "start"
@@ -261,7 +263,7 @@ def _scene(contents: Contents) -> Scene:
     return contents.origin.scene
 
 
-def _tunable(scene: Scene) -> tuple[str, ...]:
+def tunable_names(scene: Scene) -> tuple[str, ...]:
     """Names of what is tunable, in the order of p."""
     order = ("gravity", "payload", "friction", EXTERNAL)
     names = [name for name in order if name in scene.tunable]
@@ -309,7 +311,7 @@ def _joined(
 ) -> Contents:  # fmt: skip
     n, nx = len(names), changes[0][1].x.size
     places = np.array([place for place, *_ in ticks], np.int64)
-    stamps, x, command, notes = _matrices([raw for *_, raw in ticks], nx, n)
+    stamps, x, command, notes, hold = _matrices([raw for *_, raw in ticks], nx, n)
     steps = np.round(1e-9 * stamps / origin.dt).astype(np.int64)
     tunable = changes[-1][1].tunable
     scene = origin.scene.model_copy(
@@ -321,23 +323,26 @@ def _joined(
         run.change(change)
         end = edges[i + 1] if i + 1 < len(edges) else len(ticks)
         block = slice(edges[i], end)
-        run.ticks(steps[block], x[block], command[block], notes[block])
+        run.ticks(steps[block], x[block], command[block], notes[block], hold[block])
     told = [log_text(raw) for *_, raw in _only(found, LOG)]
     events = [Event(1e-9 * stamp, text) for stamp, text in told]
     events += [Event(run.time()[-1], f"file: {damage}") for damage in found.damage]
     return run.contents(replace(origin, scene=scene), names, tuple(events))
 
 
-def _matrices(raws: list[bytes], nx: int, n: int) -> tuple[NDArray[np.int64], Array, Array, Array]:
+def _matrices(
+    raws: list[bytes], nx: int, n: int
+) -> tuple[NDArray[np.int64], Array, Array, Array, NDArray[np.uint8]]:
     if not raws:
-        return np.zeros(0, np.int64), np.zeros((0, nx)), np.zeros((0, n)), np.zeros((0, 2))
+        none = np.zeros(0, np.int64)
+        return none, np.zeros((0, nx)), np.zeros((0, n)), np.zeros((0, 2)), none.astype(np.uint8)
     if tick_sizes(raws[0]) != (nx, n) or len({len(raw) for raw in raws}) > 1:
         raise InvalidInput("the ticks of the recording are not all of the same robot")
     rows = np.frombuffer(b"".join(raws), np.uint8).reshape(len(raws), -1)
     writer = TickWriter(nx, n)
     sizes = zip(writer.places, (nx, n, 2), strict=True)
     x, command, notes = (numbers_at(rows, place, size) for place, size in sizes)
-    return stamps_at(rows, writer.stamp), x, command, notes
+    return stamps_at(rows, writer.stamp), x, command, notes, rows[:, writer.hold].copy()
 
 
 class _Run:
@@ -347,6 +352,7 @@ class _Run:
         self._dt, self._scene, self._n = dt, scene, n
         self._steps, self._x = list[Any](), list[Array]()
         self._commands, self._notes, self._p = list[Array](), list[Array](), list[Array]()
+        self._holds = list[NDArray[np.uint8]]()
         self._jumps, self._gaps = list[Jump](), list[int]()
         self._rows, self._offset, self._last, self._substep = 0, 0, 0, 0.0
         self._tunable: tuple[str, ...] = ()
@@ -374,31 +380,35 @@ class _Run:
             substep = max(change.notes[0], 0.0)
             self._jumps.append(Jump(self._rows - 1, x, tuned, self._tunable, substep))
 
-    def ticks(self, steps: NDArray[np.int64], x: Array, command: Array, notes: Array) -> None:
+    def ticks(
+        self, steps: NDArray[np.int64], x: Array, command: Array, notes: Array,
+        hold: NDArray[np.uint8],
+    ) -> None:  # fmt: skip
         """Take ticks one after another, and see whether some are missing."""
         missing = np.flatnonzero(np.diff(steps, prepend=self._last) != 1).tolist()
-        for first, end in zip([0, *missing], [*missing, len(steps)], strict=True):
+        cuts = sorted({0, *missing})
+        for first, end in zip(cuts, [*cuts[1:], len(steps)], strict=True):
             if first in missing:
                 self._gaps.append(self._rows)
                 self._offset += max(0, self._last + 1 - int(steps[first]))
             if first < end:
                 block = slice(first, end)
-                self._follow(steps[block], x[block], command[block], notes[block])
-
-    def _follow(self, steps: NDArray[np.int64], x: Array, command: Array, notes: Array) -> None:
-        self._commands[-1][-1] = command[0]
-        self._steps.append(steps + self._offset)
-        self._x.append(x.copy())
-        # What acts from a time on is told by the tick that begins there.
-        self._commands.append(np.vstack([command[1:], command[-1:]]))
-        self._notes.append(notes)
-        self._p.append(np.tile(self._present, (len(steps), 1)))
-        self._rows, self._last = self._rows + len(steps), int(steps[-1])
+                self._commands[-1][-1], self._holds[-1][-1] = command[first], hold[first]
+                self._steps.append(steps[block] + self._offset)
+                self._x.append(x[block].copy())
+                # What acts from a time on is told by the tick that begins there.
+                self._commands.append(np.roll(command[block], -1, axis=0))
+                self._holds.append(np.roll(hold[block], -1))
+                self._commands[-1][-1], self._holds[-1][-1] = command[end - 1], FREE
+                self._notes.append(notes[block])
+                self._p.append(np.tile(self._present, (end - first, 1)))
+                self._rows, self._last = self._rows + end - first, int(steps[end - 1])
 
     def _row(self, step: int, change: Change, command: Array, p: Array) -> None:
         self._steps.append(np.array([step + self._offset]))
         self._x.append(change.x[None].copy())
         self._commands.append(command[None].copy())
+        self._holds.append(np.array([FREE], np.uint8))
         self._notes.append(np.array([change.notes[1:]]))
         self._p.append(p[None].copy())
         self._rows, self._last = self._rows + 1, step
@@ -418,14 +428,14 @@ class _Run:
     ) -> Contents:
         """All of it."""
         n, x, notes = self._n, np.vstack(self._x), np.vstack(self._notes)
-        p = read_only(np.vstack(self._p))
+        p, hold = read_only(np.vstack(self._p)), np.concatenate(self._holds)
         q, v, z = (read_only(part) for part in np.split(x, (n, 2 * n), axis=1))
         return Contents(
             time=read_only(self.time()), q=q, v=v, z=z,
             command=read_only(np.vstack(self._commands)), error=read_only(notes[:, 0]),
             time_stepped=read_only(notes[:, 1]), joint_names=names, p=p, origin=origin,
             held=held_of(self._scene.constraints, p[-1]), jumps=tuple(self._jumps), events=events,
-            gaps=tuple(self._gaps), substep=self._substep,
+            gaps=tuple(self._gaps), hold=hold if hold.any() else None, substep=self._substep,
         )  # fmt: skip
 
 

@@ -1,0 +1,298 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A recorded run made again, and compared with what was recorded."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics import InvalidInput, Scene, load_scene
+from arm_dynamics.arrays import Array, read_only
+from arm_sim.exceptions import SimulationDiverged
+from arm_sim.plant.parameters import Parameters
+from arm_sim.recording.contents import BRAKES, FREE
+from arm_sim.recording.files.ticks import EXTERNAL, tunable_names
+from arm_sim.recording.origin import Physics, versions
+from arm_sim.recording.recording import Recording
+from arm_sim.runtime_changes import external_change
+from arm_sim.simulator import Simulator
+
+_PARTS = ("position", "velocity")
+
+
+@dataclass(frozen=True)
+class Difference:
+    """The first number that came out otherwise.
+
+    Attributes:
+        tick: Of which tick, counted from the beginning of the recording.
+        time: At its end in [s].
+        what: The joint and what of it, or the state of a law.
+        recorded: What was recorded.
+        replayed: What came out.
+    """
+
+    tick: int
+    time: float
+    what: str
+    recorded: float
+    replayed: float
+
+    @property
+    def size(self) -> float:
+        """How much they differ."""
+        return abs(self.recorded - self.replayed)
+
+    def __str__(self) -> str:
+        """One line."""
+        return (
+            f"tick {self.tick} (t = {self.time:.6g} s), {self.what}: recorded {self.recorded!r}, "
+            f"replayed {self.replayed!r}, off by {self.size:.3g}"
+        )
+
+
+@dataclass(frozen=True)
+class Replay:
+    """What a replay came to.
+
+    Attributes:
+        recording: The motion as it came out this time.
+        first: The first difference; None if every state is equal to the bit.
+        apart: How far positions are apart at each time, the largest of all joints in [rad] or
+            [m], shape (k+1,); NaN from where the replay could not go on.
+        other_versions: What computes here in another version than there, by name.
+        failure: Why the replay could not go on; empty if it could.
+    """
+
+    recording: Recording
+    first: Difference | None
+    apart: Array
+    other_versions: tuple[str, ...]
+    failure: str = ""
+
+    @property
+    def equal(self) -> bool:
+        """Whether every state is equal to the bit."""
+        return self.first is None and not self.failure
+
+
+def replay(
+    recording: Recording,
+    scene: Any = None,
+    integrator: str | None = None,
+    tolerance: float | None = None,
+) -> Replay:
+    """Run the scene of a recording again from its commands, changes and pushes.
+
+    Args:
+        recording: What is repeated.
+        scene: Another scene with the same joints; None for the recorded one.
+        integrator: Another method, or None.
+        tolerance: Another tolerance, or None.
+
+    Returns:
+        The motion, and where it is another one.
+
+    Raises:
+        InvalidInput: If the recording cannot be repeated: it is of a robot, or the other scene has
+            other joints or another length of ticks.
+    """
+    if recording.origin is None or recording.of_robot:
+        raise InvalidInput(
+            "the recording is of a robot, not of ticks of a simulation; --topics plays it"
+        )
+    return _Run(recording, scene, integrator, tolerance).made()
+
+
+class _Run:
+    """One replay."""
+
+    def __init__(
+        self, recording: Recording, scene: Any, integrator: str | None, tolerance: float | None
+    ) -> None:
+        origin = recording.origin
+        assert origin is not None
+        self._recording, self._same = recording, scene is None
+        base = origin.scene if scene is None else load_scene(scene)
+        if scene is None and recording.jumps:
+            base = _with_tunable(base, recording.jumps[0].tunable)
+        if integrator is None and tolerance is None:
+            integrator, tolerance = origin.integrator, origin.tolerance
+        # What lies between arm and controller has had its effect on the commands already.
+        plain = base.model_copy(update={"sensors": None, "commands": None})
+        self._sim = sim = Simulator(plain, integrator, origin.dt, tolerance)
+        if sim.joint_names != recording.joint_names:
+            raise InvalidInput(
+                f"the scene has joints {', '.join(sim.joint_names)}; the recording has "
+                f"{', '.join(recording.joint_names)}"
+            )
+        self._x = np.hstack([recording.q, recording.v, recording.z])
+        self._ended = self._x.copy()  # at the end of each tick, before what changed it
+        for jump in reversed(recording.jumps):
+            self._ended[jump.row] = jump.x
+        self._jumps = {jump.row: i for i, jump in enumerate(recording.jumps)}
+        self._there = Parameters(recording.plant.model)
+        self._told = self._quantities()
+        rows, nx = len(recording), sim.plant.nx
+        self._out, self._out_ended = np.full((rows, nx), np.nan), np.full((rows, nx), np.nan)
+
+    def _quantities(self) -> list[str]:
+        """Names of the tunable quantities that are taken from the recording."""
+        found, p = [], self._recording.p
+        for name in self._there.names:
+            column = p[:, self._there.place(name)]
+            if not (self._same or name == EXTERNAL or np.any(column != column[0])):
+                continue  # the other scene has its own
+            if name != EXTERNAL and name not in self._sim.plant.parameters.names:
+                raise InvalidInput(
+                    f"'{name}' was changed in the recording and is not tunable in the scene"
+                )
+            found.append(name)
+        return found
+
+    def made(self) -> Replay:
+        """Run it."""
+        edges, failure = self._edges(), ""
+        for row, end in zip(edges, [*edges[1:], None], strict=True):
+            self._begin(row)
+            if end is None or end in self._recording.gaps:
+                continue  # the tick that would lead across a gap is none
+            try:
+                self._advance(row, end)
+            except SimulationDiverged as error:
+                failure = str(error)
+                break
+        return self._compared(failure)
+
+    def _edges(self) -> list[int]:
+        """Rows at which something begins: what was changed, is tuned, or holds the arm."""
+        recording, last = self._recording, len(self._recording) - 1
+        p, gaps = recording.p, recording.gaps
+        tuned = np.flatnonzero(np.any(p[1:] != p[:-1], axis=1)) + 1
+        hold = np.zeros(last + 1) if recording.hold is None else recording.hold
+        held = np.flatnonzero(np.diff(hold)) + 1
+        edges = {0, *self._jumps, *gaps, *(row - 1 for row in gaps), last}
+        return sorted(edges | {*tuned.tolist(), *held.tolist()})
+
+    def _begin(self, row: int) -> None:
+        """Take over what was changed at a time, by anything but a tick."""
+        recording, sim = self._recording, self._sim
+        jump = recording.jumps[self._jumps[row]] if row in self._jumps else None
+        if EXTERNAL in self._tunable_at(row) and EXTERNAL not in sim.plant.parameters.names:
+            external_change(sim)()
+        moved = jump is not None and jump.x.tobytes() != self._x[row].tobytes()
+        if row == 0 or row in recording.gaps or moved:
+            self._place(self._x[row], row, recording.substep if jump is None else jump.substep)
+        elif jump is not None or np.any(recording.p[row] != recording.p[row - 1]):
+            self._place(sim.x, row, sim.substep)
+        self._out[row] = sim.x
+
+    def _tunable_at(self, row: int) -> tuple[str, ...]:
+        """Names of what was tunable from a time on."""
+        later = [jump.tunable for jump in self._recording.jumps if jump.row > row]
+        return later[0] if later else tunable_names(self._recording.plant.model.scene)
+
+    def _place(self, x: Array, row: int, substep: float) -> None:
+        """Put the arm somewhere, with what was tuned at a time."""
+        sim, here = self._sim, self._sim.plant.parameters
+        values = {name: self._there.of(name, self._recording.p[row]) for name in self._told}
+        values = {name: value for name, value in values.items() if name in here.names}
+        if len(x) != sim.plant.nx:  # another scene, whose laws have other states
+            q, v = x[: sim.n], x[sim.n : 2 * sim.n]
+            x = np.concatenate([q, v, sim.plant.initial(q, v)])
+        step = round(self._recording.time[row] / sim.dt)
+        sim.restore(x.copy(), here.merged(values, here.nominal), step, substep)
+
+    def _advance(self, row: int, end: int) -> None:
+        """Make the ticks between two times at which something begins."""
+        recording, sim = self._recording, self._sim
+        hold = FREE if recording.hold is None else recording.hold[row]
+        for k in range(row, end) if hold != FREE else ():
+            self._hold(k, hold)
+        if hold != FREE:
+            return
+        try:
+            made = sim.run((end - row) * sim.dt, recording.command[row:end])
+        except SimulationDiverged as error:
+            self._keep(row, error.recording)
+            raise
+        self._keep(row, made)
+
+    def _keep(self, row: int, made: Recording) -> None:
+        x = np.hstack([made.q, made.v, made.z])[1:]
+        self._out[row + 1 : row + 1 + len(x)] = self._out_ended[row + 1 : row + 1 + len(x)] = x
+
+    def _hold(self, row: int, how: int) -> None:
+        """Make a tick in which something held the arm where it was."""
+        sim, n = self._sim, self._sim.n
+        if how == BRAKES:  # nothing is computed there: the state is what is told
+            self._place(self._ended[row + 1], row, sim.substep)
+        else:
+            place = sim.x[:n].copy()
+            sim.advance(self._recording.command[row].tolist())
+            still = np.concatenate([place, np.zeros(n), sim.x[2 * n :]])
+            self._place(still, row, sim.substep)
+        self._out[row + 1] = self._out_ended[row + 1] = sim.x
+
+    def _compared(self, failure: str) -> Replay:
+        recording, sim = self._recording, self._sim
+        columns = min(self._ended.shape[1], sim.plant.nx) if self._same else 2 * sim.n
+        there, here = self._ended[:, :columns], self._out_ended[:, :columns]
+        ticks = np.ones(len(recording), bool)
+        ticks[[0, *recording.gaps]] = False
+        apart = np.where(ticks, abs(there - here)[:, : sim.n].max(axis=1), 0.0)
+        reached = ~np.isnan(here[:, 0])
+        # Bits, not numbers: zero has a sign.
+        other = (there.copy().view(np.int64) != here.copy().view(np.int64)).any(axis=1)
+        rows = np.flatnonzero(other & ticks & reached)
+        first = self._difference(int(rows[0]), there, here) if len(rows) else None
+        known = versions()
+        told = recording.origin.versions if recording.origin is not None else {}
+        others = tuple(name for name, value in told.items() if known.get(name) != value)
+        return Replay(self._motion(reached), first, read_only(apart), others, failure)
+
+    def _difference(self, row: int, there: Array, here: Array) -> Difference:
+        bits = there[row].copy().view(np.int64) != here[row].copy().view(np.int64)
+        k, n = int(np.flatnonzero(bits)[0]), self._sim.n
+        names = [f"{part} of {name}" for part in _PARTS for name in self._sim.joint_names]
+        what = names[k] if k < 2 * n else self._sim.z_names[k - 2 * n]
+        time = float(self._recording.time[row])
+        return Difference(row, time, what, float(there[row, k]), float(here[row, k]))
+
+    def _motion(self, reached: NDArray[np.bool_]) -> Recording:
+        """What came out, as far as it came."""
+        recording, sim = self._recording, self._sim
+        ends = np.flatnonzero(~np.isnan(self._out[:, 0]))
+        rows = int(ends[-1]) + 1 if len(ends) else 0
+        parts = np.split(self._out[:rows], (sim.n, 2 * sim.n), axis=1)
+        q, v, z = (read_only(part) for part in parts)
+        jumps = tuple(
+            replace(jump, x=read_only(self._out_ended[jump.row] if jump.row else sim.x))
+            for jump in recording.jumps
+            if jump.row < rows and sim.plant.nx == len(jump.x)
+        )
+        arrays = {
+            name: getattr(recording, name)[:rows]
+            for name in ("time", "command", "error", "time_stepped")
+        }
+        p = recording.p[:rows]
+        if p.shape[1] != len(sim.parameters):
+            p = np.tile(sim.parameters, (rows, 1))
+        origin = replace(sim.origin, source=recording.origin.source if recording.origin else "")
+        contents = replace(
+            recording, **arrays, q=q, v=v, z=z, p=read_only(p), jumps=jumps, measured=None,
+            hold=None if recording.hold is None else recording.hold[:rows], origin=origin,
+            gaps=tuple(row for row in recording.gaps if row < rows), physics=Physics(origin),
+        )  # fmt: skip
+        return contents
+
+
+def _with_tunable(scene: Scene, names: Sequence[str]) -> Scene:
+    """A scene of which no more than these quantities are tunable."""
+    return scene.model_copy(
+        update={"tunable": tuple(name for name in scene.tunable if name in names)}
+    )

@@ -1,0 +1,64 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The recorder of a sim node: what of the node's topics goes into the file."""
+
+from __future__ import annotations
+
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.ros.common.cdr import as_bytes
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES, Topic
+from arm_sim.ros.inputs import Inputs
+from arm_sim.ros.interfaces import COMMANDS, ENERGY, MULTIPLIERS, WRENCH
+from arm_sim.ros.outputs import Outputs
+from arm_sim.ros.record.definitions import definition_of, kind_of
+from arm_sim.ros.record.ticks import TickRecorder
+from arm_sim.ros.tick_engine import TickEngine
+
+_TOPICS = (JOINT_COMMANDS, COMMANDS, WRENCH, ENERGY, MULTIPLIERS)
+
+
+def recorder_of(node: Node, path: str, engine: TickEngine) -> TickRecorder | None:
+    """The recorder that a node's parameter asks for; None for none.
+
+    Args:
+        node: The node.
+        path: File or folder; ``{time}`` in it stands for the present time.
+        engine: The node's.
+
+    Raises:
+        InvalidInput: If it cannot be written.
+    """
+    if not path:
+        return None
+    name = path.replace("{time}", datetime.now().strftime("%Y%m%d-%H%M%S"))
+    topics = {
+        node.resolve_topic_name(topic.name): (kind := kind_of(topic.type), definition_of(kind))
+        for topic in _TOPICS
+    }
+    try:
+        return TickRecorder(
+            Path(name).expanduser(), engine, node.get_fully_qualified_name(),
+            node.resolve_topic_name(JOINT_STATES.name), topics, node.get_logger().error,
+        )  # fmt: skip
+    except OSError as error:
+        raise InvalidInput(f"parameter 'record' = '{path}': {error}") from error
+
+
+def listen(recorder: TickRecorder, node: Node, inputs: Inputs, outputs: Outputs) -> None:
+    """Let a recorder have what the node says and hears."""
+    topics = (JOINT_STATES, *_TOPICS)
+    names = {topic.name: node.resolve_topic_name(topic.name) for topic in topics}
+
+    def sent(topic: Topic, stamp: int, raw: bytes | bytearray) -> None:
+        recorder.message(names[topic.name], stamp, raw)
+
+    def came(topic: Topic, message: Any) -> None:
+        recorder.message(names[topic.name], 0, as_bytes(message))
+
+    outputs.tap = sent
+    inputs.listen(came)

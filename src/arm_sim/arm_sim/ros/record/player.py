@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Plays a recording into topics, in its own time."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+from rclpy.node import Node
+
+from arm_dynamics.cdr import time_bytes
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.ros.interfaces import EVERY, LATCHED, ROBOT_DESCRIPTION
+from arm_sim.recording.files.bags import BAGS, read_bag
+from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, TICK, JointStateWriter
+from arm_sim.recording.recording import Recording
+from arm_sim.ros.record.types import type_of
+
+_OURS = (TICK, CHANGE)  # which are for files
+_STATES = "/joint_states"
+
+
+class Player(Node):
+    """Publishes the messages of a recording.
+
+    Attributes:
+        passed_over: Topics that are not played, and why.
+        published: How many messages were.
+    """
+
+    def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
+        """Read a recording and advertise its topics.
+
+        Args:
+            path: A bag, or a recording without messages, which is played as joint states.
+            topics: Which; all that can be if none is named.
+            **node_kwargs: For ``rclpy.node.Node``.
+
+        Raises:
+            InvalidInput: If there is nothing to play.
+            OSError: If it cannot be read.
+        """
+        super().__init__("player", **node_kwargs)
+        self.passed_over, self.published = dict[str, str](), 0
+        self._stop = Event()
+        self._thread: Thread | None = None
+        if not path.exists():
+            raise FileNotFoundError(f"no recording '{path}'")
+        bag = path.suffix in BAGS or path.is_dir()
+        read = _messages(path, topics) if bag else _joint_states(path)
+        self._pending: list[tuple[int, Any, bytes]] = []
+        for (topic, kind), messages in read.items():
+            type_ = type_of(kind)
+            if type_ is None:
+                self.passed_over[topic] = f"type {kind} is not installed"
+                continue
+            latched = topic.rpartition("/")[2] == ROBOT_DESCRIPTION.name
+            publisher = self.create_publisher(type_, topic, LATCHED if latched else EVERY)
+            self._pending += [(log, publisher, raw) for log, raw in messages]
+        if not self._pending:
+            there = ", ".join(f"{topic}: {why}" for topic, why in self.passed_over.items())
+            raise InvalidInput(f"'{path}' holds nothing to play; {there or 'it is empty'}")
+        self._pending.sort(key=lambda item: item[0])
+
+    @property
+    def duration(self) -> float:
+        """How long it takes in [s] at rate 1."""
+        return 1e-9 * (self._pending[-1][0] - self._pending[0][0])
+
+    def start(self, rate: float = 1.0) -> None:
+        """Publish everything, each message when its time has come, in a thread of its own.
+
+        Args:
+            rate: Recorded time per time of the clock; 0: as fast as possible.
+
+        Raises:
+            InvalidInput: If the rate is negative or not finite.
+        """
+        if not 0.0 <= rate < float("inf"):
+            raise InvalidInput(f"rate = {rate}; allowed are finite numbers from zero on")
+        self._thread = Thread(target=self._play, args=(rate,), name="player", daemon=True)
+        self._thread.start()
+
+    @property
+    def done(self) -> bool:
+        """Whether everything has been published."""
+        return self._thread is not None and not self._thread.is_alive()
+
+    def destroy_node(self) -> None:
+        """Stop, and take the node down."""
+        self._stop.set()
+        if self._thread is not None:
+            self._thread.join()
+        super().destroy_node()
+
+    def _play(self, rate: float) -> None:
+        begun, first = time.monotonic(), self._pending[0][0]
+        for log, publisher, raw in self._pending:
+            due = begun + 1e-9 * (log - first) / rate if rate else begun
+            if self._stop.wait(max(0.0, due - time.monotonic())):
+                return
+            publisher.publish(raw)
+            self.published += 1
+
+
+Played = dict[tuple[str, str], list[tuple[int, bytes]]]
+
+
+def _messages(path: Path, topics: tuple[str, ...]) -> Played:
+    def wanted(topic: str, kind: str) -> bool:
+        return topic in topics if topics else kind not in _OURS
+
+    found = read_bag(path, wanted)
+    names = [topic for topic, _ in found.topics.values()]
+    if unknown := [topic for topic in topics if topic not in names]:
+        raise InvalidInput(f"'{path}' has no topic {known_names(unknown)}; {known_names(names)}")
+    return {
+        found.topics[number]: [(log, raw) for _, log, raw in messages]
+        for number, messages in found.messages.items()
+        if messages
+    }
+
+
+def _joint_states(path: Path) -> Played:
+    """The joint states of a recording that has no messages."""
+    recording = Recording.load(path)
+    writer, played = JointStateWriter(recording.joint_names), list[tuple[int, bytes]]()
+    for k, time_ in enumerate(recording.time.tolist()):
+        stamp = round(1e9 * time_)
+        writer.raw[writer.stamp : writer.stamp + 8] = time_bytes(stamp)
+        rows = (recording.q[k], recording.v[k], recording.tau[max(k - 1, 0)])
+        for place, numbers in zip(writer.places, rows, strict=True):
+            writer.raw[place : place + numbers.nbytes] = numbers.tobytes()
+        played.append((stamp, bytes(writer.raw)))
+    return {(_STATES, JOINT_STATE): played}

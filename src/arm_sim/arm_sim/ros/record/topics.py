@@ -1,0 +1,107 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Records the topics of a running system, as ``ros2 bag record`` does."""
+
+from __future__ import annotations
+
+import time
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from rclpy.node import Node
+from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_sim.recording.files import McapWriter, bag_metadata, where
+from arm_sim.recording.files.messages import LATCHED
+from arm_sim.ros.record.chunks import ChunkThread
+from arm_sim.ros.record.definitions import definition_of
+from arm_sim.ros.record.types import type_of
+
+_LOOK = 0.5  # [s] between looks for new topics
+_DEPTH = 1000  # messages that may wait
+
+
+class TopicRecorder(Node):
+    """Subscribes to topics and writes their messages as they come.
+
+    Attributes:
+        count: Messages so far, by topic.
+        passed_over: Topics that are not recorded, and why.
+        path: The file or folder.
+        thread: What writes.
+    """
+
+    def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
+        """Begin a file.
+
+        Args:
+            path: ``.mcap``, or a bag's folder.
+            topics: Names; all that there are, also later, if none is named.
+            **node_kwargs: For ``rclpy.node.Node``.
+
+        Raises:
+            InvalidInput: If the path means neither, or is there already.
+            OSError: If it cannot be written.
+        """
+        super().__init__("recorder", **node_kwargs)
+        if path.exists():
+            raise InvalidInput(f"'{path}' exists; a recording takes no other one's place")
+        self.path, (self._file, self._folder) = path, where(path)
+        self.thread = ChunkThread(McapWriter(self._file), self.get_logger().error)
+        self.count, self.passed_over = dict[str, int](), dict[str, str]()
+        self._wanted = {self.resolve_topic_name(topic) for topic in topics}
+        self.look()
+        self.create_timer(_LOOK, self.look)
+
+    def look(self) -> None:
+        """Subscribe to topics that are new."""
+        for topic, kinds in self.get_topic_names_and_types():
+            if topic in self.count or topic in self.passed_over:
+                continue
+            if self._wanted and topic not in self._wanted:
+                continue
+            if not (publishers := self.get_publishers_info_by_topic(topic)):
+                continue
+            try:
+                self._subscribe(topic, kinds[0], [info.qos_profile for info in publishers])
+            except InvalidInput as error:
+                self.passed_over[topic] = str(error)
+                self.get_logger().warning(f"'{topic}' is not recorded: {error}")
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Topics that were asked for and have not been found."""
+        return tuple(sorted(self._wanted - set(self.count) - set(self.passed_over)))
+
+    def _subscribe(self, topic: str, kind: str, offered: list[QoSProfile]) -> None:
+        type_ = type_of(kind)
+        if type_ is None:
+            raise InvalidInput(f"type {kind} is not installed")
+        # What every publisher offers, so that none is refused.
+        reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
+        latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
+        profile = QoSProfile(
+            depth=_DEPTH,
+            reliability=ReliabilityPolicy.RELIABLE if reliable else ReliabilityPolicy.BEST_EFFORT,
+            durability=(
+                DurabilityPolicy.TRANSIENT_LOCAL if latched else DurabilityPolicy.VOLATILE
+            ),
+        )
+        definition, self.count[topic] = definition_of(kind), 0
+        about = LATCHED if latched else ""
+        channel = self.thread.channel(topic, kind, definition, about)
+        take = partial(self._take, topic, channel)
+        self.create_subscription(type_, topic, take, profile, raw=True)
+
+    def _take(self, topic: str, channel: int, raw: bytes) -> None:
+        now = time.time_ns()
+        self.count[topic] += self.thread.add(channel, now, now, raw)
+
+    def destroy_node(self) -> None:
+        """Write what there is, and take the node down."""
+        self.thread.close()
+        if self._folder is not None and not self.thread.failure:
+            text = bag_metadata(self.thread.mcap, self._file.name)
+            (self._folder / "metadata.yaml").write_text(text)
+        super().destroy_node()

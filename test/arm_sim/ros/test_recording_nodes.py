@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The sim node records itself; topics are recorded and played."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from geometry_msgs.msg import WrenchStamped
+from harness import Ros
+from mcap.reader import make_reader
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, Waiting, by_hand, command, ticks
+from std_msgs.msg import Float64MultiArray
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.ros.interfaces import EVERY
+from arm_sim import Recording
+from arm_sim.recording.files import messages
+from arm_sim.replay import replay
+from arm_sim.ros.record.definitions import definition_of
+from arm_sim.ros.record.player import Player
+from arm_sim.ros.record.topics import TopicRecorder
+
+pytestmark = pytest.mark.ros
+
+
+def messages_of(path: Path) -> dict[str, list[tuple[str, Any]]]:
+    """Type and message of everything in a file, by topic, as another reader finds it."""
+    found: dict[str, list[tuple[str, Any]]] = {}
+    with path.open("rb") as file:
+        for schema, channel, message in make_reader(file, validate_crcs=True).iter_messages():
+            found.setdefault(channel.topic, []).append((schema.name, message))
+    return found
+
+
+@pytest.mark.parametrize("kind", messages._OWN)
+def test_our_definitions_are_those_that_are_installed(kind: str) -> None:
+    def bare(text: str) -> list[str]:
+        lines = [line.partition("#")[0].replace(" ", "") for line in text.splitlines()]
+        return sorted(line for line in lines if line and "=" not in line)
+
+    ours, theirs = messages.definition(kind), definition_of(kind)
+    assert bare(ours) == bare(theirs)
+
+
+def test_a_node_records_what_it_says_hears_and_does(ros: Ros, tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    node = by_hand(ros, record=str(path), stale_policy="zero")
+    waiting = Waiting(node)
+    node.inputs.listen(node.inputs.tap)
+    ticks(node, 20)
+    raw = command(name=NAMES, effort=[1.5, -0.5])
+    waiting.messages.append(raw)
+    node.inputs.on_joint_commands(raw)
+    ticks(node, 30)
+    node.inputs.on_commands(Float64MultiArray(data=[0.5, 0.5]))
+    push = WrenchStamped()
+    push.header.frame_id, push.wrench.force.z = "forearm", 3.0
+    node.inputs.on_wrench(push)
+    ticks(node, 30)
+    node.engine.reset()
+    ticks(node, 20)
+    states = node.recorder.ticks
+    node.recorder.close()
+    found = messages_of(path)
+    assert states == 100 == len(found["/sim/ticks"])
+    kind, message = found["/joint_commands"][0]
+    assert kind == "sensor_msgs/msg/JointState" and message.data == bytes(raw)
+    assert found["/sim/wrench"][0][0] == "geometry_msgs/msg/WrenchStamped"
+    wrench = deserialize_message(found["/sim/wrench"][0][1].data, WrenchStamped)
+    assert wrench.wrench.force.z == 3.0
+    assert found["/sim/commands"][0][0] == "std_msgs/msg/Float64MultiArray"
+    last = deserialize_message(found["/joint_states"][-1][1].data, JointState)
+    assert last.name == NAMES
+    assert list(last.position) == node.simulator.state.q.tolist()
+    loaded = Recording.load(path)
+    assert len(loaded) == 101 and replay(loaded).equal
+
+
+def test_a_bag_of_a_node_has_its_metadata(ros: Ros, tmp_path: Path) -> None:
+    node = by_hand(ros, record=str(tmp_path / "bag-{time}"))
+    ticks(node, 10)
+    node.recorder.close()
+    (folder,) = tmp_path.glob("bag-*")
+    assert "{" not in folder.name and (folder / "metadata.yaml").exists()
+    assert len(Recording.load(folder)) == 11
+
+
+def test_without_the_parameter_nothing_is_recorded(ros: Ros) -> None:
+    node = by_hand(ros)
+    assert node.recorder is None and node.inputs.tap is None
+    assert "recording" not in [finding.part for finding in node.diagnostics()]
+
+
+def test_diagnostics_tell_of_the_recording(ros: Ros, tmp_path: Path) -> None:
+    node = by_hand(ros, record=str(tmp_path / "run.mcap"))
+    ticks(node, 10)
+    (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
+    assert finding.values["ticks"] == 10 and finding.values["ticks lost"] == 0
+    node.recorder.thread.failure = "the disk is full"
+    (finding,) = [found for found in node.diagnostics() if found.part == "recording"]
+    assert "the disk is full" in " ".join(finding._words)
+
+
+@pytest.mark.parametrize("path", ["nowhere/run.mcap", "run.txt"])
+def test_a_path_that_cannot_be_recorded_to_is_refused(path: str, ros: Ros, tmp_path: Path) -> None:
+    with pytest.raises(InvalidInput, match=path.rpartition("/")[2].replace(".", r"\.")):
+        by_hand(ros, record=str(tmp_path / path))
+
+
+def test_topics_are_recorded_as_they_come_and_played_again(ros: Ros, tmp_path: Path) -> None:
+    publisher = ros.peer.create_publisher(JointState, "states", EVERY)
+    recorder = ros.add(TopicRecorder, tmp_path / "run.mcap", ("states", "nobody"))
+    ros.spin_until(lambda: recorder.look() or "/states" in recorder.count)
+    ros.spin_until(lambda: publisher.get_subscription_count() > 0)
+    for k in range(20):
+        message = JointState(name=["a", "b"], position=[float(k), 0.5])
+        message.header.stamp.nanosec = 1_000_000 * (k + 1)
+        publisher.publish(message)
+    ros.spin_until(lambda: recorder.count["/states"] == 20)
+    assert recorder.missing == ("/nobody",)
+    recorder.thread.close()
+    loaded = Recording.load(tmp_path / "run.mcap")
+    np.testing.assert_array_equal(loaded.q[:, 0], np.arange(20.0))
+    ros.peer.destroy_publisher(publisher)
+
+    heard: list[float] = []
+    ros.peer.create_subscription(
+        JointState, "states", lambda message: heard.append(message.position[0]), 100
+    )
+    player = ros.add(Player, tmp_path / "run.mcap")
+    ros.spin_until(lambda: player.count_subscribers("/states") > 0)
+    player.start(rate=0.0)
+    ros.spin_until(lambda: len(heard) == 20)
+    assert heard == list(range(20)) and player.published == 20
+
+
+def test_what_cannot_be_played_is_said(ros: Ros, tmp_path: Path) -> None:
+    (tmp_path / "robot.csv").write_text("time,position.a\n0,1\n1,2\n")
+    player = ros.add(Player, tmp_path / "robot.csv")
+    assert player.duration == 1.0
+    with pytest.raises(InvalidInput, match="rate"):
+        player.start(-1.0)
+    with pytest.raises(FileNotFoundError, match="none"):
+        Player(tmp_path / "none.mcap", context=ros.peer.context)

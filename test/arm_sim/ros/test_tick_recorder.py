@@ -1,0 +1,227 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every tick of an engine is in the file, whatever happens to the disk or the process."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+import textwrap
+import time
+from pathlib import Path
+from threading import Event
+from typing import Any
+
+import numpy as np
+import pytest
+from recorded_engine import busy, engine_of, run, scene
+
+from arm_dynamics import InvalidInput
+from arm_sim import Recording, Simulator
+from arm_sim.replay import replay
+from arm_sim.ros.record.chunks import COUNT
+from arm_sim.ros.record.ticks import TickRecorder
+from arm_sim.servo import JointCommand
+
+
+@pytest.mark.parametrize("options", [{}, {"tolerance": 1e-8}], ids=["fixed", "error control"])
+def test_every_tick_is_in_the_file_and_comes_out_again(
+    options: dict[str, Any], tmp_path: Path
+) -> None:
+    engine, path = engine_of(scene(), **options), tmp_path / "run.mcap"
+    recorder = TickRecorder(path, engine)
+    states = busy(engine)
+    recorder.close()
+    loaded = Recording.load(path)
+    assert recorder.ticks == len(states) == 850 and recorder.lost == 0
+    ended = np.hstack([loaded.q, loaded.v, loaded.z])
+    for jump in loaded.jumps:
+        ended[jump.row] = jump.x
+    assert ended[1:].tobytes() == np.array(states).tobytes()
+    assert not loaded.gaps and len(loaded.jumps) == 4  # load, pushable, state, reset
+    np.testing.assert_allclose(loaded.time, 1e-3 * np.arange(851), atol=1e-12)
+    found = replay(loaded)
+    assert found.equal, found.first
+    assert not found.apart.any()
+
+
+def test_what_servos_and_brakes_hold_comes_out_again(tmp_path: Path) -> None:
+    engine = engine_of(scene())
+    recorder = TickRecorder(tmp_path / "run.mcap", engine)
+    engine.configure(0.02, "brake")
+    for _ in range(50):
+        engine.tick()  # nobody commands
+    run(engine, 100)
+    for _ in range(400):
+        engine.tick()  # the command is old: servos stop the arm, brakes hold it
+    place = JointCommand(position=engine.simulator.state.q)
+    for _ in range(100):
+        engine.commands.put(place)
+        engine.tick()
+    recorder.close()
+    loaded = Recording.load(tmp_path / "run.mcap")
+    assert loaded.hold is not None and {0, 1, 2} <= set(loaded.hold.tolist())
+    found = replay(loaded)
+    assert found.equal, found.first
+    assert loaded.energy_error < 1e-3
+
+
+def test_a_run_under_a_servo_is_replayed(tmp_path: Path) -> None:
+    sim = Simulator(scene())
+    made = sim.run(0.3, JointCommand(position=sim.state.q))
+    assert made.hold is not None and made.hold.any()
+    assert replay(Recording.load(made.save(tmp_path / "run.npz"))).equal
+
+
+def test_a_replay_finds_the_first_difference(tmp_path: Path) -> None:
+    engine, path = engine_of(scene()), tmp_path / "run.npz"
+    recorder = TickRecorder(tmp_path / "run.mcap", engine)
+    run(engine, 200)
+    recorder.close()
+    loaded = Recording.load(tmp_path / "run.mcap")
+    v = loaded.v.copy()
+    v[120, 1] = np.nextafter(v[120, 1], 9.0)
+    arrays = dict(np.load(loaded.save(path)))
+    np.savez(path, **(arrays | {"v": v}))
+    found = replay(Recording.load(path))
+    assert found.first is not None and not found.equal
+    assert (found.first.tick, found.first.what) == (120, "velocity of elbow")
+    assert 0.0 < found.first.size < 1e-15
+
+
+def test_another_method_is_measured_and_another_robot_refused(tmp_path: Path) -> None:
+    engine = engine_of(scene())
+    recorder = TickRecorder(tmp_path / "run.mcap", engine)
+    busy(engine)
+    recorder.close()
+    loaded = Recording.load(tmp_path / "run.mcap")
+    found = replay(loaded, integrator="midpoint")
+    assert found.first is not None and found.first.tick == 1
+    assert found.recording.origin is not None and found.recording.origin.integrator == "midpoint"
+    assert replay(loaded, scene=scene()).equal
+    with pytest.raises(InvalidInput, match="payload"):
+        replay(loaded, scene=scene(tunable=[]))
+    with pytest.raises(InvalidInput, match="joints"):
+        replay(loaded, scene="panda")
+
+
+class _SlowDisk:
+    """A file that does not take anything until it is let go."""
+
+    def __init__(self, file: Any) -> None:
+        self._file, self.go = file, Event()
+
+    def chunk(self, *given: Any) -> None:
+        self.go.wait()
+        self._file.chunk(*given)
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self._file, name)
+
+
+def test_a_disk_that_cannot_follow_costs_ticks_and_no_time(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_sim.ros.record.chunks.SIZE", 1 << 14)
+    engine = engine_of(scene())
+    recorder = TickRecorder(tmp_path / "run.mcap", engine)
+    recorder.thread.mcap = slow = _SlowDisk(recorder.thread.mcap)
+    run(engine, 1500)
+    assert recorder.lost > 0, "the disk stands still, and the loop did not"
+    slow.go.set()
+    while recorder.thread._free.qsize() < COUNT - 2:
+        time.sleep(0.001)
+    run(engine, 300)
+    recorder.close()
+    loaded = Recording.load(tmp_path / "run.mcap")
+    assert len(loaded.gaps) == 1
+    assert len(loaded) == 1 + 1800 - recorder.lost + 1, "the state behind the gap is there"
+    assert replay(loaded).equal
+    assert loaded.energy_error < 1e-6
+
+
+def test_an_existing_recording_stays(tmp_path: Path) -> None:
+    (tmp_path / "run.mcap").write_bytes(b"precious")
+    with pytest.raises(InvalidInput, match="exists"):
+        TickRecorder(tmp_path / "run.mcap", engine_of(scene()))
+    assert (tmp_path / "run.mcap").read_bytes() == b"precious"
+
+
+def test_memory_of_the_recorder_is_bounded(tmp_path: Path) -> None:
+    thread = TickRecorder(tmp_path / "run.mcap", engine_of(scene())).thread
+    thread.mcap = slow = _SlowDisk(thread.mcap)
+    taken = sum(thread.add(1, 0, 0, bytes(100_000)) for _ in range(1000))
+    assert taken <= 10 * COUNT and thread.lost == 1000 - taken
+    assert not thread.add(1, 0, 0, bytes(10_000_000)), "larger than a chunk"
+    slow.go.set()
+    thread.close()
+
+
+def test_whatever_goes_wrong_in_the_thread_is_said(tmp_path: Path) -> None:
+    said: list[str] = []
+    engine = engine_of(scene())
+    recorder = TickRecorder(tmp_path / "run.mcap", engine, tell=said.append)
+    recorder.thread.mcap.chunk = lambda *given: 1 / 0
+    run(engine, 10)
+    recorder.close()
+    assert "ZeroDivisionError" in recorder.thread.failure and said == [recorder.thread.failure]
+
+
+PROGRAM = """
+    import resource, sys, time
+    sys.path[:0] = {paths!r}
+    from pathlib import Path
+    from recorded_engine import engine_of, run, scene
+    from arm_sim.ros.record.ticks import TickRecorder
+
+    engine = engine_of(scene())
+    said = []
+    recorder = TickRecorder(Path({path!r}), engine, tell=said.append)
+    if {limit}:
+        resource.setrlimit(resource.RLIMIT_FSIZE, ({limit}, {limit}))
+    print("begun", flush=True)
+    for _ in range({ticks}):
+        run(engine, 100)
+        print(engine.simulator.step_count, time.time(), flush=True)
+        time.sleep(0.05)
+    recorder.close()
+    print("said", said, recorder.lost, flush=True)
+"""
+
+
+def program(path: Path, ticks: int, limit: int = 0) -> subprocess.Popen[str]:
+    """A process that records."""
+    text = textwrap.dedent(PROGRAM).format(
+        paths=sys.path, path=str(path), ticks=ticks, limit=limit
+    )
+    return subprocess.Popen([sys.executable, "-c", text], stdout=subprocess.PIPE, text=True)
+
+
+def test_a_killed_process_loses_the_last_second_at_most(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with program(path, 1000) as process:
+        assert process.stdout is not None
+        steps: list[tuple[int, float]] = []
+        while not steps or steps[-1][1] - steps[0][1] < 2.5:
+            words = process.stdout.readline().split()
+            if words[0].isdigit():
+                steps.append((int(words[0]), float(words[1])))
+        process.kill()
+    killed = time.time()
+    loaded = Recording.load(path)
+    assert any("breaks off" in event.text for event in loaded.events)
+    long_ago = [step for step, at in steps if at < killed - 1.5]  # and half a one for a busy disk
+    assert len(loaded) > long_ago[-1] and not loaded.gaps
+    assert replay(loaded).equal
+
+
+def test_a_full_disk_is_said_and_the_simulation_goes_on(tmp_path: Path) -> None:
+    path = tmp_path / "run.mcap"
+    with program(path, 40, limit=100_000) as process:
+        assert process.stdout is not None
+        lines = process.stdout.read().splitlines()
+    assert process.returncode == 0
+    assert any(line.startswith("4000 ") for line in lines), "every tick was made"
+    assert "recording stopped" in lines[-1] and "too large" in lines[-1]
+    assert path.stat().st_size <= 100_000
+    loaded = Recording.load(path)
+    assert len(loaded) > 100 and replay(loaded).equal
