@@ -209,7 +209,11 @@ def test_rate_and_silence_of_joint_states_are_shown(monkeypatch: pytest.MonkeyPa
     seen.hear_diagnostics(DiagnosticArray(status=[status]))
     now[0] += 2.0
     assert seen.rate == 0.0
-    assert seen.remarks() == ["stale: no joint state for 2.0 s", "sim: x: oh", "at stops: a"]
+    assert seen.remarks() == [
+        "stale: no joint state for 2.0 s",
+        "sim: x: oh",
+        "sim: x: at stops: a",
+    ]
 
 
 @ros

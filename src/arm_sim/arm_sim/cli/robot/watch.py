@@ -23,7 +23,11 @@ if TYPE_CHECKING:
 
 _OLD = 0.5  # [s] after which joint states count as stopped
 _WINDOW = 200  # states over which the rate is measured
-_NONE = ("", "none")  # joints at stops
+_TOLD = {
+    "at stops",
+    "held",
+}  # values in the diagnostics that are worth a line where there are some
+_NONE = ("", "none", "no")
 _COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N m, N]")
 
 
@@ -83,7 +87,7 @@ class Seen:
     state: Any = None
     _times: deque[float] = field(default_factory=lambda: deque(maxlen=_WINDOW))
     _complaints: dict[str, str] = field(default_factory=dict)
-    _stops: dict[str, str] = field(default_factory=dict)
+    _told: dict[str, str] = field(default_factory=dict)
 
     def join(self, listener: Listener) -> None:
         """Hear joint states and diagnostics."""
@@ -101,9 +105,9 @@ class Seen:
         """Take what a node says of itself."""
         for status in message.status:
             self._complaints[status.name] = "" if status.level == b"\0" else status.message
-            for pair in status.values:
-                if pair.key == "at stops":
-                    self._stops[status.name] = pair.value
+            said = {pair.key: pair.value for pair in status.values}
+            for key in _TOLD & said.keys():
+                self._told[f"{status.name}: {key}"] = said[key]
 
     @property
     def measured(self) -> bool:
@@ -134,7 +138,7 @@ class Seen:
     def remarks(self) -> list[str]:
         """What is to be said below the table."""
         said = [f"{name}: {words}" for name, words in sorted(self._complaints.items()) if words]
-        said += [f"at stops: {joints}" for joints in self._stops.values() if joints not in _NONE]
+        said += [f"{what}: {x}" for what, x in sorted(self._told.items()) if x not in _NONE]
         if self.age > _OLD:
             said.insert(0, f"stale: no joint state for {self.age:.1f} s")
         return said
