@@ -204,3 +204,13 @@ def test_gains_in_task_space_are_bounded_by_the_control_rate(name: str) -> None:
     for gains in ({"bandwidth": 380.0}, {"bandwidth": 100.0, "damping_ratio": 4.0}):
         with pytest.raises(InvalidInput, match="at 500 states per second .* at most 375 rad/s"):
             make_controller(name, models.dynamics("two_link"), Settings(**gains, **about))
+
+
+def test_a_misspelt_name_is_guessed() -> None:
+    dyn = models.dynamics("two_link")
+    with pytest.raises(InvalidInput, match=r"did you mean 'computed_torque'\?"):
+        make_controller("computed_torqe", dyn)
+    with pytest.raises(
+        InvalidInput, match=r"frame 'tipp' does not exist; .*; did you mean 'tip'\?"
+    ):
+        make_controller("operational_space", dyn, Settings(frame="tipp"))

@@ -12,7 +12,14 @@ import numpy as np
 import pinocchio as pin
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import ArmError, InvalidInput, ModelError, known_names
+from arm_dynamics.exceptions import (
+    ArmError,
+    InvalidInput,
+    ModelError,
+    did_you_mean,
+    known_names,
+    plain,
+)
 from arm_dynamics.model.constraint_rows import ConstraintRows
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.springs import SpringTerms
@@ -232,7 +239,8 @@ _REFERENCES = {
 def _frame_index(model: Robot, frame: str) -> int:
     movable = [f.name for f in model.pin.frames if f.parentJoint > 0]
     if frame not in model.frame_names:
-        raise InvalidInput(f"frame '{frame}' does not exist; allowed: {known_names(movable)}")
+        allowed = known_names(movable) + did_you_mean(frame, movable)
+        raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {allowed}")
     index = model.frame_names.index(frame)
     if model.pin.frames[index].parentJoint == 0:
         raise InvalidInput(f"frame '{frame}' does not move; allowed: {known_names(movable)}")

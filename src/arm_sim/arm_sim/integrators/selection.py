@@ -12,6 +12,7 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.equations import spring
+from arm_dynamics.exceptions import did_you_mean
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.plant.plant import Plant
@@ -86,7 +87,8 @@ def choose(
         )  # fmt: skip
     tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
     if name not in ("auto", *METHODS):
-        raise InvalidInput(f"integrator = {name!r}; allowed: auto, {', '.join(METHODS)}")
+        guess = did_you_mean(name, METHODS)
+        raise InvalidInput(f"integrator = {name!r}; allowed: auto, {', '.join(METHODS)}{guess}")
     rate, law = law_rate(plant.model)
     if rate * dt > STIFF and (name == "auto" or tolerance is None):
         reason = f"{law} answers in {1 / rate:.2g} s: implicit, with error control"
