@@ -16,8 +16,9 @@ from pydantic import BaseModel
 from arm_dynamics import ArmError
 from arm_dynamics.scene import drive as scene_drive
 from arm_dynamics.scene import friction as scene_friction
-from arm_dynamics.scene import schema
+from arm_dynamics.scene import ready_scenes, schema
 from arm_sim import Simulator
+from arm_sim.cli.main import main as suite
 
 ROOT = Path(__file__).parents[2]
 PAGES = sorted([*ROOT.glob("*.md"), *(ROOT / "docs").glob("*.md")])
@@ -133,3 +134,20 @@ def test_rules_are_shown_by_tests_that_exist(name: str) -> None:
     of_core = ROOT / "test/arm_dynamics/trajectory"
     places = sorted(of_core.glob("test_*.py")) if f"†`{name}`" in FOLLOWING else [of_node]
     assert any(f"def {name}(" in place.read_text() for place in places)
+
+
+COMMANDS = re.compile(r"\./arm ([a-z][a-z-]*)(?: ([\w./:-]+))?|scene:=([\w./:-]+)")
+TAKE_A_SCENE = {"sim", "dynamics", "controller", "describe", "build", "urdf", "view"}
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.name)
+def test_commands_exist_and_their_scenes_are_found_from_any_folder(page: Path) -> None:
+    said = COMMANDS.findall(page.read_text())
+    script = re.findall(r"^    ([a-z-]+)\)$", (ROOT / "arm").read_text(), re.MULTILINE)
+    known = {*script, *suite.commands}
+    assert [command for command, _, _ in said if command and command not in known] == []
+    scenes = {scene for _, _, scene in said} | {
+        word for command, word, _ in said if command in TAKE_A_SCENE
+    }
+    named = {scene for scene in scenes if re.fullmatch(r"[a-z0-9_]+", scene)}  # not my_arm.urdf
+    assert named <= {*ready_scenes(), "my_scene"}

@@ -170,6 +170,7 @@ def test_one_that_failed_begins_again_after_a_reset_and_with_other_gains(
         ({"controllers": ["own_controllers:Nobody"]}, "has no class 'Nobody'"),
         ({"controllers": ["own_controllers:NeedsMore"]}, "NeedsMore needs camera"),
         ({"controllers": ["own_controllers:Broken"]}, "no calibration file"),
+        ({"controllers": [1, 2]}, "'controllers' is \\[1, 2\\]; texts .* are expected"),
         ({"controllers": ["magic"]}, "'magic'; allowed is one of pd, pid"),
         ({"controller": "magic"}, "'magic'; allowed is one of pd, pid"),
     ],

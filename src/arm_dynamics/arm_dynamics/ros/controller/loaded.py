@@ -29,6 +29,11 @@ class Loaded:
         Raises:
             InvalidInput: If one cannot be loaded or made.
         """
+        if not all(isinstance(name, str) for name in params.controllers):
+            raise InvalidInput(
+                f"parameter 'controllers' is {params.controllers}; texts such as "
+                "package.module:Class are expected"
+            )
         named = dict.fromkeys((params.controller, *params.controllers))
         self._own = {name: load_controller(name) for name in named if is_own(name)}
         for name in named:
