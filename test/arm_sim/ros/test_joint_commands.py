@@ -11,6 +11,7 @@ from sensor_msgs.msg import JointState
 from sim_by_hand import NAMES, by_hand, command, ticks
 
 import models
+from arm_dynamics.ros.interfaces import STEP
 from arm_dynamics.ros.joint_state import make_reader
 from arm_dynamics.ros.joint_state.serialization import JointStateReader
 from arm_sim.ros.sim_node import SimNode
@@ -122,6 +123,17 @@ def test_two_sources_lead_joints_by_position_and_by_effort(ros: Ros) -> None:
     assert node.simulator.effort[1] == 0.3
     assert abs(node.simulator.state.q[0] - models.simulator("two_link").state.q[0]) < 1e-2
     assert set(node.engine.arbiter.sources) == {"left", "right"}
+
+
+def test_steps_of_a_paused_simulation_wait_for_the_servos(ros: Ros) -> None:
+    """In a node that ticks by the clock they are built in the background."""
+    node = ros.add(SimNode, models.scene("two_link"), paused=True)
+    goal = node.simulator.state.q + 0.01
+    message = JointState(name=list(NAMES), position=goal.tolist())
+    node.inputs.on_joint_commands(serialize_message(message))
+    request = STEP.type.Request(steps=300)
+    assert node.requests.answer(STEP, request).success
+    np.testing.assert_allclose(node.simulator.state.q, goal, atol=1e-8)
 
 
 MESSAGES = (

@@ -39,6 +39,10 @@ class Servos:
         background.deliver()  # raises what building them raised
         return False
 
+    def build(self) -> None:
+        """Build them now, where time waits for it."""
+        self._simulator.compiled.servo  # noqa: B018 - builds it
+
 
 class Stopping:
     """Stops the arm by its servos, as a robot does on a stop of category 1, and then holds it.

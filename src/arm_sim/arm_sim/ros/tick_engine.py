@@ -164,7 +164,10 @@ class TickEngine:
         self.read_commands()
         for done in range(steps):
             self.commands.arrive(self.simulator.step_count)
-            if not self._advance(self.commands.held(self._q)):
+            command = self.commands.held(self._q)
+            if isinstance(command, JointCommand):
+                self._servos.build()  # time waits
+            if not self._advance(command):
                 raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
 
     def _advance(self, command: Command | Stop) -> bool:
