@@ -4,6 +4,7 @@
 import numpy as np
 
 from arm_dynamics import Dynamics, Term, load_scene
+from arm_sim.figures import figure
 
 scene = load_scene({
     "robot": {
@@ -32,3 +33,12 @@ lower, upper = dynamics.model.position_lower, dynamics.model.position_upper
 postures = np.random.default_rng(0).uniform(lower, upper, (1000, dynamics.n))
 worst = np.abs(dynamics.gravity(postures)).max(axis=0)
 print("\nheaviest of 1000 postures [N m]:", np.round(worst, 2))
+
+with figure("torques", size=(8, 4)) as axis:
+    places, joints = np.arange(dynamics.n), [f"joint {i + 1}" for i in range(dynamics.n)]
+    for k, (name, tau) in enumerate(terms.items()):
+        axis.bar(places + 0.15 * (k - 2), tau, 0.14, label=name.lower())
+    axis.plot(places, total, "k_", markersize=26, label="all")
+    axis.set(ylabel="torque [N m]", title="What the torques of a Panda are spent on")
+    axis.set_xticks(places, joints)
+    axis.legend(ncols=3)

@@ -1,35 +1,26 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A double pendulum swings freely: which integrator keeps its energy?
-
-Writes reports/examples/energy.png.
-"""
+"""A double pendulum swings freely: which integrator keeps its energy?"""
 
 from importlib.resources import files
-from pathlib import Path
 
-import matplotlib
 import numpy as np
 
 from arm_sim import Simulator
-
-matplotlib.use("Agg")
-
-from matplotlib import pyplot as plt  # noqa: E402
+from arm_sim.figures import figure
 
 scene = files("arm_sim") / "scenes/double_pendulum.yaml"
-figure, axis = plt.subplots(figsize=(8, 4.5), layout="constrained")
-drift = {}
-for method in ("euler", "semi_implicit_euler", "midpoint", "rk4", "dopri5", "dop853"):
-    motion = Simulator(scene, integrator=method, dt=1e-3).run(10.0)  # [s], no torque
-    error = np.abs(motion.energy - motion.energy[0])
-    drift[method] = error.max()
-    axis.semilogy(motion.time, np.fmax(error, 1e-16), label=f"{method}: {drift[method]:.0e} J")
-    print(f"{method:<20} energy error {drift[method]:.1e} J")
+with figure("energy", size=(8, 4.5)) as axis:
+    drift = {}
+    for method in ("euler", "semi_implicit_euler", "midpoint", "rk4", "dopri5", "dop853"):
+        motion = Simulator(scene, integrator=method, dt=1e-3).run(10.0)  # [s], no torque
+        error = np.abs(motion.energy - motion.energy[0])
+        drift[method] = error.max()
+        axis.semilogy(motion.time, np.fmax(error, 1e-16), label=f"{method}: {drift[method]:.0e} J")
+        print(f"{method:<20} energy error {drift[method]:.1e} J")
 
-axis.set(xlabel="time [s]", ylabel="energy error [J]", title="Free double pendulum, 1 ms ticks")
-axis.legend(ncols=2)
-output = Path("reports/examples")
-output.mkdir(parents=True, exist_ok=True)
-figure.savefig(output / "energy.png", dpi=110)
+    axis.set(
+        xlabel="time [s]", ylabel="energy error [J]", title="Free double pendulum, 1 ms ticks"
+    )
+    axis.legend(ncols=2)
 
 assert drift["rk4"] < 1e-4 < 1e-1 < drift["euler"]

@@ -6,6 +6,7 @@ from importlib.resources import files
 import numpy as np
 
 from arm_sim import Simulator, State
+from arm_sim.figures import figure
 
 sim = Simulator(files("arm_sim") / "scenes/panda.yaml")
 push = np.array([0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # [N m], for a tenth of a second
@@ -32,5 +33,14 @@ print("pushed, it floats on; joint speeds after 0.1, 1 and 2 s in rad/s:")
 for tick in (100, 1000, 2000):
     print("  ", np.round(pushed.v[tick], 4))
 print(f"energy that came from nowhere: {np.abs(pushed.balance).max():.1e} J")
+
+with figure("gravity_compensation", columns=2) as (left, right):
+    for name, run in {"no torque": released, "weight carried": still}.items():
+        left.plot(run.time, np.abs(run.q - run.q[0]).max(axis=1), label=name)
+    left.set(xlabel="time [s]", ylabel="farthest joint [rad]", title="Released", xlim=(0.0, 0.5))
+    left.legend()
+    right.plot(pushed.time, pushed.v, label=[f"joint {i + 1}" for i in range(sim.n)])
+    right.set(xlabel="time [s]", ylabel="speed [rad/s]", title="Pushed, it floats on")
+    right.legend(ncols=2)
 
 assert moved < 1e-9

@@ -7,6 +7,7 @@ from importlib.resources import files
 import numpy as np
 
 from arm_sim import Simulator
+from arm_sim.figures import figure
 
 ARMS, TICKS = 1000, 200
 
@@ -30,3 +31,10 @@ np.testing.assert_allclose(paths[7, :, : sim.n], alone.q, atol=1e-12)
 
 nearest = np.argmin(np.linalg.norm(paths[:, -1, : sim.n] - sim.model.q0, axis=1))
 print(f"arm {nearest} ends nearest to the initial posture")
+
+with figure("many_arms", size=(7, 4)) as axis:
+    time_axis = sim.dt * np.arange(TICKS + 1)
+    axis.plot(time_axis, paths[::10, :, 1].T, color="tab:blue", alpha=0.25, linewidth=0.7)
+    axis.plot(time_axis, paths[nearest, :, 1], color="tab:orange", label="nearest at the end")
+    axis.set(xlabel="time [s]", ylabel="joint 2 [rad]", title="A hundred of a thousand arms")
+    axis.legend()

@@ -6,6 +6,7 @@ from importlib.resources import files
 import numpy as np
 
 from arm_sim import Simulator, State
+from arm_sim.figures import figure
 
 sim = Simulator(files("arm_sim") / "scenes/double_pendulum.yaml")
 upright = np.array([np.pi, 0.0])  # [rad]; both links point up
@@ -36,5 +37,14 @@ def balance(state: State) -> np.ndarray:
 sim.reset(q=upright + [0.2, -0.1], v=[0.0, 0.0])
 motion = sim.run(5.0, control=balance)
 print(f"from 0.2 rad beside it, after 5 s: {np.abs(motion.q[-1] - upright).max():.1e} rad")
+
+with figure("balance", columns=2) as (left, right):
+    names = ["lower link", "upper link"]
+    left.plot(motion.time, motion.q - upright, label=names)
+    left.set(xlabel="time [s]", ylabel="angle from upright [rad]", title="Balanced")
+    right.plot(motion.time, motion.tau, label=names)
+    right.set(xlabel="time [s]", ylabel="torque [N m]", title="What it takes")
+    for axis in (left, right):
+        axis.legend()
 
 assert np.abs(motion.q[-1] - upright).max() < 1e-3

@@ -15,6 +15,7 @@ from rclpy.context import Context
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.ros import ControllerNode, make_executor
+from arm_sim.figures import figure
 from arm_sim.ros import SimNode
 
 scene = str(files("arm_sim") / "scenes/panda.yaml")
@@ -50,4 +51,10 @@ context.try_shutdown()
 print(f"{len(errors)} states, largest tracking error {np.abs(errors).max():.1e} rad")
 distance = np.abs(sim.simulator.state.q - goal).max()
 print(f"distance to the goal at the end {distance:.1e} rad")
+
+with figure("ros_closed_loop", size=(7, 4)) as axis:
+    axis.plot(1e3 * np.array(errors), label=[f"joint {i + 1}" for i in range(len(goal))])
+    axis.set(xlabel="message on ~/state", ylabel="tracking error [mrad]", title="Two nodes, 1 kHz")
+    axis.legend(ncols=2)
+
 assert distance < 1e-2

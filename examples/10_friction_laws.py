@@ -1,19 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What friction laws do: Stribeck curve, stick and slip, pre-sliding hysteresis, break-away.
+"""What friction laws do: Stribeck curve, stick and slip, pre-sliding hysteresis, break-away."""
 
-Writes reports/examples/friction.png and reports/examples/bristles.png.
-"""
-
-from pathlib import Path
-
-import matplotlib
 import numpy as np
 
 from arm_sim import Simulator
-
-matplotlib.use("Agg")
-
-from matplotlib import pyplot as plt  # noqa: E402
+from arm_sim.figures import figure
 
 WHEEL = """<robot name="wheel"><link name="base"/><link name="wheel"><inertial><mass value="1"/>
   <inertia ixx="{J}" ixy="0" ixz="0" iyy="{J}" iyz="0" izz="{J}"/></inertial></link>
@@ -22,8 +13,6 @@ WHEEL = """<robot name="wheel"><link name="base"/><link name="wheel"><inertial><
 DRY = {"coulomb": 1.0, "static": 1.5, "stribeck_velocity": 0.1, "viscous": 0.4}
 LUGRE = DRY | {"stribeck_velocity": 0.001}
 LUGRE["lugre"] = {"sigma0": 1e5, "sigma1": 316.0, "sigma1_velocity": 0.02}
-output = Path("reports/examples")
-output.mkdir(parents=True, exist_ok=True)
 
 
 def wheel(inertia: float, friction: dict) -> Simulator:
@@ -33,62 +22,64 @@ def wheel(inertia: float, friction: dict) -> Simulator:
 
 
 # --- the law in a steady motion ---------------------------------------------------------------
-figure, (curve, pulled) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
-speeds = np.linspace(-1.5, 1.5, 1201)
-SIDES = {
-    "viscous": {"positive": 0.8, "negative": 0.2},
-    "coulomb": {"positive": 1.2, "negative": 0.8},
-}
-for name, law in (("Stribeck", DRY), ("by direction", SIDES)):
-    curve.plot(speeds, wheel(1.0, law).dynamics.friction(speeds[:, None]), label=name)
-curve.set(xlabel="speed [rad/s]", ylabel="friction [N m]", title="Steady motion")
-curve.legend()
+with figure("friction", columns=2, size=(11, 4)) as (curve, pulled):
+    speeds = np.linspace(-1.5, 1.5, 1201)
+    SIDES = {
+        "viscous": {"positive": 0.8, "negative": 0.2},
+        "coulomb": {"positive": 1.2, "negative": 0.8},
+    }
+    for name, law in (("Stribeck", DRY), ("by direction", SIDES)):
+        curve.plot(speeds, wheel(1.0, law).dynamics.friction(speeds[:, None]), label=name)
+    curve.set(xlabel="speed [rad/s]", ylabel="friction [N m]", title="Steady motion")
+    curve.legend()
 
-# --- a load pulled by a spring at constant speed: stick and slip --------------------------------
-STIFFNESS, SPEED, DT = 20.0, 0.1, 1e-3
-slip = {name: wheel(1.0, law) for name, law in (("stick and slip", DRY), ("LuGre", LUGRE))}
-motions = {}
-for name, sim in slip.items():
-    # The spring's force as it will be in the middle of the tick.
-    motions[name] = sim.run(
-        8.0,
-        lambda s: STIFFNESS * (SPEED * (s.time + 0.5 * DT) - s.q - 0.5 * DT * s.v),
-    )
-    pulled.plot(motions[name].time, motions[name].q[:, 0], label=name)
-pulled.plot([0, 8], [0, 8 * SPEED], ":", color="0.5", label="end of the spring")
-pulled.set(xlabel="time [s]", ylabel="angle [rad]", title="Pulled by a slow spring")
-pulled.legend()
-figure.savefig(output / "friction.png", dpi=110)
+    # --- a load pulled by a spring at constant speed: stick and slip ---
+    STIFFNESS, SPEED, DT = 20.0, 0.1, 1e-3
+    slip = {name: wheel(1.0, law) for name, law in (("stick and slip", DRY), ("LuGre", LUGRE))}
+    motions = {}
+    for name, sim in slip.items():
+        # The spring's force as it will be in the middle of the tick.
+        motions[name] = sim.run(
+            8.0,
+            lambda s: STIFFNESS * (SPEED * (s.time + 0.5 * DT) - s.q - 0.5 * DT * s.v),
+        )
+        pulled.plot(motions[name].time, motions[name].q[:, 0], label=name)
+    pulled.plot([0, 8], [0, 8 * SPEED], ":", color="0.5", label="end of the spring")
+    pulled.set(xlabel="time [s]", ylabel="angle [rad]", title="Pulled by a slow spring")
+    pulled.legend()
 still = float(np.mean(motions["stick and slip"].v == 0.0))
 print(f"stick and slip: exactly at rest {100 * still:.0f} % of the time")
 
 # --- bristles: what happens before it slips ---------------------------------------------------
-figure, (loop, breaking) = plt.subplots(1, 2, figsize=(11, 4), layout="constrained")
-soft = {"coulomb": 1.0, "lugre": {"sigma0": 1e3, "sigma1": 1.0}}
-ramp = np.linspace(0.0, 1.0, 2001)[1:]
-shape = np.concatenate([ramp, 1.0 - ramp, -ramp, ramp - 1.0, ramp])
-for peak in (0.95, 0.7, 0.4):
-    run = wheel(1e-3, soft).run(len(shape) * DT, (peak * shape)[:, None])
-    loop.plot(1e3 * run.q[:, 0], run.tau[:, 0], label=f"±{peak} N m")
-    if peak == 0.7:
-        expected = -1e-3 * np.log(1.0 - peak)
-        reached = run.q[2000, 0]
-loop.set(xlabel="angle [mrad]", ylabel="torque [N m]", title="Pre-sliding hysteresis, Fc = 1 N m")
-loop.legend()
-print(f"hysteresis: {1e3 * reached:.3f} mrad at 0.7 N m, closed form {1e3 * expected:.3f}")
+with figure("bristles", columns=2, size=(11, 4)) as (loop, breaking):
+    soft = {"coulomb": 1.0, "lugre": {"sigma0": 1e3, "sigma1": 1.0}}
+    ramp = np.linspace(0.0, 1.0, 2001)[1:]
+    shape = np.concatenate([ramp, 1.0 - ramp, -ramp, ramp - 1.0, ramp])
+    for peak in (0.95, 0.7, 0.4):
+        run = wheel(1e-3, soft).run(len(shape) * DT, (peak * shape)[:, None])
+        loop.plot(1e3 * run.q[:, 0], run.tau[:, 0], label=f"±{peak} N m")
+        if peak == 0.7:
+            expected = -1e-3 * np.log(1.0 - peak)
+            reached = run.q[2000, 0]
+    loop.set(
+        xlabel="angle [mrad]", ylabel="torque [N m]", title="Pre-sliding hysteresis, Fc = 1 N m"
+    )
+    loop.legend()
+    print(f"hysteresis: {1e3 * reached:.3f} mrad at 0.7 N m, closed form {1e3 * expected:.3f}")
 
-# --- the faster the torque grows, the sooner it slips -----------------------------------------
-rates, forces = np.geomspace(1.0, 50.0, 12), []
-for rate in rates:
-    sim = wheel(1.0, LUGRE)
-    ticks = int(2.0 / rate / DT) + 50
-    run = sim.run(ticks * DT, (rate * DT * (np.arange(ticks) + 1))[:, None])
-    forces.append(LUGRE["lugre"]["sigma0"] * run.z.max())
-breaking.semilogx(rates, forces, "o-")
-breaking.set(
-    xlabel="rate of the torque [N m/s]", ylabel="largest bristle torque [N m]", title="Break-away"
-)
-figure.savefig(output / "bristles.png", dpi=110)
+    # --- the faster the torque grows, the sooner it slips ---
+    rates, forces = np.geomspace(1.0, 50.0, 12), []
+    for rate in rates:
+        sim = wheel(1.0, LUGRE)
+        ticks = int(2.0 / rate / DT) + 50
+        run = sim.run(ticks * DT, (rate * DT * (np.arange(ticks) + 1))[:, None])
+        forces.append(LUGRE["lugre"]["sigma0"] * run.z.max())
+    breaking.semilogx(rates, forces, "o-")
+    breaking.set(
+        xlabel="rate of the torque [N m/s]",
+        ylabel="largest bristle torque [N m]",
+        title="Break-away",
+    )
 print(f"break-away: {forces[0]:.2f} N m at {rates[0]:.0f} N m/s, {forces[-1]:.2f} at 50")
 
 assert 0.3 < still < 1.0

@@ -1,20 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A four-bar linkage turns freely: its loop stays closed, and what the hinge bears is known.
-
-Writes reports/examples/four_bar.png: the path of the coupler's middle, and the force in the hinge.
-"""
+"""A four-bar linkage turns freely: its loop stays closed, and what the hinge bears is known."""
 
 from importlib.resources import files
-from pathlib import Path
 
-import matplotlib
 import numpy as np
 
 from arm_sim import Simulator
-
-matplotlib.use("Agg")
-
-from matplotlib import pyplot as plt  # noqa: E402
+from arm_sim.figures import figure
 
 sim = Simulator(files("arm_sim") / "scenes/four_bar.yaml", dt=1e-3)
 print(sim.plan)
@@ -32,18 +24,15 @@ print(f"loop is open by      {gap.max():.1e} m at most")
 print(f"energy comes and goes by {np.ptp(motion.energy):.1e} J")
 print(f"hinge bears          {force.min():.2f} to {force.max():.2f} N")
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-middle = knee + 0.15 * np.exp(1j * coupler)
-left.plot(middle.real, middle.imag)
-for k in range(0, 700, 100):
-    chain = np.array([0, knee[k], 0.35 + 0.25 * np.exp(1j * rocker[k]), 0.35])
-    left.plot(chain.real, chain.imag, "o-", color="0.8", zorder=0, markersize=3)
-left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="path of the coupler's middle")
-right.plot(motion.time[:2000], force[:2000])
-right.set(xlabel="time [s]", ylabel="force in the hinge [N]")
-output = Path("reports/examples")
-output.mkdir(parents=True, exist_ok=True)
-figure.savefig(output / "four_bar.png", dpi=110)
+with figure("four_bar", columns=2, size=(9, 4)) as (left, right):
+    middle = knee + 0.15 * np.exp(1j * coupler)
+    left.plot(middle.real, middle.imag)
+    for k in range(0, 700, 100):
+        chain = np.array([0, knee[k], 0.35 + 0.25 * np.exp(1j * rocker[k]), 0.35])
+        left.plot(chain.real, chain.imag, "o-", color="0.8", zorder=0, markersize=3)
+    left.set(xlabel="x [m]", ylabel="z [m]", aspect="equal", title="path of the coupler's middle")
+    right.plot(motion.time[:2000], force[:2000])
+    right.set(xlabel="time [s]", ylabel="force in the hinge [N]")
 
 assert gap.max() < 1e-12
 assert np.ptp(motion.energy) < 1e-6

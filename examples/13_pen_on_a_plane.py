@@ -1,21 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Panda writes: its pen stays on the sheet and is pressed on with 5 N, then it is lifted.
 
-The pen on the sheet is a constraint, the pressure its multiplier. Writes reports/examples/pen.png.
+The pen on the sheet is a constraint, the pressure its multiplier.
 """
 
 from importlib.resources import files
-from pathlib import Path
 
-import matplotlib
 import numpy as np
 
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator, State
-
-matplotlib.use("Agg")
-
-from matplotlib import pyplot as plt  # noqa: E402
+from arm_sim.figures import figure
 
 PRESSURE = 5.0  # [N]
 LIFT = 0.05  # [m]
@@ -54,14 +49,11 @@ sim.set_constraint("sheet", False)
 lifted = sim.run(0.5, write)
 print(f"lifted: {1e3 * (tip(lifted.q[-1])[2] - 0.3):.0f} mm above the sheet")
 
-figure, (left, right) = plt.subplots(1, 2, figsize=(9, 4), layout="constrained")
-left.plot(path[:, 0], path[:, 1])
-left.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="on the sheet")
-right.plot(motion.time, pressure)
-right.set(xlabel="time [s]", ylabel="pressure [N]")
-output = Path("reports/examples")
-output.mkdir(parents=True, exist_ok=True)
-figure.savefig(output / "pen.png", dpi=110)
+with figure("pen", columns=2, size=(9, 4)) as (left, right):
+    left.plot(path[:, 0], path[:, 1])
+    left.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", title="on the sheet")
+    right.plot(motion.time, pressure)
+    right.set(xlabel="time [s]", ylabel="pressure [N]")
 
 assert np.abs(path[:, 2] - 0.3).max() < 1e-12
 assert tip(lifted.q[-1])[2] > 0.301

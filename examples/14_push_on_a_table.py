@@ -3,20 +3,14 @@
 
 Its torques are those that carry its weight, some damping, and Jᵀf for the force with which it is
 to push. The table's answer follows from contact mechanics: no springs, no penetration.
-Writes reports/examples/table.png.
 """
 
 from importlib.resources import files
-from pathlib import Path
 
-import matplotlib
 import numpy as np
 
 from arm_sim import Simulator, State, contact_history
-
-matplotlib.use("Agg")
-
-from matplotlib import pyplot as plt  # noqa: E402
+from arm_sim.figures import figure
 
 PHASES = (  # until when [s], and the force of the hand upon the world [N]
     (0.7, (0.0, 0.0, -5.0)),  # down
@@ -56,16 +50,13 @@ print(
 print(f"leaves after {leave:.3f} s; impacts took {1e3 * history.impact_loss[-1]:.3f} mJ,")
 print(f"friction {1e3 * history.friction_loss[-1]:.3f} mJ")
 
-figure, (above, below) = plt.subplots(2, 1, figsize=(8, 5), sharex=True, layout="constrained")
-above.plot(motion.time, normal, label="normal")
-above.plot(motion.time, sideways, label="friction")
-above.set(ylabel="force of the table [N]", ylim=(-1, 30))
-above.legend()
-below.plot(motion.time, 1e3 * gap)
-below.set(xlabel="time [s]", ylabel="height above the table [mm]")
-output = Path("reports/examples")
-output.mkdir(parents=True, exist_ok=True)
-figure.savefig(output / "table.png", dpi=110)
+with figure("table", rows=2, size=(8, 5), sharex=True) as (above, below):
+    above.plot(motion.time, normal, label="normal")
+    above.plot(motion.time, sideways, label="friction")
+    above.set(ylabel="force of the table [N]", ylim=(-1, 30))
+    above.legend()
+    below.plot(motion.time, 1e3 * gap)
+    below.set(xlabel="time [s]", ylabel="height above the table [mm]")
 
 assert gap.min() > -1e-12 and normal.min() >= 0.0
 assert abs(sideways[at(2.099)] - 0.4 * normal[at(2.099)]) < 1e-9

@@ -9,6 +9,7 @@ from importlib.resources import files
 import numpy as np
 
 from arm_sim import Simulator
+from arm_sim.figures import figure
 
 sim = Simulator(files("arm_sim") / "scenes/slider_crank_motor.yaml")
 pivot, rail = (sim.joint_names.index(name) for name in ("pivot", "rail"))
@@ -44,6 +45,13 @@ def held(volts: float) -> bool:
 
 holding = [volts for volts in np.arange(-3.0, 3.0, 0.1) if held(volts)]
 print(f"from its start it stands between {min(holding):.1f} and {max(holding):.1f} V, to the bit")
+
+with figure("slider_crank", columns=2) as (left, right):
+    left.plot(run.time, run.v[:, pivot])
+    left.set(xlabel="time [s]", ylabel="speed of the crank [rad/s]", title="At 12 V")
+    spent = {"winding": winding, "slider": rubbing, "bearing": bearing}
+    right.bar(list(spent), list(spent.values()), color=["tab:orange", "tab:blue", "tab:green"])
+    right.set(ylabel="heat in 3 s [J]", title="Where the energy goes")
 
 assert abs(winding + rubbing + bearing - run.lost[-1]) < 1e-2 * run.lost[-1]
 assert np.abs(run.balance).max() < 1e-6 and -2.9 < min(holding) < max(holding) < 2.8

@@ -13,6 +13,7 @@ import numpy as np
 from arm_dynamics import load_scene
 from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator, State, contact_history
+from arm_sim.figures import figure
 
 PRESS, MU, LANDED, RATE = 20.0, 0.4, 0.6, 12.0  # [N], the table's µ, [s], [N/s]
 scene = load_scene(files("arm_sim") / "scenes/panda_lugre_table.yaml")
@@ -25,7 +26,7 @@ def sideways(time: float) -> float:
     return RATE * max(0.0, time - LANDED)
 
 
-def measured(sim: Simulator) -> list[float]:
+def measured(sim: Simulator, axis, name: str) -> list[float]:
     """Pushes sideways in [N] at which the table lets go, and the hand is off by 0.1 and 1 mm."""
     dyn, hand = sim.dynamics, TaskSpace(sim.dynamics, "panda_hand", selection="position")
 
@@ -41,14 +42,20 @@ def measured(sim: Simulator) -> list[float]:
     moved = np.array([np.linalg.norm(hand.pose(q).position - start) for q in run.q[landed:]])
     signs = along > 0.9999 * MU * felt[landed:, 2], moved > 1e-4, moved > 1e-3
     pushes = [sideways(run.time[landed + int(np.argmax(sign))]) for sign in signs]
+    axis.plot(1e3 * moved, [sideways(t) for t in run.time[landed:]], label=name)
     print(f"  presses with {felt[landed, 2]:.2f} N; let go at {pushes[0]:.2f} N,", end=" ")
     print(f"0.1 mm off at {pushes[1]:.2f} N, 1 mm off at {pushes[2]:.2f} N")
     return pushes
 
 
 print(f"{PRESS:.0f} N on the table, which holds {MU * PRESS:.1f} N sideways")
-print("joints without dry friction:")
-plain = measured(Simulator(smooth, dt=2e-3))
-print("joints with bristles:")
-bristles = measured(Simulator(scene, dt=2e-3, tolerance=1e-5))
+with figure("bristles_on_a_table", size=(7, 4)) as axis:
+    print("joints without dry friction:")
+    plain = measured(Simulator(smooth, dt=2e-3), axis, "joints without dry friction")
+    print("joints with bristles:")
+    bristles = measured(Simulator(scene, dt=2e-3, tolerance=1e-5), axis, "joints with bristles")
+    axis.axhline(MU * PRESS, color="0.5", linestyle=":", label="what the table holds")
+    axis.set(xlabel="way of the hand [mm]", ylabel="push along the table [N]", xlim=(-0.1, 4.0))
+    axis.legend()
+
 assert abs(plain[0] - MU * PRESS) < 0.1 and bristles[2] > plain[2] + 0.5

@@ -10,12 +10,16 @@ from importlib.resources import files
 import numpy as np
 
 from arm_sim import Simulator, State, contact_history
+from arm_sim.figures import figure
 
 FORCE_PER_CURRENT, LIMIT, RUB, MU = 1000 * 0.02, 0.5, 0.5, 0.5  # N K_t [N/A], [A], [N], µ
 PALM = 0.5 + 2 * 0.08  # [kg], with the fingers
 CLOSED, UP, OPEN = 0.4, 1.4, 1.8  # [s]
 sim = Simulator(files("arm_sim") / "scenes/lifting_gripper.yaml")
 height, lift, left, right = map(sim.joint_names.index, ("box_height", "lift", "left", "right"))
+
+
+curves = {}
 
 
 def grasp(current: float) -> tuple[float, float]:
@@ -31,6 +35,7 @@ def grasp(current: float) -> tuple[float, float]:
     sim.reset()
     run = sim.run(OPEN, command)
     force = contact_history(sim, run).force
+    curves[current] = run.time, 1e3 * run.q[:, height]
     carried = round(UP / sim.dt) - 1
     print(
         f"{current:.2f} A: squeezed with {abs(force[carried, 0, 1]):.3f} N, carried by "
@@ -43,4 +48,16 @@ def grasp(current: float) -> tuple[float, float]:
 print(f"the limit of {LIMIT} A allows {MU * 2 * (FORCE_PER_CURRENT * LIMIT - RUB) / 9.81:.2f} kg")
 squeezed, up = grasp(2.0 * LIMIT)  # cut to the limit
 _, slipped = grasp(0.15)  # too little for 0.3 kg
+
+with figure("grasp_and_lift", size=(7, 4)) as axis:
+    for current, (time, up_by) in curves.items():
+        axis.plot(time, up_by, label=f"{min(current, LIMIT):.2f} A")
+    for moment, what in ((CLOSED, "lifts"), (UP, "opens")):
+        axis.axvline(moment, color="0.6", linestyle=":")
+        axis.text(moment, 104, f" {what}", color="0.4")
+    axis.set(
+        xlabel="time [s]", ylabel="height of the box [mm]", title="Enough current, too little"
+    )
+    axis.legend()
+
 assert abs(squeezed - (FORCE_PER_CURRENT * LIMIT - RUB)) < 1e-6 and up > 0.09 > slipped

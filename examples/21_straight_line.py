@@ -9,6 +9,7 @@ from arm_dynamics.control import ComputedTorque, OperationalSpace
 from arm_dynamics.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory import circle, joint_path, line, paced, timed
 from arm_sim import Simulator
+from arm_sim.figures import figure
 
 sim = Simulator(files("arm_sim") / "scenes/panda.yaml", dt=1e-3)
 hand = TaskSpace(sim.dynamics, "panda_hand_tcp")
@@ -16,7 +17,7 @@ start = hand.pose(sim.state.q)
 
 straight = line(start, Pose(start.position + [0.1, 0.35, -0.15], start.rotation))
 whole = circle(start, start.position + [0.0, 0.08, 0.0], [1, 0, 0], 2 * np.pi)
-worst = 0.0
+worst, curves = 0.0, {}
 for shape, way in (("line", straight), ("circle", whole)):
     asked = timed(way, speed=0.5, acceleration=2.0)
     joints = joint_path(hand, asked)
@@ -34,6 +35,16 @@ for shape, way in (("line", straight), ("circle", whole)):
         reference = np.array([motion.sample(float(t)).position for t in done.time])
         off = 1e3 * np.linalg.norm(hand.pose(done.q).position - reference, axis=1).max()
         worst = max(worst, off)
+        curves[shape, name] = hand.pose(done.q).position[:, 1:], reference[:, 1:]
         print(f"  {name:18s} largest distance from the reference {off:.4f} mm")
+
+with figure("straight_line", columns=2) as both:
+    for axis, shape in zip(both, ("line", "circle"), strict=True):
+        for name in controllers:
+            drawn, reference = curves[shape, name]
+            axis.plot(*drawn.T, label=name)
+        axis.plot(*reference.T, "k:", label="reference")
+        axis.set(xlabel="y [m]", ylabel="z [m]", aspect="equal", title=f"A {shape}")
+    both[1].legend(loc="center")
 
 assert worst < 0.1

@@ -15,6 +15,7 @@ from arm_dynamics.control import MotionForce
 from arm_dynamics.task_space import Pose, TaskSpace
 from arm_dynamics.trajectory import line, timed
 from arm_sim import Simulator
+from arm_sim.figures import figure
 
 PRESS = 20.0  # [N]
 HEIGHT = 0.02  # [m] of the pen above the table at the start
@@ -45,14 +46,24 @@ def pressed(friction: float, known: float) -> tuple[np.ndarray, np.ndarray]:
     return np.array(forces), np.linalg.norm(np.array(offs)[:, :2], axis=1)
 
 
-ends = []
+ends, curves = [], {}
 for friction, known in ((0.0, 0.0), (0.3, 0.0), (0.3, 0.3)):
     force, off = pressed(friction, known)
     ends.append(off[-1])
+    curves[f"friction {friction:.1f}, known {known:.1f}"] = force, off
     print(
         f"friction {friction:.1f}, known {known:.1f}: pressed with {force.min():.2f} to "
         f"{force.max():.2f} N; off by {1e3 * off[0]:.2f} mm where it has landed and by "
         f"{1e3 * off[-1]:.2f} mm at the end of the line"
     )
+
+with figure("force_on_a_table", rows=2, size=(8, 5), sharex=True) as (above, below):
+    for name, (force, off) in curves.items():
+        time = 1e-3 * np.arange(len(off))
+        above.plot(time, force, label=name)
+        below.plot(time, 1e3 * off, label=name)
+    above.set(ylabel="force on the table [N]", title="A line on a table", ylim=(0.0, 1.5 * PRESS))
+    below.set(xlabel="time on the line [s]", ylabel="off by [mm]")
+    below.legend()
 
 assert ends[0] < 1e-4 and ends[2] < 1e-3 < ends[1]

@@ -14,6 +14,7 @@ from arm_dynamics import Dynamics
 from arm_dynamics.control import Settings, tuned
 from arm_dynamics.trajectory import Waypoint, hold
 from arm_sim import ClosedLoop, Simulator
+from arm_sim.figures import figure
 
 SHARE = 0.1  # of the effort limit that the spring may take
 
@@ -48,3 +49,10 @@ pair.follow([Waypoint(2.0, goal)])
 led = pair.run(3.0)
 print(f"led along a trajectory: {abs(led.q[-1] - goal).max():.1e} rad from the goal")
 assert abs(led.q[-1] - goal).max() < 1e-3
+
+with figure("own_controller", columns=2) as (left, right):
+    left.plot(motion.time, motion.q - goal)
+    left.set(xlabel="time [s]", ylabel="distance from the goal [rad]", title="The goal jumps")
+    right.plot(motion.time, motion.tau / sim.model.effort_limit)
+    right.set(xlabel="time [s]", ylabel="share of the effort limit", title="The torque does not")
+    right.legend([f"joint {i + 1}" for i in range(sim.n)], ncols=2)

@@ -37,6 +37,7 @@ SAYS = {
         "external_wrench": "pushes",
         "imperfections": "sensors, lines",
         "exceptions": "SimulationDiverged",
+        "figures": "that look alike",
     },
     "arm_dynamics": {
         "client": "services of running nodes as functions",

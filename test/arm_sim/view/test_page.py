@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from itertools import count
 from pathlib import Path
 
 import numpy as np
@@ -102,16 +103,20 @@ def test_the_mouse_pulls_a_link(panda: Simulator) -> None:
         opened(view.url, "/arm/panda_joint7", size=(1300, 650)) as page,
     ):
         rig, mouse = view.source.rigs[0], page.handle.mouse
+        page.handle.wait_for_timeout(3000)  # until the camera has gone where it is to be
         x, y = _on_screen(page, page.places("/arm/panda_joint3")[0, :3, 3])
-        for at in (x - 5, x):  # what is beneath the mouse is found out with a picture
-            mouse.move(at, y + 10)
-            page.handle.wait_for_timeout(500)
+        steps = count()
+
+        def pull() -> bool:
+            mouse.move(x + 40 + 30 * np.sin(0.5 * next(steps)), y - 20)
+            return bool(rig.wrenches.active)
+
+        mouse.move(x - 5, y + 10)
+        page.handle.wait_for_timeout(2000)  # what is beneath the mouse is found out by drawing
+        mouse.move(x, y + 10)
+        page.handle.wait_for_timeout(2000)
         mouse.down()
-        for k in range(1, 60):
-            mouse.move(x + 2 * k, y + 10 - k)
-            page.handle.wait_for_timeout(50)
-            if rig.wrenches.active:
-                break
+        page.until(pull, "the pull")
         assert rig.wrenches.active == ("panda_link3",)
         page.click("Step")
         page.until(lambda: panda.state.step == 1, "a tick")

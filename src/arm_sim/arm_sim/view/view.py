@@ -15,6 +15,7 @@ from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures
 from arm_sim.view.bench import Bench, Rig
 from arm_sim.view.film import Film
+from arm_sim.view.follower import Follower, Told
 from arm_sim.view.player import Player
 from arm_sim.view.pulse import Pulse
 from arm_sim.view.server import HERE, address, close_server, open_server
@@ -36,11 +37,11 @@ class View:
     Args:
         server: The page.
         actors: The arms.
-        source: What moves them: a player of films, or a bench with simulations.
+        source: What moves them: a player of films, a bench with simulations, or running arms.
     """
 
     def __init__(
-        self, server: viser.ViserServer, actors: Sequence[Actor], source: Player | Bench
+        self, server: viser.ViserServer, actors: Sequence[Actor], source: Player | Bench | Follower
     ) -> None:
         self._server, self.actors, self.source = server, tuple(actors), source
         with server.gui.add_folder("Show", expand_by_default=False):
@@ -224,6 +225,16 @@ def show_rigs(
     models = [rig.simulation.model for rig in rigs]
     actors = _cast(server, _different(names), models, folder, False)
     return View(server, actors, Bench(server, rigs, actors))
+
+
+def show_followed(
+    told: Sequence[Told], names: Sequence[str], models: Sequence[ArmModel], host: str = HERE,
+    port: int | None = None,
+) -> View:  # fmt: skip
+    """Follow arms that run elsewhere, beside each other; raises as ``show_films``."""
+    server = open_server("arm view", host, port)
+    actors = _cast(server, _different(names), models, None, False)
+    return View(server, actors, Follower(server, told, actors))
 
 
 def _cast(

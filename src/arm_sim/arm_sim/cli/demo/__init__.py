@@ -21,6 +21,7 @@ PANDA = Path(__file__).parents[2] / "scenes/panda.yaml"
 @click.command(
     epilog=examples(
         "./arm demo",
+        "./arm demo --view",
         "./arm demo --robot my_arm.urdf --duration 5 --output /tmp/my_arm",
     )
 )
@@ -31,7 +32,8 @@ PANDA = Path(__file__).parents[2] / "scenes/panda.yaml"
 @click.option("--output", default="reports/demo", show_default=True,
               type=click.Path(file_okay=False, path_type=Path),
               help="Folder for the figure, the numbers and the logs.")  # fmt: skip
-def demo(robot: str | None, duration: float, output: Path) -> None:
+@click.option("--view", is_flag=True, help="Show it in the browser meanwhile.")
+def demo(robot: str | None, duration: float, output: Path, view: bool) -> None:
     """Close the loop on an arm at 1 kHz in real time, and show how well it went.
 
     Three processes talk over ROS 2: the simulated arm, a computed-torque controller that moves it
@@ -44,7 +46,7 @@ def demo(robot: str | None, duration: float, output: Path) -> None:
 
     with interruptible():
         try:
-            run(robot or str(PANDA), duration, output)
+            run(robot or str(PANDA), duration, output, view)
         except KeyboardInterrupt:
             click.echo("interrupted; all processes of the demo have been ended", err=True)
             sys.exit(130)

@@ -7,6 +7,7 @@ import json
 import os
 import tempfile
 import time
+import webbrowser
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import asdict
@@ -24,8 +25,10 @@ from arm_sim.cli.demo.observer import Observer, Seen
 from arm_sim.cli.demo.processes import DemoFailed, Processes, free_domain
 from arm_sim.cli.demo.report import Numbers, complaints, numbers, remarks, result_table
 from arm_sim.cli.output import console, show
+from arm_sim.view.server import library
 
 _SETTLED = 0.3  # [s] that are watched after the motion
+_OPENING = 3.0  # [s] that a browser is given to open
 _LATE = 10.0  # [s] that the motion may take longer than one and a half times its duration
 # By simulated time a busy machine slows the motion down; by the clock it would disturb it.
 _ROS_SIM = ("--ros-args", "-p", "time:=sim")
@@ -34,23 +37,30 @@ _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 Say = Callable[[str], None]
 
 
-def run(robot: str, duration: float, output: Path) -> None:
+def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     """Run the demo, whose arguments ``demo`` explains.
 
     Raises:
         DemoFailed: If the loop did not close.
         ArmError: If there is no motion for the arm.
     """
+    if view:
+        library()  # or say now that it is missing
     motion = choose_motion(load_scene(robot), duration)
     output.mkdir(parents=True, exist_ok=True)
     out = console()
     with tempfile.TemporaryDirectory(prefix="arm_demo_") as scratch, _progress(out) as (say, bar):
-        seen, clock = _run(motion, output, Path(scratch), say, bar)
+        seen, clock = _run(motion, output, Path(scratch), say, bar, view)
     _tell(output, motion, seen, numbers(motion, seen, clock), out)
 
 
 def _run(
-    motion: Motion, output: Path, scratch: Path, say: Say, bar: Callable[[float], None]
+    motion: Motion,
+    output: Path,
+    scratch: Path,
+    say: Say,
+    bar: Callable[[float], None],
+    view: bool,
 ) -> tuple[Seen, dict[str, Any]]:
     """Have the processes follow the motion; return what was seen and the sim node's report."""
     scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
@@ -77,7 +87,8 @@ def _run(
         # Last and alone, so that no other start-up disturbs its clock.
         processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report))
         observer.wait_for_motion()
-        say("following the trajectory")
+        shown = f"; the view is at {_open_view(processes, scene)}" if view else ""
+        say(f"following the trajectory{shown}")
         if not observer.send(motion.waypoints):
             raise DemoFailed(
                 "the controller did not follow the trajectory; its log says:\n"
@@ -90,12 +101,24 @@ def _run(
             )
         say("stopping the nodes")
         processes.stop("sim")
-        processes.stop("controller", "dynamics")
+        processes.stop("view", "controller", "dynamics")
         if not report.exists():
             raise DemoFailed(
                 "the sim node did not end cleanly; it said:\n" + processes.tail("sim")
             )
         return observer.seen(), json.loads(report.read_text())
+
+
+def _open_view(processes: Processes, scene: Path) -> str:
+    """Start a view that follows the arm, and a browser where there is one; its address."""
+    processes.start("view", "view", str(scene), "--live")
+    while "(Ctrl-C ends)" not in (said := processes.log("view").read_text(errors="replace")):
+        processes.check()
+        time.sleep(0.1)
+    address = next(word for word in said.split() if word.startswith("http://"))
+    webbrowser.open(address)
+    time.sleep(_OPENING)
+    return address
 
 
 @contextmanager

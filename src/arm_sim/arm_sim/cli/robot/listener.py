@@ -45,9 +45,11 @@ class Listener:
         self._node.destroy_node()
         self._context.try_shutdown()
 
-    def hear(self, topic: Topic, name: str, heard: Callable[[Any], None]) -> None:
-        """Have a function called with every message of a topic, by its full name."""
-        self._node.create_subscription(topic.type, name, heard, topic.subscribe)
+    def hear(
+        self, topic: Topic, name: str, heard: Callable[[Any], None], raw: bool = False
+    ) -> None:
+        """Have a function called with every message of a topic, by its full name, or its bytes."""
+        self._node.create_subscription(topic.type, name, heard, topic.subscribe, raw=raw)
 
     def publisher(self, topic: Topic, name: str) -> Publisher:
         """A publisher on a topic, by its full name."""

@@ -3,11 +3,17 @@
 
 from __future__ import annotations
 
+from contextlib import ExitStack, suppress
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 
 from arm_sim.cli.output import examples, told_meanwhile
+from arm_sim.cli.view.wish import Wish
+
+if TYPE_CHECKING:
+    from arm_sim.view import View
 
 __all__ = ["view"]
 
@@ -37,13 +43,19 @@ class Size(click.ParamType):
     epilog=examples(
         "./arm view panda",
         "./arm view panda ur10 --port 9000",
+        "./arm view --live",
+        "./arm view --live=left --live=right",
         "./arm view run.mcap",
         "./arm view rosbag2_of_my_robot --scene ur10",
         "./arm view four_bar --gif four_bar.gif --duration 4",
         "./arm view my_arm.urdf --png my_arm.png --size 1200x800",
     )
 )
-@click.argument("what", nargs=-1, required=True)
+@click.argument("what", nargs=-1)
+@click.option("--live", is_flag=False, flag_value="", multiple=True, metavar="[NAMESPACE]",
+              help="Follow a running robot over its topics, in a namespace by --live=NAMESPACE. "
+              "WHAT is its scene then, and may be left out where robot_description tells.",
+)  # fmt: skip
 @click.option("--host", default="127.0.0.1", show_default=True,
               help="Address to listen at; 0.0.0.0 lets the network look and steer.")  # fmt: skip
 @click.option("--port", type=click.IntRange(0, 65535),
@@ -68,6 +80,7 @@ class Size(click.ParamType):
               help="Of films and pages: pictures in a second.")  # fmt: skip
 def view(
     what: tuple[str, ...],
+    live: tuple[str, ...],
     host: str,
     port: int | None,
     html: Path | None,
@@ -89,26 +102,43 @@ def view(
     URDF, or the name of a ready scene. Or it is a recording to play: a file of the sim's parameter
     record or of Recording.save, a bag of a robot, or a .csv. Several stand side by side.
     """
-    from arm_sim.cli.view.sources import Wish, shown
+    from arm_sim.cli.demo.processes import interruptible
 
     written = {"png": png, "gif": gif, "mp4": mp4, "html": html}
     pictures = {kind: path for kind, path in written.items() if path is not None}
-    with told_meanwhile():
-        wish = Wish(host, 0 if pictures else port, bool(pictures), duration, control, scene, topic)
-        page = shown(what, wish)
-        with page:
-            for kind, path in pictures.items():
-                if kind == "png":
-                    page.picture(path, size, time)
-                elif kind == "html":
-                    page.page(path, rate, speed)
-                else:
-                    page.film(path, size, rate, speed)
-                click.echo(path)
-            if pictures:
-                return
+    port = 0 if pictures else port
+    with ExitStack() as stack:
+        stack.enter_context(told_meanwhile())
+        if live:
+            page = _followed(stack, what, live, host, port)
+        else:
+            page = _shown(what, Wish(host, port, bool(pictures), duration, control, scene, topic))
+        stack.enter_context(page)
+        for kind, path in pictures.items():
+            if kind == "png":
+                page.picture(path, size, time)
+            elif kind == "html":
+                page.page(path, rate, speed)
+            else:
+                page.film(path, size, rate, speed)
+            click.echo(path)
+        if not pictures:
             click.echo(f"{page.url}  (Ctrl-C ends)")
-            try:
+            with suppress(KeyboardInterrupt), interruptible():
                 page.wait()
-            except KeyboardInterrupt:
-                click.echo("")
+
+
+def _shown(what: tuple[str, ...], wish: Wish) -> View:
+    from arm_sim.cli.view.sources import shown
+
+    if not what:
+        raise click.UsageError("name a scene or a recording, or follow a running robot by --live")
+    return shown(what, wish)
+
+
+def _followed(
+    stack: ExitStack, what: tuple[str, ...], live: tuple[str, ...], host: str, port: int | None
+) -> View:
+    from arm_sim.cli.view.live import Hearing
+
+    return stack.enter_context(Hearing(live)).show(what, host, port)

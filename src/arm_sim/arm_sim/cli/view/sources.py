@@ -4,39 +4,16 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
 
 from arm_dynamics.control import GravityCompensation
 from arm_sim import Recording, Simulator
+from arm_sim.cli.view.wish import Wish
 from arm_sim.exceptions import ViewError
 from arm_sim.recording import film_of
 from arm_sim.view import Film, View, show_films, show_rigs
 
 RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
-
-
-@dataclass(frozen=True)
-class Wish:
-    """How things are to be shown.
-
-    Attributes:
-        host: Address to listen at.
-        port: Port; None for the usual one or the next.
-        over: Whether motions are to be shown of scenes, rather than simulations to touch.
-        duration: Of these motions in [s].
-        control: What holds arms meanwhile: ``nothing`` or ``weight``.
-        scene: Of recordings that bring none.
-        topic: Of the joint states of bags that have several.
-    """
-
-    host: str
-    port: int | None
-    over: bool = False
-    duration: float = 5.0
-    control: str = "nothing"
-    scene: str | None = None
-    topic: str | None = None
 
 
 def shown(what: Sequence[str], wish: Wish) -> View:

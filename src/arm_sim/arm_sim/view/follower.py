@@ -1,0 +1,133 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Follows arms that run elsewhere, and draws what is told of them."""
+
+from __future__ import annotations
+
+import time
+from collections import deque
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from typing import TYPE_CHECKING, Protocol
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_sim.view.charts import Chart, Charts
+from arm_sim.view.marks import Instant
+from arm_sim.view.pulse import Pulse
+from arm_sim.view.stage import Actor
+
+if TYPE_CHECKING:
+    import viser
+
+MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
+CHARTED = 0.5  # [s] between drawings of curves
+OLD = 0.5  # [s] after which an arm counts as silent
+ENERGIES = ("kinetic", "potential", "total", "came in", "went out")
+
+
+@dataclass(frozen=True)
+class News:
+    """The newest that was told of an arm.
+
+    Attributes:
+        time: Its time in [s].
+        q: Joint positions in [rad] or [m], shape (n,).
+        effort: Torques in [N m] or [N], shape (n,).
+        error: How far it is from its reference, shape (n,); zeros where nobody tells.
+        energy: Those of ``ENERGIES`` in [J], shape (5,); zeros where nobody tells.
+    """
+
+    time: float
+    q: Array
+    effort: Array
+    error: Array
+    energy: Array = field(default_factory=lambda: np.zeros(len(ENERGIES)))
+
+
+class Told(Protocol):
+    """Where news come from."""
+
+    def newest(self) -> News | None:
+        """The newest; None if nothing new was told since the last call."""
+
+
+class Follower:
+    """The controls of a page that follows running arms; times count from the first news.
+
+    Args:
+        server: The page.
+        told: Where news of each actor come from.
+        actors: The arms.
+
+    Attributes:
+        pulse: What moves it.
+    """
+
+    def __init__(
+        self, server: viser.ViserServer, told: Sequence[Told], actors: Sequence[Actor]
+    ) -> None:
+        self._server, self._pairs = server, tuple(zip(told, actors, strict=True))
+        self.pulse = Pulse(self._beat, self._say)
+        self._status = server.gui.add_markdown("waiting")
+        forget = server.gui.add_button("Forget the way")
+        forget.on_click(lambda _: self.pulse.order(self._forget))
+        size = round(MEMORY / SAMPLED)
+        self._samples: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in actors]
+        self._heard = [0.0 for _ in actors]
+        self._began: dict[int, float] = {}
+        self._times = [0.0 for _ in actors]
+        self._charted = 0.0
+        self._charts = Charts(server, self._curves())
+        with server.atomic():
+            for actor in actors:
+                actor.draw(Instant(0.0, actor.marker.model.q0))
+
+    def _forget(self) -> None:
+        for _, actor in self._pairs:
+            actor.forget_way()
+
+    def _beat(self, passed: float) -> None:
+        now = time.monotonic()
+        for i, (told, actor) in enumerate(self._pairs):
+            if (news := told.newest()) is not None:
+                news = replace(news, time=news.time - self._began.setdefault(i, news.time))
+                self._heard[i], self._times[i] = now, news.time
+                self._take(news, actor, self._samples[i])
+        if now - self._charted > CHARTED:
+            self._charted = now
+            self._say("")
+            for chart in self._curves():
+                self._charts.update(chart.title, chart.time, chart.values)
+
+    def _take(self, news: News, actor: Actor, samples: deque[tuple[float, Array]]) -> None:
+        with self._server.atomic():
+            actor.trail(actor.draw(Instant(news.time, news.q)).hand)
+        if samples and news.time < samples[-1][0]:  # it was started again
+            samples.clear()
+            actor.forget_way()
+        if not samples or news.time - samples[-1][0] >= SAMPLED:
+            row = np.concatenate([news.effort, news.error, news.energy])
+            samples.append((news.time, row))
+
+    def _say(self, trouble: str) -> None:
+        now, lines = time.monotonic(), []
+        for (_, actor), heard, at in zip(self._pairs, self._heard, self._times, strict=True):
+            silent = f", silent for {now - heard:.0f} s" if now - heard > OLD else ""
+            lines.append(f"{actor.name}: t = {at:.2f} s{silent if heard else ', not heard yet'}")
+        self._status.content = "\n\n".join([*lines, *([f"**{trouble}**"] if trouble else [])])
+
+    def _curves(self) -> list[Chart]:
+        charts = []
+        for (_, actor), samples in zip(self._pairs, self._samples, strict=True):
+            model = actor.marker.model
+            n, names = model.n, model.joint_names
+            title = f"{actor.name}: " if len(self._pairs) > 1 else ""
+            at = np.array([t for t, _ in samples])
+            rows = np.array([row for _, row in samples]).reshape(-1, 2 * n + len(ENERGIES))
+            charts += [
+                Chart(f"{title}torque [N m]", names, at, rows[:, :n]),
+                Chart(f"{title}error [rad]", names, at, rows[:, n : 2 * n]),
+                Chart(f"{title}energy [J]", ENERGIES, at, rows[:, 2 * n :]),
+            ]
+        return charts

@@ -1,0 +1,135 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm view``: what it shows, what it refuses, and arms that run elsewhere."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import running
+
+import models
+from arm_sim import Simulator
+from arm_sim.cli.main import main
+from arm_sim.cli.robot.listener import Listener
+from arm_sim.cli.view import live, sources
+from arm_sim.cli.view.wish import Wish
+from arm_sim.exceptions import ViewError
+from arm_sim.view import News
+
+SCENE = str(models.SCENES / "two_link.yaml")
+START = "initial: {position: {shoulder: 0.4}}"
+HERE = Wish("127.0.0.1", 0)
+ros = pytest.mark.ros
+
+
+@pytest.fixture
+def shown(monkeypatch: pytest.MonkeyPatch) -> dict[str, Any]:
+    """What would be shown, without a page."""
+    kept: dict[str, Any] = {}
+    monkeypatch.setattr(sources, "show_films", lambda films, *_: kept.update(films=films))
+    monkeypatch.setattr(
+        sources, "show_rigs", lambda rigs, names, *_: kept.update(rigs=rigs, names=names)
+    )
+    return kept
+
+
+def test_scenes_are_to_be_touched_side_by_side(shown: dict[str, Any]) -> None:
+    sources.shown(["two_link", str(models.SCENES / "pendulum.yaml")], HERE)
+    assert shown["names"] == ["two_link", "pendulum"]
+    assert [rig.simulation.n for rig in shown["rigs"]] == [2, 1]
+
+
+def test_pictures_of_a_scene_are_of_a_motion(shown: dict[str, Any]) -> None:
+    sources.shown(["two_link"], Wish("127.0.0.1", 0, over=True, duration=0.2, control="weight"))
+    (film,) = shown["films"]
+    assert film.time[-1] == pytest.approx(0.2)
+    np.testing.assert_allclose(film.q, np.tile(film.q[0], (201, 1)), atol=1e-9)
+
+
+def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -> None:
+    run = Simulator("two_link").run(0.1)
+    for name in ("run.mcap", "run.npz"):
+        sources.shown([str(run.save(tmp_path / name))], HERE)
+        np.testing.assert_array_equal(shown["films"][0].q, run.q)
+
+
+def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path: Path) -> None:
+    table = tmp_path / "robot.csv"
+    table.write_text("time,position.elbow,position.shoulder\n0,0.1,0.2\n0.5,0.3,0.4\n")
+    with pytest.raises(ViewError, match=r"robot.csv' brings no scene.*name it by --scene"):
+        sources.shown([str(table)], HERE)
+    sources.shown([str(table)], Wish("127.0.0.1", 0, scene="two_link"))
+    np.testing.assert_array_equal(shown["films"][0].q, [[0.2, 0.1], [0.4, 0.3]])
+
+
+@pytest.mark.parametrize(
+    ("words", "status", "said"),
+    [
+        ([], 2, "name a scene or a recording"),
+        (["pandaa"], 1, "did you mean 'panda'?"),
+        (["panda", "--size", "big"], 2, "'big'; 16x16 to 4096x4096 is allowed"),
+        (["panda", "run.npz"], 1, "'run.npz' is a recording and 'panda' is none"),
+        (["no.npz"], 1, "no.npz"),
+        (
+            ["two_link", "--png", "/no/such/folder/a.png"],
+            1,
+            "there is no folder '/no/such/folder'",
+        ),
+        (["robot.csv", "--scene", "panda"], 1, "another robot than the scene"),
+    ],
+)
+def test_what_cannot_be_shown_is_told(
+    words: list[str], status: int, said: str, capfd: pytest.CaptureFixture[str],
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+) -> None:  # fmt: skip
+    pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "robot.csv").write_text("time,position.elbow\n0,0.1\n0.5,0.3\n")
+    with pytest.raises(SystemExit) as end:
+        main(["view", *words])
+    assert end.value.code == status
+    assert said in capfd.readouterr().err
+
+
+# --- running arms ------------------------------------------------------------------------------
+
+
+def heard(arm: live.Heard, listener: Listener) -> News:
+    """The next news."""
+    news: list[News] = []
+    assert listener.until(lambda: bool(news.extend(filter(None, [arm.newest()])) or news), 40.0)
+    return news[0]
+
+
+@ros
+def test_a_running_arm_is_followed_whatever_its_description_locks(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(live, "_WAIT", 40.0)
+    scene = tmp_path / "locked.yaml"
+    urdf = models.SCENES / "two_link.urdf"
+    scene.write_text(f"robot: {{urdf: {urdf}, lock: [elbow]}}\n{START}\n")
+    with running(tmp_path, ("sim", str(scene), "--ros-args", "-p", "paused:=true")) as domain:
+        monkeypatch.setenv("ROS_DOMAIN_ID", str(domain))
+        with live.Hearing([""]) as hearing:
+            (arm,) = hearing.arms
+            model = arm.meet(None)
+            assert model.joint_names == ("shoulder",)
+            news = heard(arm, hearing._listener)
+            np.testing.assert_array_equal(news.q, [0.4])
+            assert arm.newest() is None  # nothing is told twice
+            with pytest.raises(ViewError, match="another robot than the scene: it has no joint"):
+                arm.meet(SCENE)
+
+
+@ros
+def test_nobody_to_follow_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(live, "_WAIT", 0.2)
+    with live.Hearing(["left"]) as hearing:
+        with pytest.raises(ViewError, match=r"no joint states on /left/joint_states \(waited"):
+            hearing.show([], "127.0.0.1", 0)
+        with pytest.raises(ViewError, match="2 scenes for 1 running arms"):
+            hearing.show(["a", "b"], "127.0.0.1", 0)
