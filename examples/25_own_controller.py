@@ -54,5 +54,5 @@ with figure("own_controller", columns=2) as (left, right):
     left.plot(motion.time, motion.q - goal)
     left.set(xlabel="time [s]", ylabel="distance from the goal [rad]", title="The goal jumps")
     right.plot(motion.time, motion.tau / sim.model.effort_limit)
-    right.set(xlabel="time [s]", ylabel="share of the effort limit", title="The torque does not")
+    right.set(xlabel="time [s]", ylabel="share of the effort limit", title="The torque is bounded")
     right.legend([f"joint {i + 1}" for i in range(sim.n)], ncols=2)
