@@ -12,7 +12,7 @@ import models
 from arm_dynamics import InvalidInput
 from arm_dynamics.codegen import generate
 from arm_dynamics.trajectory import Waypoint
-from arm_sim import ClosedLoop, Simulator, State, computed_torque
+from arm_sim import ClosedLoop, JointCommand, Simulator, State, computed_torque
 
 PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
 SENSORS = {
@@ -160,3 +160,22 @@ def test_computed_torque_still_leads_an_arm_of_good_sensors() -> None:
     pair.follow([Waypoint(0.5, pair.simulator.state.q + 0.4)])
     motion = pair.run(1.0)
     np.testing.assert_allclose(motion.q[-1], motion.q[0] + 0.4, atol=2e-3)
+
+
+def test_a_servo_is_the_robots_own_and_knows_the_true_state() -> None:
+    goal = JointCommand(position=simulator().state.q + 0.1)
+    coarse = {"position": {"resolution": 0.5}, "delay": 0.01}
+    told = simulator(sensors=coarse).run(0.2, goal)
+    np.testing.assert_array_equal(told.q, simulator().run(0.2, goal).q)
+    assert abs(told.measured.q - told.q).max() > 0.1
+
+
+def test_positions_as_commands_come_late_like_others() -> None:
+    """Until the first one arrives no torque acts; from then on the servo leads from there."""
+    late, plain = simulator(commands={"delay": 0.005}), simulator()
+    goal = JointCommand(position=plain.state.q + 0.1)
+    motion = late.run(0.2, goal)
+    free = plain.run(0.005)
+    np.testing.assert_array_equal(motion.q[:6], free.q)
+    np.testing.assert_array_equal(motion.command[:5], 0.0)
+    np.testing.assert_array_equal(motion.q[6:], plain.run(0.195, goal).q[1:])
