@@ -74,6 +74,7 @@ class _Active:
         follower: Who follows it.
         handle: The action's goal; None until it is accepted.
         next_feedback: Stamp in [ns] of the next feedback.
+        next_look: Stamp in [ns] before which nothing needs to be looked at.
     """
 
     motion: Motion
@@ -83,6 +84,18 @@ class _Active:
     follower: Follower
     handle: Any = None
     next_feedback: int = 0
+    next_look: int = 0
+
+    @property
+    def end(self) -> int:
+        """Stamp in [ns] from which on the goal counts."""
+        return self.begin + round(1e9 * self.motion.duration)
+
+    def note(self, feedback: int) -> None:
+        """Take note of when feedback is next; without path tolerances nothing else is before."""
+        self.next_feedback = feedback
+        if self.tolerances.path.is_none:
+            self.next_look = min(feedback, self.end)
 
     @property
     def is_followed(self) -> bool:
@@ -152,7 +165,7 @@ class TrajectoryAction:
             return
         if not (active.is_followed and self._goals.follower is active.follower):
             self.abort(_OTHER if self._goals.follower is active.follower else _HELD)
-        elif stamp >= active.begin:
+        elif stamp >= active.begin and stamp >= active.next_look:
             self._judge(active, stamp, reference, state)
 
     def abort(self, why: str) -> None:
@@ -167,7 +180,7 @@ class TrajectoryAction:
         late = 1e-9 * (stamp - active.begin) - active.motion.duration
         verdict = active.tolerances.verdict(-late, reference, state.q, state.v)
         if stamp >= active.next_feedback or verdict is not None:
-            active.next_feedback = stamp + round(1e9 / self.params.action_monitor_rate)
+            active.note(stamp + round(1e9 / self.params.action_monitor_rate))
             active.handle.publish_feedback(self._feedback(active, stamp, reference, state))
         if verdict is Verdict.REACHED:
             self._end("succeed", "SUCCESSFUL", "Goal successfully reached!")
