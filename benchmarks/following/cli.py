@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line of the study: nodes in processes of their own, goals, a report."""
+"""The command line of the study: goals, on a rig or by the clock, and a report."""
 
 from __future__ import annotations
 
 import json
 import os
 import time
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +14,7 @@ import click
 import rclpy
 import yaml
 from rclpy.context import Context
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import Executor, SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 from rich.console import Console
@@ -24,6 +25,7 @@ from arm_dynamics.ros.common.transport import as_usual
 from arm_sim.cli.demo.processes import Processes, free_domain, interruptible
 from benchmarks.following.client import MARGIN, SCALING, START_TOLERANCE, MoveItClient
 from benchmarks.following.course import Course
+from benchmarks.following.rig import Rig
 from benchmarks.measurement.watcher import processor_time
 from benchmarks.reporting.markdown import table
 
@@ -59,8 +61,8 @@ IMPERFECT: dict[str, Any] = {
 }  # fmt: skip
 EXAMPLES = """\b
 Examples:
-  python -m benchmarks.following                             about half an hour
-  python -m benchmarks.following --realtime                  likewise; needs two idle cores
+  python -m benchmarks.following                             ten minutes
+  python -m benchmarks.following --realtime                  half an hour
   python -m benchmarks.following --goals 20 --cancelled 2 --replaced 2 --robot ur5
 """
 _WARM = 3.0  # [s]
@@ -116,43 +118,69 @@ def main(
 def _measured(
     scene: dict[str, Any], counts: tuple[int, int, int], logs: Path, realtime: bool
 ) -> dict[str, Any]:
-    """Run one course with nodes in processes of their own."""
-    file = logs / "scene.yaml"
-    file.write_text(yaml.safe_dump(scene))
-    model, domain, say = ArmModel(load_scene(scene)), free_domain(), Console(stderr=True)
-    os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
+    """Run one course."""
+    os.environ |= {"ROS_DOMAIN_ID": str(free_domain()), **as_usual()}
     context = Context()
-    rclpy.init(args=[], context=context, domain_id=domain,
+    rclpy.init(args=[], context=context, domain_id=int(os.environ["ROS_DOMAIN_ID"]),
                signal_handler_options=SignalHandlerOptions.NO)  # fmt: skip
     node = Node("moveit_simple_controller_manager", context=context)
     executor = SingleThreadedExecutor(context=context)
     executor.add_node(node)
     try:
-        with Processes(logs) as processes:
-            processes.start("controller", "controller", str(file), "--with-parent")
-            processes.start(
-                "sim", "sim", str(file), "--with-parent", "--ros-args",
-                "-p", "stale_policy:=gravity", "-p", f"lockstep:={not realtime}",
-            )  # fmt: skip
-            look = lambda: executor.spin_once(0.01)  # noqa: E731
-            client = MoveItClient(node, model.joint_names, look, simulated=not realtime)
-            client.connect(tries=6000)
-            client.pause(_WARM)
-            course, began = Course(client, model), time.monotonic()
-            before = processor_time(processes.ids["controller"])
-            for i, _ in enumerate(course.run(*counts), 1):
-                processes.check()
-                if i % 20 == 0:
-                    say.print(f"{i} of {counts[0]} goals")
-            passed = time.monotonic() - began
-            share = (processor_time(processes.ids["controller"]) - before) / passed
+        return (_by_the_clock if realtime else _on_a_rig)(scene, counts, logs, node, executor)
     finally:
-        executor.remove_node(node)
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
+
+
+def _on_a_rig(
+    scene: dict[str, Any], counts: tuple[int, int, int], _: Path, node: Node, executor: Executor
+) -> dict[str, Any]:
+    """The arm and its controller in this process, in simulated time."""
+    rig = Rig(load_scene(scene), node.context)
+    executor.add_node(rig.node)
+    try:
+        look = lambda: executor.spin_once(1e-3)  # noqa: E731
+        client = MoveItClient(node, rig.simulator.joint_names, look, rig)
+        client.connect(tries=10_000)
+        return _run(client, rig.simulator.model, counts, lambda: None)
+    finally:
+        executor.remove_node(rig.node)
+        rig.node.destroy_node()
+
+
+def _by_the_clock(
+    scene: dict[str, Any], counts: tuple[int, int, int], logs: Path, node: Node, executor: Executor
+) -> dict[str, Any]:
+    """Nodes in processes of their own, in real time."""
+    file = logs / "scene.yaml"
+    file.write_text(yaml.safe_dump(scene))
+    model = ArmModel(load_scene(scene))
+    with Processes(logs) as processes:
+        processes.start("controller", "controller", str(file), "--with-parent")
+        processes.start("sim", "sim", str(file), "--with-parent")
+        client = MoveItClient(node, model.joint_names, lambda: executor.spin_once(1e-2))
+        client.connect(tries=6000)
+        client.pause(_WARM)
+        began, used = time.monotonic(), processor_time(processes.ids["controller"])
+        found = _run(client, model, counts, processes.check)
+        used = processor_time(processes.ids["controller"]) - used
+        return {**found, "share": used / (time.monotonic() - began)}
+
+
+def _run(
+    client: MoveItClient, model: ArmModel, counts: tuple[int, int, int], check: Callable[[], None]
+) -> dict[str, Any]:
+    say, course, began = Console(stderr=True), Course(client, model), time.monotonic()
+    for i, _ in enumerate(course.run(*counts), 1):
+        check()
+        if i % 20 == 0:
+            say.print(f"{i} of {counts[0]} goals")
     tallies = {kind: vars(tally) for kind, tally in course.tallies.items()}
-    return {"seconds": passed, "share": share, "feedback": client.feedback, "tallies": tallies}
+    return {
+        "seconds": time.monotonic() - began, "feedback": client.feedback, "tallies": tallies,
+    }  # fmt: skip
 
 
 def page(records: list[dict[str, Any]]) -> str:
@@ -175,16 +203,16 @@ def page(records: list[dict[str, Any]]) -> str:
         "late [ms]",
         "why not",
     )
-    ways = {True: "real time", False: "lockstep"}
-    runs = ", ".join(
-        f"{r['robot']} {r['lines']} {r['seconds']:.0f} s in {ways[r['realtime']]}, "
-        f"{100 * r['share']:.0f} % of a core for the controller"
+    runs = "; ".join(
+        f"{r['robot']} {r['lines']} {r['seconds']:.0f} s"
+        + (f", {100 * r['share']:.0f} % of a core for the controller" if "share" in r else "")
         for r in records
     )
+    ways = "by the clock" if any(r["realtime"] for r in records) else "in simulated time"
     return (
         "# Goals as MoveIt sends them\n\n"
         f"Starts within {START_TOLERANCE} rad of a fresh state, at most {SCALING} times the "
         f"duration and {MARGIN} s. Greatest distance from the start when a goal was sent and from "
         "the end when it had succeeded, and greatest time beyond its duration.\n\n"
-        f"{table(heads, rows)}\n\n{runs}\n"
+        f"{table(heads, rows)}\n\nRun {ways}: {runs}.\n"
     )

@@ -10,6 +10,7 @@ trajectory_execution_manager (``allowed_start_tolerance``, ``allowed_execution_d
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
@@ -24,10 +25,12 @@ from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.arrays import Array
+from benchmarks.following.rig import Rig
 
 START_TOLERANCE = 0.01  # [rad]
 SCALING, MARGIN = 1.1, 0.5  # of the duration, and [s]
 FRESH = 1.0  # [s] to wait for a fresh state
+_PATIENCE = 5.0  # [s] for an answer
 _NAMES = {
     GoalStatus.STATUS_SUCCEEDED: "succeeded",
     GoalStatus.STATUS_CANCELED: "cancelled",
@@ -68,7 +71,7 @@ class MoveItClient:
         node: Node,
         names: Sequence[str],
         spin_once: Callable[[], None],
-        simulated: bool = False,
+        rig: Rig | None = None,
     ) -> None:
         """Find the action.
 
@@ -76,14 +79,9 @@ class MoveItClient:
             node: Whose name it acts in.
             names: The joints.
             spin_once: Runs callbacks for a moment.
-            simulated: Whether time is that of the states, and not the node's clock.
+            rig: Whose time it lets pass; None where time passes by itself, by the node's clock.
         """
-        self._node, self._names, self._spin, self._simulated = (
-            node,
-            list(names),
-            spin_once,
-            simulated,
-        )
+        self._node, self._names, self._spin, self._rig = node, list(names), spin_once, rig
         self._state: JointState | None = None
         self.feedback = 0
         newest = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
@@ -97,7 +95,7 @@ class MoveItClient:
     @property
     def now(self) -> float:
         """Present time in [s]."""
-        if self._simulated:
+        if self._rig is not None:
             return self._stamp
         return 1e-9 * float(self._node.get_clock().now().nanoseconds)
 
@@ -111,7 +109,7 @@ class MoveItClient:
     def connect(self, tries: int) -> None:
         """Wait for states and the action."""
         for _ in range(tries):
-            self._spin()
+            self._pass_time()
             if self._state is not None and self._action.server_is_ready():
                 return
         raise Failed("no joint states, or no action server")
@@ -123,7 +121,7 @@ class MoveItClient:
             if self.now > asked + FRESH:
                 late = f"{asked - self._stamp:.3f} s older than the question"
                 raise Failed(f"no current robot state within {FRESH} s: the newest is {late}")
-            self._spin()
+            self._pass_time()
         assert self._state is not None
         at = [self._state.name.index(name) for name in self._names]
         return np.array(self._state.position)[at], np.array(self._state.velocity)[at]
@@ -139,10 +137,7 @@ class MoveItClient:
         """Send a goal with nothing but a trajectory."""
         goal = FollowJointTrajectory.Goal(trajectory=trajectory)
         asked = self._action.send_goal_async(goal, feedback_callback=self._hear)
-        self._until(asked.done, self.now + 5.0)
-        if not asked.done():
-            raise Failed("no answer to the goal")
-        handle = asked.result()
+        handle = self._answer(asked)
         if not handle.accepted:
             raise Failed("goal was rejected by server")
         now = self.now
@@ -165,8 +160,7 @@ class MoveItClient:
     def cancel(self, sent: Sent) -> None:
         """Cancel a goal and wait until the server has taken note."""
         asked = sent.handle.cancel_goal_async()
-        self._until(asked.done, self.now + 5.0)
-        if not asked.done() or not asked.result().goals_canceling:
+        if not self._answer(asked).goals_canceling:
             raise Failed("the goal could not be cancelled")
 
     def pause(self, seconds: float) -> None:
@@ -178,4 +172,19 @@ class MoveItClient:
 
     def _until(self, done: Callable[[], bool], end: float) -> None:
         while not done() and self.now < end:
+            self._pass_time()
+
+    def _pass_time(self) -> None:
+        if self._rig is not None:
+            self._rig.advance()
+            self._state = self._rig.state
+        self._spin()
+
+    def _answer(self, asked: Any) -> Any:
+        """What the server says at once, in no time of a rig."""
+        end = time.monotonic() + _PATIENCE
+        while not asked.done():
+            if time.monotonic() > end:
+                raise Failed("no answer from the action server")
             self._spin()
+        return asked.result()

@@ -98,7 +98,10 @@ class Ros:
     def add(self, make: Callable[..., Any], *args: Any, **parameters: Any) -> Any:
         """Build a node in this context; parameters are given by name."""
         overrides = [Parameter(name, value=value) for name, value in parameters.items()]
-        node = make(*args, context=self.context, parameter_overrides=overrides)
+        return self.adopt(make(*args, context=self.context, parameter_overrides=overrides))
+
+    def adopt(self, node: Any) -> Any:
+        """Run a node that was built in this context, and take it down in the end."""
         self._nodes.append(node)
         self._executor.add_node(node)
         return node
@@ -110,9 +113,9 @@ class Ros:
             assert time.monotonic() < end, "nothing came in time"
             self.spin_once()
 
-    def spin_once(self) -> None:
-        """Run a callback, if one waits or comes within a moment."""
-        self._executor.spin_once(timeout_sec=0.02)
+    def spin_once(self, moment: float = 0.02) -> None:
+        """Run a callback, if one waits or comes within a moment in [s]."""
+        self._executor.spin_once(timeout_sec=moment)
 
     def call(self, kind: Any, name: str, request: Any) -> Any:
         """Call a service and return its response."""
