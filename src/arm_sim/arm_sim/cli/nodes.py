@@ -60,7 +60,10 @@ def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Pat
     if report is not None and made is not None:
         loop = {**asdict(made.loop.report()), "bars": made.loop.lateness.bars()}
         trip = asdict(made.inputs.round_trip.percentiles())
-        report.write_text(json.dumps({"loop": loop, "round_trip": trip}))
+        content = {"loop": loop, "round_trip": trip}
+        if (recorder := made.recorder) is not None:
+            content["recording"] = recorder.report()
+        report.write_text(json.dumps(content))
 
 
 @_node(

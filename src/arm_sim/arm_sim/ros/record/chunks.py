@@ -13,7 +13,7 @@ import os
 import threading
 import time
 from array import array
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from queue import Empty, SimpleQueue
 
@@ -25,6 +25,8 @@ PERIOD = 0.5  # [s] after which a chunk goes to the file, full or not
 SIZE = 1 << 20  # bytes of a chunk
 COUNT = 8  # chunks there are
 _OPCODE, _EXTRA = 5, 22  # of a message, and what its length counts besides its data
+_HEAD, _pack = MESSAGE.size, MESSAGE.pack_into
+_PERIOD_NS = round(1e9 * PERIOD)
 _NICE = 10  # priority of the thread: below those that keep deadlines
 
 
@@ -77,25 +79,34 @@ class ChunkThread:
         Returns:
             Whether there was room for it.
         """
-        size = len(data)
+        return self.add_all(log, ((channel, publish, data),))
+
+    def add_all(self, log: int, messages: Sequence[tuple[int, int, bytes | bytearray]]) -> bool:
+        """Hand over messages that belong together: channel, publish time and data of each."""
+        size = 0
+        for _, _, data in messages:
+            size += _HEAD + len(data)
         with self._lock:
             chunk = self._chunk
-            start = chunk.at
-            end = start + MESSAGE.size + size
-            if self._closed:
-                return False
-            if end > SIZE or (log - chunk.since > _PERIOD_NS and start):
-                if end - start > SIZE or not self._exchange():
-                    self.lost += 1
+            at = chunk.at
+            if at + size > SIZE or (at and log - chunk.since > _PERIOD_NS):
+                if self._closed or size > SIZE or not self._exchange():
+                    self.lost += len(messages)
                     return False
-                chunk = self._chunk
-                start, end = 0, MESSAGE.size + size
-            if not start:
+                chunk, at = self._chunk, 0
+            if not at:
+                if self._closed:
+                    return False
                 chunk.since = log
-            MESSAGE.pack_into(chunk.raw, start, _OPCODE, _EXTRA + size, channel, 0, log, publish)
-            chunk.raw[start + MESSAGE.size : end] = data
-            chunk.places.append(start)
-            chunk.at = end
+            raw, note = chunk.raw, chunk.places.append
+            for channel, publish, data in messages:
+                start = at + _HEAD
+                end = start + len(data)
+                _pack(raw, at, _OPCODE, end - start + _EXTRA, channel, 0, log, publish)
+                raw[start:end] = data
+                note(at)
+                at = end
+            chunk.at = at
             return True
 
     def channel(self, topic: str, kind: str, definition: str, profile: str = "") -> int:
@@ -176,6 +187,3 @@ class ChunkThread:
         except OSError as error:
             if not self.failure:
                 self._fail(error, 0)
-
-
-_PERIOD_NS = round(1e9 * PERIOD)

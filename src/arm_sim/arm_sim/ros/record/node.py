@@ -51,11 +51,13 @@ def recorder_of(node: Node, path: str, engine: TickEngine) -> TickRecorder | Non
 
 def listen(recorder: TickRecorder, node: Node, inputs: Inputs, outputs: Outputs) -> None:
     """Let a recorder have what the node says and hears."""
-    topics = (JOINT_STATES, *_TOPICS)
-    names = {topic.name: node.resolve_topic_name(topic.name) for topic in topics}
+    names = {topic.name: node.resolve_topic_name(topic.name) for topic in _TOPICS}
 
-    def sent(topic: Topic, stamp: int, raw: bytes | bytearray) -> None:
-        recorder.message(names[topic.name], stamp, raw)
+    def sent(topic: Topic, stamp: int, raw: Any) -> None:
+        if topic is JOINT_STATES:
+            recorder.published(stamp, raw)
+        else:
+            recorder.message(names[topic.name], stamp, raw)
 
     def came(topic: Topic, message: Any) -> None:
         recorder.message(names[topic.name], 0, as_bytes(message))

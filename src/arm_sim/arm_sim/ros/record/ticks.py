@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -70,6 +71,7 @@ class TickRecorder:
         self._acted = memoryview(simulator.acted).cast("B")
         self._notes = memoryview(simulator.notes).cast("B")
         self._last = bytes(self._x)
+        self._published: tuple[int, int, bytearray] | None = None
         self._whole = True  # whether the file has every tick up to the last
         self._plant, self._p = simulator.plant, b""
         self.ticks = self.lost = 0
@@ -77,6 +79,7 @@ class TickRecorder:
         self.thread.add(channel, time.time_ns(), 0, robot)
         self._begin("start")
         engine.on_tick.append(self.tick)
+        engine.on_idle.append(self._repeated)
         engine.on_jump.append(lambda: self._begin("changed"))
         engine.on_failure.append(lambda: self.note(engine.failure, ERROR))
         engine.on_staleness.append(self._staleness)
@@ -89,18 +92,33 @@ class TickRecorder:
             self.lost += 1
             self._begin("gap")
             return
-        if simulator.plant is not self._plant or simulator.parameters.tobytes() != self._p:
+        p = simulator.parameters
+        if simulator.plant is not self._plant or (p.size and p.tobytes() != self._p):
             self._tuned()
-        stamp = self._engine.stamp
-        TIME.pack_into(writer.raw, writer.stamp, *divmod(stamp, 1_000_000_000))
+        stamp, raw = self._engine.stamp, writer.raw
+        TIME.pack_into(raw, writer.stamp, *divmod(stamp, 1_000_000_000))
         writer.state[:], writer.command[:], writer.notes[:] = self._x, self._acted, self._notes
-        writer.raw[writer.hold] = simulator.hold
-        if self.thread.add(self.file.ticks, now, stamp, writer.raw):
+        raw[writer.hold] = simulator.hold
+        messages = [(self.file.ticks, stamp, raw)]
+        if self._published is not None:
+            messages.insert(0, self._published)
+            self._published = None
+        if self.thread.add_all(now, messages):
             self.ticks += 1
             self._last = bytes(self._x)
         else:
             self.lost += 1
             self._whole = False
+
+    def published(self, stamp: int, message: bytearray) -> None:
+        """Take a joint state with its stamp in [ns], whose bytes stay until the next one."""
+        self._published = self.file.states, stamp, message
+
+    def _repeated(self) -> None:
+        """Write a joint state that no tick follows: of a change, or while time stands still."""
+        if self._published is not None:
+            self.thread.add_all(time.time_ns(), [self._published])
+            self._published = None
 
     def message(self, topic: str, stamp: int, data: bytes | bytearray) -> None:
         """Take a message that went out or came in, with its stamp in [ns]; for any thread."""
@@ -126,6 +144,7 @@ class TickRecorder:
     def _begin(self, why: str) -> None:
         """Write what is from here on."""
         simulator = self._simulator
+        self._repeated()
         self._last = bytes(self._x)
         self._whole = self._change(self._engine.stamp, why, simulator.x, simulator.substep)
 
@@ -136,6 +155,15 @@ class TickRecorder:
         error, stepped = simulator.notes.tolist()
         change = Change(stamp, why, tunable, p, x, (substep, error, stepped))
         return self.thread.add(self.file.changes, time.time_ns(), stamp, change.written())
+
+    def report(self) -> dict[str, Any]:
+        """How it went: ticks, what was lost, bytes, and the thread's processor time in [s]."""
+        thread = self.thread
+        return {
+            "ticks": self.ticks, "lost": self.lost, "messages lost": thread.lost,
+            "written": thread.mcap.written, "processor time": thread.processor_time,
+            "failure": thread.failure,
+        }  # fmt: skip
 
     def close(self) -> None:
         """Write what there is, and end."""
