@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import MappingProxyType
@@ -20,7 +21,8 @@ from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
 from arm_sim.ros.record.chunks import ChunkThread
 from arm_sim.ros.tick_engine import TickEngine
 
-INFO, WARN, ERROR = 20, 30, 40
+INFO, ERROR = 20, 40
+_MANY = 100  # messages between two ticks
 
 
 class TickRecorder:
@@ -72,6 +74,7 @@ class TickRecorder:
         self._notes = memoryview(simulator.notes).cast("B")
         self._last = bytes(self._x)
         self._published: tuple[int, int, bytearray] | None = None
+        self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file has every tick up to the last
         self._plant, self._p = simulator.plant, b""
         self.ticks = self.lost = 0
@@ -79,7 +82,7 @@ class TickRecorder:
         self.thread.add(channel, time.time_ns(), 0, robot)
         self._begin("start")
         engine.on_tick.append(self.tick)
-        engine.on_idle.append(self._repeated)
+        engine.on_idle.append(self._flush)
         engine.on_jump.append(lambda: self._begin("changed"))
         engine.on_failure.append(lambda: self.note(engine.failure, ERROR))
         engine.on_staleness.append(self._staleness)
@@ -99,10 +102,8 @@ class TickRecorder:
         TIME.pack_into(raw, writer.stamp, *divmod(stamp, 1_000_000_000))
         writer.state[:], writer.command[:], writer.notes[:] = self._x, self._acted, self._notes
         raw[writer.hold] = simulator.hold
-        messages = [(self.file.ticks, stamp, raw)]
-        if self._published is not None:
-            messages.insert(0, self._published)
-            self._published = None
+        messages = self._taken(now)
+        messages.append((self.file.ticks, stamp, raw))
         if self.thread.add_all(now, messages):
             self.ticks += 1
             self._last = bytes(self._x)
@@ -114,16 +115,32 @@ class TickRecorder:
         """Take a joint state with its stamp in [ns], whose bytes stay until the next one."""
         self._published = self.file.states, stamp, message
 
-    def _repeated(self) -> None:
-        """Write a joint state that no tick follows: of a change, or while time stands still."""
-        if self._published is not None:
-            self.thread.add_all(time.time_ns(), [self._published])
-            self._published = None
+    def message(self, topic: str, stamp: int, data: bytes) -> None:
+        """Take another message, with its stamp in [ns], 0: of the present; for any thread.
 
-    def message(self, topic: str, stamp: int, data: bytes | bytearray) -> None:
-        """Take a message that went out or came in, with its stamp in [ns]; for any thread."""
+        It goes to the file with the next tick: a loop does not lock and look at the clock twice.
+        """
+        self._waiting.append((self._channels[topic], stamp, data))
+        if len(self._waiting) > _MANY:  # nothing ticks
+            self._flush()
+
+    def _taken(self, now: int) -> list[tuple[int, int, bytes | bytearray]]:
+        """What came since the last tick, and the joint state that was published last."""
+        found: list[tuple[int, int, bytes | bytearray]] = []
+        waiting = self._waiting
+        while waiting:
+            channel, stamp, data = waiting.popleft()
+            found.append((channel, stamp or now, data))
+        if self._published is not None:
+            found.append(self._published)
+            self._published = None
+        return found
+
+    def _flush(self) -> None:
+        """Write what no tick follows: at a change, or while time stands still."""
         now = time.time_ns()
-        self.thread.add(self._channels[topic], now, stamp or now, data)
+        if messages := self._taken(now):
+            self.thread.add_all(now, messages)
 
     def note(self, text: str, level: int = INFO) -> None:
         """Note an event; any thread may call it."""
@@ -144,7 +161,7 @@ class TickRecorder:
     def _begin(self, why: str) -> None:
         """Write what is from here on."""
         simulator = self._simulator
-        self._repeated()
+        self._flush()
         self._last = bytes(self._x)
         self._whole = self._change(self._engine.stamp, why, simulator.x, simulator.substep)
 
@@ -167,6 +184,7 @@ class TickRecorder:
 
     def close(self) -> None:
         """Write what there is, and end."""
+        self._flush()
         self.thread.close()
         if self._folder is not None and not self.thread.failure:
             text = bag_metadata(self.file.mcap, self._file.name)
