@@ -92,6 +92,14 @@ def test_time_that_was_dropped_is_made_up_for_by_stamps(machine: Machine) -> Non
     np.testing.assert_array_equal(found[-50:], MS * np.arange(5551, 5601))
 
 
+def test_little_time_that_was_dropped_is_made_up_for_without_a_jump(machine: Machine) -> None:
+    machine.ticks(np.zeros(100, int))
+    machine.now += 500 * MS
+    found = machine.ticks(np.zeros(3500, int))
+    assert set(np.diff(found)) == {MS, MS + MS // 2}
+    np.testing.assert_array_equal(found[-50:], MS * np.arange(4051, 4101))
+
+
 def test_stamps_stay_with_simulated_time_and_catch_up_when_released(machine: Machine) -> None:
     machine.ticks(np.zeros(10, int))
     machine.now += 500 * MS

@@ -36,8 +36,9 @@ class NodeTime:
     plus an offset, where
 
     * no stamp lies in the future: one that would lowers the offset;
-    * none falls behind by more than a tick for long: the offset rises by the least lag of a second
-      if that is longer than a tick, which is so when ticks were dropped;
+    * none falls behind by more than a tick for long: when the least lag of a second is longer, as
+      when ticks were dropped, stamps go half as fast again until it is made up for, and jump where
+      it is more than a second;
     * stamps do not go backwards, not even when simulated time starts again, unless the clock is
       set back by more than a second.
 
@@ -55,7 +56,7 @@ class NodeTime:
     def __init__(self, clock: Any, tick: int, system: Callable[[], int] = time.time_ns) -> None:
         self._clock, self._tick, self._system = clock, tick, system
         self._simulated, self._last, self._offset = -1, 0, 0
-        self._least, self._look = _NEVER, 0
+        self._least, self._look, self._owed = _NEVER, 0, 0
         self._foreign = bool(clock.ros_time_is_active)
         self._free = True
 
@@ -69,6 +70,9 @@ class NodeTime:
         if simulated == self._simulated and not free:
             return self._last
         now = self._now()
+        if self._owed:
+            more = min(self._owed, (simulated - self._simulated) // 2)
+            self._owed, self._offset = self._owed - more, self._offset + more
         even = self._tick and not self._foreign
         stamp = min(now, simulated + self._offset) if even and not free else now
         if even and stamp < self._last < stamp + _WINDOW:
@@ -85,7 +89,8 @@ class NodeTime:
         if lag < self._least:
             self._least = lag
         if now >= self._look:
-            if self._tick < self._least < _NEVER:
-                self._offset += self._least
+            behind = self._least if self._tick < self._least < _NEVER else 0
+            jumps = behind > _WINDOW
+            self._offset, self._owed = self._offset + behind * jumps, behind * (not jumps)
             self._least, self._look = _NEVER, now + _WINDOW
             self._foreign = bool(self._clock.ros_time_is_active)
