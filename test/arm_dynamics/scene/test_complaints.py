@@ -110,3 +110,11 @@ def test_a_payload_in_millimetres_is_told(caplog: pytest.LogCaptureFixture) -> N
         assert not caplog.records
         load([0, 0, 50])
     assert "is 50 m from 'forearm'; lengths are in m" in caplog.text
+
+
+def test_an_angle_in_degrees_is_told(caplog: pytest.LogCaptureFixture) -> None:
+    with caplog.at_level(logging.WARNING):
+        load_scene({**PLAIN, "initial": {"position": {"elbow": 6.0}}})
+        assert not caplog.records
+        load_scene({**PLAIN, "initial": {"position": {"elbow": 90.0}}})
+    assert "'initial.position.elbow' = 90 is 14.3 turns; angles are in rad" in caplog.text

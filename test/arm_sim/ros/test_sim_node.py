@@ -163,3 +163,11 @@ def test_what_cannot_be_simulated_is_refused_at_start(
 ) -> None:
     with pytest.raises(ArmError, match=complaint):
         ros.add(SimNode, **parameters)
+
+
+def test_it_says_what_it_simulates_and_from_where(
+    ros: Ros, capfd: pytest.CaptureFixture[str]
+) -> None:
+    by_hand(ros)
+    told = "simulates 2 joints of 'two_link' by rk4, tick 1 ms, by hand; from shoulder -0.5, elbow"
+    assert capfd.readouterr().err.count(told) == 1
