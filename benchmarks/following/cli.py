@@ -107,12 +107,15 @@ def main(
                 found = _measured(scene, (goals, cancelled, replaced), logs, realtime)
                 about = {"robot": robot, "lines": line, "realtime": realtime}
                 records.append({**about, **found})
-    (out / "following.json").write_text(json.dumps(records, indent=1))
-    text = page(records)
-    (out / "following.md").write_text(text)
-    click.echo(text)
+                _write(records, out)
+    click.echo(page(records))
     if any(t["got"] < t["asked"] for record in records for t in record["tallies"].values()):
         raise SystemExit(1)
+
+
+def _write(records: list[dict[str, Any]], out: Path) -> None:
+    (out / "following.json").write_text(json.dumps(records, indent=1))
+    (out / "following.md").write_text(page(records))
 
 
 def _measured(

@@ -47,10 +47,14 @@ class Client:
         self._client = ActionClient(ros.peer, FollowJointTrajectory, name)
         ros.spin_until(self._client.server_is_ready)
 
+    def begin(self, wanted: Any) -> Any:
+        """Send a goal; returns the future of its handle."""
+        hear = lambda message: self.feedback.append(message.feedback)  # noqa: E731
+        return self._client.send_goal_async(wanted, feedback_callback=hear)
+
     def send(self, wanted: Any) -> Any:
         """Send a goal; returns its handle, which says whether it is accepted."""
-        hear = lambda message: self.feedback.append(message.feedback)  # noqa: E731
-        future = self._client.send_goal_async(wanted, feedback_callback=hear)
+        future = self.begin(wanted)
         self._ros.spin_until(future.done)
         return future.result()
 

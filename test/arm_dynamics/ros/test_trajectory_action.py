@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import time
+from itertools import count
 from typing import Any
 
 import numpy as np
@@ -365,7 +367,7 @@ def test_a_newer_goal_takes_the_place_of_one_that_is_being_planned(
     ros: Ros, node: ControllerNode, client: Client
 ) -> None:
     long = goal(trajectory(*[point(0.01 * k, *moved(1e-4 * k, 0.0)) for k in range(1, 5000)]))
-    first = client._client.send_goal_async(long)
+    first = client.begin(long)
     second = client.send(to(0.2, 0.2))
     ros.spin_until(first.done)
     assert second.accepted
@@ -373,6 +375,22 @@ def test_a_newer_goal_takes_the_place_of_one_that_is_being_planned(
         assert client.result(first.result())[0] == ABORTED
     led(node, 0, 1000)
     assert client.result(second)[0] == SUCCEEDED
+
+
+def test_braking_leaves_what_is_being_planned(node: ControllerNode) -> None:
+    node.on_joint_trajectory(trajectory(point(1.0, *moved(0.4, 0.4))))
+    led(node, 0, 500)
+    long = [point(1.0 + 1e-3 * k, *moved(1e-4 * k, 0.0)) for k in range(1000)]
+    node.on_joint_trajectory(trajectory(*long))
+    assert node.goals.planner.busy
+    node.goals.brake()
+    end = time.monotonic() + 20.0
+    for stamp in count(510, 10):
+        led(node, stamp, stamp)
+        if not node.goals.planner.busy or time.monotonic() > end:
+            break
+        time.sleep(1e-3)
+    assert_close(reference_of(node, 60_000 * MS)[0], moved(0.0999, 0.0), ALGEBRA)
 
 
 def test_a_continuous_joint_goes_the_shorter_way(ros: Ros) -> None:

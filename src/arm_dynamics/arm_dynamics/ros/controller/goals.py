@@ -93,12 +93,11 @@ class Goals:
         return self.follower.reference(stamp)
 
     def brake(self, here: Reference | None = None) -> None:
-        """Come to rest evenly and hold the arm there; what is being planned is given up.
+        """Come to rest evenly and hold the arm there, until what is being planned is ready.
 
         Args:
             here: The motion to end; None for that of the reference.
         """
-        self.planner.give_up()
         here = here or self.follower.reference(self.stamp)
         at_any_speed = replace(self._limits, velocity=np.full_like(here.v, np.inf))
         try:
