@@ -19,6 +19,7 @@ COLOURS = (
     "#bcbd22", "#17becf",
 )  # fmt: skip
 POINTS = 1200  # of a curve
+WIDTH = 380  # of the panel in pixels
 
 
 @dataclass(frozen=True)
@@ -80,10 +81,10 @@ class Charts:
                     _columns(chart.time, chart.values), _series(chart.names),
                     scales={"x": {"time": False, "auto": True}, "y": {"auto": True}},
                     axes=({"label": "time [s]"}, {"label": chart.title}),
-                    legend={"show": True}, aspect=1.25,
+                    legend={"show": True}, aspect=1.25, padding=(12, 16, 0, 0),
                 )  # fmt: skip
         panel.dock_left()
-        panel.set_width(380)
+        panel.set_width(WIDTH)
 
     def update(self, title: str, time: Array, values: Array) -> None:
         """Draw other curves of the same names."""

@@ -116,6 +116,20 @@ class Marker:
         index = self.model.pin.getFrameId(frame)
         return np.asarray(self._data.oMf[index].translation.copy())
 
+    def extent(self, q: Array) -> Array:
+        """Points that the arm reaches around at joint positions, shape (k, 3).
+
+        Origins of joints and frames, and as far beyond the centre of mass of each body.
+        """
+        data, model = self._data, self.model.pin
+        pin.framesForwardKinematics(model, data, self.model.configuration(np.asarray(q)))
+        ends = [
+            place.act(2.0 * body.lever)
+            for place, body in zip(data.oMi, model.inertias, strict=True)
+            if body.mass > 0.0
+        ]
+        return np.array([*(p.translation for p in (*data.oMi, *data.oMf)), *ends])
+
     def path(self, q: Iterable[Array]) -> Array:
         """Where the hand is at joint positions, shape (k, 3)."""
         model, data, places = self.model.pin, self._data, []

@@ -12,6 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from arm_sim.exceptions import ViewError
+from arm_sim.view.charts import WIDTH
 from arm_sim.view.server import address
 
 if TYPE_CHECKING:
@@ -27,6 +28,7 @@ DRAWING = (  # without a graphics card, too
     "--hide-scrollbars", "--disable-dev-shm-usage",
 )  # fmt: skip
 PATIENCE = 60.0  # [s] for the page, and for each picture
+MARGIN = 8  # pixels between that panel and the drawing
 SETTLED = 1.5  # [s] in which a browser reads meshes
 
 
@@ -83,8 +85,8 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
 
     It returns a picture as an array of bytes, shape (height, width, 3).
     """
-    known = set(server.get_clients())
-    with page_in_browser(address(server), size) as page:
+    known, (width, height) = set(server.get_clients()), size
+    with page_in_browser(address(server), (width + WIDTH + MARGIN, height)) as page:
         for _ in range(round(PATIENCE / 0.1)):
             if arrived := set(server.get_clients()) - known:
                 break
@@ -93,7 +95,6 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
             raise ViewError(f"the page did not open within {PATIENCE:g} s")
         client = server.get_clients()[arrived.pop()]
         page.wait_for_timeout(1000 * SETTLED)
-        width, height = size
 
         def shoot() -> Any:
             try:

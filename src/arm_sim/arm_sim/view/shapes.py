@@ -247,7 +247,7 @@ def _contacts(robot: Robot) -> Iterable[Visual]:
             planes.add(contact.plane)
             joint, place = _placed(robot, contact.plane.frame, contact.plane.point)
             normal = place.rotation @ np.array(contact.plane.normal)
-            wide = size if joint == 0 else 0.2 * size
+            wide = 0.6 * size if joint == 0 else 0.2 * size
             sheet = Box((1.6 * wide, 1.6 * wide, 2e-4 * size))
             yield Visual(
                 f"{name}_plane", joint, pin.SE3(_along(normal), place.translation), sheet, SURFACE

@@ -222,9 +222,12 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[Actor], width: float)
         position=(0.0, 0.0, level), fade_distance=4.0 * extent, shadow_opacity=0.25,
     )  # fmt: skip
     server.scene.set_background_image(_sky(), format="png")
-    places = np.concatenate([actor.base + _start(actor).position for actor in actors])
+    starts = [actor.marker.extent(actor.marker.model.q0) for actor in actors]
+    places = np.concatenate(
+        [actor.base + start for actor, start in zip(actors, starts, strict=True)]
+    )
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
-    distance = 1.0 * size + 0.8 * width
+    distance = 1.05 * size + 0.8 * width
     server.initial_camera.look_at = middle
     server.initial_camera.position = middle + distance * np.array([1.1, -0.8, 0.5])
     server.initial_camera.fov = 0.7
