@@ -46,7 +46,7 @@ class Size(click.ParamType):
         "./arm view --live",
         "./arm view --live=left --live=right",
         "./arm view run.mcap",
-        "./arm view rosbag2_of_my_robot --scene ur10",
+        "./arm view bags/my_robot --scene ur10",
         "./arm view four_bar --gif four_bar.gif --duration 4",
         "./arm view my_arm.urdf --png my_arm.png --size 1200x800",
     )
