@@ -75,7 +75,7 @@ def test_the_balance_closes(sim: Simulator) -> None:
 def test_nothing_is_built_before_it_is_asked_for(
     sim: Simulator, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def refuse(*_: object) -> None:
+    def refuse(*_: object, **__: object) -> None:
         raise RuntimeError("the account is being built")
 
     fresh = Simulator(sim.model)

@@ -72,7 +72,6 @@ class TickRecorder:
         self._x = memoryview(simulator.x).cast("B")
         self._acted = memoryview(simulator.acted).cast("B")
         self._notes = memoryview(simulator.notes).cast("B")
-        self._last = bytes(self._x)
         self._published: tuple[int, int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file has every tick up to the last
@@ -95,8 +94,9 @@ class TickRecorder:
             self.lost += 1
             self._begin("gap")
             return
-        p = simulator.parameters
-        if simulator.plant is not self._plant or (p.size and p.tobytes() != self._p):
+        if simulator.plant is not self._plant or (
+            self._p and simulator.parameters.tobytes() != self._p
+        ):
             self._tuned()
         stamp, raw = self._engine.stamp, writer.raw
         TIME.pack_into(raw, writer.stamp, *divmod(stamp, 1_000_000_000))
@@ -106,7 +106,6 @@ class TickRecorder:
         messages.append((self.file.ticks, stamp, raw))
         if self.thread.add_all(now, messages):
             self.ticks += 1
-            self._last = bytes(self._x)
         else:
             self.lost += 1
             self._whole = False
@@ -153,7 +152,7 @@ class TickRecorder:
 
     def _tuned(self) -> None:
         """Note what was tuned since the last tick, of which the file has the state after it."""
-        simulator, x = self._simulator, np.frombuffer(self._last)
+        simulator, x = self._simulator, np.frombuffer(self._writer.state)
         fresh = simulator.plant is not self._plant
         stamp = round(1e9 * ((simulator.step_count - 1) * simulator.dt))
         self._change(stamp, "tuned", x, 0.0 if fresh else UNCHANGED)
@@ -162,7 +161,7 @@ class TickRecorder:
         """Write what is from here on."""
         simulator = self._simulator
         self._flush()
-        self._last = bytes(self._x)
+        self._writer.state[:] = self._x
         self._whole = self._change(self._engine.stamp, why, simulator.x, simulator.substep)
 
     def _change(self, stamp: int, why: str, x: Array, substep: float) -> bool:
