@@ -1,0 +1,61 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What is put into the scene of a page, seen from the server's side."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import ArmModel, load_scene
+from arm_sim.view.marks import Instant
+from arm_sim.view.server import close_server, open_server
+from arm_sim.view.stage import Actor
+
+pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
+
+
+@pytest.fixture
+def server() -> Iterator[Any]:
+    opened = open_server("arm", port=0)
+    yield opened
+    close_server(opened)
+
+
+@pytest.mark.parametrize("name", ["arm.stl", "arm.dae", "arm.obj"])
+def test_a_broken_mesh_is_told_and_its_link_drawn_otherwise(
+    name: str, server: Any, tmp_path: Path, caplog: pytest.LogCaptureFixture
+) -> None:
+    mesh = tmp_path / name
+    mesh.write_bytes(b"no mesh at all \x00\xff")
+    urdf = (models.SCENES / "two_link.urdf").read_text()
+    visual = f'<visual><geometry><mesh filename="{mesh}"/></geometry></visual></link>'
+    broken = urdf.replace("</inertial>\n  </link>", f"</inertial>{visual}", 1)
+    assert broken != urdf
+    with caplog.at_level(logging.WARNING):
+        actor = Actor(server, ArmModel(load_scene(broken)), "arm")
+    assert f"link 'upper_arm' is drawn without its mesh {mesh}" in caplog.text
+    assert [name for name, _ in actor.links].count("shoulder") >= 1  # its capsule
+
+
+def test_forces_longer_than_the_weight_stay_in_sight(server: Any) -> None:
+    actor = Actor(server, models.dynamics("two_link").model, "arm")
+    weight = 9.81 * actor.marker.model.total_mass
+    forces = np.array([[[0, 0, 0], [0, 0, f]] for f in (weight, 1e9, 0.0)], dtype=float)
+    arrows = actor._to_arrows(forces)
+    lengths = np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1)
+    np.testing.assert_allclose(lengths, [0.3 * actor.size, 0.6 * actor.size], rtol=1e-6)
+
+
+def test_places_are_those_of_the_state(server: Any) -> None:
+    model = models.dynamics("panda").model
+    actor = Actor(server, model, "arm", base=(0.0, 2.0, 0.0))
+    marks = actor.draw(Instant(0.0, model.q0 + 0.1))
+    for frame, position, wxyz in zip(actor._joints, marks.position, marks.rotation, strict=True):
+        np.testing.assert_array_equal(frame.position, position)
+        np.testing.assert_array_equal(frame.wxyz, wxyz)
