@@ -125,6 +125,24 @@ def test_two_sources_lead_joints_by_position_and_by_effort(ros: Ros) -> None:
     assert set(node.engine.arbiter.sources) == {"left", "right"}
 
 
+def test_who_commands_nothing_owns_nothing(ros: Ros) -> None:
+    """Hardware that no controller has claimed, beside one that leads; and two that lead."""
+    node = by_hand(ros)
+    start = node.simulator.state.q.tolist()
+    for _ in range(20):
+        node.inputs.on_joint_commands(command(name=list(NAMES), position=[NAN, NAN]))
+    leader = JointState(name=list(NAMES), position=start)
+    leader.header.frame_id = "leader"
+    for _ in range(20):
+        node.inputs.on_joint_commands(serialize_message(leader))
+        node.tick()
+    assert node.inputs.refused == 0
+    node.inputs.on_joint_commands(command(name=list(NAMES), position=[0.0, 0.0]))
+    assert node.inputs.refused == 1
+    node.tick()
+    assert abs(node.simulator.state.q - start).max() < 1e-9
+
+
 def test_steps_of_a_paused_simulation_wait_for_the_servos(ros: Ros) -> None:
     """In a node that ticks by the clock they are built in the background."""
     node = ros.add(SimNode, models.scene("two_link"), paused=True)

@@ -44,13 +44,12 @@ class Inputs:
         self._log, self._engine, self._model = node.get_logger(), engine, engine.simulator.model
         self._limit = self._model.command_limit.tolist()
         self._joints = JointCommands(self._model, engine.arbiter.admit, self._warn)
-        ways = {
-            "partial": True, "extra": False, "admit": self._joints.admit, "limit": self._limit,
-            "beyond": self._cut,
-        }  # fmt: skip
+        ways = {"partial": True, "extra": False, "limit": self._limit, "beyond": self._cut}
         names, every = self._model.joint_names, ("effort", "position", "velocity")
-        references = make_reader(names, every, gaps=True, **ways)
-        self.reader = make_reader(names, ("effort",), other=references, **ways)
+        references = make_reader(names, every, gaps=True, admit=self._joints.note, **ways)
+        self.reader = make_reader(
+            names, ("effort",), other=references, admit=self._joints.admit, **ways
+        )
         self.source: JointStateSource | None = None
         self.round_trip, self.refused, self.refused_wrenches = RoundTrip(), 0, 0
         self.tap: Callable[[Topic, Any], None] | None = None
@@ -87,11 +86,11 @@ class Inputs:
             try:
                 if self.source is None or (taken := self.source.take()) is None:
                     return
+                arrival, (stamp, numbers) = taken
+                self._put(stamp, numbers)
             except InvalidInput as error:
                 self._refuse(error)
                 continue
-            arrival, (stamp, numbers) = taken
-            self._put(stamp, numbers)
             self.round_trip.answered(stamp, arrival)
             if stamp and stamp == self.round_trip.newest and self._engine.arbiter.alone:
                 return
@@ -106,10 +105,10 @@ class Inputs:
             self.tap(JOINT_COMMANDS, raw)
         try:
             stamp, numbers = self.reader.read(raw)
+            self._put(stamp, numbers)
         except InvalidInput as error:
             self._refuse(error)
             return None
-        self._put(stamp, numbers)
         self.round_trip.answered(stamp, arrival)
         return stamp
 

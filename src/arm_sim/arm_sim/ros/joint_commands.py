@@ -35,13 +35,18 @@ class JointCommands:
     ) -> None:
         self._model, self._admit, self._warn = model, admit, warn
         self._named: frozenset[int] = frozenset()
+        self._source = ""
         self._places = model.stops.place
         self.forget()
 
     def admit(self, source: str, joints: frozenset[int]) -> None:
-        """Take note of the joints of the message that is being read, if it may command them."""
+        """Take note of the joints of a message of efforts, if it may command them."""
         self._admit(source, joints)
         self._named = joints
+
+    def note(self, source: str, joints: frozenset[int]) -> None:
+        """Take note of who sent a message that may have no number for some of its joints."""
+        self._source, self._named = source, joints
 
     def forget(self) -> None:
         """Begin without any command."""
@@ -55,6 +60,9 @@ class JointCommands:
             stamp: Of the message in [ns].
             numbers: Efforts of n joints, as they are with those of messages before; or efforts,
                 positions and velocities, NaN where the message has none.
+
+        Raises:
+            InvalidInput: If its source may not command these joints.
         """
         if len(numbers) == 1 and (self._last is None or len(self._named) == self._model.n):
             self._last, self._efforts = None, numbers[0]
@@ -63,6 +71,8 @@ class JointCommands:
         given = np.isfinite(rows).any(axis=0)
         if not given.any():
             return None
+        if len(numbers) > 1:
+            self._admit(self._source, frozenset(np.flatnonzero(given).tolist()))
         effort, position, velocity = np.where(given, rows, self._before())
         self._last = JointCommand.of_rows(self._reached(position), velocity, effort, stamp)
         return self._last

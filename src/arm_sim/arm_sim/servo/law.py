@@ -31,6 +31,8 @@ OF_A_TRANSMISSION = 0.5
 SLOW = 1e-2
 # Part of what it is asked for that an arm accelerates with in any case, however weak its drives.
 LEAST = 1e-2
+# Part of a limit that is left, so that rounding does not make the drive cut.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
@@ -155,7 +157,7 @@ def _possible(acting: ca.SX, quickening: ca.SX, model: ArmModel) -> ca.SX:
     """
     part = ca.SX(1)
     for i in np.flatnonzero(np.isfinite(model.command_limit)).tolist():
-        left = ca.sign(quickening[i]) * model.command_limit[i] - acting[i]
+        left = ca.sign(quickening[i]) * (1.0 - ROUNDING) * model.command_limit[i] - acting[i]
         part = ca.fmin(part, ca.if_else(quickening[i] == 0, 1, left / quickening[i]))
     return ca.fmax(LEAST, part)
 
