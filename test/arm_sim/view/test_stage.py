@@ -3,9 +3,11 @@
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -13,7 +15,9 @@ import pytest
 
 import models
 from arm_dynamics import ArmModel, load_scene
-from arm_sim.view.marks import Instant
+from arm_sim import Simulator
+from arm_sim.view.bench import Bench
+from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.server import close_server, open_server
 from arm_sim.view.stage import Actor
 
@@ -50,6 +54,44 @@ def test_forces_longer_than_the_weight_stay_in_sight(server: Any) -> None:
     arrows = actor._to_arrows(forces)
     lengths = np.linalg.norm(arrows[:, 1] - arrows[:, 0], axis=1)
     np.testing.assert_allclose(lengths, [0.3 * actor.size, 0.6 * actor.size], rtol=1e-6)
+
+
+class Link:
+    """A drawn link that keeps what is to be called when the mouse drags it."""
+
+    def on_drag(self, called: Any) -> None:
+        self.called = called
+
+
+def test_a_dragged_link_is_pulled_at_the_point_that_is_held(server: Any) -> None:
+    sim, link = Simulator("two_link"), Link()
+    rig, actor = sim.rig(), Actor(server, sim.model, "arm", base=(0.0, 2.0, 0.0))
+    actor.links = [("elbow", link)]
+    bench = Bench(server, [rig], [actor])
+    marker, h = Marker(sim.model), 1e-6
+    lever = np.array([0.3, 0.0, 0.1])  # of the point that is held, from the elbow
+
+    def held(q: np.ndarray) -> np.ndarray:
+        """Where that point of the forearm is, with the arm standing at the side."""
+        turn = q.sum() - sim.state.q.sum()
+        c, s = np.cos(turn), np.sin(turn)  # a positive angle lifts
+        x, z = c * lever[0] - s * lever[2], s * lever[0] + c * lever[2]
+        elbow = marker.at(Instant(0.0, q)).position[2]
+        return np.asarray(actor.base + elbow + [x, 0.0, z])
+
+    q = sim.state.q
+    start, mouse = held(q), held(q) + [0.0, 0.0, 0.2]
+    event = SimpleNamespace(phase="update", start_position=start, end_position=mouse)
+    asyncio.run(link.called(event))
+    bench.pulse._serve()
+    assert rig.wrenches.active == ("elbow",)
+    torque = rig.wrenches.torque(q, 0)
+    J = np.array([(held(q + d) - held(q - d)) / (2 * h) for d in h * np.eye(2)])
+    force = 2.0 * 9.81 * sim.model.total_mass / actor.size * (mouse - start)
+    np.testing.assert_allclose(torque, J @ force, rtol=1e-6)
+    asyncio.run(link.called(SimpleNamespace(phase="end")))
+    bench.pulse._serve()
+    assert rig.wrenches.active == ()
 
 
 def test_places_are_those_of_the_state(server: Any) -> None:
