@@ -11,6 +11,8 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+import numpy as np
+
 from arm_sim.exceptions import ViewError
 from arm_sim.view.charts import WIDTH
 from arm_sim.view.server import address
@@ -29,7 +31,7 @@ DRAWING = (  # without a graphics card, too
 )  # fmt: skip
 PATIENCE = 60.0  # [s] for the page, and for each picture
 MARGIN = 8  # pixels between that panel and the drawing
-SETTLED = 1.5  # [s] in which a browser reads meshes
+SETTLED, STILL = 0.5, 3  # [s] from look to look at what is drawn, and how many must be alike
 
 
 def browser() -> str:
@@ -94,7 +96,6 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
         else:
             raise ViewError(f"the page did not open within {PATIENCE:g} s")
         client = server.get_clients()[arrived.pop()]
-        page.wait_for_timeout(1000 * SETTLED)
 
         def shoot() -> Any:
             try:
@@ -102,8 +103,20 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
             except (TimeoutError, RuntimeError) as error:
                 raise ViewError(f"the browser gave no picture: {error}") from None
 
-        shoot()  # what has not been read by now is waited for by the first
+        _wait_until_still(page, shoot)
         yield shoot
+
+
+def _wait_until_still(page: Any, shoot: Callable[[], Any]) -> None:
+    """Wait until the browser has read meshes and light, and drawn them."""
+    last, alike = shoot(), 0
+    for _ in range(round(PATIENCE / SETTLED)):
+        page.wait_for_timeout(1000 * SETTLED)
+        picture = shoot()
+        alike = alike + 1 if np.array_equal(picture, last) else 0
+        if alike == STILL:
+            return
+        last = picture
 
 
 def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
