@@ -127,12 +127,12 @@ def _energy(axis: Any, recordings: Sequence[Motion]) -> None:
 def _account(recording: Motion) -> list[tuple[str, Array]]:
     """What came in and went out, where it is cheap to know; else what there is."""
     start = recording.energy[0]
-    found = [("kinetic", recording.kinetic), ("all, since the start", recording.energy - start)]
+    found = [("kinetic", recording.kinetic), ("total, less the initial", recording.energy - start)]
     state = np.hstack([recording.q, recording.v, recording.z])
     if recording.account.makes_ticks_again(state) and len(recording.time) > _AGAIN:
         return found
     return [*found, ("supplied", recording.supplied), ("lost", recording.lost),
-            ("from nowhere", recording.balance)]  # fmt: skip
+            ("unaccounted for", recording.balance)]  # fmt: skip
 
 
 _AGAIN = 60_001  # rows up to which ticks are made again for a figure
