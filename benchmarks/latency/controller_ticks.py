@@ -51,7 +51,7 @@ def main() -> None:
 
 
 def _law(dynamics: Dynamics, name: str, observer: float | None) -> Callable[[], object]:
-    settings = Settings(frame=FRAME, observer=observer)
+    settings = Settings(frame=FRAME, observer=observer or 0.0)
     control = make_controller(name, dynamics, settings)
     q0, still = dynamics.model.q0, np.zeros(dynamics.n)
     state, goal = Measured(q0 + 0.02, still + 0.1), Reference(q0, still, still)

@@ -116,13 +116,15 @@ def test_smaller_ones_and_other_things_are_refused(value: Any) -> None:
 
 @pytest.mark.parametrize(
     ("duration", "ticks"),
-    [(0, 0), (0.0, 0), (0.0004, 0), (0.0006, 1), (0.0104, 10), (0.0106, 11), ("1e-2", 10)],
+    [(0, 0), (0.0, 0), (0.0004, 0), (0.0006, 1), (0.0104, 10), (0.0106, 11)],
 )
 def test_a_duration_is_rounded_to_whole_ticks(duration: Any, ticks: int) -> None:
     assert tick_count(duration, 1e-3) == ticks
 
 
-@pytest.mark.parametrize("duration", [-1e-9, -1.0, -INF, INF, NAN, "long", None, [1.0, 2.0]])
+@pytest.mark.parametrize(
+    "duration", [-1e-9, -1.0, -INF, INF, NAN, "long", "1e-2", None, [1.0, 2.0]]
+)
 def test_other_durations_are_refused(duration: Any) -> None:
     with pytest.raises(InvalidInput, match="duration = .*; expected a finite time of at least"):
         tick_count(duration, 1e-3)

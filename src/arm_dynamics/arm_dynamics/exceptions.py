@@ -100,11 +100,13 @@ def known_names(names: Iterable[str], limit: int = 30) -> str:
     return (", ".join(listed[:limit]) + more) or "none"
 
 
-def did_you_mean(name: str, names: Iterable[str]) -> str:
+def did_you_mean(name: object, names: Iterable[str]) -> str:
     """The name that was possibly meant, as the end of a message; empty if none is near.
 
     Names that differ in nothing but numbers are not near: ``joint9`` does not mean ``joint4``.
     """
+    if not isinstance(name, str):
+        return ""
     others = [other for other in names if _bare(other) != _bare(name)]
     near = get_close_matches(name, others, n=1)
     return f"; did you mean '{near[0]}'?" if near else ""

@@ -167,7 +167,7 @@ def test_every_way_to_start_the_controller_takes_short_turns(
         sys.setswitchinterval(before)
         return 2  # as a node that could not start
 
-    monkeypatch.setattr(controller_node, "run", note)
+    monkeypatch.setattr(controller_node, "execute", note)
     monkeypatch.setattr(executor, "run", note)
     with pytest.raises(SystemExit, match="2"):
         controller_node.main([])
