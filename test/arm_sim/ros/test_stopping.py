@@ -13,8 +13,8 @@ from sim_by_hand import NAMES, by_hand, command, motion, ticks
 
 import models
 from arm_dynamics.ros.interfaces import RESET, SET_JOINT_STATE
+from arm_sim.ros.commands.stopping import LONGEST, SLOW
 from arm_sim.ros.sim_node import SimNode
-from arm_sim.ros.stopping import LONGEST, SLOW
 
 pytestmark = pytest.mark.ros
 

@@ -18,8 +18,8 @@ from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
 from arm_dynamics.ros.joint_state import JointStateSource, Numbers, make_reader
+from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
-from arm_sim.ros.joint_commands import JointCommands
 from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.tick_engine import TickEngine
 

@@ -16,8 +16,8 @@ from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand, Stop
+from arm_sim.ros.commands.stopping import Servos, Stopping
 from arm_sim.ros.energy_meter import Account, EnergyMeter
-from arm_sim.ros.stopping import Servos, Stopping
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.runtime_changes import external_change
 from arm_sim.servo import JointCommand

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which command acts: arbitrated between sources, the latest kept until it is too old.
+"""Which command acts: put together by joints, arbitrated between sources, kept until too old.
 
-The folder knows no ROS and nothing else of the node.
+And how the arm is stopped and held when none does. The folder knows no messages and no topics, and
+nothing else of the node.
 """
 
 from arm_sim.ros.commands.arbiter import Arbiter
