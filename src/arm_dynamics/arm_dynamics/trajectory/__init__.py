@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motions over time, of joints and of frames, within the limits of an arm.
+"""Motions of joints and frames over time, within the limits of an arm.
 
-Knows the dynamics, for torque limits, and inverse kinematics; no controller.
+Depends on the dynamics, for torque limits, and on inverse kinematics, and on no controller.
 """
 
 from arm_dynamics.trajectory.cartesian import CartesianTrajectory, circle, line, timed
 from arm_dynamics.trajectory.excess import Bounds
+from arm_dynamics.trajectory.files import JointTrajectory
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.joint_path import JointPath, joint_path, paced
 from arm_dynamics.trajectory.planner import CartesianGoals, Pace
@@ -25,9 +26,9 @@ from arm_dynamics.trajectory.tolerances import StateTolerance, Tolerances, Verdi
 from arm_dynamics.trajectory.waypoints import quintic, quintic_through, stop
 
 __all__ = [
-    "Bounds", "CartesianGoals", "CartesianTrajectory", "Follower", "JointPath", "Limits", "Motion",
-    "Pace", "Quintic", "Reference", "StateTolerance", "TaskReference", "Timing", "Tolerances",
-    "Trajectory", "Trapezoid", "Verdict", "Waypoint", "circle", "hold", "joint_path", "line",
-    "paced", "quintic", "quintic_through", "retimed", "spline", "stop", "stretched_spline",
-    "timed",
+    "Bounds", "CartesianGoals", "CartesianTrajectory", "Follower", "JointPath",
+    "JointTrajectory", "Limits", "Motion", "Pace", "Quintic", "Reference", "StateTolerance",
+    "TaskReference", "Timing", "Tolerances", "Trajectory", "Trapezoid", "Verdict", "Waypoint",
+    "circle", "hold", "joint_path", "line", "paced", "quintic", "quintic_through", "retimed",
+    "spline", "stop", "stretched_spline", "timed",
 ]  # fmt: skip

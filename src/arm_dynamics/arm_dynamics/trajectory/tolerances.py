@@ -104,7 +104,7 @@ class Tolerances:
     turning: tuple[int, ...] = ()
 
     def errors(self, reference: Reference, q: Array, v: Array) -> tuple[list[float], list[float]]:
-        """Errors of positions and velocities: where joints shall be less where they are."""
+        """Errors of positions and velocities, reference less measured, each of shape (n,)."""
         return self._far(reference, q), (reference.v - v).tolist()
 
     def _far(self, reference: Reference, q: Array) -> list[float]:
@@ -143,7 +143,7 @@ class Tolerances:
     def worst(
         self, verdict: Verdict, names: Sequence[str], reference: Reference, q: Array, v: Array
     ) -> str:
-        """Say which joint is farthest outside, by how much, and what is allowed."""
+        """Name the joint that is farthest outside, its error and what is allowed; shapes (n,)."""
         tolerance = self.path if verdict is Verdict.LEFT_PATH else self.goal
         allowed = np.array((tolerance.position, tolerance.velocity))
         found = np.array(self.errors(reference, q, v))

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Time stamps that are off: found from what all joints have in common."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.identification.data import JointRecord
+from arm_dynamics.identification.filtering import ABOVE, WIDEST, ZeroPhase, chosen_band
+
+ROUNDS = 4
+EXPLAINED = 0.75
+"""Part of the positions' noise power that late stamps must explain to be believed."""
+LEAST = 1e-2
+"""Part of the time between samples below which stamps are left as they are."""
+MOTION = 30.0
+"""Times the noise that the power of a position must be to be of the motion alone."""
+
+
+def repaired(record: JointRecord) -> JointRecord:
+    """The recording with its time stamps put right, where they are to blame for its noise.
+
+    A stamp that is late by δ moves the position of *every* joint by q̇ δ. So of n positions at one
+    time, one number is the stamp's and n - 1 are left to show whether that is what happened: δ is
+    the weighted mean of the joints' deviations over their velocities, and it is believed only if
+    it takes away ``EXPLAINED`` of their power. Efforts are taken to be of the same instants.
+
+    Args:
+        record: Joint states of one stretch, without holes.
+
+    Returns:
+        The recording, with a note where its stamps were changed.
+    """
+    if record.q.shape[1] < 3 or len(record.time) < 100:
+        return record
+    dt = float(np.median(np.diff(record.time)))
+    late = np.zeros(len(record.time))
+    band = min(chosen_band(record.q, dt, MOTION / ABOVE), 0.5 * WIDEST / dt)
+    before, _ = _deviations(record, late, band, dt)
+    for _ in range(ROUNDS):
+        deviation, velocity = _deviations(record, late, band, dt)
+        late = late + _lateness(deviation, velocity, dt)
+        late = np.clip(late - late.mean(), -0.3 * dt, 0.3 * dt)
+    after, _ = _deviations(record, late, band, dt)
+    moving = record.q.std(axis=0) > 1e-6
+    left = np.median((after**2).mean(axis=0)[moving] / (before**2).mean(axis=0)[moving])
+    time = record.time - late
+    believed = moving.any() and left < 1.0 - EXPLAINED and late.std() > LEAST * dt
+    if not believed or not np.all(np.diff(time) > 0.0):
+        return record
+    note = (
+        f"time stamps were off by {1e3 * late.std():.2g} ms (standard deviation), which explains "
+        f"{1.0 - left:.0%} of the positions' noise; they are put right"
+    )
+    return replace(record, time=read_only(time), notes=(*record.notes, note))
+
+
+def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tuple[Array, Array]:
+    """What positions are off the smooth motion at their times, and its velocities, (k, n)."""
+    low_pass, time = ZeroPhase(band, dt), record.time - late
+    grid = time[0] + dt * np.arange(round(float(time[-1] - time[0]) / dt) + 1)
+    even = np.column_stack([np.interp(grid, time, column) for column in record.q.T])
+    smooth, slope = low_pass(even), low_pass(even, 1)
+    at = [
+        np.column_stack([np.interp(time, grid, column) for column in x.T]) for x in (smooth, slope)
+    ]
+    return record.q - at[0], at[1]
+
+
+def _lateness(deviation: Array, velocity: Array, dt: float) -> Array:
+    """δ of each time in [s]; small where nothing moves, which would tell it."""
+    # The stamp is later than the sample: the arm stands where it will be only later, and so the
+    # position lags what belongs to the stamp by q̇ δ.
+    noise = np.var(deviation, axis=0) / 10.0 + 1e-30
+    told = (velocity**2 / noise).sum(axis=1)
+    return np.asarray(-(velocity * deviation / noise).sum(axis=1) / (told + 1.0 / (0.1 * dt) ** 2))

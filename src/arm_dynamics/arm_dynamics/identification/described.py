@@ -1,0 +1,172 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Identified numbers as a scene: inertias in the robot description, friction in its joints."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.identification.regression.friction_columns import (
+    COULOMB,
+    COULOMB_SKEW,
+    EXCESS,
+    VISCOUS,
+    VISCOUS_SKEW,
+    JointFit,
+)
+from arm_dynamics.identification.regression.regressor import EACH, TINY
+from arm_dynamics.identification.regression.selection import STEEPEST
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.schema import Scene, validated
+
+
+def urdf_with(model: ArmModel, theta: Array) -> str:
+    """The robot description with other bodies.
+
+    What is fixed to the link of a joint, or held fast by a locked one, is part of that link's
+    body: the link gets the inertia of all of it, the others get none.
+
+    Args:
+        model: The arm.
+        theta: Ten numbers of each moving body, about its joint's frame, shape (10 bodies,).
+    """
+    root = ElementTree.fromstring(model.scene.robot.urdf.encode())
+    links = {link.get("name"): link for link in root.findall("link")}
+    below: dict[str | None, list[ElementTree.Element]] = {}
+    for joint in root.findall("joint"):
+        parent = joint.find("parent")
+        below.setdefault(None if parent is None else parent.get("link"), []).append(joint)
+    joints = {joint.get("name"): joint for joint in root.findall("joint")}
+    moving = list(model.pin.names)[1:]
+    for i, name in enumerate(moving):
+        numbers = theta[EACH * i : EACH * (i + 1)]
+        if numbers[0] <= TINY:
+            continue
+        link = _child(joints[name])
+        for fixed in _rigidly_behind(link, below, set(moving)):
+            for inertial in links[fixed].findall("inertial"):
+                links[fixed].remove(inertial)
+        _set_inertial(links[link], numbers)
+    return ElementTree.tostring(root, encoding="unicode")
+
+
+def _child(joint: ElementTree.Element) -> str:
+    child = joint.find("child")
+    assert child is not None  # it was checked when the scene was loaded
+    return str(child.get("link"))
+
+
+def _rigidly_behind(
+    link: str, below: Mapping[str | None, Sequence[ElementTree.Element]], moving: set[str]
+) -> list[str]:
+    """Links that move with a link and are not it."""
+    found = []
+    for joint in below.get(link, ()):
+        if joint.get("name") not in moving:
+            child = _child(joint)
+            found += [child, *_rigidly_behind(child, below, moving)]
+    return found
+
+
+def _set_inertial(link: ElementTree.Element, numbers: Array) -> None:
+    for old in link.findall("inertial"):
+        link.remove(old)
+    mass, com, central = central_inertia(numbers)
+    inertial = ElementTree.SubElement(link, "inertial")
+    ElementTree.SubElement(inertial, "origin", xyz=" ".join(map(repr, com.tolist())), rpy="0 0 0")
+    ElementTree.SubElement(inertial, "mass", value=repr(mass))
+    (xx, xy, xz), (_, yy, yz), (_, _, zz) = central.tolist()
+    six: dict[str, Any] = {"ixx": xx, "ixy": xy, "ixz": xz, "iyy": yy, "iyz": yz, "izz": zz}
+    ElementTree.SubElement(inertial, "inertia", {key: repr(value) for key, value in six.items()})
+
+
+def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
+    """Mass, centre of mass and inertia about it, from ten numbers."""
+    mass = float(numbers[0])
+    com = numbers[1:4] / mass
+    about_origin = numbers[4:][[[0, 1, 3], [1, 2, 4], [3, 4, 5]]]
+    return mass, com, about_origin - mass * (com @ com * np.eye(3) - np.outer(com, com))
+
+
+def scene_with(
+    model: ArmModel, theta: Array, armature: Array, friction: Sequence[JointFit | None],
+    notes: list[str],
+) -> Scene:  # fmt: skip
+    """The nominal scene with what was identified in it.
+
+    Args:
+        model: Of the nominal scene.
+        theta: Ten numbers of each moving body, without payloads.
+        armature: Of each joint in [kg m²] or [kg], nan for what stays as it is, shape (n,).
+        friction: Of each joint; None for what stays as it is.
+        notes: Gets a line for what the scene cannot say.
+    """
+    scene = model.scene
+    content = scene.model_dump(exclude_unset=True, mode="json")
+    content["robot"]["urdf"] = urdf_with(model, theta)
+    every = content.setdefault("joints", {}).pop("*", None)
+    if every is not None:
+        kept = {key: value for key, value in every.items() if key not in ("friction", "armature")}
+        content["joints"] |= {"*": kept} if kept else {}
+    for j, name in enumerate(model.joint_names):
+        said = scene.joint(name).model_dump(exclude_unset=True, exclude_none=True, mode="json")
+        entry = content["joints"][name] = dict(said)
+        fit = friction[j]
+        if fit is not None:
+            entry["friction"] = _friction(name, model, j, fit, said.get("friction", {}), notes)
+        if np.isfinite(armature[j]):
+            entry["armature"] = max(float(armature[j]) - _of_drive(model, j, "armature"), 0.0)
+        gear = entry.get("actuator", {})
+        if fit is not None and gear.get("efficiency", 1.0) != 1.0:
+            entry["actuator"] = {**gear, "efficiency": 1.0}
+            notes.append(f"'{name}': the gear's losses are part of the friction that was found")
+    for name in list(model.pin.names)[1:]:
+        if name not in model.joint_names:  # its leader has it all
+            plain = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "armature": 0.0}
+            content["joints"][name] = {**content["joints"].get(name, {}), **plain}
+    return validated(content)
+
+
+def _of_drive(model: ArmModel, j: int, what: str) -> float:
+    drive = model.drives[j]
+    return 0.0 if drive is None else float(getattr(drive, what))
+
+
+def _friction(
+    name: str, model: ArmModel, j: int, fit: JointFit, said: Mapping[str, Any], notes: list[str]
+) -> dict[str, Any]:
+    """A joint's friction as the scene says it."""
+    c = {kind: fit.coefficients.get(kind, 0.0) for kind in fit.kinds}
+    viscous = max(c.get(VISCOUS, 0.0) - _of_drive(model, j, "viscous"), 0.0)
+    coulomb, offset = c.get(COULOMB, 0.0), c.get(COULOMB_SKEW, 0.0)
+    if abs(offset) > coulomb:
+        notes.append(
+            f"'{name}': a constant torque of {offset:.3g} is more than its Coulomb friction of "
+            f"{coulomb:.3g}, an offset of the sensor or of gravity; the scene has so much of it"
+        )
+        offset = float(np.clip(offset, -coulomb, coulomb))
+    found: dict[str, Any] = {
+        "viscous": _sides(viscous, float(np.clip(c.get(VISCOUS_SKEW, 0.0), -viscous, viscous))),
+        "coulomb": _sides(coulomb, offset),
+    }
+    if c.get(EXCESS, 0.0) > 0.0 and fit.shape.stribeck_velocity is not None:
+        found["static"] = _sides(coulomb + c[EXCESS], offset)
+        found["stribeck_velocity"] = fit.shape.stribeck_velocity
+    if fit.shape.load is not None and coulomb > 0.0:
+        most = STEEPEST / (coulomb * max(fit.shape.steepness, 1e-300))
+        at, factor = replace(fit.shape, load=fit.shape.load * min(1.0, most)).table
+        found["load"] = {"at": at.tolist(), "factor": factor.tolist()}
+    if "lugre" in said:
+        found["lugre"] = said["lugre"]
+    return found
+
+
+def _sides(mean: float, skew: float) -> float | dict[str, float]:
+    if skew == 0.0:
+        return mean
+    return {"positive": max(mean + skew, 0.0), "negative": max(mean - skew, 0.0)}

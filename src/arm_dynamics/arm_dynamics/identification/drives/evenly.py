@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of numbers at even times."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import Array, read_only, real_array
+from arm_dynamics.exceptions import InvalidInput
+
+_SHORTEST = 20  # samples
+_UNEVEN = 1e-2  # of a step
+
+
+def even_table(
+    name: str, time: ArrayLike, given: Mapping[str, ArrayLike | None]
+) -> tuple[Array, dict[str, Array]]:
+    """Check times and columns, None for one that was not measured: NaN.
+
+    Args:
+        name: Of the record, for messages.
+        time: In [s], shape (k,).
+        given: Columns of shape (k,) by name.
+
+    Raises:
+        InvalidInput: If times are too few or not even, or a column is of another length.
+    """
+    t = real_array("time", time)
+    if t.ndim != 1 or len(t) < _SHORTEST:
+        raise InvalidInput(
+            f"{name}: time has shape {t.shape}; at least {_SHORTEST} samples are expected"
+        )
+    steps = np.diff(t)
+    usual = float(np.median(steps))
+    bad = ~(abs(steps - usual) <= _UNEVEN * usual)  # nor are those that are no numbers
+    if not usual > 0.0 or bad.any():
+        i = int(np.argmax(bad))
+        raise InvalidInput(
+            f"{name}: times are not even: {t[i]:.9g} s, then {t[i + 1]:.9g} s; a step of "
+            f"{usual:.4g} s to 1 % is expected all along"
+        )
+    return read_only(t), {key: _column(name, key, x, len(t)) for key, x in given.items()}
+
+
+def _column(name: str, key: str, value: ArrayLike | None, count: int) -> Array:
+    if value is None:
+        return read_only(np.full(count, np.nan))
+    array = real_array(key, value)
+    if array.shape != (count,):
+        raise InvalidInput(f"{name}: {key} has shape {array.shape}; ({count},) is expected")
+    return read_only(array)

@@ -1,0 +1,353 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Numbers of a law from the motion it makes: simulated trajectories are laid onto measured ones.
+
+The output-error method (Ljung, System Identification, 1999, sections 4.3 and 10.2): parameters p
+and the state at the start are such that the simulated outputs come nearest to the measured ones.
+The derivatives are exact: those of the steps that are computed, S⁺ = ∂Φ/∂x S + ∂Φ/∂p, carried
+along with the state. Levenberg's and Marquardt's method (Moré, "The Levenberg-Marquardt algorithm:
+implementation and theory", 1978) finds the minimum; parameters are positive and searched by their
+logarithms, so that all errors are relative ones.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.codegen import Call, Kernel
+from arm_dynamics.exceptions import InvalidInput
+
+_MOST = 512  # steps between two samples
+_SMALL, _LIKE = 1e-3, 0.6  # residual over signal, and its correlation from sample to sample, that
+# are no noise but a law that is another one, or a minimum that is not the lowest
+_BLIND, _APART = 1e-9, 1e-7  # singular values, and entries of singular vectors, that are zero
+_FOUND = 0.5  # relative half width of an interval above which a parameter counts as not found
+_WEIGHTED = 3
+_ROUNDS, _TRIES, _ENOUGH = 60, 12, 1e-12
+
+
+@dataclass(frozen=True)
+class Law:
+    """What moves in a test, as expressions.
+
+    Attributes:
+        x: States, shape (nx,).
+        u: Inputs, held from one sample to the next, shape (nu,).
+        p: Parameters, all positive, shape (np,).
+        slope: x', shape (nx,).
+        outputs: What is measured, shape (ny,).
+        names: Of the parameters.
+        exact: Error of the simulation relative to a signal, below which a residual says nothing;
+            larger where a slope has kinks.
+        step: Longest step of Runge and Kutta over the shortest time constant.
+    """
+
+    x: ca.SX
+    u: ca.SX
+    p: ca.SX
+    slope: ca.SX
+    outputs: ca.SX
+    names: tuple[str, ...]
+    exact: float = 1e-8
+    step: float = 0.08
+
+
+@dataclass(frozen=True)
+class Trial:
+    """One record of a trial.
+
+    Attributes:
+        law: What moves in it.
+        dt: From sample to sample in [s].
+        u: Inputs, shape (k, nu); the last row is not used.
+        y: Outputs, NaN where they were not measured, shape (k, ny).
+        x0: First guess of the state at the start, shape (nx,).
+        around: States near which it moves, for the length of steps, shape (m, nx).
+        name: For messages.
+    """
+
+    law: Law
+    dt: float
+    u: Array
+    y: Array
+    x0: Array
+    around: Array
+    name: str = "record"
+
+    @property
+    def size(self) -> Array:
+        """How much each output varies, shape (ny,)."""
+        return np.array([_spread(column) for column in self.y.T])
+
+
+def _spread(column: Array) -> float:
+    known = column[np.isfinite(column)]
+    return float(np.sqrt(np.mean((known - known.mean()) ** 2))) if known.size else 0.0
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One number.
+
+    Attributes:
+        name: What it is.
+        value: In SI units.
+        interval: Half the width of the interval that holds it in 95 of 100 cases.
+        found: Whether the records tell it: half the interval is less than half its value.
+    """
+
+    name: str
+    value: float
+    interval: float
+    found: bool
+
+
+@dataclass(frozen=True)
+class Match:
+    """What was found.
+
+    Attributes:
+        estimates: By name.
+        residual: What is left, relative to how much the outputs vary.
+        follows: Whether the law follows the records but for noise; else nothing counts as found.
+        simulated: Outputs as simulated, of each record, shape (k, ny).
+    """
+
+    estimates: Mapping[str, Estimate]
+    residual: float
+    follows: bool
+    simulated: tuple[Array, ...]
+
+    @property
+    def values(self) -> dict[str, float]:
+        """Numbers that were found."""
+        return {name: e.value for name, e in self.estimates.items() if e.found}
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """Names of those that the records do not tell."""
+        return tuple(name for name, e in self.estimates.items() if not e.found)
+
+
+def match(trials: Sequence[Trial], guess: Mapping[str, float]) -> Match:
+    """Find the parameters of laws from trials.
+
+    Args:
+        trials: Their laws name their parameters; those of one name are one.
+        guess: First guess of each parameter, positive.
+
+    Returns:
+        The parameters with intervals, and those that the records do not tell.
+
+    Raises:
+        InvalidInput: If nothing varies, or a guess is none or makes no finite trajectory.
+    """
+    names = tuple(dict.fromkeys(name for trial in trials for name in trial.law.names))
+    if bad := [name for name in names if not 0.0 < guess.get(name, 0.0) < np.inf]:
+        raise InvalidInput(f"a positive first guess of {bad[0]} is expected")
+    log_p = np.log([guess[name] for name in names])
+    problem = _Problem(trials, names)
+    problem.refine(log_p)
+    for _ in range(_WEIGHTED):  # each output by its own noise, and by steps that are short enough
+        log_p, problem.x0 = _least_squares(problem, log_p)
+        finer = problem.refine(log_p)
+        if not finer and not _follows(*_left_over(problem.trials, problem.simulated(log_p))):
+            break
+        problem.weigh(log_p)
+    residual, J = problem.evaluate(log_p, problem.x0)
+    return _judged(problem, names, log_p, residual, J)
+
+
+class _Problem:
+    """Residuals of all trials and their derivatives by log p and the states at the start."""
+
+    def __init__(self, trials: Sequence[Trial], names: tuple[str, ...]) -> None:
+        self.trials, self.names = trials, names
+        self.x0 = [np.array(trial.x0, float) for trial in trials]
+        self.steps = [0] * len(trials)
+        self._rolls: dict[int, Call] = {}
+        self._made: dict[tuple[int, int, int], Call] = {}  # windows of a record share one
+        self.noise = [trial.size for trial in trials]  # zero: not used
+        if not any(np.any(size > 0.0) for size in self.noise):
+            raise InvalidInput("nothing varies in the records; motions or currents are expected")
+
+    def refine(self, log_p: Array) -> bool:
+        """Choose steps by the fastest rate of each law; whether any became shorter."""
+        finer = False
+        for i, trial in enumerate(self.trials):
+            law, p = trial.law, self._own(trial, log_p)
+            slopes = ca.jacobian(law.slope, law.x)
+            A = ca.Function("A", [law.x, law.u, law.p], [ca.densify(slopes)])
+            still = np.zeros(law.u.shape[0])
+            rates = [np.linalg.eigvals(A(x, still, p).full()) for x in trial.around]
+            rate = float(np.max(np.abs(rates)))
+            steps = int(np.clip(np.ceil(rate * trial.dt / law.step), 1, _MOST))
+            steps = 1 << (steps - 1).bit_length()  # few different ones, each of which is compiled
+            if steps > self.steps[i]:
+                self.steps[i], finer = steps, True
+                key = id(trial.law), steps, len(trial.y)
+                if key not in self._made:
+                    self._made[key] = Kernel([_rolled(trial, steps)]).call("roll")
+                self._rolls[i] = self._made[key]
+        return finer
+
+    def weigh(self, log_p: Array) -> None:
+        """Take what is left of each output for its noise."""
+        for i, trial in enumerate(self.trials):
+            y, _ = self.simulate(i, log_p, self.x0[i])
+            left = np.array([_spread(column) for column in (y - trial.y).T])
+            self.noise[i] = np.maximum(left, trial.law.exact * trial.size)
+
+    def _own(self, trial: Trial, log_p: Array) -> Array:
+        return np.exp([log_p[self.names.index(name)] for name in trial.law.names])
+
+    def simulate(self, i: int, log_p: Array, x0: Array) -> tuple[Array, Array]:
+        """Outputs of a trial, shape (k, ny), and their derivatives, (k, ny, own p + nx)."""
+        trial, roll = self.trials[i], self._rolls[i]
+        p, nx, m = self._own(trial, log_p), len(x0), len(trial.law.names)
+        seed = np.hstack([np.zeros((nx, m)), np.eye(nx)]).ravel(order="F")
+        k, ny = trial.y.shape
+        (seen,) = roll(np.concatenate([x0, seed]), np.reshape(trial.u.T, roll.inputs[1].shape), p)
+        table = np.moveaxis(seen.reshape(1 + m + nx, ny, k), 2, 0)  # (k, 1 + m + nx, ny)
+        slopes = np.moveaxis(table[:, 1:], 1, 2).copy()
+        slopes[..., :m] *= p  # by log p
+        return table[:, 0], slopes
+
+    def simulated(self, log_p: Array) -> tuple[Array, ...]:
+        """Outputs of every trial."""
+        return tuple(read_only(self.simulate(i, log_p, x0)[0]) for i, x0 in enumerate(self.x0))
+
+    def evaluate(self, log_p: Array, x0: list[Array]) -> tuple[Array, Array]:
+        """Residuals over the noise of their outputs, and their derivatives."""
+        rows, columns = [], []
+        width = len(self.names) + sum(map(len, x0))
+        place = len(self.names)
+        for i, trial in enumerate(self.trials):
+            y, slopes = self.simulate(i, log_p, x0[i])
+            used = np.isfinite(trial.y) & (self.noise[i] > 0.0)
+            size = np.where(self.noise[i] > 0.0, self.noise[i], 1.0)
+            J = np.zeros((*trial.y.shape, width))
+            own = [self.names.index(name) for name in trial.law.names]
+            J[..., own] = slopes[..., : len(own)]
+            J[..., place : place + len(x0[i])] = slopes[..., len(own) :]
+            place += len(x0[i])
+            rows.append(((y - trial.y) / size)[used])
+            columns.append((J / size[:, None])[used])
+        return np.concatenate(rows), np.vstack(columns)
+
+
+def _rolled(trial: Trial, steps: int) -> ca.Function:
+    """Outputs and derivatives at every sample, from state and sensitivities at the start on."""
+    law, h = trial.law, trial.dt / steps
+    nx, m, k = law.x.shape[0], law.p.shape[0], len(trial.y)
+    f = ca.Function("f", [law.x, law.u, law.p], [law.slope])
+    z = ca.SX.sym("z", nx * (1 + m + nx))
+    x, S = z[:nx], ca.reshape(z[nx:], nx, m + nx)
+    k1 = f(x, law.u, law.p)
+    k2 = f(x + h / 2 * k1, law.u, law.p)
+    k3 = f(x + h / 2 * k2, law.u, law.p)
+    k4 = f(x + h * k3, law.u, law.p)
+    after = x + h / 6 * (k1 + 2 * k2 + 2 * k3 + k4)
+    S_after = ca.jacobian(after, x) @ S + ca.horzcat(ca.jacobian(after, law.p), ca.SX(nx, nx))
+    step = ca.Function("step", [z, law.u, law.p], [ca.vertcat(after, ca.vec(S_after))])
+    y_x, y_p = ca.jacobian(law.outputs, law.x), ca.jacobian(law.outputs, law.p)
+    told = y_x @ S + ca.horzcat(y_p, ca.SX(y_p.shape[0], nx))
+    y = ca.substitute(ca.horzcat(law.outputs, told), law.x, x)
+    look = ca.Function("look", [z, law.u, law.p], [ca.vec(ca.densify(y))])
+    Z, u, p = (ca.MX.sym(name, size) for name, size in
+               (("Z", z.shape[0]), ("u", law.u.shape[0]), ("p", m)))  # fmt: skip
+    end = step.fold(steps) if steps > 1 else step
+    tick = ca.Function("tick", [Z, u, p], [end(Z, u, p), look(Z, u, p)])
+    U = ca.MX.sym("U", law.u.shape[0], k)
+    _, seen = tick.mapaccum(k)(Z, U, p)
+    return ca.Function("roll", [Z, U, p], [seen])
+
+
+def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]:
+    """Levenberg's and Marquardt's way down from a guess."""
+    x0, damping = problem.x0, 1e-3
+    r, J = problem.evaluate(log_p, x0)
+    if not np.all(np.isfinite(r)):
+        raise InvalidInput(
+            "the first guess makes no trajectory with finite numbers; another one is expected"
+        )
+    for _ in range(_ROUNDS):
+        before = float(r @ r)
+        scale = np.linalg.norm(J, axis=0)
+        scale = np.where(scale > 0.0, scale, 1.0)
+        A, b = (J / scale).T @ (J / scale), (J / scale).T @ r
+        for _ in range(_TRIES):
+            step = -np.linalg.solve(A + damping * np.eye(len(A)), b) / scale
+            step[: len(log_p)] = np.clip(step[: len(log_p)], -1.0, 1.0)
+            new_p, new_x = _moved(log_p, x0, step)
+            r_new, J_new = problem.evaluate(new_p, new_x)
+            after = _sum_of_squares(r_new)
+            if np.isfinite(after) and after <= before:
+                break
+            damping = min(damping * 6.0, 1e12)
+        else:
+            break
+        log_p, x0, r, J = new_p, new_x, r_new, J_new
+        damping = max(damping / 8.0, 1e-14)
+        if before - after <= _ENOUGH * before and np.abs(step[: len(log_p)]).max() < 1e-9:
+            break
+    return log_p, x0
+
+
+def _sum_of_squares(r: Array) -> float:
+    with np.errstate(over="ignore"):  # a step that went too far
+        return float(r @ r)
+
+
+def _moved(log_p: Array, x0: list[Array], step: Array) -> tuple[Array, list[Array]]:
+    ends = np.cumsum([len(log_p), *map(len, x0)])
+    parts = np.split(step, ends[:-1])
+    return log_p + parts[0], [x + part for x, part in zip(x0, parts[1:], strict=True)]
+
+
+def _judged(problem: _Problem, names: tuple[str, ...], log_p: Array, r: Array, J: Array) -> Match:
+    """Intervals by the curvature of the sum of squares (Ljung, section 9.4), and what is missing.
+
+    A residual is at least the error of the method, so that without noise the rest of rounding does
+    not pass for information.
+    """
+    noise = max(np.sqrt(float(r @ r) / max(len(r) - J.shape[1], 1)), 1.0)
+    scale = np.linalg.norm(J, axis=0)
+    scale = np.where(scale > 0.0, scale, 1.0)
+    _, sigma, V = np.linalg.svd(J / scale, full_matrices=False)
+    spread = noise / np.maximum(sigma, 1e-100)
+    spread[sigma < _BLIND * sigma[0]] = 1e100
+    part = np.where(abs(V) > _APART, V, 0.0)  # less is rounding
+    variance = np.sum((part * spread[:, None]) ** 2, axis=0)
+    seen = np.linalg.norm(J, axis=0)[: len(names)] > 0.0
+    relative = 1.96 * np.sqrt(variance[: len(names)]) / scale[: len(names)]
+    values = np.exp(log_p)
+    simulated = problem.simulated(log_p)
+    residual, alike = _left_over(problem.trials, simulated)
+    follows = _follows(residual, alike)
+    estimates = {
+        name: Estimate(
+            name, float(value), float(value * width), bool(follows and known and width < _FOUND)
+        )
+        for name, value, width, known in zip(names, values, relative, seen, strict=True)
+    }
+    return Match(estimates, residual, follows, simulated)
+
+
+def _follows(residual: float, alike: float) -> bool:
+    return residual < _SMALL or alike < _LIKE
+
+
+def _left_over(trials: Sequence[Trial], simulated: Sequence[Array]) -> tuple[float, float]:
+    """Residual over signal, and how far a residual is like the one of the sample before."""
+    left = signal = like = 0.0
+    for trial, y in zip(trials, simulated, strict=True):
+        size = np.where(trial.size > 0.0, trial.size, np.inf)
+        r = np.nan_to_num((y - trial.y) / size)
+        left, like = left + np.sum(r**2), like + np.sum(r[1:] * r[:-1])
+        signal += np.sum(np.isfinite(trial.y) & np.isfinite(size))
+    return float(np.sqrt(left / signal)), float(like / left) if left else 0.0

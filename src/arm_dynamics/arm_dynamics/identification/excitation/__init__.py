@@ -1,0 +1,11 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Exciting trajectories: motions from which parameters can be identified, within limits.
+
+Depends on the equations, for the regressor as an expression, and on trajectories; not on
+recordings.
+"""
+
+from arm_dynamics.identification.excitation.room import Box, Room
+from arm_dynamics.identification.excitation.search import Excitation, excite
+
+__all__ = ["Box", "Excitation", "Room", "excite"]

@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a motion tells of an arm: the regressor of its torques, as expressions.
+
+Torques are linear in the numbers to be identified, τ = W(q, v, a) π (Khalil and Dombre, Modeling,
+Identification and Control of Robots, 2002, chapter 12): of each link the inertial parameters that
+its joint can tell from its parent's, and of each joint the inertia of its drive, viscous and
+Coulomb friction and an offset. What of them no motion tells apart is taken together by the
+singular value decomposition of W at random states.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.equations import rigid_body
+from arm_dynamics.equations.tree import Link, Tree, constant
+from arm_dynamics.model import ArmModel, gravity_of, tree_of
+
+_DEPENDENT = 1e-9  # singular values, relative to the largest, that are zero but for rounding
+
+
+def regressor(model: ArmModel, turning: Array) -> ca.Function:
+    """W of standard parameters as a function of q, v and a, each of shape (n,).
+
+    Args:
+        model: The arm.
+        turning: Speed over which the column of Coulomb friction changes its sign, shape (n,).
+
+    Returns:
+        A function whose result has shape (n, columns).
+    """
+    n = model.n
+    q, v, a = (ca.SX.sym(name, n) for name in "qva")
+    tree = tree_of(model)
+    links, symbols = zip(*(_symbolic(link) for link in tree.links), strict=True)
+    bodies = Tree(links, np.zeros(len(links)), tree.followers, tree.offsets)
+    tau = rigid_body.inverse(bodies, q, v, a, gravity_of(model))
+    inertial = ca.jacobian(tau, ca.vertcat(*symbols))
+    W = ca.densify(ca.horzcat(inertial, *friction_columns(v, a, turning), ca.SX.eye(n)))
+    return ca.Function("regressor", [q, v, a], [W], {"cse": True})
+
+
+def friction_columns(v: ca.SX, a: ca.SX, turning: Array) -> list[ca.SX]:
+    """Columns of armature, viscous and Coulomb friction, each of shape (n, n)."""
+    return [ca.diag(x) for x in (a, v, ca.tanh(v / turning))]
+
+
+def _symbolic(link: Link) -> tuple[Link, ca.SX]:
+    """The link with symbols for what ``tree.regrouped`` leaves of it, and the symbols."""
+    if link.prismatic:
+        m = ca.SX.sym("m")
+        return Link(link.parent, True, link.R, link.p, m, ca.SX(3, 1), ca.SX(3, 3)), m
+    x = ca.SX.sym("x", 7)
+    rows = (x[2], x[3], x[4]), (x[3], 0, x[5]), (x[4], x[5], x[6])
+    inertia = ca.vertcat(*(ca.horzcat(*row) for row in rows))
+    h = ca.vertcat(x[0], x[1], 0)
+    return Link(link.parent, False, link.R, link.p, ca.SX(0), h, inertia), x
+
+
+def distinct(W: ca.Function, states: Array, weight: Array) -> ca.Function:
+    """Combinations of the columns that motions tell apart, of like size at random states.
+
+    A basis of the row space of W, each vector over its singular value; the determinant and the
+    rank of a motion's regressor say the same in any basis.
+
+    Args:
+        W: See ``regressor``.
+        states: Random q, v and a, shape (k, 3, n).
+        weight: Of the torque of each joint, shape (n,).
+
+    Returns:
+        A function of q, v and a whose result has shape (independent columns, n): transposed.
+    """
+    rows = np.vstack([weight[:, None] * W(*state).full() for state in states])
+    _, sigma, V = np.linalg.svd(rows, full_matrices=False)
+    kept = sigma > _DEPENDENT * sigma[0]
+    K = V[kept] / sigma[kept, None] * np.sqrt(len(states))
+    n = len(weight)
+    q, v, a = (ca.SX.sym(name, n) for name in "qva")
+    scaled = ca.DM(K) @ (constant(np.diag(weight)) @ W(q, v, a)).T
+    return ca.Function("distinct", [q, v, a], [scaled], {"cse": True})
+
+
+def random_states(lower: Array, upper: Array, speed: Array, rise: Array, count: int) -> Array:
+    """Random q, v and a within limits, always the same ones, shape (count, 3, n)."""
+    rng, n = np.random.default_rng(0), len(lower)
+    u = rng.uniform(-1.0, 1.0, (count, 3, n))
+    middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
+    return np.stack([middle + half * u[:, 0], speed * u[:, 1], rise * u[:, 2]], axis=1)
+
+
+def information(Wt: ca.MX) -> ca.MX:
+    """Log det(W Wᵀ) of a wide matrix, by Cholesky's factors: what a D-optimal motion has most of.
+
+    Args:
+        Wt: Shape (columns, rows).
+    """
+    M = ca.SX.sym("M", ca.Sparsity.lower(Wt.shape[0]))
+    R = ca.chol(ca.tril2symm(M))
+    logdet = ca.Function("logdet", [M], [2.0 * ca.sum1(ca.log(ca.diag(R)))])
+    return logdet(ca.tril(Wt @ Wt.T))

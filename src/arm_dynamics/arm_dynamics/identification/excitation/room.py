@@ -1,0 +1,207 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an exciting motion must keep to: limits of the joints, and the room there is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import Array, numbers, positive_limits, read_only, vector
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.equations.frame import placement, relative
+from arm_dynamics.equations.rigid_body import placements
+from arm_dynamics.equations.tree import Tree
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.model import ArmModel, frame_of, tree_of
+from arm_dynamics.trajectory import Bounds, Limits, Trajectory
+
+_HALF_TURN = np.pi  # [rad] or [m] to either side that a joint without position limits is given
+_INSIDE = 0.1  # share of the allowed range that a start of our own stays away from its ends
+_POINTS = np.linspace(0.0, 1.0, 5)[:-1]  # of every segment, at which gaps are looked at
+_BATCH = 200  # points at once: for more Dynamics would compile, which takes a second when new
+
+
+@dataclass(frozen=True)
+class Box:
+    """A box in the world that the origins of some frames stay in.
+
+    Attributes:
+        lower: Its lowest corner x, y, z in [m], shape (3,).
+        upper: Its highest corner, likewise.
+        frames: Names of links or joints of the URDF.
+    """
+
+    lower: ArrayLike
+    upper: ArrayLike
+    frames: tuple[str, ...]
+
+    def __post_init__(self) -> None:
+        """Check it."""
+        lower, upper = numbers("box.lower", self.lower), numbers("box.upper", self.upper)
+        if lower.shape != (3,) or upper.shape != (3,) or not np.all(lower < upper):
+            raise InvalidInput(
+                f"box from {lower} to {upper}; two corners x, y, z in m are expected, the first "
+                "below the second in each"
+            )
+        if not self.frames:
+            raise InvalidInput("a box is for frames; at least one is expected")
+
+
+@dataclass(frozen=True)
+class Room:
+    """What a motion is held to.
+
+    Args:
+        dynamics: The arm; used from one thread only.
+        share: Of the limits of speed and torque that may be used.
+        margin: Share of each joint's range to stay away from both its ends.
+        acceleration: Limits in [rad/s²] or [m/s²], one or shape (n,); inf for none.
+        box: Where frames must stay; None: anywhere.
+        clearance: Distance in [m] to keep from planes with which the scene has contacts.
+        given_start: Where the motion begins and ends, shape (n,); None for the scene's initial
+            position, moved inwards where that is near a limit.
+
+    Raises:
+        InvalidInput: If an argument is not allowed, the arm has closed loops, or the start does
+            not keep to the limits.
+    """
+
+    dynamics: Dynamics
+    share: float = 0.8
+    margin: float = 0.05
+    acceleration: ArrayLike = np.inf
+    box: Box | None = None
+    clearance: float = 0.05
+    given_start: ArrayLike | None = None
+
+    def __post_init__(self) -> None:
+        """Check it, and that the arm can stand at the start."""
+        if not 0.0 < self.share <= 1.0:
+            raise InvalidInput(f"share = {self.share}; more than 0 and at most 1 is expected")
+        if not 0.0 <= self.margin < 0.5:
+            raise InvalidInput(f"margin = {self.margin}; from 0, below 0.5 is expected")
+        if not 0.0 <= self.clearance < np.inf:
+            raise InvalidInput(f"clearance = {self.clearance}; a distance in m is expected")
+        if loops := self.model.scene.bilateral:
+            raise InvalidInput(
+                f"the scene has {len(loops)} constraints that close loops or hold frames: its "
+                "joints cannot be moved each by itself; an open chain is expected"
+            )
+        self._check_start()
+
+    @property
+    def model(self) -> ArmModel:
+        """The arm."""
+        return self.dynamics.model
+
+    @cached_property
+    def limits(self) -> Limits:
+        """Limits of positions, margins taken off, of velocities and accelerations, in use."""
+        model = self.model
+        lower = np.where(np.isfinite(model.position_lower), model.position_lower, np.nan)
+        upper = np.where(np.isfinite(model.position_upper), model.position_upper, np.nan)
+        lower = np.where(np.isnan(lower), np.fmin(model.q0, upper) - _HALF_TURN, lower)
+        upper = np.where(np.isnan(upper), np.fmax(model.q0, lower) + _HALF_TURN, upper)
+        off = self.margin * (upper - lower)
+        rise = positive_limits("acceleration", self.acceleration, model.n)
+        speed = self.share * model.velocity_limit
+        return Limits(speed, rise, lower + off, upper - off, model.joint_names)
+
+    @property
+    def effort(self) -> Array:
+        """Limits of torques in use, in [N m] or [N], inf where there is none, shape (n,)."""
+        return self.share * self.model.effort_limit
+
+    @cached_property
+    def start(self) -> Array:
+        """Where the motion begins and ends, shape (n,)."""
+        lower, upper = self.limits.lower, self.limits.upper
+        if self.given_start is not None:
+            return vector("start", self.given_start, self.model.joint_names)
+        off = _INSIDE * (upper - lower)
+        return read_only(np.clip(self.model.q0, lower + off, upper - off))
+
+    @cached_property
+    def gaps(self) -> tuple[ca.Function, tuple[str, ...]]:
+        """Distances in [m] that must not be negative, as a function of q, and what each is."""
+        model = self.model
+        q, tree = ca.SX.sym("q", model.n), tree_of(self.model)
+        pose = placements(tree, q)
+        found: list[ca.SX] = []
+        names: list[str] = []
+        for name, contact in model.scene.contacts:
+            plane = contact.plane
+            pair = frame_of(model, contact.frame), frame_of(model, plane.frame)
+            _, u = relative(tree, pose, pair, (contact.point, plane.point))
+            height = ca.dot(ca.DM(plane.normal), u) - contact.radius
+            found.append(height - self.clearance)
+            names.append(f"the distance of '{name}' from its plane")
+        if self.box is not None:
+            more, ends = self._to_walls(self.box, tree, q)
+            found, names = found + more, names + ends
+        rows = ca.densify(ca.vertcat(ca.SX(0, 1), *found))
+        return ca.Function("gaps", [q], [rows], {"cse": True}), tuple(names)
+
+    def _to_walls(self, box: Box, tree: Tree, q: ca.SX) -> tuple[list[ca.SX], list[str]]:
+        found: list[ca.SX] = []
+        names: list[str] = []
+        for frame in box.frames:
+            if frame not in self.model.frame_names:
+                raise InvalidInput(
+                    f"box: no frame '{frame}'; allowed: {known_names(self.model.frame_names)}"
+                )
+            place, _ = placement(tree, frame_of(self.model, frame), q)
+            found += [place - ca.DM(box.lower), ca.DM(box.upper) - place]
+            names += [f"'{frame}' from the box's {end} end in {axis}"
+                      for end in ("lower", "upper") for axis in "xyz"]  # fmt: skip
+        return found, names
+
+    def torques(self, q: Array, v: Array, a: Array) -> Array:
+        """What a motion takes in [N m] or [N], shapes (k, n)."""
+        rows = np.array_split(np.arange(len(q)), len(q) // _BATCH + 1)
+        return np.vstack([self.dynamics.inverse(q[i], v[i], a[i]) for i in rows])
+
+    def check(self, motion: Trajectory) -> None:
+        """Check a motion: limits by what its polynomials reach, torques and gaps at many points.
+
+        Raises:
+            InvalidInput: If it leaves the room.
+        """
+        within = Limits(
+            self.limits.velocity / self.share, self.limits.acceleration / self.share,
+            self.limits.lower, self.limits.upper, self.limits.joint_names,
+        )  # fmt: skip
+        Bounds(within, self.dynamics, self.share - 1.0).check(motion)
+        self._check_gaps(motion.table(_POINTS)[1], "along the motion")
+
+    def _check_start(self) -> None:
+        limits, q = self.limits, self.start
+        beyond = np.maximum(limits.lower - q, q - limits.upper)
+        for i in np.flatnonzero(beyond > 0.0):
+            raise InvalidInput(
+                f"start: joint '{limits.name(int(i))}' at {q[i]:.6g}; allowed is "
+                f"{limits.lower[i]:.6g} to {limits.upper[i]:.6g}"
+            )
+        tau = self.dynamics.inverse(q, np.zeros_like(q), np.zeros_like(q))
+        for i in np.flatnonzero(abs(tau) >= self.effort):
+            raise InvalidInput(
+                f"start: the weight on joint '{limits.name(int(i))}' takes {abs(tau[i]):.4g}; "
+                f"allowed is {self.effort[i]:.4g}"
+            )
+        self._check_gaps(q[None], "at the start")
+
+    def _check_gaps(self, q: Array, where: str) -> None:
+        gaps, names = self.gaps
+        if not names:
+            return
+        distance = gaps.map(len(q))(q.T).full()
+        i = int(np.argmin(distance.min(axis=1)))
+        if distance[i].min() < 0.0:
+            raise InvalidInput(
+                f"{where} {names[i]} is too short by {-distance[i].min():.4g} m; another start, "
+                "box or clearance is expected"
+            )

@@ -1,0 +1,182 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A low-pass without lag, derivatives with it, and the choice of its band."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array
+
+ORDER = 4
+"""Of the Butterworth filter whose squared gain is applied: within 1.6e-4 of one below a third of
+the cut-off frequency, within 1e-8 below a tenth."""
+SETTLED = 4.0
+"""Periods of the cut-off frequency after which what happened at an end has died down to 1e-4: the
+slowest pole fades by exp(-2π sin(π/4p)) in each."""
+MOST_LEFT_OUT = 0.06
+"""Part of a stretch that is left out at each end at most."""
+FADED = 12.0
+"""Periods of the cut-off frequency after which it has died down to rounding."""
+FEWEST = 25
+"""Samples to be left out at least, so that at wide bands it has died down to rounding."""
+ABOVE = 3.0
+"""Times the noise that the smoothed power must be for a motion's own part to be seen in it."""
+FLAT = 2.0
+"""Times the highest frequency at which the motion stands out of the noise: there the gain is
+within 4e-3 of one."""
+SLOWEST = 20.0
+"""Periods of the band that have to be in a recording."""
+RATIO = 1.15
+"""By which bins of the spectrum widen."""
+HELD, ENOUGH = 0.999, 10.0
+"""The band need not be wider than ``ENOUGH`` times what holds ``HELD`` of accelerations' power."""
+WIDEST = 0.4
+"""Largest cut-off frequency, as a part of the sampling frequency."""
+
+
+@dataclass(frozen=True)
+class ZeroPhase:
+    """A Butterworth filter that runs forwards and backwards over samples at even times.
+
+    Its gain 1/(1 + (f/f_c)^(2p)) is applied to the spectrum, which also yields derivatives of what
+    is left (Oppenheim, Schafer, Discrete-Time Signal Processing, 2010, sections 5.7 and 8.7). At
+    both ends the samples are reflected at the end's point, so that value and slope go on.
+
+    Attributes:
+        band: Cut-off frequency f_c in [Hz], where half of the amplitude is left; inf for none.
+        dt: Time between samples in [s].
+        order: Order p.
+    """
+
+    band: float
+    dt: float
+    order: int = ORDER
+
+    def __call__(self, x: Array, derivative: int = 0) -> Array:
+        """Low-pass, and differentiate.
+
+        Args:
+            x: Samples, shape (k, …), k > 1.
+            derivative: How many times to differentiate by time.
+
+        Returns:
+            Of the shape of ``x``.
+        """
+        if not np.isfinite(self.band) and not derivative:
+            return np.array(x, dtype=float)
+        band = min(self.band, 0.5 / self.dt)
+        k, shape = len(x), (-1, *[1] * (x.ndim - 1))
+        pad = min(k - 1, max(64, math.ceil(FADED / (band * self.dt))))
+        count = _fast_length(k + 2 * pad)
+        before, after = 2.0 * x[0] - x[pad:0:-1], 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
+        rest = np.broadcast_to(after[-1:], (count - k - 2 * pad, *x.shape[1:]))
+        long = np.concatenate([before, x, after, rest])
+        # Without the line through both ends it begins and ends at zero, and may be repeated.
+        slope = (long[-1] - long[0]) / (count - 1)
+        line = long[0] + np.arange(count).reshape(shape) * slope
+        frequency = np.fft.rfftfreq(count, self.dt)
+        response = (2j * np.pi * frequency) ** derivative
+        response = response / (1.0 + (frequency / band) ** (2 * self.order))
+        spectrum = np.fft.rfft(long - line, axis=0) * response.reshape(shape)
+        found = np.fft.irfft(spectrum, count, axis=0)
+        found += (line, slope / self.dt, 0.0)[min(derivative, 2)]
+        return np.asarray(found[pad : pad + k])
+
+    def margin(self, count: int) -> int:
+        """Samples at each end of a stretch of ``count`` that are to be left out."""
+        if not np.isfinite(self.band):
+            return 1
+        settled = math.ceil(SETTLED / (self.band * self.dt))
+        return max(FEWEST, min(settled, int(MOST_LEFT_OUT * count)))
+
+
+def _fast_length(least: int) -> int:
+    """The smallest number of at least ``least`` whose only factors are 2, 3 and 5."""
+    found = 1 << (least - 1).bit_length()
+    five = 1
+    while five < found:
+        three = five
+        while three < found:
+            two = three << max(0, (-(-least // three) - 1).bit_length())
+            found, three = min(found, two), 3 * three
+        five *= 5
+    return found
+
+
+def spectrum(x: Array, dt: float) -> tuple[Array, Array]:
+    """Frequencies in [Hz] and power at each, of samples without their trend, windowed (Hann).
+
+    Args:
+        x: Samples, shape (k, n).
+        dt: Time between them in [s].
+
+    Returns:
+        Shapes (m,) and (m, n).
+    """
+    k = len(x)
+    ramp = np.linspace(0.0, 1.0, k)[:, None]
+    level = x - x[0] - ramp * (x[-1] - x[0])
+    window = np.hanning(k)[:, None]
+    power = np.square(abs(np.fft.rfft(level * window, axis=0)), dtype=float)
+    return np.fft.rfftfreq(k, dt), np.asarray(power)
+
+
+def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:
+    """The cut-off frequency at which the least is lost of accelerations, and the least noise left.
+
+    Noise of a position sensor is white, so what the spectrum of a position has near half the
+    sampling frequency, it has everywhere. Where the motion's own part falls below it, a wider band
+    would bring more noise into the acceleration than motion, and a narrower one would lose motion
+    (Wiener's argument; both are weighed by the same power of the frequency).
+
+    Args:
+        q: Positions, shape (k, n).
+        dt: Time between samples in [s].
+        factor: How many times clearer than needed the motion must stand out of the noise.
+
+    Returns:
+        In [Hz], at most ``WIDEST`` of the sampling frequency.
+    """
+    frequency, power = spectrum(q, dt)
+    floor = np.median(power[frequency > 0.35 / dt], axis=0) / np.log(2.0)
+    edges, level = _octaves(frequency), factor * ABOVE * floor
+    bands = [
+        _left(frequency[edges], np.add.reduceat(column, edges) / np.diff([*edges, len(column)]), x)
+        for column, x in zip(power.T, level, strict=True)
+    ]
+    signal = np.maximum(power - level, 0.0) * (frequency <= max(bands))[:, None]
+    best = min(FLAT * max(bands), ENOUGH * _holding(frequency, signal))
+    return float(min(WIDEST / dt, max(best, SLOWEST / (len(q) * dt))))
+
+
+def _octaves(frequency: Array) -> NDArray[np.int_]:
+    """Where bins begin that widen with the frequency, and hold three samples at least."""
+    found, at = [0], 2
+    while at < len(frequency):
+        found.append(at)
+        at = max(at + 3, int(at * RATIO))
+    return np.array(found)
+
+
+def _left(starts: Array, power: Array, level: float) -> float:
+    """The lowest frequency at which the power has been left by the motion, in three bins."""
+    below = power <= level
+    first = int(np.argmax(power))
+    for i in range(first, len(below) - 2):
+        if below[i : i + 3].all():
+            return float(starts[i])
+    return float(starts[-1])
+
+
+def _holding(frequency: Array, power: Array) -> float:
+    """The frequency below which ``HELD`` of the accelerations' power is, of the fastest joint."""
+    sums = np.cumsum(power * frequency[:, None] ** 4, axis=0)
+    moving = sums[-1] > 0.0
+    if not moving.any():
+        return np.inf
+    places = [int(np.searchsorted(column, HELD * column[-1])) for column in sums.T[moving]]
+    return float(frequency[max(places)])

@@ -1,0 +1,230 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From joint states as they came to a motion at even times with accelerations."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array, read_only
+from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.identification.clock import repaired
+from arm_dynamics.identification.data import JointRecord, MeasuredMotion
+from arm_dynamics.identification.filtering import WIDEST, ZeroPhase, chosen_band
+
+GAP = 4.5
+"""Steps without a sample that split a recording; shorter holes are interpolated."""
+SHORTEST = 100
+"""Samples that a stretch needs."""
+PER_BAND = 10.0
+"""Rows in each period of the band that ``thinned`` leaves."""
+UNEVEN = 1e-3
+"""Part of a step by which samples may be off an even grid without being interpolated."""
+SATURATED = 8
+"""Samples in a row at the same extreme effort that are taken for a saturated sensor or drive."""
+
+
+def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
+    """Bring a recording to even times, low-pass it without lag and differentiate it.
+
+    Velocities and accelerations come from the positions: those that robots tell are filtered with
+    a lag of their own. Where accelerations are told, as by a computation, positions, velocities
+    and accelerations are taken as they are.
+
+    Args:
+        record: Joint states.
+        band: Cut-off frequency in [Hz]; None for the one that fits the noise, see
+            ``filtering.chosen_band``; inf for no filter but in differentiating.
+
+    Returns:
+        The motion.
+
+    Raises:
+        InvalidInput: If positions are missing, or no stretch is long enough.
+    """
+    notes = list(record.notes)
+    whole = np.isfinite(record.q).all(axis=1)
+    if not whole.any():
+        raise InvalidInput(f"{record.name}: there is no row with a position of every joint")
+    if not whole.all():
+        notes.append(f"{np.count_nonzero(~whole)} rows without a position of every joint")
+        record = record.rows(whole)
+    step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else np.inf
+    pieces, short = _pieces(record, step)
+    if short:
+        notes.append(f"{short} rows in stretches of less than {SHORTEST} samples are left out")
+    if not pieces:
+        raise InvalidInput(
+            f"{record.name}: no stretch of {SHORTEST} samples without a gap of more than "
+            f"{GAP * step:.3g} s; {len(record.time)} samples are in it, {step:.3g} s apart"
+        )
+    if len(pieces) > 1:
+        notes.append(f"{len(pieces) - 1} gaps")
+    pieces = [repaired(piece) for piece in pieces]
+    notes += [note for piece in pieces for note in piece.notes if note not in notes]
+    step = _exact_step(pieces, step)
+    grids = [_even(piece, step) for piece in pieces]
+    band = _band(record.name, grids, step, band)
+    told = all(np.isfinite(grid.a).all() and np.isfinite(grid.v).all() for grid in grids)
+    low_pass = ZeroPhase(np.inf if told else band, step)
+    motions = [_motion(grid, low_pass, notes) for grid in grids]
+    return joined(motions, notes)
+
+
+def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
+    """The same with as few rows as its band needs, ``PER_BAND`` in each of its periods.
+
+    Efforts are what happens to be there at these times: they have to be low-passed before.
+
+    Returns:
+        The motion, and each how many rows of a stretch it keeps.
+    """
+    stride = max(1, int(1.0 / (PER_BAND * motion.band * motion.dt) + 1e-9))
+    if stride == 1:
+        return motion, 1
+    dt = stride * motion.dt
+    low_pass = ZeroPhase(motion.band, dt)
+    parts = []
+    for part in motion.parts():
+        rows = slice(0, None, stride)
+        values: dict[str, Any] = {
+            key: getattr(part, key)[rows] for key in ("time", "q", "v", "a", "effort", "valid")
+        }
+        stretches = (slice(0, len(values["time"])),)
+        values |= {"dt": dt, "low_pass": low_pass, "stretches": stretches}
+        parts.append(replace(part, **values))
+    return joined(parts, motion.notes), stride
+
+
+def joined(motions: Sequence[MeasuredMotion], notes: Sequence[str] = ()) -> MeasuredMotion:
+    """Motions of one rate and filter as one, each of them stretches of its own."""
+    first = motions[0]
+    starts = np.cumsum([0, *(len(motion.time) for motion in motions)])
+    stretches = tuple(
+        slice(s.start + int(start), s.stop + int(start))
+        for motion, start in zip(motions, starts, strict=False)
+        for s in motion.stretches
+    )
+    parts: dict[str, Any] = {
+        key: read_only(np.concatenate([getattr(motion, key) for motion in motions]))
+        for key in ("time", "q", "v", "a", "effort")
+    }
+    valid = np.concatenate([motion.valid for motion in motions])
+    return replace(first, **parts, valid=valid, stretches=stretches, notes=tuple(notes))
+
+
+def _pieces(record: JointRecord, step: float) -> tuple[list[JointRecord], int]:
+    """Stretches without a gap, and how many rows are in those that are too short."""
+    cuts = np.flatnonzero(np.diff(record.time) > GAP * step) + 1
+    edges = [0, *cuts.tolist(), len(record.time)]
+    spans = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
+    long = [s for s in spans if s.stop - s.start >= SHORTEST]
+    short = len(record.time) - sum(s.stop - s.start for s in long)
+    return [record.rows(s) for s in long], short
+
+
+def _exact_step(pieces: Sequence[JointRecord], step: float) -> float:
+    """The mean step where times are even, so that no drift adds up; else the median."""
+    longest = max(pieces, key=lambda piece: len(piece.time))
+    mean = float(longest.time[-1] - longest.time[0]) / (len(longest.time) - 1)
+    return mean if abs(mean - step) < 0.02 * step else step
+
+
+def _even(piece: JointRecord, step: float) -> JointRecord:
+    """A stretch at even times."""
+    count = round(float(piece.time[-1] - piece.time[0]) / step)
+    time = piece.time[0] + step * np.arange(count + 1)
+    if len(time) == len(piece.time) and abs(time - piece.time).max() < UNEVEN * step:
+        return replace(piece, time=read_only(time))
+    time = time[time <= piece.time[-1]]
+    slopes = np.gradient(piece.q, piece.time, axis=0)
+    parts = {"q": cubic(time, piece.time, piece.q, slopes)}
+    for key in ("effort", "v", "a"):
+        columns = [np.interp(time, piece.time, column) for column in getattr(piece, key).T]
+        parts[key] = np.column_stack(columns)
+    arrays: dict[str, Any] = {key: read_only(array) for key, array in parts.items()}
+    return replace(piece, time=read_only(time), **arrays)
+
+
+def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
+    """Hermite's cubics through samples with given slopes, shape (m, n)."""
+    i = np.clip(np.searchsorted(time, at, side="right") - 1, 0, len(time) - 2)
+    h = (time[i + 1] - time[i])[:, None]
+    s = (at - time[i])[:, None] / h
+    rise = x[i + 1] - x[i]
+    first, last = h * slopes[i], h * slopes[i + 1]
+    return np.asarray(
+        x[i]
+        + s * (first + s * (3.0 * rise - 2.0 * first - last + s * (first + last - 2.0 * rise)))
+    )
+
+
+def _band(name: str, grids: Sequence[JointRecord], step: float, band: float | None) -> float:
+    if band is None:
+        return max(chosen_band(grid.q, step) for grid in grids)
+    if not band > 0.0:
+        raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
+    if np.isfinite(band) and band > WIDEST / step:
+        raise InvalidInput(
+            f"{name}: band is {band:g} Hz; at {1.0 / step:.5g} samples a second, at most "
+            f"{WIDEST / step:.4g} Hz is expected"
+        )
+    return band
+
+
+def _motion(grid: JointRecord, low_pass: ZeroPhase, notes: list[str]) -> MeasuredMotion:
+    """Filter one even stretch."""
+    valid = np.isfinite(grid.effort)
+    stuck = saturated(grid.effort)
+    for i in np.flatnonzero(stuck.any(axis=0)):
+        share = float(stuck[:, i].mean())
+        notes.append(f"'{grid.joint_names[i]}': effort saturated in {share:.1%} of the samples")
+    valid &= ~stuck
+    effort = _filled(grid.effort, np.isfinite(grid.effort))
+    margin = low_pass.margin(len(grid.time))
+    valid = _eroded(valid, margin)
+    valid[:margin] = valid[-margin:] = False
+    if np.isfinite(low_pass.band):
+        q, v, a = (low_pass(grid.q, derivative) for derivative in range(3))
+    else:
+        q, v, a = grid.q, grid.v, grid.a
+    return MeasuredMotion(
+        grid.joint_names, grid.time, read_only(q), read_only(v), read_only(a), read_only(effort),
+        valid, low_pass.dt, (slice(0, len(grid.time)),), low_pass.band, low_pass, grid.name,
+        grid.notes,
+    )  # fmt: skip
+
+
+def saturated(effort: Array) -> NDArray[np.bool_]:
+    """Samples in long runs of one and the same extreme value, shape (k, n)."""
+    found = np.zeros(effort.shape, bool)
+    for i, column in enumerate(effort.T):
+        for extreme in (np.nanmin(column, initial=np.inf), np.nanmax(column, initial=-np.inf)):
+            at = column == extreme
+            edges = np.flatnonzero(np.diff(at.astype(np.int8), prepend=0, append=0))
+            for start, end in edges.reshape(-1, 2):
+                found[start:end, i] |= end - start >= SATURATED
+        if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
+            found[:, i] = False  # it is constant: another matter, and told elsewhere
+    return found
+
+
+def _filled(values: Array, there: NDArray[np.bool_]) -> Array:
+    """Holes bridged by straight lines; zeros where there is nothing at all."""
+    found, rows = np.array(values), np.arange(len(values))
+    for i, known in enumerate(there.T):
+        column = values[known, i]
+        found[:, i] = np.interp(rows, rows[known], column) if known.any() else 0.0
+    return found
+
+
+def _eroded(valid: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
+    """Only what is valid with all that is within ``margin`` rows."""
+    bad = np.cumsum(np.vstack([np.zeros_like(valid[:1]), ~valid]), axis=0, dtype=np.int64)
+    rows = np.arange(len(valid))
+    upper, lower = np.minimum(rows + margin + 1, len(valid)), np.maximum(rows - margin, 0)
+    return np.asarray(bad[upper] == bad[lower])

@@ -1,0 +1,104 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The ten numbers of a rigid body, which of them a body can have, and how far apart two are.
+
+With the density of the body, J = ∫ [r; 1][r; 1]ᵀ dm: a symmetric 4 by 4 matrix, linear in the ten
+numbers. A body can have them if and only if J is not negative in any direction (Wensing, Kim,
+Slotine, "Linear matrix inequalities for physically consistent inertial parameter identification",
+IEEE Robotics and Automation Letters 3(1), 2018).
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+
+THIN = 1e-3
+"""Part of the largest eigenvalue of Σ = ∫ r rᵀ dm that a direction is taken to have at least where
+a description has none: a plate has a thickness, and rounded numbers may leave it
+a negative one."""
+
+
+def _basis() -> Array:
+    found = np.zeros((10, 4, 4))
+    for k, numbers in enumerate(np.eye(10)):
+        inertia = numbers[4:][[[0, 1, 3], [1, 2, 4], [3, 4, 5]]]
+        found[k, :3, :3] = 0.5 * np.trace(inertia) * np.eye(3) - inertia
+        found[k, :3, 3] = found[k, 3, :3] = numbers[1:4]
+        found[k, 3, 3] = numbers[0]
+    return found
+
+
+BASIS = _basis()
+"""J = Σ θ_k BASIS_k."""
+
+
+def pseudo_inertia(theta: Array) -> Array:
+    """J of shape (…, 4, 4) from ten numbers of shape (…, 10)."""
+    return np.asarray(np.tensordot(theta, BASIS, axes=1))
+
+
+def numbers_of(J: Array) -> Array:
+    """The ten numbers of a pseudo-inertia of shape (4, 4)."""
+    inertia = np.trace(J[:3, :3]) * np.eye(3) - J[:3, :3]
+    return np.concatenate([[J[3, 3]], J[:3, 3], inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
+
+
+def possible(theta: Array, least: float = 0.0) -> bool:
+    """Whether a body can have these ten numbers: J of no eigenvalue below ``least``."""
+    return bool(np.linalg.eigvalsh(pseudo_inertia(theta)).min() > least)
+
+
+def nearest(theta: Array) -> Array:
+    """A body of the same mass and centre, none of whose directions is thinner than ``THIN``.
+
+    Args:
+        theta: Ten numbers with a mass of more than zero.
+    """
+    mass, first = theta[0], theta[1:4]
+    J = pseudo_inertia(theta)
+    central = J[:3, :3] - np.outer(first, first) / mass
+    values, axes = np.linalg.eigh(central)
+    least = max(THIN * values[-1], 1e-10 * mass)
+    if values[0] >= least:
+        return theta
+    J = J.copy()
+    J[:3, :3] = (axes * np.maximum(values, least)) @ axes.T + np.outer(first, first) / mass
+    return numbers_of(J)
+
+
+def metric(theta: Array) -> Array:
+    """Q of the squared distance δᵀ Q δ of bodies near this one, shape (10, 10).
+
+    ½ tr((J⁻¹ δJ)²): that of the affine-invariant metric at J, which knows neither units nor where
+    the frame is (Lee, Wensing, Park, "Geometric robot dynamic identification: a convex programming
+    approach", IEEE Trans. Robotics 36(2), 2020). A body of 1 + ε times the density is at 2 ε².
+    """
+    parts = np.linalg.solve(pseudo_inertia(theta), BASIS)
+    return np.asarray(0.5 * np.einsum("kab,lba->kl", parts, parts))
+
+
+def prior(theta: Array, mass: float, shape: float) -> Array:
+    """Precision of the belief that a body is near this one, shape (10, 10).
+
+    Args:
+        theta: Ten numbers of a body.
+        mass: Standard deviation of its density, as a part of it.
+        shape: That of all else, as a distance; see ``metric``.
+    """
+    Q = metric(theta)
+    along = Q @ theta
+    size = float(theta @ along)
+    scaled = np.outer(along, along) / size
+    return (Q - scaled) / shape**2 + scaled / (size * mass**2)
+
+
+def log_det(theta: Array) -> tuple[float, Array, Array]:
+    """-log det J with gradient and Hessian, shapes (10,) and (10, 10); inf if J is no body's."""
+    J = pseudo_inertia(theta)
+    values = np.linalg.eigvalsh(J)
+    if values[0] <= 0.0:
+        return np.inf, np.zeros(10), np.zeros((10, 10))
+    parts = np.linalg.solve(J, BASIS)
+    gradient = -np.trace(parts, axis1=1, axis2=2)
+    return -float(np.log(values).sum()), gradient, np.einsum("kab,lba->kl", parts, parts)

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Weighted least squares over all joints: estimates, what they are worth, and bodies that exist.
+
+Unknowns are x = (θ, armatures, friction): ten numbers of each body, one inertia of each joint's
+drive, and each joint's coefficients. Everything linear in x is here; shapes that are not, in
+``selection``.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.identification.regression import bodies
+from arm_dynamics.identification.regression.regressor import EACH
+from arm_dynamics.identification.regression.rows import Rows
+
+Mask = NDArray[np.bool_]
+NOISELESS = 1e-9
+"""Part of a joint's torque below which its residual is rounding."""
+
+
+@dataclass(frozen=True)
+class Common:
+    """Columns that stay while laws of friction change, as orthonormal ones, of one joint.
+
+    Attributes:
+        use: Rows that count, shape (k,).
+        Q: Orthonormal columns of the rows that count.
+        T: Q T are the columns.
+    """
+
+    use: Mask
+    Q: Array
+    T: Array
+
+    @classmethod
+    def of(cls, columns: Array, use: Mask) -> Common:
+        """Of columns of shape (k, m)."""
+        return cls(use, *np.linalg.qr(columns[use]))
+
+
+@dataclass(frozen=True)
+class Columns:
+    """A regression: for each joint its own columns, and which unknowns they belong to.
+
+    Attributes:
+        common: Of each joint: columns of bodies and of its armature, shape (k, m).
+        own: Of each joint: columns of its friction, shape (k, m_j).
+        places: For each joint the places of all its columns in x.
+        size: How many unknowns.
+        reduced: Of each joint, what ``common`` is in the rows that count.
+    """
+
+    common: tuple[Array, ...]
+    own: tuple[Array, ...]
+    places: tuple[NDArray[np.int_], ...]
+    size: int
+    reduced: tuple[Common, ...]
+
+    def predicted(self, x: Array) -> Array:
+        """A x of shape (k, n)."""
+        found = []
+        for common, own, place in zip(self.common, self.own, self.places, strict=True):
+            m = common.shape[1]
+            found.append(common @ x[place[:m]] + own @ x[place[m:]])
+        return np.column_stack(found)
+
+    def own_predicted(self, x: Array) -> Array:
+        """The part of it that is the joints' own friction, shape (k, n)."""
+        pairs = zip(self.own, self.places, strict=True)
+        return np.column_stack(
+            [own @ x[place[len(place) - own.shape[1] :]] for own, place in pairs]
+        )
+
+    def all_of(self, j: int) -> Array:
+        """All columns of a joint."""
+        return np.hstack([self.common[j], self.own[j]])
+
+    def whitened(self, y: Array, weights: Array, count: float) -> tuple[Array, Array]:
+        """A triangle R and a vector z: ‖R x - z‖² is the weighted sum of squares but a constant.
+
+        Args:
+            y: Shape (k, n).
+            weights: Of each joint: 1 over its standard deviation, shape (n,).
+            count: How many independent numbers a row is worth.
+        """
+        triangles = []
+        for j, (reduced, place) in enumerate(zip(self.reduced, self.places, strict=True)):
+            if not reduced.use.any():
+                continue
+            rest = np.column_stack([self.own[j], y[:, j]])[reduced.use]
+            along = reduced.Q.T @ rest
+            across = np.linalg.qr(rest - reduced.Q @ along, mode="r")
+            m = reduced.T.shape[1]
+            wide = np.zeros((len(along) + len(across), self.size + 1))
+            wide[: len(along), place[:m]] = reduced.T
+            where = np.append(place[m:], self.size)
+            wide[: len(along), where], wide[len(along) :, where] = along, across
+            triangles.append(weights[j] * np.sqrt(count) * wide)
+        both = np.linalg.qr(np.vstack(triangles), mode="r")
+        return both[:, :-1], both[:, -1]
+
+
+def common_columns(rows: Rows, use: Mask) -> tuple[tuple[Array, ...], tuple[Common, ...]]:
+    """Columns of bodies and armature of each joint, and what they are where rows count."""
+    columns = tuple(
+        np.hstack([rows.rigid[:, j], rows.inertia[:, j : j + 1]]) for j in range(rows.n)
+    )
+    return columns, tuple(Common.of(part, use[:, j]) for j, part in enumerate(columns))
+
+
+def columns_of(
+    common: tuple[tuple[Array, ...], tuple[Common, ...]], friction: Sequence[Array]
+) -> Columns:
+    """All columns: bodies, armatures, then friction, joint by joint.
+
+    Args:
+        common: See ``common_columns``.
+        friction: Low-passed columns of each joint, shape (k, m_j).
+    """
+    columns, reduced = common
+    n, numbers = len(columns), columns[0].shape[1] - 1
+    start, places = numbers + n, []
+    for j, own in enumerate(friction):
+        mine = np.arange(start, start + own.shape[1])
+        places.append(np.concatenate([np.arange(numbers), [numbers + j], mine]))
+        start += own.shape[1]
+    return Columns(columns, tuple(friction), tuple(places), start, reduced)
+
+
+def deviations(y: Array, predicted: Array, use: Mask) -> Array:
+    """Standard deviation of each joint's residual, above rounding, shape (n,)."""
+    found = np.ones(y.shape[1])
+    for j in range(y.shape[1]):
+        rows = use[:, j]
+        if rows.any():
+            size = float(np.sqrt(np.mean(y[rows, j] ** 2)))
+            left = float(np.sqrt(np.mean((y - predicted)[rows, j] ** 2)))
+            found[j] = max(left, NOISELESS * size, 1e-300)
+    return found
+
+
+@dataclass(frozen=True)
+class Belief:
+    """What is believed of x before anything is measured: x0, and rows S of precision SᵀS.
+
+    Attributes:
+        x0: Shape (size,).
+        rows: Shape (m, size).
+    """
+
+    x0: Array
+    rows: Array
+
+    def combined(self, R: Array, z: Array) -> tuple[Array, Array]:
+        """The triangle and vector of data and belief together."""
+        A = np.vstack([R, self.rows])
+        b = np.concatenate([z, self.rows @ self.x0])
+        both = np.linalg.qr(np.column_stack([A, b]), mode="r")
+        size = R.shape[1]
+        return both[:size, :-1], both[:size, -1]
+
+
+def belief_of(nominal: Array, size: int, mass: float, shape: float) -> Belief:
+    """That bodies are near the nominal ones; see ``bodies.prior``.
+
+    What a description has too thin is believed to be as thick as a body can be, for a body of less
+    density than a thin one would else be none. Bodies without mass stay as they are. The other
+    unknowns, ``size`` in all, are believed to be about zero, as weakly as makes what nothing shows
+    come out at zero.
+    """
+    x0 = np.zeros(size)
+    x0[: len(nominal)] = nominal
+    rows = []
+    for i in range(0, len(nominal), EACH):
+        part = np.zeros((EACH, size))
+        if nominal[i] > 1e-9:
+            body = bodies.nearest(nominal[i : i + EACH])
+            x0[i : i + EACH] = body
+            part[:, i : i + EACH] = np.linalg.cholesky(bodies.prior(body, mass, shape)).T
+        else:
+            part[:, i : i + EACH] = 1e9 * np.eye(EACH)
+        rows.append(part)
+    return Belief(x0, np.vstack(rows))
+
+
+def solved(R: Array, z: Array) -> Array:
+    """The x of least ‖R x - z‖, and of the least size where R does not tell."""
+    scale = np.linalg.norm(R, axis=0)
+    scale[scale == 0.0] = 1.0
+    return np.asarray(np.linalg.lstsq(R / scale, z, rcond=1e-14)[0] / scale)
+
+
+def covariance(
+    columns: Columns, residual: Array, use: Mask, weights: Array, lag: int, shown: Array
+) -> Array:
+    """Covariance of directions of x that the data show, for residuals correlated in time.
+
+    H⁻¹ S H⁻¹ with S the long-run covariance of the weighted scores, by Bartlett's window (Newey,
+    West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
+    covariance matrix", Econometrica 55(3), 1987). Scores of all joints at a time are summed, so
+    that what they have in common counts too.
+
+    Args:
+        columns: The regression.
+        residual: Shape (k, n).
+        use: Rows that count, shape (k, n).
+        weights: Of each joint, shape (n,).
+        lag: Rows after which residuals are independent.
+        shown: Directions D, shape (size, m), of x = D u.
+
+    Returns:
+        Of u, shape (m, m).
+    """
+    k, m = residual.shape[0], shown.shape[1]
+    scores, H = np.zeros((k, m)), np.zeros((m, m))
+    for j, place in enumerate(columns.places):
+        own = (weights[j] * use[:, j])[:, None] * (columns.all_of(j) @ shown[place])
+        H += own.T @ own
+        scores += own * (weights[j] * residual[:, j])[:, None]
+    S = scores.T @ scores
+    for back in range(1, lag + 1):
+        cross = scores[back:].T @ scores[:-back]
+        S += (1.0 - back / (lag + 1.0)) * (cross + cross.T)
+    scale = 1.0 / np.sqrt(np.diag(H))
+    inverse = np.linalg.pinv(H * np.outer(scale, scale), rcond=1e-14, hermitian=True)
+    inverse *= np.outer(scale, scale)
+    return np.asarray(inverse @ S @ inverse)
+
+
+def made_possible(
+    R: Array, z: Array, start: Array, nominal: Array, positive: Sequence[int]
+) -> Array:
+    """The x of least ‖R x - z‖² whose bodies exist and whose coefficients are not negative.
+
+    Newton's method on the whitened problem with -log det of each body's pseudo-inertia and -log of
+    each coefficient as barriers (Boyd, Vandenberghe, Convex Optimization, 2004, section 11.3): the
+    problem is convex, so that the answer is the best there is, to the gap that is left.
+
+    Args:
+        R: Triangle of data and belief, of full rank.
+        z: What goes with it.
+        start: An x that is possible.
+        nominal: Ten numbers of each body; those without mass are held.
+        positive: Places of coefficients that must not be negative.
+    """
+    x = start.copy()
+    movable = [i for i in range(0, len(nominal), EACH) if nominal[i] > 1e-9]
+    barriers = 4 * len(movable) + len(positive)
+    cost = max(float(np.sum((R @ x - z) ** 2)), 1.0)
+    sharpness = barriers / cost
+    while barriers / sharpness > 1e-6:
+        x = _centred(R, z, x, movable, positive, sharpness)
+        sharpness *= 20.0
+    return x
+
+
+def _centred(
+    R: Array, z: Array, x: Array, movable: list[int], positive: Sequence[int], sharpness: float
+) -> Array:  # fmt: skip
+    def value(x: Array) -> float:
+        if any(x[i] <= 0.0 for i in positive):
+            return np.inf
+        total = sharpness * float(np.sum((R @ x - z) ** 2))
+        total += sum(bodies.log_det(x[i : i + EACH])[0] for i in movable)
+        return total - float(np.log(x[list(positive)]).sum())
+
+    now = value(x)
+    for _ in range(60):
+        gradient = 2.0 * sharpness * (R.T @ (R @ x - z))
+        hessian = 2.0 * sharpness * (R.T @ R)
+        for i in movable:
+            _, slope, bend = bodies.log_det(x[i : i + EACH])
+            gradient[i : i + EACH] += slope
+            hessian[i : i + EACH, i : i + EACH] += bend
+        for i in positive:
+            gradient[i] -= 1.0 / x[i]
+            hessian[i, i] += 1.0 / x[i] ** 2
+        size = np.sqrt(np.diag(hessian))
+        small = hessian / np.outer(size, size) + 1e-14 * np.eye(len(x))
+        step = -np.linalg.solve(small, gradient / size) / size
+        fall = -float(gradient @ step)
+        if fall < 1e-8:
+            break
+        length, after = 1.0, value(x + step)
+        while length > 1e-12 and not after < now - 1e-4 * length * fall:
+            length *= 0.5
+            after = value(x + length * step)
+        if length <= 1e-12:
+            break
+        x, now = x + length * step, after
+    return x

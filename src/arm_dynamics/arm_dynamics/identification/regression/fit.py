@@ -1,0 +1,283 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The whole fit of one set of laws: bodies, armatures, friction, and the shapes of friction."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.identification.regression import bodies
+from arm_dynamics.identification.regression.estimation import (
+    Belief,
+    Columns,
+    Mask,
+    columns_of,
+    common_columns,
+    deviations,
+    made_possible,
+    solved,
+)
+from arm_dynamics.identification.regression.friction_columns import (
+    COULOMB,
+    COULOMB_SKEW,
+    EXCESS,
+    VISCOUS,
+    VISCOUS_SKEW,
+    JointFit,
+    Shape,
+)
+from arm_dynamics.identification.regression.regressor import EACH
+from arm_dynamics.identification.regression.rows import Rows
+from arm_dynamics.identification.regression.selection import STEEP, STEEPEST
+
+SIGNED = (COULOMB_SKEW, VISCOUS_SKEW)
+STEPS = 25
+SETTLED = 1e-10
+"""Relative change of a shape at which it is found."""
+
+
+@dataclass(frozen=True)
+class Fit:
+    """What came out of one fit.
+
+    Attributes:
+        x: Bodies, armatures and friction, shape (size,).
+        friction: Of each joint, with its coefficients.
+        columns: The regression at the end.
+        weights: Of each joint, shape (n,).
+        residual: Shape (k, n).
+        free: The same estimate without what is believed of bodies and without what bodies can
+            have, which is what intervals are told of.
+        changed: Whether bodies had to be changed to be possible.
+    """
+
+    x: Array
+    friction: tuple[JointFit, ...]
+    columns: Columns
+    weights: Array
+    residual: Array
+    free: Array
+    changed: bool
+
+    @property
+    def bodies(self) -> int:
+        """How many numbers bodies have."""
+        return self.columns.size - len(self.weights) - sum(len(f.kinds) for f in self.friction)
+
+    def friction_place(self, j: int) -> int:
+        """Where the coefficients of a joint begin in x."""
+        before = sum(len(f.kinds) for f in self.friction[:j])
+        return self.bodies + len(self.weights) + before
+
+
+def fitted(
+    rows: Rows, use: Mask, belief_for: object, friction: Sequence[JointFit], *,
+    possible: bool = False,
+) -> Fit:  # fmt: skip
+    """Fit all there is: linear unknowns at once, shapes of friction by Gauss and Newton.
+
+    Args:
+        rows: The regression's rows.
+        use: Those that count, shape (k, n).
+        belief_for: Makes what is believed of a number of unknowns.
+        friction: Laws of each joint, with shapes to begin with.
+        possible: Whether bodies have to be such as there can be.
+    """
+    target = rows.effort - rows.known
+    common = common_columns(rows, use)
+    fits, load = list(friction), np.zeros_like(target)
+    fits = [_kept(rows, use, j, fit) for j, fit in enumerate(fits)]
+    weights = 1.0 / deviations(target, np.zeros_like(target), use)
+    for _ in range(3):  # negative coefficients fall out
+        fits, load, weights, x, columns = _settled(
+            rows, use, common, belief_for, fits, target, load, weights
+        )
+        lean = [_without_negative(fit) for fit in fits]
+        if all(_same(a, b) for a, b in zip(lean, fits, strict=True)):
+            break
+        fits = lean
+    R, z = columns.whitened(target, weights, rows.independent)
+    free = solved(R, z)
+    changed = False
+    if possible:
+        x, changed = _possible(R, z, x, belief_for(columns.size), rows, fits)  # type: ignore[operator]
+    fits = _with_coefficients(fits, x, columns.size)
+    residual = target - columns.predicted(x)
+    return Fit(x, tuple(fits), columns, weights, residual, free, changed)
+
+
+def _kept(rows: Rows, use: Mask, j: int, fit: JointFit) -> JointFit:
+    """Without what a joint that does not move, or one way only, cannot show."""
+    v = rows.v[use[:, j], j]
+    if not v.size or np.sqrt(np.mean(v**2)) < 1e-9:
+        return JointFit(())
+    if (v > 0.0).all() or (v < 0.0).all():
+        return JointFit(tuple(k for k in fit.kinds if k in (VISCOUS, COULOMB)), fit.shape)
+    return fit
+
+
+def _settled(
+    rows: Rows, use: Mask, common: Any, belief_for: object, fits: list[JointFit], target: Array,
+    load: Array, weights: Array,
+) -> tuple[list[JointFit], Array, Array, Array, Columns]:  # fmt: skip
+    best = np.inf
+    kept: tuple[list[JointFit], Array, Array, Array, Columns] | None = None
+    trial, damping = fits, 1.0
+    for step in range(STEPS):
+        own = [rows.friction(fit, j, load[:, j]) for j, fit in enumerate(trial)]
+        columns = columns_of(common, own)
+        belief: Belief = belief_for(columns.size)  # type: ignore[operator]
+        R, z = belief.combined(*columns.whitened(target, weights, rows.independent))
+        x = solved(R, z)
+        predicted = columns.predicted(x)
+        left = deviations(target, predicted, use)
+        cost = float(np.log(left).sum())
+        trial = _with_coefficients(trial, x, columns.size)
+        if step > 4 and cost > best + 1e-12 and kept is not None:
+            damping *= 0.3
+            if damping < 1e-3:
+                break
+            trial = _stepped(rows, belief_for, kept, target, damping)
+            continue
+        gain = best - cost
+        best, kept = cost, (trial, load, weights, x, columns)
+        weights = 1.0 / left
+        load = predicted + rows.known
+        if not any(_shapes(fit) for fit in trial):
+            if step >= 3:
+                break
+            continue
+        if step >= 3 and abs(gain) < SETTLED:
+            break
+        damping = min(1.0, 2.0 * damping)
+        trial = _stepped(rows, belief_for, (trial, load, weights, x, columns), target, damping)
+    assert kept is not None
+    return kept
+
+
+def _with_coefficients(fits: Sequence[JointFit], x: Array, size: int) -> list[JointFit]:
+    """The same with the coefficients at the end of x."""
+    place = size - sum(len(fit.kinds) for fit in fits)
+    found = []
+    for fit in fits:
+        values = x[place : place + len(fit.kinds)].tolist()
+        found.append(replace(fit, coefficients=dict(zip(fit.kinds, values, strict=True))))
+        place += len(fit.kinds)
+    return found
+
+
+def _shapes(fit: JointFit) -> tuple[str, ...]:
+    """Names of what is not linear in a joint's friction."""
+    falls = EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None
+    grows = fit.shape.load is not None
+    bends = [f"at.{i}" for i in range(1, len(fit.shape.points))]
+    bends += [f"part.{i}" for i in range(1, len(fit.shape.points) - 1)]
+    return ("stribeck_velocity",) * falls + ("load", *bends) * grows
+
+
+def _moved(shape: Shape, name: str, by: float) -> Shape:
+    """A shape with one of its numbers moved: velocities, and gaps of loads, by parts of them."""
+    if name == "load":
+        return replace(shape, load=float(np.clip((shape.load or 0.0) + by, 0.0, STEEP)))
+    if "." in name:
+        what, place = name.split(".")
+        i, (at, part) = int(place), np.array(shape.points).T
+        if what == "at":
+            at[i:] += (at[i] - at[i - 1]) * np.expm1(np.clip(by, -0.7, 0.7))
+        else:
+            part[i] = np.clip(part[i] + by, part[i - 1], part[i + 1])
+        return replace(shape, points=tuple(zip(at.tolist(), part.tolist(), strict=True)))
+    fall = (shape.stribeck_velocity or 1.0) * float(np.exp(np.clip(by, -0.7, 0.7)))
+    return replace(shape, stribeck_velocity=fall)
+
+
+def _stepped(
+    rows: Rows, belief_for: object,
+    now: tuple[list[JointFit], Array, Array, Array, Columns], target: Array, damping: float,
+) -> list[JointFit]:  # fmt: skip
+    """Shapes after a step of Gauss and Newton, with all linear unknowns free to follow."""
+    fits, load, weights, _, columns = now
+    names = [(j, name) for j, fit in enumerate(fits) for name in _shapes(fit)]
+    parts, places = list(columns.own), list(columns.places)
+    for i, (j, name) in enumerate(names):
+        slope = rows.sudden(partial(_slope, fits[j], name), j, load[:, j])
+        parts[j] = np.column_stack([parts[j], slope])
+        places[j] = np.append(places[j], columns.size + i)
+    wide = replace(columns, own=tuple(parts), places=tuple(places), size=columns.size + len(names))
+    belief: Belief = belief_for(wide.size)  # type: ignore[operator]
+    R, z = belief.combined(*wide.whitened(target, weights, rows.independent))
+    x = solved(R, z)
+    moved = list(fits)
+    for i, (j, name) in enumerate(names):
+        by = damping * float(np.clip(x[columns.size + i], -0.7, 0.7))
+        moved[j] = replace(moved[j], shape=_moved(moved[j].shape, name, by))
+    return moved
+
+
+def _slope(fit: JointFit, name: str, v: Array, load: Array) -> Array:
+    """How a joint's friction changes with one number of its shape, shape (k, 1)."""
+    h = 1e-6
+    up, down = (replace(fit, shape=_moved(fit.shape, name, by)) for by in (h, -h))
+    span = 2.0 * h
+    if name == "load":
+        span = (up.shape.load or 0.0) - (down.shape.load or 0.0)
+    return np.asarray((up.torque(v, load) - down.torque(v, load))[:, None] / span)
+
+
+def _same(one: JointFit, other: JointFit) -> bool:
+    return one.kinds == other.kinds and _shapes(one) == _shapes(other)
+
+
+def _without_negative(fit: JointFit) -> JointFit:
+    """Without laws that came out as what none can be."""
+    c = fit.coefficients
+    kinds = [k for k in fit.kinds if k in (COULOMB_SKEW, VISCOUS_SKEW) or c[k] > 0.0]
+    for skew, mean in ((COULOMB_SKEW, COULOMB), (VISCOUS_SKEW, VISCOUS)):
+        if skew in kinds and mean not in kinds and skew != COULOMB_SKEW:
+            kinds.remove(skew)
+    if COULOMB not in kinds and EXCESS in kinds:
+        kinds.remove(EXCESS)
+    shape = fit.shape
+    if EXCESS not in kinds:
+        shape = replace(shape, stribeck_velocity=None)
+    if shape.load is not None:
+        growth = c.get(COULOMB, 0.0) * shape.steepness
+        if COULOMB not in kinds or shape.load <= 0.01 or growth > STEEPEST:
+            shape = replace(shape, load=None)
+    return replace(fit, kinds=tuple(kinds), shape=shape)
+
+
+def _possible(
+    R: Array, z: Array, x: Array, belief: Belief, rows: Rows, fits: Sequence[JointFit]
+) -> tuple[Array, bool]:
+    """The estimate if bodies can have it, else the best that they can have."""
+    nominal = belief.x0[: len(rows.regressor.nominal)]
+    parts = [x[i : i + EACH] for i in range(0, len(nominal), EACH) if nominal[i] > 1e-9]
+    armatures = range(len(nominal), len(nominal) + rows.n)
+    shown = [i for i in armatures if np.linalg.norm(R[:, i]) > 0.0]
+    if all(bodies.possible(part, 1e-12) for part in parts) and all(x[i] >= 0.0 for i in shown):
+        return x, False
+    start = x.copy()
+    for i in range(0, len(nominal), EACH):
+        if nominal[i] > 1e-9:
+            start[i : i + EACH] = bodies.nearest(nominal[i : i + EACH])
+    first = len(nominal) + rows.n
+    kinds = [kind for fit in fits for kind in fit.kinds]
+    positive = [*shown, *(first + i for i, k in enumerate(kinds) if k not in SIGNED)]
+    start[positive] = np.maximum(x[positive], 1e-3 * abs(x[positive]).max() + 1e-9)
+    share = 1.0
+    while not _inside(start + share * (x - start), nominal, positive):
+        share *= 0.7
+    return made_possible(
+        *belief.combined(R, z), start + 0.9 * share * (x - start), nominal, positive
+    ), True
+
+
+def _inside(x: Array, nominal: Array, positive: Sequence[int]) -> bool:
+    parts = (x[i : i + EACH] for i in range(0, len(nominal), EACH) if nominal[i] > 1e-9)
+    return bool((x[list(positive)] > 0.0).all()) and all(bodies.possible(part) for part in parts)

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Torques of rigid bodies as a linear function of what the bodies are."""
+
+from __future__ import annotations
+
+import numpy as np
+import pinocchio as pin
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.springs import SpringTerms
+
+EACH = 10
+"""Numbers of a body: mass, mass times centre of mass, inertia about the origin of its joint's
+frame; in Pinocchio's order ``NAMES``."""
+NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
+TINY = 1e-9
+"""Mass in [kg] below which a body is a frame that moves nothing, and is left as it is."""
+
+
+class RigidRegressor:
+    """Y(q, v, a) of τ = Y θ, θ the ten numbers of each moving body; friction is not in it.
+
+    Source: Atkeson, An, Hollerbach, "Estimation of inertial parameters of manipulator loads and
+    links", Int. J. of Robotics Research 5(3), 1986; computed by Pinocchio.
+
+    Attributes:
+        bodies: Names of the bodies, which are those of the joints that move them.
+        nominal: θ of the scene's robot, shape (10 bodies,), links that are fixed to each other as
+            one body, without payloads.
+        payload: What the scene's payloads add to it, likewise.
+    """
+
+    def __init__(self, model: ArmModel) -> None:
+        self.model = model
+        self.bodies = tuple(model.pin.names)[1:]
+        self.nominal = parameters_of(model.bare)
+        self.payload = parameters_of(model.pin) - self.nominal
+        self._data = model.pin.createData()
+
+    def __call__(self, q: Array, v: Array, a: Array) -> Array:
+        """Y for rows of states of shape (k, n): shape (k, n, 10 bodies)."""
+        model = self.model
+        Q, V, A = model.configuration(q), model.spread(v), model.spread(a)
+        full = np.empty((len(q), model.pin.nv, EACH * len(self.bodies)))
+        for row, *state in zip(full, Q, V, A, strict=True):
+            row[:] = pin.computeJointTorqueRegressor(model.pin, self._data, *state)
+        if model.has_followers:
+            return np.asarray(np.einsum("ji,kjp->kip", model.followers, full))
+        return full
+
+    def spring(self, q: Array, v: Array) -> Array:
+        """What springs and their dampers take, for rows of shape (k, n), in [N m] or [N]."""
+        terms = SpringTerms(self.model)
+        if not terms.springs:
+            return np.zeros_like(q)
+        return np.array([terms.torque(*row) for row in zip(q, v, strict=True)])
+
+    def places(self, body: int) -> slice:
+        """Where the numbers of a body are in θ."""
+        return slice(EACH * body, EACH * (body + 1))
+
+    def names(self) -> list[str]:
+        """Of each number in θ, such as ``elbow.Izz``."""
+        return [f"{body}.{name}" for body in self.bodies for name in NAMES]
+
+
+def parameters_of(model: pin.Model) -> Array:
+    """θ of a Pinocchio model, shape (10 (njoints - 1),)."""
+    inertias = list(model.inertias)[1:]
+    return np.concatenate([inertia.toDynamicParameters() for inertia in inertias])

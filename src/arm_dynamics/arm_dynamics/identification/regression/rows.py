@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Measured motions as rows of a regression: one for each joint and time, low-passed alike."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+from functools import cached_property, partial
+
+import numpy as np
+from numpy.typing import NDArray
+
+from arm_dynamics.actuation.steady_friction import SteadyFriction
+from arm_dynamics.arrays import Array
+from arm_dynamics.identification.data import MeasuredMotion
+from arm_dynamics.identification.filtering import ZeroPhase
+from arm_dynamics.identification.preparation import thinned
+from arm_dynamics.identification.regression.friction_columns import EXCESS, JointFit
+from arm_dynamics.identification.regression.regressor import RigidRegressor
+from arm_dynamics.model.arm import ArmModel
+
+HELD_OUT = 0.3
+"""Part of each recording, at its end, that errors are told of and laws are not chosen by."""
+FOLDS = 5
+"""Parts of the rest that laws are chosen by, each predicted from the others."""
+STILL = 0.1
+"""Time in [s] for which a joint may be at rest: longer, and its friction is anything up to the
+static one, which tells nothing."""
+SLOW = 1e-3
+"""Part of a joint's mean speed below which it is at rest."""
+
+
+class Rows:
+    """The regression's rows of all motions.
+
+    Columns are low-passed as the efforts are, since a filter of both sides of an equation leaves
+    it true; where the robot's own efforts are low-passed already, so are the columns, by
+    ``effort_band``.
+
+    Attributes:
+        effort: Low-passed efforts, shape (k, n).
+        rigid: Low-passed regressor of the bodies, shape (k, n, numbers).
+        inertia: Low-passed accelerations, shape (k, n), which an armature multiplies.
+        v: Velocities, not low-passed once more, shape (k, n).
+        valid: Which rows of which joint were measured, shape (k, n).
+        use: Which of them are fitted to, shape (k, n): not those at rest.
+        train: Rows that are not held out, shape (k,).
+        fold: Part of those that a row belongs to, shape (k,); -1 where it is held out.
+        independent: How many numbers low-passed noise has in a row.
+        lag: Rows after which residuals are taken to be independent.
+    """
+
+    def __init__(
+        self, regressor: RigidRegressor, motions: Sequence[MeasuredMotion],
+        effort_band: float | None = None, held_out: float = HELD_OUT,
+    ) -> None:  # fmt: skip
+        self.regressor, self.whole, self.effort_band = regressor, tuple(motions), effort_band
+        self._made: dict[tuple[int, str, float | None], Array] = {}
+        pairs = [thinned(motion) for motion in motions]
+        self.motions, self._strides = [m for m, _ in pairs], [stride for _, stride in pairs]
+        self.q, self.v, self.a = (
+            np.concatenate([getattr(motion, key) for motion in self.motions]) for key in "qva"
+        )
+        self.effort = np.concatenate([
+            low[stretch][::stride]
+            for motion, stride in zip(self.whole, self._strides, strict=True)
+            for low in [motion.filtered(motion.effort)]
+            for stretch in motion.stretches
+        ])  # fmt: skip
+        self.valid = np.concatenate([motion.valid for motion in self.motions])
+        still = np.concatenate([_still(motion) for motion in self.motions])
+        self.use = self.valid & ~still
+        self.fold = np.concatenate([_folds(len(m.time), held_out) for m in self.motions])
+        self.train = self.fold >= 0
+        first = self.motions[0]
+        self.independent = min(motion.independent for motion in self.motions)
+        self.lag = 1 if not np.isfinite(first.band) else int(4.0 / (first.band * first.dt))
+
+    @property
+    def n(self) -> int:
+        """How many joints."""
+        return int(self.v.shape[1])
+
+    @cached_property
+    def rigid(self) -> Array:  # noqa: D102 - see the attributes
+        raw = self.regressor(self.q, self.v, self.a)
+        return np.stack([self.filtered(raw[:, j]) for j in range(self.n)], axis=1)
+
+    @cached_property
+    def known(self) -> Array:
+        """Torques of what is not estimated, payloads and springs, low-passed, shape (k, n)."""
+        payload = self.rigid @ self.regressor.payload
+        return np.asarray(payload + self.filtered(self.regressor.spring(self.q, self.v)))
+
+    @cached_property
+    def inertia(self) -> Array:  # noqa: D102 - see the attributes
+        return self.filtered(self.a)
+
+    def filtered(self, columns: Array) -> Array:
+        """Low-pass columns, shape (k, …), as the efforts are."""
+        ends = np.cumsum([len(motion.time) for motion in self.motions])[:-1]
+        parts = zip(np.split(columns, ends), self.motions, strict=True)
+        return np.concatenate([self._low(part, motion) for part, motion in parts])
+
+    def low_passed(self, effort_band: float) -> Rows:
+        """The same rows, with efforts taken for low-passed before."""
+        other = copy(self)
+        other.effort_band, other._made = effort_band, {}
+        for name in ("rigid", "known", "inertia"):
+            vars(other).pop(name, None)
+        return other
+
+    def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
+        """Low-passed columns of a joint's friction, shape (k, kinds); see ``sudden``.
+
+        Those that no load changes are computed once.
+        """
+        if not fit.kinds:
+            return np.zeros((len(load), 0))
+        if fit.shape.load is not None:
+            return self.sudden(fit.columns, joint, load)
+        found = []
+        for kind in fit.kinds:
+            key = (joint, kind, fit.shape.stribeck_velocity if kind == EXCESS else None)
+            if key not in self._made:
+                alone = JointFit((kind,), fit.shape)
+                self._made[key] = self.sudden(alone.columns, joint, load)
+            found.append(self._made[key])
+        return np.hstack(found)
+
+    def sudden(self, of: Callable[[Array, Array], Array], joint: int, load: Array) -> Array:
+        """Low-passed columns of what jumps, and so is computed at all times that were measured.
+
+        Args:
+            of: Columns by the joint's velocity and its drive's torque, shape (rows, m).
+            joint: Which one.
+            load: Its drive's torque in each row, shape (k,).
+        """
+        found, start = [], 0
+        for motion, thin, stride in zip(self.whole, self.motions, self._strides, strict=True):
+            own = load[start : start + len(thin.time)]
+            start += len(thin.time)
+            if stride == 1:
+                found.append(self._low(of(thin.v[:, joint], own), thin))
+                continue
+            dense = np.interp(motion.time, thin.time, own)
+            low = self._low(of(motion.v[:, joint], dense), motion)
+            found += [low[stretch][::stride] for stretch in motion.stretches]
+        return np.concatenate(found)
+
+    def _low(self, columns: Array, motion: MeasuredMotion) -> Array:
+        """Low-pass what has one row for each time of a motion."""
+        part = motion.filtered(columns)
+        if self.effort_band is not None and self.effort_band < motion.band:
+            again = ZeroPhase(self.effort_band, motion.dt)
+            for stretch in motion.stretches:
+                part[stretch] = again(part[stretch])
+        return part
+
+
+def _folds(count: int, held_out: float) -> NDArray[np.int_]:
+    train = round(count * (1.0 - held_out))
+    fold = np.full(count, -1)
+    fold[:train] = np.minimum(np.arange(train) * FOLDS // max(train, 1), FOLDS - 1)
+    return fold
+
+
+def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
+    """Where a joint rests for longer than it takes to turn round, shape (k, n)."""
+    slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
+    found = np.zeros_like(slow)
+    for j, column in enumerate(slow.T):
+        edges = np.flatnonzero(np.diff(column.astype(np.int8), prepend=0, append=0))
+        for start, end in edges.reshape(-1, 2):
+            found[start:end, j] = (end - start) * motion.dt > STILL
+    return found
+
+
+def steady_friction(rows: Rows, load: Array) -> Array:
+    """The scene's own friction, low-passed, under torques of the drives; shapes (k, n)."""
+    model = rows.regressor.model
+    own = [rows.sudden(partial(_steady, model, j), j, load[:, j]) for j in range(rows.n)]
+    return np.hstack(own)
+
+
+def _steady(model: ArmModel, j: int, v: Array, load: Array) -> Array:
+    """That of one joint, not low-passed, shape (k, 1)."""
+    wide_v, wide_load = np.zeros((2, len(v), model.n))
+    wide_v[:, j], wide_load[:, j] = v, load
+    friction = SteadyFriction.of(model)
+    torque = friction(wide_v, np.sign(wide_v), np.zeros_like(wide_v), wide_load)
+    return np.asarray(torque[:, j : j + 1])

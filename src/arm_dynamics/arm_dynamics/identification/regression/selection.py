@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Which laws of friction a joint is given: those that predict what they were not fitted to."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.identification.regression.estimation import Belief, Mask, columns_of
+from arm_dynamics.identification.regression.friction_columns import (
+    COULOMB,
+    COULOMB_SKEW,
+    EXCESS,
+    LINEAR,
+    VISCOUS,
+    VISCOUS_SKEW,
+    JointFit,
+    Shape,
+)
+from arm_dynamics.identification.regression.rows import FOLDS, Rows
+
+FALLS = np.geomspace(0.01, 0.6, 6)
+"""Stribeck velocities that are tried, as parts of a joint's root mean square speed."""
+WORTH = 0.02
+"""Part by which a law must lower the error of prediction to be taken."""
+RESOLVED = 1e-6
+"""Part of the torque below which errors of prediction are not told apart."""
+STEEP = 0.98
+"""Largest part of the dry friction that may grow with the load: a factor has to be positive."""
+STEEPEST = 0.3
+"""Most that friction may grow with the load; the scene's curve is up to half as steep again."""
+ROUNDS = 2
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """A column that a joint may be given.
+
+    Attributes:
+        kind: What it is: one of ``LINEAR``, or ``"load"``.
+        shape: With which shape.
+    """
+
+    kind: str
+    shape: Shape
+
+
+def candidates(speed: float, load: Array) -> list[Candidate]:
+    """What is tried for a joint of a root mean square speed under torques of shape (k,)."""
+    plain = Shape()
+    made = [Candidate(kind, plain) for kind in (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW)]
+    made += [Candidate(EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in FALLS]
+    heaviest = float(abs(load).max())
+    if heaviest > 0.0:
+        made.append(Candidate(LOADED, Shape(heaviest=float(f"{1.1 * heaviest:.2g}"))))
+    return made
+
+
+LOADED = "load"
+
+
+def column(candidate: Candidate, v: Array, load: Array) -> Array:
+    """Friction of a candidate with a coefficient of one, shape (k,)."""
+    if candidate.kind != LOADED:
+        return candidate.shape.column(candidate.kind, v, load)
+    return replace(candidate.shape, load=1.0).column(COULOMB, v, load)
+
+
+def fit_of(chosen: Sequence[Candidate], coefficients: Sequence[float]) -> JointFit:
+    """The friction that candidates with these coefficients make together."""
+    values = {c.kind: float(x) for c, x in zip(chosen, coefficients, strict=True)}
+    fall = next((c.shape.stribeck_velocity for c in chosen if c.kind == EXCESS), None)
+    heaviest = next((c.shape.heaviest for c in chosen if c.kind == LOADED), 1.0)
+    kinds = tuple(kind for kind in LINEAR if kind in values)
+    if LOADED not in values:
+        return JointFit(kinds, Shape(fall), {kind: values[kind] for kind in kinds})
+    grows, stays = values[LOADED], values.get(COULOMB, 0.0)
+    share = float(np.clip(grows / (grows + stays), 0.02, STEEP)) if grows > 0.0 else 0.02
+    values[COULOMB] = max(grows + stays, 0.0)
+    return JointFit(kinds, Shape(fall, share, heaviest), {kind: values[kind] for kind in kinds})
+
+
+class Choice:
+    """Chooses laws joint by joint, forwards, by errors of prediction over ``FOLDS`` parts.
+
+    All columns that may be chosen are there from the start; their sums of products are made once,
+    and every choice is a small system of equations.
+
+    Args:
+        rows: The regression's rows.
+        use: Rows that are fitted to, shape (k, n).
+        common: Columns of bodies and armatures; see ``common_columns``.
+        belief: What is believed of bodies, for all unknowns before friction.
+        load: Torques of the drives, shape (k, n).
+        offered: Kinds that are offered; None for all.
+    """
+
+    def __init__(
+        self,
+        rows: Rows,
+        use: Mask,
+        common: Any,
+        belief: Belief,
+        load: Array,
+        offered: Sequence[str] | None = None,
+    ) -> None:
+        self._rows, self._belief, self._target = rows, belief, rows.effort - rows.known
+        self._use = use
+        speeds = np.sqrt((rows.v**2).mean(axis=0))
+        self.offered = [
+            [c for c in candidates(speeds[j], load[:, j]) if offered is None or c.kind in offered]
+            for j in range(rows.n)
+        ]
+        own = [
+            rows.sudden(
+                lambda v, x, j=j: np.column_stack([column(c, v, x) for c in self.offered[j]]),  # type: ignore[misc]
+                j, load[:, j],
+            )
+            for j in range(rows.n)
+        ]  # fmt: skip
+        self._columns = columns_of(common, own)
+        self._first = len(belief.x0)
+        starts = np.cumsum([self._first, *(len(offer) for offer in self.offered)])
+        self._starts = starts.tolist()
+        self._sums = [self._products(fold) for fold in range(FOLDS)]
+        self._total = sum((s for s in self._sums), np.zeros_like(self._sums[0]))
+        self.chosen = [
+            {self._starts[j] + i for i, c in enumerate(offer) if c.kind in (VISCOUS, COULOMB)}
+            for j, offer in enumerate(self.offered)
+        ]
+
+    def _products(self, fold: int) -> Array:
+        """Of columns and effort of each joint over one part, shape (n, size + 1, size + 1)."""
+        rows, size = self._rows, self._columns.size
+        found = np.zeros((rows.n, size + 1, size + 1))
+        for j, place in enumerate(self._columns.places):
+            part = self._columns.all_of(j)
+            use = self._use[:, j] & (rows.fold == fold)
+            all_columns = np.column_stack([part[use], self._target[use, j]])
+            where = np.append(place, size)
+            found[j][np.ix_(where, where)] = all_columns.T @ all_columns
+        return found * rows.independent
+
+    def run(self) -> list[JointFit]:
+        """The laws of each joint that are worth it."""
+        precision = self._precision()
+        weights = self._weights(precision)
+        for _ in range(ROUNDS):
+            before = [set(chosen) for chosen in self.chosen]
+            for j in range(self._rows.n):
+                self._extend(j, weights, precision)
+            weights = self._weights(precision)
+            if before == self.chosen:
+                break
+        x = self._solve(self._total, weights, precision, self._all())
+        found = []
+        for j, chosen in enumerate(self.chosen):
+            places = sorted(chosen)
+            own = [self.offered[j][place - self._starts[j]] for place in places]
+            found.append(fit_of(own, x[places].tolist()))
+        return found
+
+    def _precision(self) -> Array:
+        """Of what is believed, shape (size, size)."""
+        found = np.zeros((self._columns.size, self._columns.size))
+        found[: self._first, : self._first] = self._belief.rows.T @ self._belief.rows
+        return found
+
+    def _weights(self, precision: Array) -> Array:
+        """Of each joint: 1 over the variance of its residual, shape (n,)."""
+        n, size = self._rows.n, self._columns.size
+        energy = np.array([self._total[j][size, size] for j in range(n)])
+        weights = 1.0 / np.maximum(energy, 1e-300)
+        counts = self._use.sum(axis=0) * self._rows.independent
+        for _ in range(4):
+            x = self._solve(self._total, weights, precision, self._all())
+            left = np.array([_error(self._total[j], x) for j in range(n)])
+            weights = np.maximum(counts, 1.0) / np.maximum(left, RESOLVED**2 * energy + 1e-300)
+        return np.asarray(weights)
+
+    def _all(self) -> list[int]:
+        return [*range(self._first), *sorted(set().union(*self.chosen))]
+
+    def _solve(self, sums: Array, weights: Array, precision: Array, places: list[int]) -> Array:
+        size = self._columns.size
+        whole = np.tensordot(weights, sums, axes=1)
+        H = whole[:size, :size] + precision
+        g = whole[:size, size].copy()
+        g[: self._first] += precision[: self._first, : self._first] @ self._belief.x0
+        H, g = H[np.ix_(places, places)], g[places]
+        scale = 1.0 / np.sqrt(np.maximum(np.diag(H), 1e-300))
+        small = H * np.outer(scale, scale) + 1e-13 * np.eye(len(places))
+        x = np.zeros(size)
+        x[places] = scale * np.linalg.solve(small, scale * g)
+        return x
+
+    def _scores(self, j: int, weights: Array, precision: Array) -> tuple[Array, bool]:
+        """Weighted errors of each part predicted from the others, and whether laws are possible.
+
+        Friction may not grow as a joint comes to rest from speed, or become less under a load.
+        """
+        places, found, possible = self._all(), [], True
+        for sums in self._sums:
+            x = self._solve(self._total - sums, weights, precision, places)
+            errors = [w * _error(s, x) for w, s in zip(weights, sums, strict=True)]
+            found.append(sum(errors))
+            possible &= all(
+                0.0 <= x[place] <= _most(self.offered[j][place - self._starts[j]])
+                for place in self.chosen[j]
+                if self.offered[j][place - self._starts[j]].kind in (EXCESS, LOADED)
+            )
+        return np.array(found), possible
+
+    def _extend(self, j: int, weights: Array, precision: Array) -> None:
+        """Give a joint one law after the other as long as they are worth it."""
+        best, _ = self._scores(j, weights, precision)
+        # What the other joints' errors add is the same, so the gain is measured by this one's.
+        counts = self._use[:, j].sum() * self._rows.independent
+        while True:
+            taken = {self.offered[j][p - self._starts[j]].kind for p in self.chosen[j]}
+            found: tuple[float, int, Array] | None = None
+            for place in range(self._starts[j], self._starts[j + 1]):
+                if self.offered[j][place - self._starts[j]].kind in taken:
+                    continue
+                self.chosen[j].add(place)
+                scores, possible = self._scores(j, weights, precision)
+                self.chosen[j].remove(place)
+                better = np.count_nonzero(scores < best) >= FOLDS - 1
+                if possible and better and (found is None or scores.sum() < found[0]):
+                    found = float(scores.sum()), place, scores
+            if found is None or not best.sum() - found[0] > WORTH * counts:
+                return
+            best = found[2]
+            self.chosen[j].add(found[1])
+
+
+def _most(candidate: Candidate) -> float:
+    return STEEPEST * candidate.shape.heaviest if candidate.kind == LOADED else np.inf
+
+
+def _error(sums: Array, x: Array) -> float:
+    """Sum of squares of y - A x from sums of products."""
+    full = np.append(x, -1.0)
+    return max(float(full @ sums @ full), 0.0)

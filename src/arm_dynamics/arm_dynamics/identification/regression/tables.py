@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Tables of friction by load: as many points, where they are, as predict best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.identification.regression.estimation import Mask, deviations
+from arm_dynamics.identification.regression.fit import Fit, fitted
+from arm_dynamics.identification.regression.friction_columns import COULOMB, VISCOUS, JointFit
+from arm_dynamics.identification.regression.rows import FOLDS, Rows
+from arm_dynamics.identification.regression.selection import STEEP
+
+COUNTS = (2, 3, 4)
+"""Points of tables that are tried; their loads, and their values but one, are found."""
+ENDS = np.geomspace(0.1, 1.1, 10)
+"""Last points that are tried to begin with, as parts of the largest load there was."""
+BETTER = 0.95
+"""Part to which a table must bring the error of prediction to be taken."""
+
+
+def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
+    """The fit with other tables of friction by load, where they predict better.
+
+    They are fitted to all parts of the rows but the last, which they are to predict.
+
+    Args:
+        rows: The regression's rows.
+        use: Those that count, shape (k, n).
+        belief_for: See ``fit.fitted``.
+        fit: With friction that grows in proportion to the load.
+    """
+    if all(own.shape.load is None for own in fit.friction):
+        return fit
+    last = (rows.fold == FOLDS - 1)[:, None]
+    load = fit.columns.predicted(fit.x) + rows.known
+    chosen = list(fit.friction)
+
+    def error(laws: Sequence[JointFit]) -> tuple[float, tuple[JointFit, ...]]:
+        trial = fitted(rows, use & ~last, belief_for, laws)
+        left = deviations(trial.residual, np.zeros_like(trial.residual), use & last)
+        return float(np.exp(np.log(left).mean())), trial.friction
+
+    least, _ = error(chosen)
+    for count in COUNTS:
+        laws = [
+            own if own.shape.load is None else _begun(rows, use, load, fit, j, count)
+            for j, own in enumerate(fit.friction)
+        ]
+        now, friction = error(laws)
+        if now < BETTER * least:
+            least, chosen = now, list(friction)
+    if all(not own.shape.points for own in chosen):
+        return fit
+    return fitted(rows, use, belief_for, chosen)
+
+
+def _begun(rows: Rows, use: Mask, load: Array, fit: Fit, j: int, count: int) -> JointFit:
+    """A table at even loads whose end explains best what bodies leave of a joint's torque."""
+    own, mine = fit.friction[j], use[:, j]
+    part = np.linspace(0.0, 1.0, count)
+    largest = float(abs(load[mine, j]).max())
+    tables = [tuple(zip((e * largest * part).tolist(), part.tolist(), strict=True)) for e in ENDS]
+    shapes = [replace(own.shape, load=1.0, points=points) for points in tables]
+    plain = replace(own.shape, load=None)
+
+    def columns(v: Array, x: Array) -> Array:
+        growing = [shape.column(COULOMB, v, x) for shape in shapes]
+        always = [plain.column(VISCOUS, v, x), plain.column(COULOMB, v, x)]
+        return np.column_stack([*always, *growing])
+
+    table = rows.sudden(columns, j, load[:, j])[mine]
+    y = (fit.residual[:, j] + fit.columns.own_predicted(fit.x)[:, j])[mine]
+    found: tuple[float, JointFit] = np.inf, own
+    for k, shape in enumerate(shapes):
+        A = table[:, [0, 1, 2 + k]]
+        x = np.linalg.lstsq(A, y, rcond=1e-10)[0]
+        left = float(np.sum((y - A @ x) ** 2))
+        if x[2] > 0.0 and left < found[0]:
+            share = float(np.clip(x[2] / max(x[1] + x[2], 1e-300), 0.02, STEEP))
+            found = left, replace(own, shape=replace(shape, load=share))
+    return found[1]

@@ -1,0 +1,628 @@
+# SPDX-License-Identifier: Apache-2.0
+"""A whole arm from recordings of its motion and torques: bodies, armatures and friction."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.identification import checks
+from arm_dynamics.identification.data import JointRecord, MeasuredMotion, records_of
+from arm_dynamics.identification.described import scene_with
+from arm_dynamics.identification.names import mapped, unwrapped
+from arm_dynamics.identification.preparation import PER_BAND, prepare
+from arm_dynamics.identification.regression.base_parameters import BaseParameters, base_parameters
+from arm_dynamics.identification.regression.estimation import (
+    Belief,
+    Mask,
+    belief_of,
+    common_columns,
+    covariance,
+    deviations,
+    solved,
+)
+from arm_dynamics.identification.regression.fit import Fit, fitted
+from arm_dynamics.identification.regression.friction_columns import (
+    COULOMB,
+    COULOMB_SKEW,
+    VISCOUS,
+    JointFit,
+)
+from arm_dynamics.identification.regression.regressor import EACH, RigidRegressor
+from arm_dynamics.identification.regression.rows import HELD_OUT, Rows, steady_friction
+from arm_dynamics.identification.regression.selection import Choice
+from arm_dynamics.identification.regression.tables import tabled
+from arm_dynamics.identification.result import Identification, Torques
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.scene.load import load_scene
+
+CERTAIN = 1.96
+"""Standard deviations on either side that hold 95 %."""
+VAGUE = 0.5
+"""Part of its value by which a number may be uncertain (one standard deviation) to be found."""
+NOTHING = 1e-9
+"""Uncertainty (one standard deviation) below which even zero is found."""
+MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
+"""How far bodies may be from nominal: of density and of all else; chosen by the evidence."""
+PARTS = (0.6, 0.4, 0.3)
+"""Parts of the band above which efforts are tried to show nothing of the motion."""
+BETTER = 0.95
+"""Part to which the best of them must bring the residual to be believed."""
+MOST_ROWS = 6_000
+"""Rows beyond which a narrower band is taken, so that long recordings are done in seconds."""
+SHOWN = 0.7
+"""Part of what friction leaves of a joint's efforts that bodies must explain to tell its scale."""
+HEAVY = 0.5
+"""Part of the deviation of a joint's efforts that bodies must make to tell its scale: where
+friction makes most, an error of its law or of the nominal bodies is taken for one of the scale."""
+NEAR = 0.03, 0.05
+"""How far bodies may be from nominal while scales of efforts are found: of density, of all else.
+Were they held, what is wrong with the last bodies would be taken for a scale of their joints."""
+DOUBT = 0.12, 0.2
+"""How far off nominal bodies may be, likewise, which is how uncertain scales of efforts are."""
+TILT, SURELY = 0.01, 5.0
+"""Angle in [rad], and standard deviations, from which a tilt of the base is told."""
+BLOCKS, DRIFT = 10, 0.1
+"""Parts of a recording, and part of the friction, by which its drift is judged."""
+FAR_OFF = 5.0
+"""Robust standard deviations beyond which a residual follows no law: contact, or stiction."""
+
+
+def identify(
+    scene: Any,
+    recordings: Any,
+    *,
+    band: float | None = None,
+    effort: str | Mapping[str, float] = "torque",
+    names: Mapping[str, str] | None = None,
+    total_mass: float | None = None,
+    masses: Mapping[str, float] | None = None,
+    held_out: float = HELD_OUT,
+    told: Callable[[str], None] | None = None,
+) -> Identification:
+    """Find bodies, armatures and friction of an arm from its motion and its torques.
+
+    Args:
+        scene: Nominal scene, anything ``load_scene`` takes: its geometry is taken for true, its
+            bodies for what the real ones are near to.
+        recordings: One or several: a ``JointRecord`` or a recording with ``time``, ``q``, ``v``,
+            ``tau`` and ``joint_names``.
+        band: Cut-off frequency of the low-pass in [Hz]; None for the one that fits the noise.
+        effort: What efforts are: ``torque`` in [N m] or [N]; ``scale``: in an unknown proportion
+            to it, one for each joint, which is found where bodies tell it; or the torque per unit
+            of effort by joint, as of currents.
+        names: What the recordings call the scene's joints, where that cannot be guessed.
+        total_mass: Mass of all that moves in [kg], where it is known; without payloads.
+        masses: Masses of bodies in [kg], by the joint that moves them, where they are known.
+        held_out: Part of each recording, at its end, on which errors are told.
+        told: Is told what is being done.
+
+    Returns:
+        The scene and how sure it is.
+
+    Raises:
+        SceneError: If the nominal scene cannot be used.
+        InvalidInput: If there is nothing to be learnt from the recordings, and what is missing.
+    """
+    say = told or (lambda text: None)
+    model = ArmModel(load_scene(scene))
+    checks.check_model(model)
+    turning = [kind != "prismatic" for kind in model.joint_types]
+    records = [
+        unwrapped(mapped(r, model.joint_names, names), turning) for r in records_of(recordings)
+    ]
+    for record in records:
+        checks.check_record(record, model)
+    say("filtering")
+    motions = _motions([_in_torques(r, effort) for r in records], band)
+    return _Run(model, motions, effort == "scale", total_mass, masses or {}, held_out, say).done()
+
+
+def _in_torques(record: JointRecord, effort: str | Mapping[str, float]) -> JointRecord:
+    if isinstance(effort, str):
+        if effort not in ("torque", "scale"):
+            raise InvalidInput(
+                f"effort is '{effort}'; allowed are torque, scale, or numbers by joint"
+            )
+        return record
+    if missing := [name for name in record.joint_names if name not in effort]:
+        raise InvalidInput(f"effort says no torque per unit of joint {known_names(missing)}")
+    factors = np.array([effort[name] for name in record.joint_names])
+    return replace(record, effort=record.effort * factors)
+
+
+def _motions(records: Sequence[JointRecord], band: float | None) -> list[MeasuredMotion]:
+    """All at one band: the narrowest that one of them needs."""
+    motions = [prepare(record, band) for record in records]
+    common = min(motion.band for motion in motions)
+    if band is None and np.isfinite(common):
+        spans = sum(len(motion.time) * motion.dt for motion in motions)
+        common = min(common, MOST_ROWS / (PER_BAND * spans))
+    if all(motion.band == common for motion in motions):
+        return motions
+    return [prepare(record, common) for record in records]
+
+
+class _Run:
+    """One identification, step by step."""
+
+    def __init__(
+        self, model: ArmModel, motions: list[MeasuredMotion], scaled: bool,
+        total_mass: float | None, masses: Mapping[str, float], held_out: float,
+        say: Callable[[str], None],
+    ) -> None:  # fmt: skip
+        self.model, self.motions, self.say = model, motions, say
+        self.regressor = RigidRegressor(model)
+        self.names = model.joint_names
+        self.notes = list(dict.fromkeys(n for motion in motions for n in motion.notes))
+        self.ranges = checks.moved(motions)
+        self.rows = Rows(self.regressor, motions, None, held_out)
+        checks.check_rows(self.rows, self.names)
+        self.known_masses = self._mass_rows(total_mass, masses)
+        self.sigmas = (MASSES[3], SHAPES[4])
+        self.scaled, self.scales = scaled, np.ones(model.n)
+        self.measured = self.rows.effort.copy()
+
+    # --- what is believed ----------------------------------------------------------------------
+
+    def _mass_rows(
+        self, total: float | None, masses: Mapping[str, float]
+    ) -> list[tuple[dict[int, float], float]]:
+        found = []
+        if total is not None:
+            every = {EACH * i: 1.0 for i in range(len(self.regressor.bodies))}
+            found.append((every, float(total)))
+        for name, mass in masses.items():
+            if name not in self.regressor.bodies:
+                raise InvalidInput(
+                    f"masses names '{name}'; allowed are {known_names(self.regressor.bodies)}"
+                )
+            found.append(({EACH * self.regressor.bodies.index(name): 1.0}, float(mass)))
+        return found
+
+    def belief(self, size: int) -> Belief:
+        """What is believed of ``size`` unknowns."""
+        plain = belief_of(self.regressor.nominal, size, *self.sigmas)
+        x0, rows = plain.x0.copy(), [plain.rows]
+        for places, mass in self.known_masses:
+            row = np.zeros((1, size))
+            row[0, list(places)] = 1e5 / mass
+            rows.append(row)
+            mine = list(places)
+            now = x0[mine].sum()
+            for place in mine:  # the nominal bodies, of another density
+                body = slice(place, place + EACH)
+                x0[body] = x0[body] * mass / now
+        return Belief(x0, np.vstack(rows))
+
+    # --- steps ---------------------------------------------------------------------------------
+
+    def done(self) -> Identification:
+        """All of them."""
+        rows = self.rows
+        train = rows.use & rows.train[:, None]
+        simple = [JointFit((VISCOUS, COULOMB, COULOMB_SKEW)) for _ in self.names]
+        self.say("fitting bodies with simple friction")
+        if self.scaled:
+            self._find_scales(train, simple)
+        first = fitted(rows, train, self.belief, simple)
+        first = self._effort_band(train, simple, first)
+        rows = self.rows
+        self._believe(first)
+        self.say("choosing laws of friction by what they predict")
+        laws = self._chosen(train, first)
+        trial = fitted(rows, train, self.belief, laws)
+        if (kept := self._without_outliers(train, trial)) is not None:
+            train = kept
+            laws = self._chosen(train, trial)
+            trial = fitted(rows, train, self.belief, laws)
+        trial = tabled(rows, train, self.belief, trial)
+        self._believe(trial)
+        self.say("fitting all of it")
+        trial = fitted(rows, train, self.belief, list(trial.friction), possible=True)
+        whole = train | (rows.use & ~rows.train[:, None])
+        if (kept := self._without_outliers(whole, trial, note=False)) is not None:
+            whole = kept
+        final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
+        return self._told(trial, final, whole)
+
+    def _chosen(self, train: Mask, fit: Fit) -> list[JointFit]:
+        rows = self.rows
+        load = fit.columns.predicted(fit.x) + rows.known
+        size = len(self.regressor.nominal) + rows.n
+        return Choice(rows, train, common_columns(rows, train), self.belief(size), load).run()
+
+    def _effort_band(self, train: Mask, laws: list[JointFit], plain: Fit) -> Fit:
+        """Low-pass predictions more than efforts, where that explains these better."""
+        best, chosen, band = plain, self.rows, self.motions[0].band
+        error = BETTER * self._left(plain, train)
+        for part in PARTS if np.isfinite(band) else ():
+            rows = self.rows.low_passed(part * band)
+            fit = fitted(rows, train, self.belief, laws)
+            now = self._left(fit, train)
+            if now < error:
+                best, chosen, error = fit, rows, now
+        if chosen is not self.rows:
+            self.notes.append(
+                f"efforts show nothing of the motion above about {chosen.effort_band:.3g} Hz: "
+                "they were low-passed before, or noise of positions is all that predictions "
+                "have there; predictions are low-passed likewise"
+            )
+            self.rows = chosen
+        return best
+
+    def _left(self, fit: Fit, use: Mask) -> float:
+        """Mean over joints of what a fit leaves, relative, as a geometric one."""
+        left = deviations(fit.residual, np.zeros_like(fit.residual), use)
+        return float(np.exp(np.log(left).mean()))
+
+    def _without_outliers(self, use: Mask, fit: Fit, note: bool = True) -> Mask | None:
+        """Rows without those that follow no law; None if there are none."""
+        found, reach = use.copy(), max(1, self.rows.lag // 8)
+        for j, name in enumerate(self.names):
+            mine = use[:, j]
+            if not mine.any():
+                continue
+            size = abs(fit.residual[:, j])
+            typical = 1.4826 * float(np.median(size[mine]))
+            floor = 1e-6 * float(np.sqrt(np.mean(self.rows.effort[mine, j] ** 2)))
+            far = (size > FAR_OFF * max(typical, floor)) & mine
+            wide = np.convolve(far, np.ones(2 * reach + 1), mode="same") > 0.5
+            share = float(wide[mine].mean())
+            if 0.0 < share < 0.2:
+                found[:, j] &= ~wide
+                if note and share > 0.002:
+                    self.notes.append(
+                        f"'{name}': {share:.1%} of the rows follow no law (stiction, contact, or "
+                        "a sensor's fault) and are left out of the fit"
+                    )
+        return None if np.array_equal(found, use) else found
+
+    def _believe(self, fit: Fit) -> None:
+        """Choose how far bodies may be from nominal by the evidence of the data.
+
+        The logarithm of the marginal likelihood of a linear model with a normal prior (MacKay,
+        "Bayesian interpolation", Neural Computation 4(3), 1992).
+        """
+        R, z = fit.columns.whitened(
+            self.rows.effort - self.rows.known, fit.weights, self.rows.independent
+        )
+        best = np.inf
+        for sigmas in ((m, s) for m in MASSES for s in SHAPES):
+            self.sigmas, before = sigmas, self.sigmas
+            belief = self.belief(fit.columns.size)
+            T, t = belief.combined(R, z)
+            scale = np.maximum(abs(np.diag(T)), 1e-300)
+            x = np.linalg.lstsq(T, t, rcond=1e-14)[0]
+            misfit = np.sum((R @ x - z) ** 2) + np.sum((belief.rows @ (x - belief.x0)) ** 2)
+            bodies = sum(
+                2.0 * float(np.linalg.slogdet(belief.rows[i : i + EACH, i : i + EACH])[1])
+                for i in range(0, len(self.regressor.nominal), EACH)
+            )
+            evidence = float(misfit + 2.0 * np.log(scale).sum() - bodies)
+            if evidence < best:
+                best, chosen = evidence, sigmas
+            self.sigmas = before
+        self.sigmas = chosen
+
+    # --- scales of efforts ---------------------------------------------------------------------
+
+    def _find_scales(self, train: Mask, laws: list[JointFit]) -> None:
+        """Torque per unit of effort, in turn with friction, until they stand.
+
+        Meanwhile bodies stay near the nominal ones: torques and bodies that may all shrink
+        together would do so, as far as friction and noise gain by it.
+        """
+        rows, sigmas = self.rows, self.sigmas
+        self.sigmas = NEAR
+        nominal = rows.rigid @ self.regressor.nominal + rows.known
+        shown = np.zeros(rows.n, bool)
+        for j, name in enumerate(self.names):
+            mine = train[:, j]
+            own = [rows.inertia[mine, j : j + 1], rows.friction(laws[j], j, nominal[:, j])[mine]]
+            share, slope = _explained(self.measured[mine, j], np.hstack(own), nominal[mine, j])
+            heavy = slope * nominal[mine, j].std() / self.measured[mine, j].std()
+            shown[j] = share > SHOWN and heavy > HEAVY
+            if shown[j]:
+                self.scales[j] = 1.0 / slope
+            else:
+                self.notes.append(
+                    f"'{name}': the scale of its efforts is not found, for bodies make too small "
+                    "a part of them beside friction; they are taken for torques"
+                )
+        for _ in range(30):
+            rows.effort = self.measured * self.scales
+            fit = fitted(rows, train, self.belief, laws)
+            change = np.where(shown, self._rescaled(fit)[0], 0.0)
+            self.scales *= np.exp(np.clip(change, -0.5, 0.5))
+            if abs(change).max() < 1e-5:
+                break
+        rows.effort, self.sigmas = self.measured * self.scales, DOUBT
+        _, doubt = self._rescaled(fitted(rows, train, self.belief, laws))
+        self.sigmas = sigmas
+        self._tell_scales(shown, doubt)
+
+    def _tell_scales(self, shown: Mask, doubt: Array) -> None:
+        """Note intervals of scales.
+
+        Args:
+            shown: Which ones were found, shape (n,).
+            doubt: Their standard deviations, as parts of them, shape (n,).
+        """
+        told = [
+            f"{name} {k:.3g} ({k * np.exp(-CERTAIN * sd):.3g} to {k * np.exp(CERTAIN * sd):.3g})"
+            for name, k, sd, there in zip(self.names, self.scales, doubt, shown, strict=True)
+            if there
+        ]
+        if told:
+            self.notes.append(
+                f"scales of efforts rest on the bodies of the nominal scene, which may be off by "
+                f"{DOUBT[0]:.0%} of their densities and {DOUBT[1]:.0%} of their shapes: "
+                + ", ".join(told)
+            )
+
+    def _rescaled(self, fit: Fit) -> tuple[Array, Array]:
+        """By which part scales are too small, all unknowns free to follow, and its deviation.
+
+        Efforts over scales are what is measured, so that a scale that makes all torques small
+        gains nothing: e - A x / k is linear in x and in the change of k.
+        """
+        predicted = fit.columns.predicted(fit.x) + self.rows.known
+        return self._besides(fit, -predicted[:, :, None] * np.eye(self.rows.n))
+
+    def _besides(self, fit: Fit, more: Array) -> tuple[Array, Array]:
+        """Coefficients of columns beside those of a fit, and their standard deviations.
+
+        Args:
+            fit: All of whose unknowns are free to follow.
+            more: The columns, shape (k, n, m).
+
+        Returns:
+            Shapes (m,) and (m,); deviations are inf where nothing shows a column.
+        """
+        rows, columns, new = self.rows, fit.columns, np.arange(more.shape[2])
+        own = [np.column_stack([c, more[:, j]]) for j, c in enumerate(columns.own)]
+        places = [np.append(p, columns.size + new) for p in columns.places]
+        wide = replace(
+            columns, own=tuple(own), places=tuple(places), size=columns.size + len(new)
+        )  # fmt: skip
+        belief = self.belief(wide.size)
+        data = wide.whitened(rows.effort - rows.known, fit.weights, rows.independent)
+        R, z = belief.combined(*data)
+        size = np.linalg.norm(R, axis=0)
+        seen = size > 1e-12 * size.max()
+        inverse = np.linalg.pinv(R[:, seen] / size[seen], rcond=1e-14)
+        doubt = np.full(len(size), np.inf)
+        doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
+        return solved(R, z)[columns.size :], doubt[columns.size :]
+
+    # --- what is told --------------------------------------------------------------------------
+
+    def _told(self, trial: Fit, final: Fit, used: Mask) -> Identification:
+        rows, n = self.rows, self.rows.n
+        nominal = self._nominal()
+        predicted = trial.columns.predicted(trial.x) + rows.known
+        after = final.columns.predicted(final.x) + rows.known
+        test = ~rows.train if (~rows.train).any() else rows.train
+        error, each = _relative(rows.effort, predicted, rows.valid & test[:, None])
+        before, each_before = _relative(rows.effort, nominal, rows.valid & test[:, None])
+        checks.check_explained(error, before, self.names, self._ratios(nominal))
+        base, parameters, intervals, missing, condition = self._parameters(final, used)
+        friction: list[JointFit | None] = [
+            f if self.ranges[j] > checks.MOVED else None for j, f in enumerate(final.friction)
+        ]
+        armature = np.where(
+            [f"{name}.armature" in missing and self.ranges[j] < checks.MOVED
+             for j, name in enumerate(self.names)],
+            np.nan, final.x[final.bodies : final.bodies + n],
+        )  # fmt: skip
+        self._tell_drift(final, used)
+        self._tell_tilt(trial)
+        theta = final.x[: final.bodies]
+        masses = self.regressor.nominal[::EACH]
+        checks.check_masses(theta[::EACH], masses, self.scaled or bool(self.known_masses))
+        scene = scene_with(self.model, theta, armature, friction, self.notes)
+        self._check(scene, theta)
+        if final.changed:
+            self.notes.append(
+                "the best fit was of bodies that cannot be; the best of those that can is taken"
+            )
+        torques = self._torques(
+            predicted=np.where(rows.train[:, None], after, predicted), nominal=nominal,
+            friction=rows.effort - after + final.columns.own_predicted(final.x),
+        )  # fmt: skip
+        names = self.names
+        left = deviations(rows.effort, predicted, rows.valid & test[:, None])
+        return Identification(
+            scene=scene, joint_names=names, parameters=parameters, intervals=intervals,
+            nominal=base, missing=missing, torque_error=dict(zip(names, each, strict=True)),
+            nominal_error=dict(zip(names, each_before, strict=True)), error=(error, before),
+            torque_residual=dict(zip(names, left.tolist(), strict=True)),
+            friction=tuple(friction), bodies=theta.reshape(-1, EACH),
+            body_names=self.regressor.bodies, scales=self.scales.copy(),
+            band=self.motions[0].band, effort_band=rows.effort_band, condition=condition,
+            notes=tuple(self.notes), torques=torques,
+        )  # fmt: skip
+
+    def _torques(self, predicted: Array, nominal: Array, friction: Array) -> Torques:
+        """Measured torques beside others, of shape (k, n), where samples are valid."""
+        rows = self.rows
+
+        def valid(values: Array) -> Array:
+            return np.where(rows.valid, values, np.nan)
+
+        return Torques(
+            time=np.concatenate([m.time for m in rows.motions]), measured=valid(rows.effort),
+            predicted=valid(predicted), nominal=valid(nominal), v=rows.v,
+            friction=valid(friction), held_out=~rows.train,
+        )  # fmt: skip
+
+    def _nominal(self) -> Array:
+        """Torques of the nominal scene, low-passed, shape (k, n)."""
+        rows, model = self.rows, self.model
+        load = rows.rigid @ self.regressor.nominal + rows.known + rows.inertia * model.armature
+        return np.asarray(load + steady_friction(rows, load))
+
+    def _ratios(self, nominal: Array) -> Array:
+        rows = self.rows
+        sums = [
+            (rows.effort[u, j] @ nominal[u, j], nominal[u, j] @ nominal[u, j])
+            for j, u in enumerate((rows.use & rows.train[:, None]).T)
+        ]
+        return np.array([a / b if b > 0.0 else 1.0 for a, b in sums])
+
+    def _tell_tilt(self, fit: Fit) -> None:
+        """Note a base that does not stand as the scene's gravity says.
+
+        Gravity that is turned a little has parts along two directions across it, whose torques are
+        columns beside all others.
+        """
+        rows, gravity = self.rows, np.array(self.model.scene.gravity)
+        size = float(np.linalg.norm(gravity))
+        if size == 0.0:
+            return
+        across = np.linalg.svd(gravity[None])[2][1:] * size
+        theta, still = fit.x[: fit.bodies] + self.regressor.payload, np.zeros_like(rows.q)
+        turned = [RigidRegressor(self.model.under(g, self.model.scene.payloads)) for g in across]
+        torques = np.stack([each(rows.q, still, still) @ theta for each in turned], axis=2)
+        found, doubt = self._besides(fit, rows.filtered(torques))
+        if (abs(found) < np.maximum(SURELY * doubt, TILT)).all():
+            return
+        better = gravity + found @ across
+        better *= size / np.linalg.norm(better)
+        angle = np.degrees(np.arctan(np.linalg.norm(found)))
+        self.notes.append(
+            f"the base seems to be tilted by some {angle:.1f}°; to try it, set gravity to "
+            f"[{', '.join(f'{x:.3g}' for x in better)}] in the nominal scene"
+        )
+
+    def _tell_drift(self, fit: Fit, used: Mask) -> None:
+        """Note joints whose friction changes over the recording, as with temperature.
+
+        The residual along the motion, in mean of each of ``BLOCKS`` parts, is a line over time
+        whose slope stands out of its scatter.
+        """
+        rows = self.rows
+        for j, name in enumerate(self.names):
+            mine = np.flatnonzero(used[:, j] & (rows.v[:, j] != 0.0))
+            own = fit.columns.own_predicted(fit.x)[mine, j]
+            size = float(np.mean(abs(own))) if mine.size else 0.0
+            if mine.size < 10 * BLOCKS or size == 0.0:
+                continue
+            along = fit.residual[mine, j] * np.sign(rows.v[mine, j])
+            means = np.array([part.mean() for part in np.array_split(along, BLOCKS)])
+            at = np.linspace(-0.5, 0.5, BLOCKS)
+            slope = float(at @ means / (at @ at))
+            scatter = float(np.std(means - means.mean() - slope * at, ddof=2))
+            if abs(slope) > max(5.0 * scatter / float(np.sqrt(at @ at)), DRIFT * size):
+                self.notes.append(
+                    f"'{name}': friction changes by {slope / size:+.0%} over the recording, as "
+                    "with temperature; the scene has the mean"
+                )
+
+    def _check(self, scene: Any, theta: Array) -> None:
+        """The scene that comes out has the bodies that were found."""
+        again = RigidRegressor(ArmModel(scene)).nominal
+        if not np.allclose(again, theta, rtol=1e-6, atol=1e-9 * abs(theta).max()):
+            raise InvalidInput("the robot description could not be written with the bodies found")
+
+    def _parameters(
+        self, fit: Fit, used: Mask
+    ) -> tuple[
+        dict[str, float], dict[str, float], dict[str, tuple[float, float]], dict[str, str], float
+    ]:
+        """Base parameters, values and intervals of what was found, and what was not."""
+        n, numbers = self.rows.n, fit.bodies
+        base = self._base()
+        order = [
+            *range(numbers, numbers + n),
+            *range(numbers),
+        ]  # armatures lead no group if bodies do
+        size = fit.columns.size
+        lead = [order[k] for k in base.independent]
+        directions = np.zeros((size, len(lead) + size - numbers - n))
+        for column, place in enumerate([*lead, *range(numbers + n, size)]):
+            directions[place, column] = 1.0
+        deviation, condition = self._deviations(fit, used, directions)
+        grouped = base.grouping @ fit.x[order]
+        at_first = np.concatenate([self.model.armature, self.regressor.nominal])
+        nominal = dict(zip(base.names, (base.grouping @ at_first).tolist(), strict=True))
+        values = dict(zip(base.names, grouped.tolist(), strict=True))
+        for j, own in enumerate(fit.friction):
+            values |= {f"{self.names[j]}.{kind}": own.coefficients[kind] for kind in own.kinds}
+        parameters, intervals, missing = {}, {}, {}
+        for (name, value), sd in zip(values.items(), deviation, strict=True):
+            if np.isfinite(sd) and (sd < VAGUE * abs(value) or sd < NOTHING):
+                parameters[name] = value
+                intervals[name] = (float(value - CERTAIN * sd), float(value + CERTAIN * sd))
+            else:
+                missing[name] = (
+                    "the motion does not show it" if not np.isfinite(sd)
+                    else f"{value:.3g} ± {CERTAIN * sd:.2g}: too uncertain to tell it from zero"
+                )  # fmt: skip
+        shapes, unseen = self._shapes(fit)
+        return nominal, parameters | shapes, intervals, missing | unseen, condition
+
+    def _shapes(self, fit: Fit) -> tuple[dict[str, float], dict[str, str]]:
+        """Numbers of the chosen laws of friction beside their coefficients; laws not seen."""
+        parameters, missing = dict[str, float](), dict[str, str]()
+        for joint, own, way in zip(self.names, fit.friction, self.ranges, strict=True):
+            if own.shape.stribeck_velocity is not None:
+                parameters[f"{joint}.stribeck_velocity"] = own.shape.stribeck_velocity
+            if own.shape.load is not None:
+                parameters[f"{joint}.load"] = own.shape.load
+            if not own.kinds:
+                missing[f"{joint}.friction"] = f"it moved {way:.2g} rad or m in all"
+            elif "excess" not in own.kinds:
+                missing[f"{joint}.static"] = "no fall of friction with speed is to be seen"
+        return parameters, missing
+
+    def _base(self) -> BaseParameters:
+        n, regressor = self.rows.n, self.regressor
+
+        def columns(q: Array, v: Array, a: Array) -> Array:
+            return np.concatenate([np.eye(n) * a[:, :, None], regressor(q, v, a)], axis=2)
+
+        armatures = [f"{name}.armature" for name in self.names]
+        return base_parameters(columns, n, [*armatures, *regressor.names()])
+
+    def _deviations(self, fit: Fit, used: Mask, directions: Array) -> tuple[Array, float]:
+        """Standard deviations along directions, inf where nothing shows one; the condition."""
+        R, _ = fit.columns.whitened(
+            self.rows.effort - self.rows.known, fit.weights, self.rows.independent
+        )
+        seen = R @ directions
+        lengths = np.linalg.norm(seen, axis=0)
+        shown = lengths > 1e-9 * lengths.max()
+        scaled = seen[:, shown] / lengths[shown]
+        singular = np.linalg.svd(scaled, compute_uv=False)
+        cov = covariance(
+            fit.columns, fit.residual, used, fit.weights, self.rows.lag, directions[:, shown]
+        )
+        count = float(used.sum() * self.rows.independent)
+        scale = np.sqrt(count / max(count - shown.sum(), 1.0))
+        found = np.full(directions.shape[1], np.inf)
+        found[shown] = scale * np.sqrt(np.maximum(np.diag(cov), 0.0))
+        return found, float(singular[0] / max(singular[-1], 1e-300))
+
+
+def _explained(y: Array, columns: Array, more: Array) -> tuple[float, float]:
+    """Part of what columns leave of y that one more column explains, and its coefficient."""
+    both = np.column_stack([columns, more])
+    alone = y - columns @ np.linalg.lstsq(columns, y, rcond=1e-10)[0]
+    x = np.linalg.lstsq(both, y, rcond=1e-10)[0]
+    left = y - both @ x
+    return 1.0 - float(left @ left) / max(float(alone @ alone), 1e-300), float(x[-1])
+
+
+def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list[float]]:
+    """What is left over what there was: of all joints, and of each."""
+    left = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
+    size = np.where(use, measured**2, 0.0).sum(axis=0)
+    size = np.maximum(size, 1e-300)
+    return float(np.sqrt(left.sum() / size.sum())), np.sqrt(left / size).tolist()

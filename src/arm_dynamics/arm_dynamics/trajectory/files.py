@@ -1,0 +1,146 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint trajectories as files: YAML of a ``trajectory_msgs/JointTrajectory``.
+
+So they can be given to ``ros2 topic pub`` as they are, and read without ROS.
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import Array, vector
+from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.trajectory.reference import Trajectory, Waypoint
+from arm_dynamics.trajectory.waypoints import quintic
+
+_PARTS = {"positions": "q", "velocities": "v", "accelerations": "a"}
+
+
+@dataclass(frozen=True)
+class JointTrajectory:
+    """Points for named joints.
+
+    Attributes:
+        joint_names: Order of the joints in each point.
+        points: With times in [s] from the start, the first at time 0.
+    """
+
+    joint_names: tuple[str, ...]
+    points: tuple[Waypoint, ...]
+
+    @classmethod
+    def of(cls, motion: Trajectory, joint_names: Sequence[str], turns: int = 1) -> JointTrajectory:
+        """The knots of a motion with position, velocity and acceleration.
+
+        Args:
+            motion: The motion.
+            joint_names: Of its joints.
+            turns: How often it is to be gone through, for one that ends where and as it begins.
+        """
+        ends = motion.table(np.array([0.0]))
+        last = motion.sample(motion.duration)
+        rows = [np.vstack([part, end]) for part, end in
+                zip(ends[1:], (last.q, last.v, last.a), strict=True)]  # fmt: skip
+        points = [
+            Waypoint(float(turn * motion.duration + time), *(part[i] for part in rows))
+            for turn in range(turns)
+            for i, time in enumerate(motion.times)
+            if i or not turn
+        ]
+        return cls(tuple(joint_names), tuple(points))
+
+    @property
+    def start(self) -> dict[str, float]:
+        """Where each joint begins, by name in [rad] or [m]."""
+        first = np.asarray(self.points[0].q, float)
+        return dict(zip(self.joint_names, first.tolist(), strict=True))
+
+    def motion(self, joint_names: Sequence[str]) -> Trajectory:
+        """Quintic segments through the points, joints in the order of an arm's.
+
+        Raises:
+            InvalidInput: If the joints are others, or points are malformed.
+        """
+        if set(joint_names) != set(self.joint_names):
+            raise InvalidInput(
+                f"the trajectory is for joints {known_names(self.joint_names)}; the arm has "
+                f"{known_names(joint_names)}"
+            )
+        place = [self.joint_names.index(name) for name in joint_names]
+
+        def ordered(row: ArrayLike) -> Array:
+            return vector("a point", row, self.joint_names)[place]
+
+        def given(row: ArrayLike | None) -> Array | None:
+            return None if row is None else ordered(row)
+
+        return quintic(
+            [Waypoint(p.time, ordered(p.q), given(p.v), given(p.a)) for p in self.points]
+        )
+
+    def save(self, path: str | os.PathLike[str]) -> Path:
+        """Write it as YAML; what is there is replaced.
+
+        Raises:
+            OSError: If it cannot be written.
+        """
+        text = [f"joint_names: [{', '.join(map(_quoted, self.joint_names))}]", "points:"]
+        for point in self.points:
+            seconds, rest = divmod(round(1e9 * point.time), 1_000_000_000)
+            text.append(f"- time_from_start: {{sec: {seconds}, nanosec: {rest}}}")
+            for key, part in _PARTS.items():
+                if (row := getattr(point, part)) is not None:
+                    numbers = ", ".join(map(_number, np.asarray(row, float).tolist()))
+                    text.append(f"  {key}: [{numbers}]")
+        Path(path).write_text("\n".join(text) + "\n", encoding="utf-8")
+        return Path(path)
+
+    @classmethod
+    def load(cls, path: str | os.PathLike[str]) -> JointTrajectory:
+        """Read it.
+
+        Raises:
+            InvalidInput: If it is none.
+            OSError: If it cannot be read.
+        """
+        try:
+            found = yaml.load(Path(path).read_text(encoding="utf-8"), yaml.CSafeLoader)
+            names = tuple(map(str, found["joint_names"]))
+            points = tuple(map(_waypoint, found["points"]))
+            made = cls(names, points)
+            made.motion(names)
+        except (KeyError, TypeError, AttributeError, UnicodeDecodeError, yaml.YAMLError) as error:
+            raise InvalidInput(
+                f"'{path}' is no joint trajectory: joint_names and points with positions and "
+                f"time_from_start are expected ({type(error).__name__}: {error})"
+            ) from None
+        except InvalidInput as error:
+            raise InvalidInput(f"'{path}': {error}") from None
+        return made
+
+
+def _waypoint(point: Mapping[str, Any]) -> Waypoint:
+    time = point["time_from_start"]
+    rest = [
+        point.get(key) or None for key in list(_PARTS)[1:]
+    ]  # ROS says nothing by an empty list
+    seconds = float(time["sec"]) + 1e-9 * float(time.get("nanosec", 0))
+    return Waypoint(seconds, point["positions"], *rest)
+
+
+def _quoted(name: str) -> str:
+    return '"' + name.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _number(x: float) -> str:
+    """So many digits that it is read again to the bit, and never taken for a whole number."""
+    text = repr(x)
+    return text.replace("e", ".0e") if "e" in text and "." not in text else text

@@ -1,0 +1,54 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The figure of an exciting motion: what its joints do, as a share of what they may."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+import numpy as np
+
+if TYPE_CHECKING:
+    from arm_dynamics.identification.excitation import Room
+    from arm_dynamics.trajectory import Trajectory
+
+_POINTS = np.linspace(0.0, 1.0, 6)[:-1]
+
+
+def draw(motion: Trajectory, room: Room, path: Path) -> None:
+    """Draw positions within their range, and speeds and torques over their limits."""
+    from matplotlib.figure import Figure
+
+    times, q, v, a = motion.table(_POINTS)
+    tau = room.torques(q, v, a)
+    lower, upper = room.limits.lower, room.limits.upper
+    middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
+    limited = np.isfinite(room.limits.acceleration).all()
+    panels = {
+        "position in its range": (q - middle) / half,
+        "speed / limit": v / _or_largest(room.limits.velocity, v),
+        f"acceleration / {'limit' if limited else 'largest'}": a
+        / _or_largest(room.limits.acceleration, a),
+        "torque / limit": tau / _or_largest(room.effort, tau),
+    }
+    figure = Figure(figsize=(9.0, 8.0), layout="constrained")
+    axes = figure.subplots(4, 1, sharex=True)
+    for axis, (name, values) in zip(axes, panels.items(), strict=True):
+        for i, joint in enumerate(room.model.joint_names):
+            axis.plot(times, values[:, i], lw=1.2, color=f"C{i % 10}", label=joint)
+        axis.axhspan(-1.0, 1.0, color="0.95", lw=0)
+        axis.set(ylabel=name, ylim=(-1.1, 1.1))
+        axis.spines[["top", "right"]].set_visible(False)
+    axes[-1].set(xlabel="time [s]", xlim=(0.0, motion.duration))
+    figure.legend(*axes[0].get_legend_handles_labels(), loc="outside right upper")
+    try:
+        figure.savefig(path, dpi=130)
+    except ValueError as error:
+        raise click.ClickException(f"'{path}': {error}") from None
+
+
+def _or_largest(limit: np.ndarray, values: np.ndarray) -> np.ndarray:
+    """The limit, or where there is none the largest value."""
+    largest = np.maximum(abs(values).max(axis=0), 1e-300)
+    return np.where(np.isfinite(limit), limit, largest)

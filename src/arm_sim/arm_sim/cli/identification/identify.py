@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: Apache-2.0
+"""``./arm identify``: recordings in, scene out."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from arm_dynamics.exceptions import InvalidInput
+from arm_sim.cli.output import console, examples, facts, number, show, table, told_meanwhile
+
+if TYPE_CHECKING:
+    from arm_dynamics.identification import Identification, JointRecord
+
+_PATH = click.Path(path_type=Path)
+
+
+@click.command(
+    epilog=examples(
+        "./arm identify run.mcap --scene panda --out my_panda.yaml",
+        "./arm identify bag_1 bag_2 --scene ur10 --effort scale --out my_ur10.yaml",
+        "./arm identify table.csv --scene arm.urdf --out arm.yaml --map shoulder=axis_1",
+        "./arm identify run.mcap --scene my_panda.yaml --payload panda_hand --out holding.yaml",
+    )
+)
+@click.argument("recordings", type=_PATH, nargs=-1, required=True, metavar="RECORDING…")
+@click.option("--scene", required=True, help="Nominal: geometry, and bodies to begin with.")
+@click.option("--out", type=_PATH, required=True,
+              help="Scene to write, .yaml; description and report go beside it.")  # fmt: skip
+@click.option("--band", type=click.FloatRange(0.0, min_open=True),
+              help="Of the low-pass in Hz.  [default: fits the noise]")  # fmt: skip
+@click.option("--effort", type=click.Choice(["torque", "scale"]), default="torque",
+              show_default=True, help="Torques, or in proportion to them.")  # fmt: skip
+@click.option("--per-unit", "units", multiple=True, metavar="JOINT=TORQUE",
+              help="Torque per unit of effort, as of currents; for every joint.")  # fmt: skip
+@click.option("--map", "names", multiple=True, metavar="JOINT=NAME",
+              help="What the recordings call a joint of the scene.")  # fmt: skip
+@click.option("--total-mass", type=click.FloatRange(0.0, min_open=True),
+              help="Of all that moves in kg, without payloads, if known.")  # fmt: skip
+@click.option("--mass", "masses", multiple=True, metavar="JOINT=KG",
+              help="Of the body that a joint moves, where it is known.")  # fmt: skip
+@click.option("--payload", metavar="FRAME",
+              help="Find only what this frame carries, of an arm that is known.")  # fmt: skip
+@click.option("--topic", help="Of the joint states, where a bag has several.")
+@click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
+def identify(
+    recordings: tuple[Path, ...], scene: str, out: Path, band: float | None, effort: str,
+    units: tuple[str, ...], names: tuple[str, ...], total_mass: float | None,
+    masses: tuple[str, ...], payload: str | None, topic: str | None, as_json: bool,
+) -> None:  # fmt: skip
+    """Find masses, inertias and friction of an arm in RECORDINGs of its motion and torques.
+
+    Written are the scene OUT, its robot description, a report and figures beside it. Nothing is
+    written where nothing can be learnt. A recording is anything that ./arm plot takes.
+    """
+    if out.suffix not in (".yaml", ".yml"):
+        raise InvalidInput(f"--out is '{out}'; a name that ends in .yaml is expected")
+    if payload is not None and (effort != "torque" or units or total_mass or masses):
+        raise InvalidInput(
+            "--payload is for an arm and efforts that are known; --effort, --per-unit, "
+            "--total-mass and --mass are not allowed with it"
+        )
+    from arm_dynamics.identification import identify as find
+    from arm_sim.identification.report import write
+    from arm_sim.recording.joint_record import read_joint_record
+
+    records = [read_joint_record(path, topic) for path in recordings]
+    if payload is not None:
+        _carried(records, scene, payload, out, band, _pairs("--map", names), as_json)
+        return
+    per_unit = _pairs("--per-unit", units)
+    with told_meanwhile():
+        found = find(
+            scene, records, band=band, effort=_numbers("--per-unit", per_unit) or effort,
+            names=_pairs("--map", names), total_mass=total_mass,
+            masses=_numbers("--mass", _pairs("--mass", masses)),
+            told=lambda text: click.echo(f"{text} …", err=True),
+        )  # fmt: skip
+        click.echo("writing scene, report and figures …", err=True)
+        files = write(found, out, [path.name for path in recordings])
+    if as_json:
+        click.echo(json.dumps(_result(found, files)))
+        return
+    _show(found)
+    for path in files:
+        console().print(f"{path}", markup=False)
+
+
+def _carried(
+    records: list[JointRecord], scene: str, frame: str, out: Path, band: float | None,
+    names: dict[str, str], as_json: bool,
+) -> None:  # fmt: skip
+    """Find a payload alone, and write the scene with it."""
+    from arm_dynamics import load_scene
+    from arm_dynamics.identification import identify_payload
+    from arm_sim.identification.report import write_scene
+
+    arm = load_scene(scene)
+    with told_meanwhile():
+        found = identify_payload(arm, records, frame, band=band, names=names)
+    files = write_scene(arm.model_copy(update={"payloads": (*arm.payloads, found)}), out)
+    if as_json:
+        told = {"files": [str(path) for path in files], "payload": found.model_dump(mode="json")}
+        click.echo(json.dumps(told))
+        return
+    console().print(facts([
+        ("frame", frame), ("mass", f"{found.mass:.4g} kg"),
+        ("center of mass", f"{', '.join(f'{x:.4g}' for x in found.com)} m, in the frame"),
+        ("inertia", f"{', '.join(f'{x:.3g}' for x in found.inertia)} kg m², about that: "
+                    "xx, xy, xz, yy, yz, zz"),
+    ]))  # fmt: skip
+    for path in files:
+        console().print(f"{path}", markup=False)
+
+
+def _pairs(option: str, given: tuple[str, ...]) -> dict[str, str]:
+    pairs = [text.partition("=") for text in given]
+    for name, sign, value in pairs:
+        if not (name and sign and value):
+            raise InvalidInput(f"{option} is '{name}{sign}{value}'; NAME=VALUE is expected")
+    return {name: value for name, _, value in pairs}
+
+
+def _numbers(option: str, pairs: dict[str, str]) -> dict[str, float]:
+    found = {}
+    for name, text in pairs.items():
+        try:
+            found[name] = float(text)
+        except ValueError:
+            raise InvalidInput(f"{option}: '{name}={text}'; a number is expected") from None
+    return found
+
+
+def _result(found: Identification, files: list[Path]) -> dict[str, Any]:
+    return {
+        "files": [str(path) for path in files], "band": found.band, "error": found.error[0],
+        "nominal_error": found.error[1], "torque_error": dict(found.torque_error),
+        "parameters": dict(found.parameters), "intervals": dict(found.intervals),
+        "missing": dict(found.missing), "notes": list(found.notes),
+        "scales": dict(zip(found.joint_names, found.scales.tolist(), strict=True)),
+    }  # fmt: skip
+
+
+def _show(found: Identification) -> None:
+    from arm_sim.identification.report import friction_words
+
+    out = console()
+    rows = [
+        [name, f"{found.nominal_error[name]:.1%}", f"{found.torque_error[name]:.1%}",
+         number(found.torque_residual[name], 3), friction_words(found, j)]
+        for j, name in enumerate(found.joint_names)
+    ]  # fmt: skip
+    columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
+    show(out, table(columns, rows, text=(0, 4)))
+    out.print(
+        f"torque error on the part held out: {found.error[0]:.2%}, nominal {found.error[1]:.2%}; "
+        f"low-passed at {found.band:.3g} Hz; condition {found.condition:.3g}; "
+        f"{len(found.parameters)} numbers found, {len(found.missing)} not",
+        markup=False,
+    )
+    for note in found.notes:
+        out.print(f"note: {note}", markup=False)

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What an identification leaves in files: scene, robot description, report and figures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+
+from arm_dynamics import Scene, load_scene
+from arm_dynamics.identification import Identification
+from arm_dynamics.scene.text import scene_text
+from arm_sim.identification.figures import draw_friction, draw_torques
+
+_KINDS = {
+    "viscous": "viscous", "viscous_skew": "viscous, half the difference by direction",
+    "coulomb": "Coulomb",
+    "coulomb_skew": "Coulomb, half the difference by direction, or an offset",
+    "excess": "static beyond Coulomb", "stribeck_velocity": "Stribeck velocity",
+    "load": "part of the dry friction that grows with the load",
+}  # fmt: skip
+
+
+def write(found: Identification, out: Path, sources: Sequence[str]) -> list[Path]:
+    """Write the scene that was found, and what there is to say of it.
+
+    Args:
+        found: The identification.
+        out: The scene file.
+        sources: Names of the recordings.
+
+    Returns:
+        Files: the scene, its robot description, the report, and two figures.
+
+    Raises:
+        OSError: If one cannot be written.
+    """
+    report = out.with_suffix(".md")
+    torques, friction = (out.with_name(f"{out.stem}_{x}.png") for x in ("torques", "friction"))
+    head = f"# Identified from {', '.join(sources)}; {report.name} says how sure it is.\n"
+    scene = write_scene(found.scene, out, head)
+    draw_torques(found, torques)
+    draw_friction(found, friction)
+    report.write_text(text(found, out, sources, (torques, friction)), encoding="utf-8")
+    return [*scene, report, torques, friction]
+
+
+def write_scene(scene: Scene, out: Path, head: str = "") -> list[Path]:
+    """Write a scene and, beside it, its robot description; see ``write``."""
+    out.parent.mkdir(parents=True, exist_ok=True)
+    urdf = out.with_suffix(".urdf")
+    urdf.write_text(scene.robot.urdf, encoding="utf-8")
+    out.write_text(head + scene_text(scene, urdf.name), encoding="utf-8")
+    load_scene(out)
+    return [out, urdf]
+
+
+def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequence[Path]) -> str:
+    """The report, as Markdown."""
+    lines = [f"# {out.stem}: identified from {', '.join(sources)}", ""]
+    error, nominal = found.error
+    lines += [
+        f"Torque error on the part held out: **{error:.2%}**, of the nominal scene {nominal:.2%}. "
+        f"Low-passed at {found.band:.3g} Hz without lag. Condition of the motion: "
+        f"{found.condition:.3g}.", "",
+    ]  # fmt: skip
+    if found.effort_band is not None:
+        lines += [f"Predictions are low-passed at {found.effort_band:.3g} Hz.", ""]
+    rows = [
+        [name, f"{found.nominal_error[name]:.2%}", f"{found.torque_error[name]:.2%}",
+         f"{found.torque_residual[name]:.3g}", friction_words(found, j)]
+        for j, name in enumerate(found.joint_names)
+    ]  # fmt: skip
+    columns = ["joint", "nominal error", "error", "residual rms [N m, N]", "friction"]
+    lines += [*_table(columns, rows), ""]
+    if not np.allclose(found.scales, 1.0):
+        pairs = zip(found.joint_names, found.scales, strict=True)
+        lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
+    lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
+    lines += ["## What was found", "", "95 % intervals, in SI units.", ""]
+    rows = [
+        [_spoken(name), f"{value:.5g}", _interval(found, name),
+         f"{found.nominal[name]:.5g}" if name in found.nominal else ""]
+        for name, value in found.parameters.items()
+    ]  # fmt: skip
+    lines += [*_table(["number", "value", "interval", "nominal"], rows), ""]
+    lines += ["## What was not found", ""]
+    rows = [[_spoken(name), why] for name, why in found.missing.items()]
+    lines += [*_table(["number", "why"], rows), ""]
+    lines += ["## Bodies", "", "Near the nominal ones where the motion does not tell.", ""]
+    rows = [
+        [name, f"{body[0]:.4g}", ", ".join(f"{x:.4g}" for x in body[1:4] / max(body[0], 1e-12))]
+        for name, body in zip(found.body_names, found.bodies, strict=True)
+    ]
+    lines += [*_table(["moved by", "mass [kg]", "centre of mass [m]"], rows), ""]
+    if found.notes:
+        lines += ["## Notes", "", *[f"- {note}" for note in found.notes], ""]
+    return "\n".join(lines)
+
+
+def _table(columns: Sequence[str], rows: Sequence[Sequence[str]]) -> list[str]:
+    lines = [columns, ["---"] * len(columns), *rows]
+    return ["| " + " | ".join(line) + " |" for line in lines]
+
+
+def _spoken(name: str) -> str:
+    joint, _, kind = name.rpartition(".")
+    return f"{joint}: {_KINDS[kind]}" if kind in _KINDS else name
+
+
+def _interval(found: Identification, name: str) -> str:
+    if name not in found.intervals:
+        return ""
+    return "{:.4g} to {:.4g}".format(*found.intervals[name])
+
+
+def friction_words(found: Identification, j: int) -> str:
+    """The friction of a joint in a few words."""
+    fit = found.friction[j]
+    if fit is None or not fit.kinds:
+        return "as it was: the joint did not move"
+    words = [f"{kind} {fit.coefficients[kind]:.3g}" for kind in fit.kinds]
+    if fit.shape.stribeck_velocity is not None:
+        words.append(f"stribeck_velocity {fit.shape.stribeck_velocity:.2g}")
+    if fit.shape.load is not None:
+        words.append(f"load {fit.shape.load:.0%}")
+    return ", ".join(words)

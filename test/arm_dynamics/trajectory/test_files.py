@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Joint trajectories as files."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+import yaml
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
+
+NAMES = ("shoulder", 'el"bow')
+MOTION = quintic([Waypoint(0.0, [0, 1e-7]), Waypoint(0.5, [0.3, 1.0]), Waypoint(1.25, [0, 1e-7])])
+
+
+def test_what_is_saved_is_the_same_motion_when_it_is_loaded(tmp_path: Path) -> None:
+    path = JointTrajectory.of(MOTION, NAMES).save(tmp_path / "a.yaml")
+    loaded = JointTrajectory.load(path)
+    assert loaded.joint_names == NAMES
+    assert loaded.start == {"shoulder": 0.0, 'el"bow': 1e-7}
+    turned = loaded.motion(NAMES[::-1])
+    for t in np.linspace(0.0, 1.25, 41):
+        there, here = MOTION.sample(t), turned.sample(t)
+        for part in "qva":
+            expected = getattr(there, part)
+            np.testing.assert_allclose(getattr(here, part)[::-1], expected, atol=1e-12)
+
+
+def test_it_is_a_message_of_ros(tmp_path: Path) -> None:
+    """Keys and types of trajectory_msgs/JointTrajectory; numbers stay numbers in YAML 1.1."""
+    text = JointTrajectory.of(MOTION, NAMES).save(tmp_path / "a.yaml").read_text()
+    found = yaml.safe_load(text)
+    assert set(found) == {"joint_names", "points"}
+    assert found["points"][1]["time_from_start"] == {"sec": 0, "nanosec": 500_000_000}
+    for point in found["points"]:
+        for key in ("positions", "velocities", "accelerations"):
+            assert all(isinstance(x, float) for x in point[key])
+
+
+def test_turns_follow_one_another() -> None:
+    twice = JointTrajectory.of(MOTION, NAMES, turns=2)
+    motion = twice.motion(NAMES)
+    assert motion.duration == pytest.approx(2.5)
+    np.testing.assert_allclose(motion.sample(1.75).q, MOTION.sample(0.5).q)
+
+
+@pytest.mark.parametrize(
+    ("text", "told"),
+    [
+        ("", "is no joint trajectory"),
+        ("[1, 2]", "is no joint trajectory"),
+        ("joint_names: [a]\npoints: [{positions: [0]}]", "time_from_start"),
+        ("joint_names: [a]\npoints: []", "0 waypoints"),
+        (
+            "joint_names: [a]\npoints: [{positions: [x], time_from_start: {sec: 0}}]",
+            "real numbers",
+        ),
+        ("{", "is no joint trajectory"),
+    ],
+)
+def test_other_files_are_refused_by_name(tmp_path: Path, text: str, told: str) -> None:
+    path = tmp_path / "b.yaml"
+    path.write_text(text)
+    with pytest.raises(InvalidInput, match=told) as refused:
+        JointTrajectory.load(path)
+    assert "b.yaml" in str(refused.value)
+
+
+def test_other_joints_are_refused() -> None:
+    with pytest.raises(InvalidInput, match="the arm has wrist"):
+        JointTrajectory.of(MOTION, NAMES).motion(["wrist"])
