@@ -42,17 +42,20 @@ class Bench:
 
     @property
     def repeats(self) -> int:
-        """Rounds of interleaved measurements."""
+        """Rounds of interleaved measurements; fewer than six leave verdicts on times open."""
         return 3 if self.quick else 7
 
     def robots(self) -> list[Robot]:
         """The robots whose motion is compared."""
         return [panda()] if self.quick else [panda(), ur10(), chain(6)]
 
-    def time[Name: Hashable](self, label: str, jobs: Mapping[Name, Job]) -> dict[Name, Cost]:
+    def time[Name: Hashable](
+        self, label: str, jobs: Mapping[Name, Job], repeats: int | None = None
+    ) -> dict[Name, Cost]:
         """Median cost of each job, interleaved, with progress."""
-        self.progress.stage(label, len(jobs) * self.repeats)
-        return interleaved(jobs, self.repeats, self.noise, self.progress.advance)
+        rounds = self.repeats if repeats is None else repeats
+        self.progress.stage(label, len(jobs) * rounds)
+        return interleaved(jobs, rounds, self.noise, self.progress.advance)
 
     def once(self, label: str, call: Callable[[], Any]) -> Any:
         """Do one piece of untimed work, with progress."""

@@ -52,18 +52,23 @@ def run(bench: Bench) -> Record:
     costs = bench.time("closed chain", jobs)
     return {
         "rows": [_row(name, costs[name], *errors[name]) for name in errors],
-        "pinocchio_ns": _from_cpp(costs) * 1e9,
+        "pinocchio_ns": _from_cpp({name: cost.median for name, cost in costs.items()}) * 1e9,
+        "pinocchio_rounds_ns": [
+            _from_cpp({name: cost.samples[k] for name, cost in costs.items()}) * 1e9
+            for k in range(bench.repeats)
+        ],
     }
 
 
 def _row(name: str, cost: Cost, step: float, error: float) -> Record:
-    return {"who": name, "ns": cost.median * 1e9, "step": step, "error": error}
+    c = cost.scaled(1e9)
+    about = {"who": name, "step": step, "error": error}
+    return about | {"ns": c.median, "rounds_ns": list(c.samples)}
 
 
-def _from_cpp(costs: dict[str, Cost]) -> float:
+def _from_cpp(costs: dict[str, float]) -> float:
     """``constraintDynamics`` without what the binding takes of a call, which ``aba`` shows."""
-    binding = costs["plain"].median - costs["compiled"].median
-    return costs["call"].median - binding
+    return costs["call"] - (costs["plain"] - costs["compiled"])
 
 
 def _state(t: str) -> tuple[np.ndarray, np.ndarray]:

@@ -3,7 +3,7 @@
 
 A point mass of 2 kg on rails x and z touches the plane z = 0 with µ = 0.4, RK4 at 1 ms. MuJoCo
 runs with its default contact and with the stiffest that this step allows (solref 2 ms), elliptic
-cones. ``./arm python -m benchmarks.studies.contact`` prints the table of docs/contact.md.
+cones. ``./arm python -m benchmarks.studies.contact`` prints the table of docs/concepts/contact.md.
 """
 
 from __future__ import annotations

@@ -79,6 +79,7 @@ def run(bench: Bench, ours: Fleets) -> Record:
                 "steps": STEPS,
                 "arm_steps_per_s": 1 / float(np.median(samples[who, threads, arms].walls)),
                 "arm_steps_per_s_per_core": 1 / costs[who, threads, arms].median,
+                "rounds_s_per_core": list(costs[who, threads, arms].samples),
             }
             for who, threads, arms in samples
         ]

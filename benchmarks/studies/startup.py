@@ -72,6 +72,7 @@ def _start(case: _Case, bench: Bench) -> Record:
         "joints": case.joints,
         "cold_s": cold,
         "cached_s": cached,
+        "cached_rounds_s": [w["total without imports"] for w in warm],
         "compiled_bytes": size,
     }
 

@@ -105,4 +105,5 @@ def _point(about: Record, who: Contestant, setting: float, error: float, cost: C
         "cpu_s": cost.median,
         "cpu_low_s": cost.low,
         "cpu_high_s": cost.high,
+        "rounds_s": list(cost.samples),
     }

@@ -7,7 +7,7 @@ Each is compiled from the files of ``stepping/native`` with a few exported lines
 from __future__ import annotations
 
 import ctypes
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cache
 from typing import Any
@@ -24,7 +24,9 @@ from arm_sim.stepping.adaptive import SubstepControl
 from arm_sim.stepping.stepper import engine_source, source
 
 APART, SLIDES, STICKS, UNSOLVABLE = range(4)
-_CALLBACK = ctypes.CFUNCTYPE(ctypes.c_double, ctypes.c_void_p, ctypes.c_double)
+_CALLBACK = ctypes.CFUNCTYPE(
+    None, ctypes.c_void_p, ctypes.c_double, ctypes.POINTER(ctypes.c_double)
+)
 
 _CONES = """
 __attribute__((visibility("default")))
@@ -57,8 +59,9 @@ int solve_cone(const double* W, const double* c, double mu, const double* given,
 """
 _SEARCH = """
 __attribute__((visibility("default")))
-double locate(double (*value_at)(const void*, double), double h, double f_h) {
-  return first_positive(value_at, 0, h, f_h, 0.0);
+double locate(void (*values_at)(const void*, double, double*), int count, double h,
+              const double* at_h, double nothing) {
+  return first_positive(values_at, 0, count, h, at_h, nothing);
 }
 """
 _DECAY = """
@@ -95,7 +98,8 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
                            double* before, double* impulse) {
   geometry_t geometry;
   inertia_t inertia;
-  segment_t segment = {.u = still};
+  long long work = 0;
+  segment_t segment = {.u = still, .work = &work};
   for (int k = 0; k < NC; ++k) segment.contact[k].touching = 1;
   for (int i = 0; i < ND; ++i) segment.p.direction[i] = 1.0;
   find_geometry(x, &geometry);
@@ -110,19 +114,22 @@ EXPORTED double impulse_at(const real* x, const double* rebound, double* W, doub
   return blow.gain;
 }
 EXPORTED double hit(real* x, int rebounds) {
-  segment_t segment = {.u = still};
+  long long work = 0;
+  segment_t segment = {.u = still, .work = &work};
   geometry_t geometry;
   return impact(x, &segment, rebounds, &geometry);
 }
 EXPORTED int rank_found(double* W) { return rank_of(W); }
 EXPORTED int stop_at(real* x, const double* direction) {
-  segment_t segment = {.u = still};
+  long long work = 0;
+  segment_t segment = {.u = still, .work = &work};
   for (int i = 0; i < ND; ++i) segment.p.direction[i] = direction[i];
   return stop_joints(x, &segment);
 }
 EXPORTED void round_at(real* x) { stop_rounding(x); }
 EXPORTED int held_at(const real* x, const real* u) {
-  segment_t segment = {.u = u};
+  long long work = 0;
+  segment_t segment = {.u = u, .work = &work};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   geometry_t geometry;
   find_geometry(x, &geometry);
@@ -188,17 +195,24 @@ class Located:
     evaluations: int
 
 
-def locate(f: Callable[[float], float], h: float) -> Located:
-    """Where ``f`` becomes positive on (0, h], by the engine's search."""
+def locate(
+    functions: Callable[[float], float] | Sequence[Callable[[float], float]],
+    h: float,
+    nothing: float = 0.0,
+) -> Located:
+    """Where a function, or the first of some, becomes positive on (0, h], by the engine."""
     library, asked = _library(source({}, "search.c") + _SEARCH), list[float]()
+    functions = [functions] if callable(functions) else functions
 
-    def value_at(_: object, t: float) -> float:
+    def values_at(_: object, t: float, values: Any) -> None:
         asked.append(t)
-        return f(t)
+        for i, f in enumerate(functions):
+            values[i] = f(t)
 
     library.locate.restype = ctypes.c_double
-    end = ctypes.c_double(f(h))
-    at = library.locate(_CALLBACK(value_at), ctypes.c_double(h), end)
+    end = (ctypes.c_double * len(functions))(*(f(h) for f in functions))
+    size, below = ctypes.c_double(h), ctypes.c_double(nothing)
+    at = library.locate(_CALLBACK(values_at), len(functions), size, end, below)
     return Located(float(at), len(asked))
 
 

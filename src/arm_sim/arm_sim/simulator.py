@@ -9,12 +9,16 @@ from struct import Struct
 from typing import Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
-from arm_dynamics import ArmModel, Dynamics, InvalidInput, Scene, load_scene
-from arm_dynamics.arrays import Array
+from arm_dynamics import ArmModel, Dynamics, InvalidInput
+from arm_dynamics.arrays import Array, real_array
 from arm_dynamics.control.wrappers import AnyController
-from arm_dynamics.exceptions import known_names
+from arm_dynamics.exceptions import choices
+from arm_dynamics.model.arm import arm_model
+from arm_dynamics.scene import Scene
 from arm_dynamics.scene.constraint import label, switchable
+from arm_dynamics.scene.load import SceneSource, naming
 from arm_dynamics.trajectory.reference import Motion
 from arm_sim.compiled_scene import CompiledScene
 from arm_sim.exceptions import SimulationDiverged
@@ -37,13 +41,16 @@ from arm_sim.plant.plant import Plant
 from arm_sim.recording.changes import Changes
 from arm_sim.recording.contents import BRAKES, FREE, SERVOS
 from arm_sim.recording.energy_account import EnergyAccount
+from arm_sim.recording.energy_meter import EnergyMeter
 from arm_sim.recording.origin import Origin, Physics
 from arm_sim.recording.recording import Recording
 from arm_sim.servo import JointCommand
 from arm_sim.state import State, read_only
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces, trouble
+from arm_sim.stepping.gradient import RolloutGradient, gradient_of
+from arm_sim.stepping.roll import Roll
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.view import Instant, Rig, View, show_rigs
+from arm_sim.view import Instant, LiveAccount, Rig, View, show_rigs
 from arm_sim.view.server import HERE
 
 Control = Callable[[State], Any]
@@ -75,6 +82,8 @@ class Simulator:
         hold: What held the arm in the last tick: ``FREE``, ``BRAKES`` or ``SERVOS``, see
             ``Recording``.
         notes: Estimated error and time-stepped ticks as they are now, see ``State``, likewise.
+        pointers: Where compiled code of others finds the tick, see ``passed``; None where the
+            scene runs on the virtual machine. Replaced by ``use``.
         sensors: What the scene's sensors tell, tick by tick; None if it has none.
 
     Raises:
@@ -85,16 +94,18 @@ class Simulator:
 
     def __init__(
         self,
-        scene: Scene | ArmModel | Any,
+        scene: SceneSource | ArmModel,
         integrator: str | None = None,
         dt: float | None = None,
         tolerance: float | None = None,
         backend: str = "auto",
     ) -> None:
-        model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+        model = arm_model(scene)
         self.source = named(scene)
-        plant = Plant(model)
-        self.choice: Choice = choose(plant, integrator, dt, tolerance)
+        with naming(scene):
+            plant = Plant(model)
+            self.choice: Choice = choose(plant, integrator, dt, tolerance)
+            compiled = CompiledScene(plant, self.choice, backend)
         self.n, self.joint_names, self.dt = model.n, model.joint_names, self.choice.dt
         self.z_names = plant.laws.names if plant.laws else ()
         self.backend = backend
@@ -106,10 +117,11 @@ class Simulator:
         self.notes, self.hold = read_only(self._notes[0]), FREE
         self._state: State | None = None
         self._step = 0
+        self.pointers: Roll | None = None
         self._saturation = SaturationNotice(model)
         self.sensors = sensors_of(model.scene, self.joint_names, self.dt)
         self._line: Line[list[float] | JointCommand] | None = command_line(model.scene, self.dt)
-        self._bind(CompiledScene(plant, self.choice, backend))
+        self._bind(compiled)
         self.reset()
 
     @property
@@ -215,7 +227,7 @@ class Simulator:
         """What a tick computes, what it skips, and why; ``str(sim.plan)`` is readable."""
         return self._compiled.plan
 
-    def step(self, tau: Any) -> State:
+    def step(self, tau: ArrayLike | JointCommand) -> State:
         """Advance one tick with the torque held.
 
         Args:
@@ -277,6 +289,16 @@ class Simulator:
         if self.sensors is not None:
             self.sensors.look(self._step, self._q, self._v, self._driving)
 
+    @property
+    def notices_cuts(self) -> bool:
+        """Whether the first command that is cut at its limit is still to be told."""
+        return not self._saturation.said
+
+    def passed(self, ticks: int) -> None:
+        """Take note of ticks that others made by ``pointers``, as ``advance`` would have."""
+        self._step, self._state, self.hold = self._step + ticks, None, FREE
+        self._saturation.look(self._command, self._effort)
+
     def _advance(self) -> None:
         if self._tick() != 1:
             raise self._diverged()
@@ -288,7 +310,7 @@ class Simulator:
     def run(
         self,
         duration: float,
-        control: Control | CompiledControl | AnyController | Any = None,
+        control: Control | CompiledControl | AnyController | ArrayLike | None = None,
         reference: Motion | None = None,
     ) -> Recording:
         """Advance for a while and record every tick.
@@ -366,7 +388,12 @@ class Simulator:
             raise diverged
         return recording
 
-    def reset(self, q: Any = None, v: Any = None, z: Any = None) -> State:
+    def reset(
+        self,
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        z: ArrayLike | None = None,
+    ) -> State:
         """Start again at time zero.
 
         Args:
@@ -386,10 +413,18 @@ class Simulator:
         self._begin_anew()
         return self.state
 
-    def set_state(self, q: Any = None, v: Any = None, z: Any = None) -> State:
+    def set_state(
+        self,
+        q: ArrayLike | None = None,
+        v: ArrayLike | None = None,
+        z: ArrayLike | None = None,
+    ) -> State:
         """Put the robot somewhere else while time goes on.
 
-        None keeps positions or velocities, and gives the laws the states that suit them.
+        Args:
+            q: Joint positions in [rad] or [m], shape (n,); None keeps them.
+            v: Joint velocities in [rad/s] or [m/s], shape (n,); None keeps them.
+            z: States of drives and friction, shape (nz,); None: those that suit q and v.
         """
         q, v = self.state.q if q is None else q, self.state.v if v is None else v
         self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
@@ -418,6 +453,16 @@ class Simulator:
         self._step, self._effort[:], self._notes[:], self._state = step, 0.0, 0.0, None
         self._begin_anew()
 
+    def imperfect(self, scene: Scene) -> None:
+        """Take the sensors and lines of another scene of the same joints, and begin them anew.
+
+        Raises:
+            SceneError: If a filter's cut-off frequency cannot be had at this rate.
+        """
+        self.sensors = sensors_of(scene, self.joint_names, self.dt)
+        self._line = command_line(scene, self.dt)
+        self._begin_anew()
+
     def set_parameter(self, name: str, value: Any) -> None:
         """Change a tunable quantity of the scene (see ``Parameter``), or raise InvalidInput."""
         merged = self.plant.parameters.merged({name: value}, self._stepper.p)
@@ -427,9 +472,9 @@ class Simulator:
 
     def rollout(
         self,
-        q0: Any,
-        v0: Any,
-        tau: Any,
+        q0: ArrayLike,
+        v0: ArrayLike,
+        tau: ArrayLike,
         steps: int,
         *,
         parameters: dict[str, Any] | None = None,
@@ -463,10 +508,10 @@ class Simulator:
         batch = replace(batch, tau=delivered(self.model.scene, self.dt, batch.tau))
         return rollouts.run(batch, threads, lanes)
 
-    def linearize(self, state: State, tau: Any, ticks: int = 1) -> tuple[Array, Array]:
+    def linearize(self, state: State, tau: ArrayLike, ticks: int = 1) -> tuple[Array, Array]:
         """Exact derivatives of the state after a tick (or several, torque held).
 
-        Across events, which move with the state: see ``docs/derivatives.md``.
+        Across events, which move with the state: see ``docs/concepts/derivatives.md``.
 
         Returns:
             A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z).
@@ -478,16 +523,99 @@ class Simulator:
             SimulationDiverged: If a tick cannot be computed.
         """
         whole("ticks", ticks, 1)
+        if not isinstance(state, State):
+            kind = type(state).__name__
+            raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")
         x = packed(self.plant, state.q, state.v, state.z)
         command = np.array(torque(tau, self.joint_names))
         return self._compiled.linearizer(x, command, ticks)
+
+    def linearize_many(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        ticks: int = 1,
+        *,
+        threads: int | None = None,
+        lanes: int | None = None,
+    ) -> tuple[Array, Array]:
+        """As ``linearize``, at many states; smooth ticks in vector registers and on all cores.
+
+        Args:
+            q: Positions in [rad] or [m], shape (b, n).
+            v: Velocities in [rad/s] or [m/s], shape (b, n).
+            tau: Torques in [N m] or [N], held, shape (n,) or (b, n).
+            ticks: How many ticks.
+            threads: Cores to use; None for all.
+            lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
+
+        Returns:
+            A of shape (b, nx, nx) and B of shape (b, nx, n). States z of laws are those that suit
+            q and v, as after a reset.
+
+        Raises:
+            InvalidInput: If an argument is not allowed.
+            NotDifferentiable: If a tick of an arm has no derivative; it names the arm.
+            SimulationDiverged: If a tick of an arm cannot be computed; likewise.
+        """
+        whole("ticks", ticks, 1)
+        p = self._stepper.p[: len(self.plant.parameters.nominal)]
+        batch = self._compiled.rollouts.batch(q, v, tau, 1, p, last_only=True)
+        linearizer, nx = self._compiled.linearizer, self.plant.nx
+        slopes = linearizer.many(batch.x0, batch.tau[:, 0], ticks, threads, lanes)
+        return slopes[:, :, :nx], slopes[:, :, nx:]
+
+    def rollout_gradient(
+        self,
+        q0: ArrayLike,
+        v0: ArrayLike,
+        tau: ArrayLike,
+        steps: int,
+        g: ArrayLike,
+        *,
+        parameters: dict[str, Any] | None = None,
+        threads: int | None = None,
+        lanes: int | None = None,
+    ) -> RolloutGradient:
+        """Gradient of a function L of the states of ``rollout``, by all that the rollout is given.
+
+        It takes the work of some four rollouts, and as memory the motion of the arms that are
+        advanced side by side: threads × lanes × (steps + 1) × nx numbers, beside what is given and
+        returned. Where motion has events, or with error control, A and B of every tick of an arm.
+
+        Args:
+            q0: As for ``rollout``; under bilateral constraints states that obey them.
+            v0: As for ``rollout``.
+            tau: As for ``rollout``; they act at once.
+            steps: Ticks to advance.
+            g: ∂L/∂states at the states that ``rollout`` returns, shape (b, steps + 1, 2n).
+            parameters: As for ``rollout``.
+            threads: Cores to use; None for all.
+            lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed.
+            NotDifferentiable: If a tick of an arm has no derivative; it names both.
+            SimulationDiverged: If a tick of an arm cannot be computed; likewise.
+        """
+        p = self.plant.parameters.merged(parameters or {}, self._stepper.p)
+        batch = self._compiled.rollouts.batch(q0, v0, tau, steps, p, last_only=True)
+        shape = len(batch.x0), batch.steps + 1, 2 * self.n
+        weights = np.ascontiguousarray(real_array("g", g))
+        if weights.shape != shape or not np.isfinite(weights).all():
+            raise InvalidInput(
+                f"g has shape {weights.shape}; finite numbers of {shape} are needed"
+            )
+        found = self._compiled.gradients.run(batch, weights, threads, lanes)
+        return gradient_of(self.plant, batch, found, np.shape(tau))
 
     def multipliers(self) -> Array:
         """λ under the last torque, shape (m,); see ``Dynamics.constrained_forward``."""
         state, names = self.state, self.held_constraints
         outside = self.plant.parameters.of("external", self._stepper.p)
         tau = self.effort + outside if outside.size else self.effort
-        if self.plant.events and self.plant.project:
+        if self.plant.eventful and self.plant.constrained:
             tau = tau + self._stepper.push(self._x, self.command)
         return self.dynamics.constrained.without_sticking(state.q, state.v, tau, names)[1]
 
@@ -512,7 +640,7 @@ class Simulator:
         places = [label(constraints[i], i) for i in switchable(constraints)]
         if name not in places:
             raise InvalidInput(
-                f"constraint '{name}' cannot be switched; switchable: {known_names(places)}"
+                f"constraint '{name}' cannot be switched; switchable: {choices(name, places)}"
             )
         names = {*self.held_constraints, name} if on else {*self.held_constraints} - {name}
         state = self.state
@@ -552,7 +680,10 @@ class Simulator:
 
     def rig(self) -> Rig:
         """The simulator as a page takes it, which may show several."""
-        return Rig(self, self._seen, lambda: self.use(self._compiled.pushable()))
+        account = LiveAccount(
+            lambda: self.energy_account.prepare(), lambda: EnergyMeter(self), bool(self.z_names)
+        )
+        return Rig(self, self._seen, lambda: self.use(self._compiled.pushable()), account)
 
     def _seen(self) -> Instant:
         """What there is to see now, under the torque of the last tick."""
@@ -584,6 +715,7 @@ class Simulator:
         self._compiled, self._stepper = compiled, compiled.stepper
         arrays = self._command, self._x[None].copy(), self._effort, self._notes
         self._tick = self._stepper.bound(self._x, *arrays)
+        self.pointers = Roll.of(self._tick)
 
     def _roll(
         self, stepper: Stepper, command: Array, trace: Array, effort: Array, notes: Array
@@ -653,7 +785,7 @@ class Simulator:
     def _refuse_imperfections(self) -> None:
         if self.sensors is not None or self._line is not None:
             raise InvalidInput(
-                "a compiled controller knows the state itself and acts at once, but the scene has "
+                "a compiled controller uses the true state without delay, but the scene has "
                 "'sensors' or 'commands'; a controller that is a function of the state is allowed"
             )
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Formulas of lecture notes as docs/equations.md gives them, misprints corrected.
+"""Formulas of lecture notes as docs/concepts/equations.md gives them, misprints corrected.
 
 The arm is the one of most lectures: two massless links with a point mass at the end of each.
 """
@@ -10,23 +10,11 @@ import numpy as np
 import pytest
 
 from arm_dynamics import Dynamics, Term
+from models.two_bodies import two_bodies
 from tolerances import CLOSED_FORM, assert_close
 
 G, M1, M2, L1, L2 = 9.81, 1.3, 0.7, 0.6, 0.4
-
-POINT_MASSES = f"""
-<robot name="point_masses">
-  <link name="base"/>
-  <link name="upper"><inertial><origin xyz="{L1} 0 0"/><mass value="{M1}"/>
-    <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
-  <link name="lower"><inertial><origin xyz="{L2} 0 0"/><mass value="{M2}"/>
-    <inertia ixx="0" ixy="0" ixz="0" iyy="0" iyz="0" izz="0"/></inertial></link>
-  <joint name="shoulder" type="continuous">
-    <parent link="base"/><child link="upper"/><axis xyz="0 -1 0"/></joint>
-  <joint name="elbow" type="continuous">
-    <origin xyz="{L1} 0 0"/><parent link="upper"/><child link="lower"/><axis xyz="0 -1 0"/></joint>
-</robot>
-"""
+POINT_MASSES = two_bodies(L1, (M1, M2), (L1, L2))
 
 
 @pytest.fixture(scope="module")

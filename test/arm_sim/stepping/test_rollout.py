@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import models
-from arm_dynamics import InvalidInput
+from arm_dynamics import InvalidInput, load_scene
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.stepping.rollout import share
 from models.driven import WINDING, wheel
@@ -203,3 +203,21 @@ def test_refusals(changes: dict[str, Any]) -> None:
     good = {"q0": np.zeros((3, 2)), "v0": np.zeros((3, 2)), "tau": [0.0, 0.0], "steps": 10}
     with pytest.raises(InvalidInput):
         sim.rollout(**{**good, **changes})
+
+
+@pytest.mark.parametrize(
+    "more",
+    [
+        {"joints": {"*": {"friction": {"coulomb": 0.5, "static": 0.7}}}},
+        {"sim": {"tolerance": 1e-6}},
+    ],
+    ids=["events", "error control"],
+)
+def test_rollouts_again_have_the_same_bits(more: dict[str, Any]) -> None:
+    """What the first one learned of sub-steps and events is forgotten by the second."""
+    scene = load_scene("two_link").model_dump(exclude_unset=True) | more
+    sim, rng = Simulator(scene), np.random.default_rng(2)
+    q0, v0 = rng.normal(0.0, 0.5, (5, 2)), rng.normal(0.0, 2.0, (5, 2))
+    first = sim.rollout(q0, v0, [1.0, -0.5], 60)
+    np.testing.assert_array_equal(sim.rollout(q0, v0, [1.0, -0.5], 60), first)
+    np.testing.assert_array_equal(sim.rollout(q0[::-1], v0[::-1], [1.0, -0.5], 60)[::-1], first)

@@ -50,6 +50,22 @@ def test_scale_of_time_and_of_the_value_do_not_matter() -> None:
             assert found.evaluations <= 40
 
 
+def test_of_several_values_the_first_is_found() -> None:
+    """In about as many trials as one takes, whatever their scales: the largest has a kink."""
+    late, soon = (lambda t: 1e3 * np.sin(t - 0.7)), (lambda t: 1e-9 * np.expm1(5 * (t - 0.31)))
+    for never in (-1e-12, 0.0):  # zero: as of a joint that friction just holds
+        found = locate([late, soon, lambda t, never=never: never], 1.0)
+        assert_close(found.at, 0.31, 1e-15)
+        assert found.evaluations <= 20
+
+
+def test_values_that_are_rounding_take_few_trials() -> None:
+    """As of a joint that cannot move by less than the last digit of its position."""
+    found = locate(lambda t: np.round((t - 0.4) * 1e6) * 1e-18 - 1e-20, 1.0, nothing=1e-15)
+    assert_close(found.at, 0.4, 1e-4)
+    assert found.evaluations <= 20
+
+
 def test_what_is_positive_at_once_is_found_at_once() -> None:
     """The first instant of a mode that is wrong from the start."""
     assert locate(lambda t: t + 1e-12, 1.0).at < 1e-15

@@ -34,10 +34,12 @@ class Code:
     Attributes:
         library: The library; calls release the interpreter lock.
         origin: Who compiled it, as text.
+        key: Digest of its source, headers and flags.
     """
 
     library: ctypes.CDLL
     origin: str
+    key: str
 
 
 class Manifest(BaseModel):
@@ -100,7 +102,8 @@ def load(entry: Path) -> Code:
         library = ctypes.CDLL(str(entry))
     except OSError as error:
         raise KernelError(f"{entry} cannot be loaded: {error}") from error
-    return Code(library, f"{manifest.compiler}, compiled for {manifest.target} in {entry.parent}")
+    origin = f"{manifest.compiler}, compiled for {manifest.target} in {entry.parent}"
+    return Code(library, origin, entry.stem)
 
 
 def read_manifest(entry: Path) -> Manifest:

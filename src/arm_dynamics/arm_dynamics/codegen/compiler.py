@@ -134,7 +134,7 @@ def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> C
         CompilerMissing: If there is neither a compiler nor a library that may be loaded.
         KernelError: If the compiler refuses the code.
     """
-    key = _digest(source, *_headers(source, flags), language, *flags)
+    key = digest(source, *_headers(source, flags), language, *flags)
     destination = _destination.get()
     if destination is not None:
         return _build_into(destination, key, source, language, flags)
@@ -146,6 +146,18 @@ def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> C
         found = _from_own_cache(key, source, language, command, flags)
     for refusal in refusals:
         _log.warning("%s", refusal)
+    return found
+
+
+def find(key: str) -> Code | None:
+    """What ``build`` compiled before, by ``Code.key``; None if it is not there any more."""
+    if _destination.get() is not None:
+        return None
+    found, _ = compiled_scenes.search(key)
+    command = find_compiler()
+    if found is None and command is not None:
+        entry, version = _own_entry(key, command)
+        found = Code(ctypes.CDLL(str(entry)), version, key) if _sound(entry) else None
     return found
 
 
@@ -195,7 +207,8 @@ def _temporary_folder() -> Path:
     return Path(tempfile.mkdtemp(prefix="arm_dynamics-"))
 
 
-def _digest(*parts: str) -> str:
+def digest(*parts: str) -> str:
+    """Name of what is made of some texts."""
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
 
 
@@ -251,26 +264,38 @@ def _build_into(
 def _from_own_cache(
     key: str, source: str, language: str, command: tuple[str, ...], flags: tuple[str, ...]
 ) -> Code:
-    version = compiler_version(command)
-    name = _digest(key, *command, version, *sorted(processor.instructions()))
-    entry = cache_folder() / f"{name}.so"
+    entry, version = _own_entry(key, command)
     if not _sound(entry):
-        library = _compiled(source, language, command, flags, processor.NATIVE)
-        compiled_scenes.put(entry, library + hashlib.sha256(library).digest(), 0o600)
-    return Code(ctypes.CDLL(str(entry)), version)
+        write_sound(entry, _compiled(source, language, command, flags, processor.NATIVE))
+    return Code(ctypes.CDLL(str(entry)), version, key)
+
+
+def _own_entry(key: str, command: tuple[str, ...]) -> tuple[Path, str]:
+    """File of the user's own cache, and the compiler's version."""
+    version = compiler_version(command)
+    name = digest(key, *command, version, *sorted(processor.instructions()))
+    return cache_folder() / f"{name}.so", version
 
 
 def _sound(entry: Path) -> bool:
+    return read_sound(entry) is not None
+
+
+def read_sound(entry: Path) -> bytes | None:
+    """What ``write_sound`` wrote, or None if it is not there, damaged or another user's."""
     try:
         if not stat.S_ISREG(entry.lstat().st_mode) or entry.lstat().st_uid != os.getuid():
-            return False
+            return None
         content = entry.read_bytes()
     except OSError:
-        return False
-    return (
-        len(content) > _DIGEST
-        and hashlib.sha256(content[:-_DIGEST]).digest() == content[-_DIGEST:]
-    )
+        return None
+    whole = hashlib.sha256(content[:-_DIGEST]).digest() == content[-_DIGEST:]
+    return content[:-_DIGEST] if len(content) > _DIGEST and whole else None
+
+
+def write_sound(entry: Path, content: bytes) -> None:
+    """Write a file of the user's own cache: content, followed by the digest of its bytes."""
+    compiled_scenes.put(entry, content + hashlib.sha256(content).digest(), 0o600)
 
 
 def _compiled(

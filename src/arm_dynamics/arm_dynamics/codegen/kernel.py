@@ -8,17 +8,20 @@ from __future__ import annotations
 
 import ctypes
 import logging
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from typing import Self
 
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen import compiler, known_kernels
+from arm_dynamics.codegen.compiled_scenes import Code
+from arm_dynamics.codegen.known_kernels import Signature
 from arm_dynamics.codegen.split_functions import divided
-from arm_dynamics.exceptions import CompilerMissing, InvalidInput, KernelError
+from arm_dynamics.exceptions import CompilerMissing, InvalidInput, KernelError, choices
 
 BACKENDS = ("auto", "native", "vm")
 _log = logging.getLogger(__name__)
@@ -73,8 +76,10 @@ class Kernel:
         needs_native: str = "",
     ) -> None:
         if backend not in BACKENDS:
-            raise InvalidInput(f"backend = {backend!r}; allowed: {', '.join(BACKENDS)}")
+            raise InvalidInput(f"backend = {backend!r}; allowed: {choices(backend, BACKENDS)}")
         self._functions = {function.name(): function for function in functions}
+        self._signatures = {name: _signature(f) for name, f in self._functions.items()}
+        self._operations = dict[str, int]()
         self.library: ctypes.CDLL | None = None
         self.backend = "virtual machine of CasADi"
         if backend != "vm":
@@ -85,6 +90,29 @@ class Kernel:
                 "machine runs smooth scenes only; allowed here: auto, native"
             )
 
+    @classmethod
+    def recalled(cls, recipe: str) -> Self | None:
+        """The kernel that was kept under a recipe, without its expressions; None if none was.
+
+        Args:
+            recipe: Text that says all that the functions and the driver are made of.
+        """
+        found = known_kernels.recall(recipe)
+        if found is None:
+            return None
+        kernel, (code, note) = cls([], "vm"), found
+        kernel._load(code)
+        kernel._signatures = {each.name: each for each in note.functions}
+        kernel._operations = note.operations
+        return kernel
+
+    def keep(self, recipe: str) -> None:
+        """Let native code be found again by what it is made of, see ``recalled``."""
+        if self.library is not None:
+            counts = {name: self.operations(name) for name in self._signatures}
+            functions = tuple(self._signatures.values())
+            known_kernels.keep(recipe, self._key, functions, counts)
+
     @property
     def native(self) -> bool:
         """Whether the functions are native code."""
@@ -92,15 +120,18 @@ class Kernel:
 
     def operations(self, name: str) -> int:
         """Operations in one call of the function ``name``, with those of functions it calls."""
-        return operations(self._functions[name])
+        if name not in self._operations:
+            self._operations[name] = operations(self._functions[name])
+        return self._operations[name]
 
     def call(self, name: str) -> Call:
         """Bind the function ``name`` to fresh memory."""
-        function = self._functions[name]
-        inputs = tuple(_memory(function.size_in(i)) for i in range(function.n_in()))
-        outputs = tuple(_memory(function.size_out(i)) for i in range(function.n_out()))
-        bind = _virtual if self.library is None else self._bind
-        return Call(inputs, outputs, bind(function, inputs, outputs))
+        signature = self._signatures[name]
+        inputs = tuple(_memory(shape) for shape in signature.inputs)
+        outputs = tuple(_memory(shape) for shape in signature.outputs)
+        if self.library is None:
+            return Call(inputs, outputs, _virtual(self._functions[name], inputs, outputs))
+        return Call(inputs, outputs, self._bind(signature, inputs, outputs))
 
     def _compile(self, backend: str, driver: str, needs_native: str) -> None:
         source = '#include "scalar.h"\n' + generate(list(self._functions.values())) + driver
@@ -114,17 +145,21 @@ class Kernel:
                 ) from None
             _log.warning("%s: running on CasADi's virtual machine, slower", error)
             return
-        self.library, self.backend = code.library, code.origin
+        self._load(code)
+
+    def _load(self, code: Code) -> None:
+        self.library, self.backend, self._key = code.library, code.origin, code.key
 
     def _bind(
-        self, function: ca.Function, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
+        self, signature: Signature, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
     ) -> Callable[[], object]:
-        entry = getattr(self.library, function.name())
+        entry = getattr(self.library, signature.name)
         entry.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
-        arguments = pointers(inputs, function.sz_arg())
-        results = pointers(outputs, function.sz_res())
-        integers = np.zeros(max(1, function.sz_iw()), dtype=np.int64)
-        reals = np.zeros(max(1, function.sz_w()))
+        of_arguments, of_results, of_integers, of_reals = signature.sizes
+        arguments = pointers(inputs, of_arguments)
+        results = pointers(outputs, of_results)
+        integers = np.zeros(max(1, of_integers), dtype=np.int64)
+        reals = np.zeros(max(1, of_reals))
         addresses = (
             ctypes.addressof(arguments),
             ctypes.addressof(results),
@@ -140,6 +175,15 @@ class Kernel:
         return run
 
 
+def _signature(function: ca.Function) -> Signature:
+    return Signature(
+        name=function.name(),
+        inputs=tuple(function.size_in(i) for i in range(function.n_in())),
+        outputs=tuple(function.size_out(i) for i in range(function.n_out())),
+        sizes=(function.sz_arg(), function.sz_res(), function.sz_iw(), function.sz_w()),
+    )
+
+
 def generate(functions: Sequence[ca.Function]) -> str:
     """C source of CasADi functions; only they are visible, and long ones come in pieces."""
     generator = ca.CodeGenerator("kernel.c", {"with_header": False, "verbose": False})
@@ -149,18 +193,21 @@ def generate(functions: Sequence[ca.Function]) -> str:
     return visible + divided(str(generator.dump()))
 
 
-def operations(function: ca.Function) -> int:
-    """Arithmetic operations of a function, without loads and stores of arguments and results."""
+def operations(function: ca.Function, weights: Mapping[int, int] | None = None) -> int:
+    """Arithmetic operations of a function, without loads and stores of arguments and results.
+
+    ``weights`` says which kinds of them count more than once.
+    """
+    weights = weights or {}
     if function.is_a("SXFunction"):
         moves = (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST)
-        return sum(
-            function.instruction_id(k) not in moves for k in range(function.n_instructions())
-        )
+        kinds = (function.instruction_id(k) for k in range(function.n_instructions()))
+        return sum(weights.get(kind, 1) for kind in kinds if kind not in moves)
     total = 0
     for k in range(function.n_instructions()):
         kind = function.instruction_id(k)
         if kind == ca.OP_CALL:
-            total += operations(function.instruction_MX(k).which_function())
+            total += operations(function.instruction_MX(k).which_function(), weights)
         elif kind not in (ca.OP_INPUT, ca.OP_OUTPUT, ca.OP_CONST, ca.OP_PARAMETER):
             total += int(function.instruction_MX(k).nnz())
     return total

@@ -11,7 +11,7 @@ from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 
-from arm_dynamics.exceptions import InvalidInput
+from arm_dynamics.exceptions import InvalidInput, choices
 
 NATIVE = "native"
 _V2 = frozenset(("cx16", "lahf_lm", "pni", "popcnt", "sse4_1", "sse4_2", "ssse3"))
@@ -45,7 +45,7 @@ def needed(target: str) -> frozenset[str]:
         InvalidInput: If the target is unknown.
     """
     if target not in TARGETS:
-        raise InvalidInput(f"processor = {target!r}; allowed: {', '.join(TARGETS)}")
+        raise InvalidInput(f"processor = {target!r}; allowed: {choices(target, TARGETS)}")
     return _LEVELS.get(target) or instructions()
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Inverse and forward dynamics of an arm as numbers, free or under constraints.
+"""Numerical inverse and forward dynamics of an arm, free or with constraints.
 
-Pinocchio answers single points; large batches run as generated code that was checked against it.
+Pinocchio computes single points; large batches run as generated code that was checked against it.
 """
 
 from arm_dynamics.dynamics.constrained import Constrained

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ctypes
 import logging
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -70,9 +71,7 @@ def rows(function: ca.Function, is_matrix: bool) -> Answer:
         KernelError: If it cannot be compiled.
         OSError: If there is no space for that.
     """
-    kernel = Kernel([function], "native", _driver(function))
-    entry = getattr(kernel.library, "answer_rows")  # noqa: B009 - the library's, not an attribute
-    entry.restype = None
+    entry = compiled_rows(function)
     shape = function.size_out(0)[::-1] if is_matrix else (function.numel_out(0),)
 
     def answer(*given: Array) -> Array:
@@ -84,11 +83,24 @@ def rows(function: ca.Function, is_matrix: bool) -> Answer:
             pointers(vectors, len(vectors)),
             (ctypes.c_longlong * len(steps))(*steps),
             ctypes.c_longlong(count),
-            ctypes.c_void_p(made.ctypes.data),
+            pointers([made], 1),
         )
         return made
 
     return answer
+
+
+def compiled_rows(function: ca.Function) -> Any:
+    """The C function ``answer_rows`` of ``rows.c`` for a function of dense vectors.
+
+    Raises:
+        KernelError: If it cannot be compiled.
+        OSError: If there is no space for that.
+    """
+    kernel = Kernel([function], "native", _driver(function))
+    entry = getattr(kernel.library, "answer_rows")  # noqa: B009 - the library's, not an attribute
+    entry.restype = None
+    return entry
 
 
 def _readable(x: Array) -> Array:
@@ -101,7 +113,8 @@ def _driver(function: ca.Function) -> str:
     sizes = {
         "POINT": function.name(),
         "ARGUMENTS": function.n_in(),
-        "ANSWER": function.numel_out(0),
+        "RESULTS": function.n_out(),
+        "SIZES": ", ".join(str(function.numel_out(i)) for i in range(function.n_out())),
         "SZ_ARG": function.sz_arg() + 1,
         "SZ_RES": function.sz_res() + 1,
         "SZ_IW": function.sz_iw() + 1,

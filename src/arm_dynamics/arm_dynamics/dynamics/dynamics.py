@@ -18,10 +18,9 @@ from arm_dynamics.dynamics.at_rest import AtRest, Points
 from arm_dynamics.dynamics.constrained import Constrained, contact_torque
 from arm_dynamics.dynamics.rigid import RigidDynamics
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.arm import ArmModel, arm_model
 from arm_dynamics.model.regularity import check_regular, some_positions
-from arm_dynamics.scene.load import load_scene
-from arm_dynamics.scene.schema import Scene
+from arm_dynamics.scene.load import SceneSource
 
 
 class Term(IntFlag):
@@ -58,8 +57,8 @@ class Dynamics:
         command_map: From torques to commands of the drives.
     """
 
-    def __init__(self, scene: Scene | ArmModel | Any) -> None:
-        self.model = scene if isinstance(scene, ArmModel) else ArmModel(load_scene(scene))
+    def __init__(self, scene: SceneSource | ArmModel) -> None:
+        self.model = arm_model(scene)
         self.steady_friction = SteadyFriction.of(self.model)
         self.command_map = CommandMap(self.model)
         self._rigid = RigidDynamics(self.model)

@@ -14,7 +14,7 @@ springs of zero free length that balance arms (Herder, Energy-free Systems, 2001
 constant k, and no length is computed.
 
 Where the points meet, the line has no direction. There the length is taken as
-L² = u·u + ``NEAR``², in the force and in the energy alike: the force passes through zero within a
+L² = u·u + ``NEAR`` ², in the force and in the energy alike: the force passes through zero within a
 nanometre, nothing is divided by zero, and no energy comes from nowhere.
 """
 

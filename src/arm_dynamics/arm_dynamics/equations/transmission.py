@@ -12,7 +12,7 @@ torque τ, as it is seen at the joint, η τ arrives where the motor drives, and
 between holds (Giberti, Cinquemani and Legnani, "Effects of transmission mechanical characteristics
 on the choice of a motor-reducer", Mechatronics 20(5), 2010, with one efficiency for both ways).
 What turns the rotor faster does not pass the teeth; on a rigid gear that is neglected, within the
-bound of ``docs/friction-and-actuation.md``.
+bound of ``docs/concepts/drives.md``.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm as numbers: what scene and URDF say, checked together, in the order of its joints.
+"""Numerical model of an arm: parameters of scene and URDF, checked together, in joint order.
 
-Knows the scene and Pinocchio, and describes an arm to the equations.
+Depends on the scene and Pinocchio, and describes an arm to the equations.
 """
 
 from arm_dynamics.model.arm import ArmModel

@@ -18,6 +18,7 @@ from arm_dynamics.model.regularity import check_regular
 from arm_dynamics.model.robot import Robot, velocity_index
 from arm_dynamics.model.springs import springs_of
 from arm_dynamics.model.stops import ROUNDED, Range, stops_of
+from arm_dynamics.scene.load import SceneSource, load_scene, naming
 from arm_dynamics.scene.schema import Joint, Limits, Scene
 
 
@@ -181,6 +182,22 @@ class ArmModel(Robot):
             units.append(drive.command_unit(unit) if drive else unit)
         self.effort_limit, self.command_limit = read_only(efforts), read_only(commands)
         self.command_unit = tuple(units)
+
+
+def arm_model(source: SceneSource | ArmModel) -> ArmModel:
+    """The arm of a scene; a model is returned as it is.
+
+    Args:
+        source: Anything ``load_scene`` takes, or a model.
+
+    Raises:
+        SceneError: If the scene cannot be used; of a file, with its name.
+    """
+    if isinstance(source, ArmModel):
+        return source
+    scene = load_scene(source)
+    with naming(source):
+        return ArmModel(scene)
 
 
 def _bound(value: float) -> float:

@@ -135,9 +135,9 @@ def _drive(where: str, joint: Joint) -> JointDrive | None:
     if motor is None and coupling is None:
         return None
     if motor is None or (coupling and motor.rotor_inertia == 0.0):
-        inertia = "missing" if motor is None else motor.rotor_inertia
+        inertia = "is missing" if motor is None else f"= {motor.rotor_inertia}"
         raise SceneError(
-            f"{where}.actuator.rotor_inertia' = {inertia}: a flexible transmission carries the "
+            f"{where}.actuator.rotor_inertia' {inertia}: a flexible transmission carries the "
             "rotor on a spring, so the rotor needs an inertia of more than zero"
         )
     _check_motor(where, motor)

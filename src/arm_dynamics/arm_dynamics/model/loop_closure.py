@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import ConstraintError, InvalidInput, ModelError, known_names
+from arm_dynamics.exceptions import ConstraintError, InvalidInput, ModelError, choices
 from arm_dynamics.model.constraint_rows import ConstraintRows, Row
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
@@ -86,7 +86,7 @@ class Closure:
             return self.initially_active
         for name in active:
             if name not in self.rows.names:
-                allowed = known_names(self.rows.names)
+                allowed = choices(name, self.rows.names)
                 raise InvalidInput(f"there is no constraint '{name}'; allowed: {allowed}")
         return tuple(name for name in self.rows.names if name in active)
 

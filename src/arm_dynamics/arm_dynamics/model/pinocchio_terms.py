@@ -16,7 +16,7 @@ from arm_dynamics.exceptions import (
     ArmError,
     InvalidInput,
     ModelError,
-    did_you_mean,
+    choices,
     known_names,
     plain,
 )
@@ -179,7 +179,7 @@ class FrameMotion:
         self._data = model.pin.createData()
         self._frame = _frame_index(model, frame)
         if reference not in _REFERENCES:
-            allowed = known_names(_REFERENCES)
+            allowed = choices(reference, _REFERENCES)
             raise InvalidInput(f"reference = {reference!r}; allowed: {allowed}")
         self._reference = _REFERENCES[reference]
 
@@ -239,7 +239,7 @@ _REFERENCES = {
 def _frame_index(model: Robot, frame: str) -> int:
     movable = [f.name for f in model.pin.frames if f.parentJoint > 0]
     if frame not in model.frame_names:
-        allowed = known_names(movable) + did_you_mean(frame, movable)
+        allowed = choices(frame, movable)
         raise InvalidInput(f"frame '{plain(frame, 80)}' does not exist; allowed: {allowed}")
     index = model.frame_names.index(frame)
     if model.pin.frames[index].parentJoint == 0:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""One-step methods: tableaux, how a step is built from an equation of motion, and which to take.
+"""One-step methods: tableaux, construction of a step from an equation of motion, and selection.
 
-A method states its order, its source and whether it estimates its own error. Knows plants, and
-nothing of events or of how steps are run.
+A method states its order, its source and whether it estimates its own error. Depends on plants,
+and not on events or on how steps are run.
 """
 
 from arm_sim.integrators.methods import METHODS, Method, build_attempt, build_step, build_tick

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
@@ -65,6 +65,7 @@ METHODS = {
         Method("implicit", implicit.ORDER, implicit.SOURCE, adaptive=True),
     )
 }
+"""The integration methods by name."""
 
 
 def build_step(
@@ -73,6 +74,7 @@ def build_step(
     n: int,
     project: ca.Function | None = None,
     scaled: Scaled | None = None,
+    name: str = "step",
 ) -> ca.Function:
     """Compose one step of fixed length.
 
@@ -82,15 +84,16 @@ def build_step(
         n: Degrees of freedom; x starts with q and v of n each.
         project: What brings (q, v) back to the constraints, see ``Plant.project``.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+        name: Of the function, if another one in the same kernel has that name.
 
     Returns:
-        Function ``step`` (x, u, p, h) -> x at the end of the step.
+        Function (x, u, p, h) -> x at the end of the step.
     """
     x, u, p, h = _symbols(rhs)
     after, _ = _advance(method, rhs, n, x, u, p, h, scaled)
     if project is not None:
         after, *_ = _projected(project, n, x, after, p)
-    return ca.Function("step", [x, u, p, h], [after], {"cse": True})
+    return ca.Function(name, [x, u, p, h], [after], {"cse": True})
 
 
 def build_attempt(
@@ -100,6 +103,7 @@ def build_attempt(
     scale: Array,
     project: ca.Function | None = None,
     scaled: Scaled | None = None,
+    name: str = "attempt",
 ) -> ca.Function:
     """Compose one step of a method that estimates its error.
 
@@ -115,9 +119,10 @@ def build_attempt(
         project: What brings (q, v) back to the constraints; how far a step has left them counts
             as error too.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+        name: Of the function, if another one in the same kernel has that name.
 
     Returns:
-        Function ``attempt`` (x, u, p, h) -> (x at the end, scaled error, largest error of q).
+        Function (x, u, p, h) -> (x at the end, scaled error, largest error of q).
     """
     if not method.adaptive:
         raise ValueError(f"{method.name} has no error estimate")
@@ -128,7 +133,7 @@ def build_attempt(
     if project is not None:
         after, gap, gap_v = _projected(project, n, x, after, p)
         error, error_q = ca.fmax(error, ca.fmax(gap, gap_v)), ca.fmax(error_q, gap)
-    return ca.Function("attempt", [x, u, p, h], [after, error, error_q], {"cse": True})
+    return ca.Function(name, [x, u, p, h], [after, error, error_q], {"cse": True})
 
 
 def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
@@ -158,8 +163,8 @@ def _advance(
     if method.tableau is None:
         return _semi_implicit(lambda y: rhs(y, u, p), x, h, n), []
     slopes = _slopes(method.tableau, lambda y: rhs(y, u, p), x, h)
-    after = x + h * _combine(method.tableau.b, slopes)
-    return after, [h * _combine(weights, slopes) for weights in method.tableau.errors]
+    after = x + h * weighed_sum(method.tableau.b, slopes, x)
+    return after, [h * weighed_sum(weights, slopes, x) for weights in method.tableau.errors]
 
 
 def _projected(
@@ -178,15 +183,18 @@ def _symbols(rhs: ca.Function) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
 def _slopes(tableau: Tableau, f: Rhs, x: ca.MX, h: ca.MX) -> list[ca.MX]:
     slopes: list[ca.MX] = []
     for row in tableau.a:
-        slopes.append(f(x + h * _combine(row, slopes)) if any(row) else f(x))
+        slopes.append(f(x + h * weighed_sum(row, slopes, x)) if any(row) else f(x))
     return slopes
 
 
-def _combine(weights: Sequence[float], slopes: list[ca.MX]) -> ca.MX:
-    total = ca.MX(slopes[0].shape[0], 1)
-    for weight, slope in zip(weights, slopes, strict=True):
+def weighed_sum(
+    weights: Sequence[float], slopes: Sequence[ca.MX] | Mapping[int, ca.SX], like: ca.MX | ca.SX
+) -> ca.MX | ca.SX:
+    """Σ w_i k_i over the stages that a method uses, zeros of the size of ``like`` if none."""
+    total = type(like)(like.shape[0], 1)
+    for i, weight in enumerate(weights):
         if weight:
-            total = total + weight * slope
+            total = total + weight * slopes[i]
     return total
 
 

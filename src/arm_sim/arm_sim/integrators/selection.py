@@ -12,7 +12,7 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.joint_laws import friction_laws
 from arm_dynamics.equations import spring
-from arm_dynamics.exceptions import did_you_mean
+from arm_dynamics.exceptions import choices
 from arm_dynamics.model.tree_builder import tree_of
 from arm_sim.integrators.methods import METHODS, Method
 from arm_sim.plant.plant import Plant
@@ -27,8 +27,8 @@ STIFF = 1.4
 # on the average, 150 where a joint reverses, and half a second ends within 1e-7 rad of the truth.
 STIFF_LAW = 1e-6
 # Drives answer within a tick, so a step of fixed length is never sure of them: see
-# docs/friction-and-actuation.md for what these tolerances cost. From about this rate on the
-# extrapolated implicit method takes less time than DOP853.
+# docs/concepts/drives.md for what these tolerances cost. From about this rate on,
+# the extrapolated implicit method takes less time than DOP853.
 DRIVEN_TOLERANCE = 1e-10
 DRIVEN_STIFF, DRIVEN_STIFF_TOLERANCE = 50.0, 1e-8
 _log = logging.getLogger(__name__)
@@ -87,8 +87,7 @@ def choose(
         )  # fmt: skip
     tolerance = None if tolerance is None else _within("tolerance", tolerance, TOLERANCE_RANGE, "")
     if name not in ("auto", *METHODS):
-        guess = did_you_mean(name, METHODS)
-        raise InvalidInput(f"integrator = {name!r}; allowed: auto, {', '.join(METHODS)}{guess}")
+        raise InvalidInput(f"integrator = {name!r}; allowed: {choices(name, ('auto', *METHODS))}")
     rate, law = law_rate(plant.model)
     if rate * dt > STIFF and (name == "auto" or tolerance is None):
         reason = f"{law} answers in {1 / rate:.2g} s: implicit, with error control"
@@ -115,7 +114,7 @@ def _automatic(plant: Plant, dt: float, error_control: bool) -> tuple[Method, st
         return METHODS["implicit"], f"stiff: {what} in {1 / rate:.2g} s"
     if error_control:
         return METHODS["dop853"], "not stiff, error control: the highest order"
-    return METHODS["rk4"], "not stiff, fixed step: the least error for the time"
+    return METHODS["rk4"], "the scene is not stiff"
 
 
 def _driven(plant: Plant, dt: float, tolerance: float | None) -> Choice:

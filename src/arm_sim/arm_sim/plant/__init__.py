@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The equation of motion of a scene, x' = f(x, u, p), with only what the scene asks for.
+"""The equation of motion of a scene, x' = f(x, u, p), with only the terms that the scene needs.
 
-Holds how drives, friction, bilateral constraints and contacts are put together, what is tunable,
-and which states are allowed. Knows the equations and the model, and nothing of integration.
+Combines drives, friction, bilateral constraints and contacts, and defines tunable parameters and
+admissible states. Depends on the equations and the model, and not on integration.
 """
 
 from arm_sim.plant.actuation import CompiledControl, computed_torque

@@ -71,7 +71,7 @@ def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] =
     Raises:
         ConstraintError: If there is none near by.
     """
-    if plant.project is None:
+    if not plant.constrained:
         return x
     n = plant.model.n
     q, v = plant.closure.closed(x[:n], x[n : 2 * n], names, hold)
@@ -108,7 +108,7 @@ def held_of(constraints: tuple[Constraint, ...], p: Array) -> tuple[str, ...]:
 
 def constraint_hint(plant: Plant, q: Array, v: Array, names: tuple[str, ...]) -> str:
     """What may be wrong with the constraints at a state, for the message of a failed tick."""
-    if plant.project is None:
+    if not plant.constrained:
         return ""
     closure = plant.closure
     A = closure.rows.stacked(q, v, names).jacobian

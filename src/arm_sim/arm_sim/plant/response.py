@@ -30,7 +30,7 @@ class Response:
     Attributes:
         load: Torques that act: those of the drives and compliant stops less gravity, inertial
             forces, springs and the friction of sliding joints, in [N m] or [N], shape (n,).
-        algorithm: How accelerations are computed, for people.
+        algorithm: How accelerations are computed, in words.
     """
 
     algorithm = "composite bodies and LDLᵀ"
@@ -86,7 +86,7 @@ class RecursiveResponse:
 
     Attributes:
         load: As of ``Response``, but for gravity and inertial forces, shape (n,).
-        algorithm: How accelerations are computed, for people.
+        algorithm: How accelerations are computed, in words.
     """
 
     algorithm = "articulated bodies"

@@ -70,23 +70,30 @@ class Joints:
     def __init__(self, model: ArmModel, s: Symbols, stops: bool = True) -> None:
         n, contacts = model.n, len(model.scene.contacts)
         rigid = model.stops.rigid.any(axis=0) & stops
-        yields = bool(model.stops.compliant.any()) and stops
-        self.direction = ca.SX.sym("direction", n if model.has_dry_friction or rigid.any() else 0)
-        self.pressed = ca.SX.sym("pressed", n if yields else 0)
+        directions, pressed = mode_counts(model, stops)
+        self.direction = ca.SX.sym("direction", directions)
+        self.pressed = ca.SX.sym("pressed", pressed)
         self.contacts = ca.SX.sym("mode", MODE * contacts)
         self.p = ca.vertcat(s.p, self.direction, self.pressed, self.contacts)
         self.sliding, self.friction, self.stop = ca.SX.ones(n), ca.SX(n, 1), ca.SX(n, 1)
-        if self.direction.shape[0]:
+        if directions:
             may = (model.friction.level > 0.0) | rigid
             self.sliding = ca.vertcat(*(self.direction[i] ** 2 if may[i] else 1 for i in range(n)))
         if model.has_dry_friction:
             self.friction = ca.sparsify(model.friction.dry(s.v, self.direction, s.q, s.tau))
-        if yields:
+        if pressed:
             at = model.stops
             self.pressures = spring.stop_pressures(s.q, s.v, at.place, at.stiffness, at.damping)
             lower, upper = ca.vertsplit(self.pressures, n)
             leans = (self.pressed < 0, self.pressed > 0)
             self.stop = ca.sparsify(leans[0] * lower - leans[1] * upper)
+
+
+def mode_counts(model: ArmModel, stops: bool = True) -> tuple[int, int]:
+    """Sizes of ``Joints.direction`` and ``Joints.pressed``."""
+    may_stick = model.has_dry_friction or (stops and bool(model.stops.rigid.any()))
+    yields = stops and bool(model.stops.compliant.any())
+    return model.n if may_stick else 0, model.n if yields else 0
 
 
 def dense_function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:

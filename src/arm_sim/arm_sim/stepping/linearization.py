@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exact derivatives of ticks, across the events in them.
 
-CasADi differentiates the very step that is integrated. Where an event ends a motion, the instant
-moves with the state: with a guard g that is zero there, and the step Φ of length h, the instant
-moves by dh = −(g_x Φ_x dx)/(g_x Φ_h), the state that is reached by Φ_x dx + Φ_h dh, a blow by its
-own derivative, and what is left of the tick is that much shorter. Together these are the saltation
-matrix (Leine, Nijmeijer, Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, chapter
-7; Kong, Payne, Zhu, Johnson, "Saltation matrices: the essential tool for linearizing hybrid
-dynamical systems", Proc. IEEE 112, 2024), of the method's step instead of the exact motion.
+Smooth motion is differentiated in compiled code (``tangents``), the very step that is integrated.
+Where an event ends a motion, the instant moves with the state: with a guard g that is zero there,
+and the step Φ of length h, the instant moves by dh = −(g_x Φ_x dx)/(g_x Φ_h), the state that is
+reached by Φ_x dx + Φ_h dh, a blow by its own derivative, and what is left of the tick is that much
+shorter. Together these are the saltation matrix (Leine, Nijmeijer, Dynamics and Bifurcations of
+Non-Smooth Mechanical Systems, 2004, chapter 7; Kong, Payne, Zhu, Johnson, "Saltation matrices: the
+essential tool for linearizing hybrid dynamical systems", Proc. IEEE 112, 2024), of the method's
+step instead of the exact motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -23,7 +24,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.equations.contact import AT_REST
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
-from arm_sim.integrators.methods import build_attempt, build_step
+from arm_sim.integrators.methods import build_attempt
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import actuation
 from arm_sim.plant.plant import Plant
@@ -31,8 +32,10 @@ from arm_sim.stepping.adaptive import SubstepControl, controlled_tick
 from arm_sim.stepping.blow import Blow
 from arm_sim.stepping.events import Modes
 from arm_sim.stepping.guards import INSTANT, Guards
+from arm_sim.stepping.rollout import alike, widths
 from arm_sim.stepping.settling import Settling
 from arm_sim.stepping.stepper import Stepper
+from arm_sim.stepping.tangents import Arms, Tangents
 from arm_sim.stepping.trace import segment_type, trace_tick
 from arm_sim.stepping.turning import Turning
 
@@ -58,22 +61,16 @@ class Motion:
 class Linearizer:
     """Derivatives of a scene's ticks.
 
-    They are computed on CasADi's virtual machine, since they are seldom asked for in a loop.
-
     Args:
         plant: The scene's equations.
         choice: Method, tick and tolerance.
         stepper: What runs its ticks, and knows the modes of joints and contacts.
+        backend: As for ``Kernel``.
     """
 
-    def __init__(self, plant: Plant, choice: Choice, stepper: Stepper) -> None:
+    def __init__(self, plant: Plant, choice: Choice, stepper: Stepper, backend: str) -> None:
         self._plant, self._choice, self._stepper = plant, choice, stepper
-        n = plant.model.n
-        step = build_step(choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian)
-        x, u, p, h = (step.mx_in(i) for i in range(4))
-        after = step(x, u, p, h)
-        results = [after, *(ca.jacobian(after, by) for by in (x, u, h))]
-        self._derivatives = ca.Function("derivatives", [x, u, p, h], results, {"cse": True})
+        self._backend = backend
         act = actuation(plant)
         x, r = act.mx_in(0), act.mx_in(1)
         u = act(x, r)
@@ -95,20 +92,105 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        nx, choice = len(x), self._choice
-        A, B, control = np.eye(nx), np.zeros((nx, len(r))), None
+        slope = self.many(x[None], r[None], ticks, threads=1, lanes=1)[0]
+        return slope[:, : len(x)], slope[:, len(x) :]
+
+    def many(
+        self, x: Array, r: Array, ticks: int, threads: int | None, lanes: int | None
+    ) -> Array:
+        """Differentiate ticks of many arms.
+
+        Args:
+            x: States, shape (b, nx).
+            r: Commands, shape (b, n).
+            ticks: How many.
+            threads: Cores to use; None for all.
+            lanes: Arms in a vector register; None for the widest there is.
+
+        Returns:
+            A and B of each arm side by side, shape (b, nx, nx + n).
+
+        Raises:
+            SimulationDiverged: If a tick cannot be computed.
+            NotDifferentiable: If a tick has no derivative.
+        """
+        arms, nx, n = len(x), self._plant.nx, self._plant.model.n
+        widths(lanes)  # which checks them
+        slopes, eventful = np.empty((arms, nx, nx + n)), list(range(arms))
+        if self._alike:
+            p = self._stepper.p[: len(self._plant.parameters.nominal)]
+            p = np.broadcast_to(p, (arms, len(p)))
+            x, r = np.ascontiguousarray(x), np.ascontiguousarray(r)
+            after = np.empty((arms, nx))
+            batch = Arms(x, r, p, ticks, np.eye(nx + n), after, slopes)
+            eventful = self._smooth.ticks(batch, threads, lanes)
+            lost = ~np.isfinite(after).all(axis=1)
+            eventful = sorted({*eventful, *np.flatnonzero(lost).tolist()})
+        for arm in eventful:
+            try:
+                slopes[arm] = self._one(x[arm], r[arm], ticks)
+            except (SimulationDiverged, NotDifferentiable) as error:
+                if arms > 1:
+                    raise type(error)(f"arm {arm}: {error}") from None
+                raise
+        return slopes
+
+    @cached_property
+    def _alike(self) -> bool:
+        """Whether ticks of all arms are differentiated by the same compiled code."""
+        return alike(self._plant, self._choice) and self._smooth.native
+
+    @cached_property
+    def _smooth(self) -> Tangents:
+        """Of an arm away from its stops."""
+        if self._plant.free is None:
+            return self._tangents
+        return Tangents(self._plant.free, self._choice, self._backend)
+
+    @cached_property
+    def _tangents(self) -> Tangents:
+        return Tangents(self._plant, self._choice, self._backend)
+
+    def _one(self, x: Array, r: Array, ticks: int) -> Array:
+        """A and B of one arm side by side, through its events."""
+        nx = len(x)
+        A, B = np.eye(nx), np.zeros((nx, len(r)))
+        for slope in self.along(x, np.broadcast_to(r, (ticks, len(r))), self._stepper.p):
+            A, B = slope[:, :nx] @ A, slope[:, :nx] @ B + slope[:, nx:]
+        return np.hstack([A, B])
+
+    def along(self, x: Array, commands: Array, p: Array) -> Iterator[Array]:
+        """A and B, side by side, of each tick of a motion, through its events.
+
+        Args:
+            x: State at the beginning, shape (nx,).
+            commands: One for each tick, shape (ticks, n).
+            p: Tunable numbers.
+
+        Raises:
+            SimulationDiverged: If a tick cannot be computed.
+            NotDifferentiable: If a tick has no derivative.
+        """
+        nx, choice, control = len(x), self._choice, None
         if choice.tolerance is not None:
             control = SubstepControl(choice.tolerance, choice.method.order)
-        for _ in range(ticks):
+        for r in commands:
+            if self._alike:
+                after, slope = np.empty((1, nx)), np.empty((1, nx, nx + len(r)))
+                arms = Arms(x[None], r[None], p[None], 1, np.eye(nx + len(r)), after, slope)
+                if not self._smooth.ticks(arms, 1, 1) and np.isfinite(after).all():
+                    x = after[0]
+                    yield slope[0]
+                    continue
             u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
-            x, slope = self._tick(x, u.ravel(), control)
-            by_x, by_u = slope[:, :nx] + slope[:, nx:] @ u_x, slope[:, nx:] @ u_r
-            A, B = by_x @ A, by_x @ B + by_u
-        return A, B
+            x, by = self._tick(x, u.ravel(), p, control)
+            yield np.hstack([by[:, :nx] + by[:, nx:] @ u_x, by[:, nx:] @ u_r])
 
-    def _tick(self, x: Array, u: Array, control: SubstepControl | None) -> tuple[Array, Array]:
+    def _tick(
+        self, x: Array, u: Array, p: Array, control: SubstepControl | None
+    ) -> tuple[Array, Array]:
         """State after a tick, and its derivative by (x, u)."""
-        segments, after = self._segments(x, u, control)
+        segments, after = self._segments(x, u, p, control)
         whole = len(x) + len(u)
         motion = Motion(x, np.eye(len(x), whole), np.zeros(whole))
         if self._eventful:
@@ -119,23 +201,24 @@ class Linearizer:
 
     @property
     def _eventful(self) -> bool:
-        return bool(self._plant.events) and self._stepper.kernel.native
+        return self._plant.eventful and self._stepper.kernel.native
 
     @cached_property
     def _events(self) -> Events:
         return Events(self._plant, self._choice)
 
     def _segments(
-        self, x: Array, u: Array, control: SubstepControl | None
+        self, x: Array, u: Array, p: Array, control: SubstepControl | None
     ) -> tuple[np.ndarray, Array | None]:
         """Segments of a tick, and the state after it unless there is but one smooth motion."""
         choice, plant, stepper = self._choice, self._plant, self._stepper
         if self._eventful:
-            return trace_tick(stepper.kernel, plant, choice, x, u, stepper.p, control)
+            return trace_tick(stepper.kernel, plant, choice, x, u, p, control)
         if plant.model.stops.touched(x[: plant.model.n]).any():
             raise NotDifferentiable("linearize: a joint at a stop needs compiled code")
         segment = np.zeros(1, segment_type(plant))
         segment["begin"], segment["p"] = x, stepper.modes_at(x, u).p
+        segment["p"][0, : len(p)] = p
         segment["length"], segment["calm"] = choice.dt, 1.0
         segment["step"] = control.step if control else 0.0
         return segment, None
@@ -146,12 +229,13 @@ class Linearizer:
         if self._eventful:
             motion.slope = self._events.begun(segment, u, motion.slope)
         begin, motion.x = motion.slope, segment["begin"].copy()
-        by_u = np.eye(len(u), nx + len(u), nx)
+        by_u, by_h = np.eye(len(u), nx + len(u), nx), np.eye(1, nx + len(u) + 1, nx + len(u))
         speed = np.zeros(nx)
         for h in self._lengths(segment, u):
-            after, *slopes = (np.array(found) for found in self._derivatives(motion.x, u, p, h))
-            motion.x, speed = after.ravel(), slopes[2].ravel()
-            motion.slope = slopes[0] @ motion.slope + slopes[1] @ by_u
+            columns = np.block([[motion.slope, np.zeros((nx, 1))], [by_u, np.zeros((len(u), 1))]])
+            columns = np.vstack([columns, by_h])
+            motion.x, moved = self._tangents.step(motion.x, u, p, h, columns)
+            motion.slope, speed = moved[:, :-1], moved[:, -1]
         delay = np.zeros(nx + len(u))
         if last:
             delay = -motion.delay

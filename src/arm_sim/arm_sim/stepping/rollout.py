@@ -21,7 +21,7 @@ from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
 from arm_sim.integrators.methods import build_step, build_tick
 from arm_sim.integrators.selection import Choice
-from arm_sim.plant.actuation import actuation
+from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.stepper import Stepper, pointer, sizes, source, stop_places
@@ -41,6 +41,8 @@ class Batch:
         p: Parameters, shape (b, np).
         steps: Ticks to advance.
         out: States, shape (b, steps + 1, nx), or (b, nx) for the last ones only.
+        effort: With a controller, receives what acts in each tick, shape (b, steps, n); ``tau``
+            are its references then, shape (b, steps, size).
     """
 
     x0: Array
@@ -48,25 +50,35 @@ class Batch:
     p: Array
     steps: int
     out: Array
+    effort: Array | None = None
 
 
 class Rollouts:
-    """Rollouts of one scene with one method; arms never influence one another."""
+    """Rollouts of one scene with one method; arms never influence one another.
 
-    def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
+    Args:
+        plant: The equation of motion.
+        choice: Method, tick and tolerance.
+        backend: As for ``Kernel``.
+        control: Controller to compile in, if any: for ``side_by_side``.
+    """
+
+    def __init__(
+        self, plant: Plant, choice: Choice, backend: str, control: CompiledControl | None = None
+    ) -> None:
         self._plant, self._choice, self._backend = plant, choice, backend
+        self._control = control
         # Error control, dry friction and contacts give every arm sub-steps of its own. So do
         # stops: arms that meet one are advanced once more, alone.
         self._smooth = plant.free or plant
-        self._alike = choice.tolerance is None and not self._smooth.events and backend != "vm"
+        self._alike = alike(plant, choice) and backend != "vm"
         self._libraries: dict[int, ctypes.CDLL | None] = {}
+        self._resting: list[Stepper] = []
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
-        if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
-            allowed = ", ".join(map(str, WIDTHS))
-            raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
-        library, width = self._library(lanes) if self._alike else (None, 1)
+        wide = widths(lanes)
+        library, width = self._library(wide) if self._alike else (None, 1)
 
         def work(first: int, last: int) -> None:
             if library is None:
@@ -78,6 +90,23 @@ class Rollouts:
         share(len(batch.x0), width, threads, work)
         n = self._plant.model.n
         return batch.out[..., : 2 * n] if self._plant.nz else batch.out
+
+    def side_by_side(self, batch: Batch) -> list[int] | None:
+        """Advance arms in vector registers on this thread, to the bit as one alone would.
+
+        Returns:
+            Arms that come near a stop, whose motion is still to be made; None if all are: the
+            scene has events or error control, or there is no compiler.
+        """
+        library = self._lanes_here()
+        return None if library is None else self._in_lanes(library, batch, 0, len(batch.x0))
+
+    def prepare(self) -> None:
+        """Compile what ``side_by_side`` needs, unless that is done."""
+        self._lanes_here()
+
+    def _lanes_here(self) -> ctypes.CDLL | None:
+        return self._library(widths(None))[0] if self._alike else None
 
     def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:
         """Check arguments; ``p`` is of shape (np,) or (b, np)."""
@@ -120,14 +149,14 @@ class Rollouts:
             pointer(batch.x0), pointer(batch.tau), arm, tick, pointer(batch.p), row,
             pointer(length), ctypes.c_longlong(batch.steps), ctypes.c_longlong(first),
             ctypes.c_longlong(last), pointer(batch.out), ctypes.c_int(batch.out.ndim == 2),
-            ctypes.byref(met),
+            ctypes.byref(met), *([] if batch.effort is None else [pointer(batch.effort)]),
         )  # fmt: skip
         return [arm for arm in range(first, last) if met[arm]]
 
     def _one_by_one(self, batch: Batch, arms: Sequence[int]) -> None:
         if not arms:
             return
-        stepper = Stepper(self._plant, self._choice, self._backend)
+        stepper = self._at_rest()
         n, nx, steps = self._plant.model.n, self._plant.nx, batch.steps
         trace, effort, notes = np.empty((steps, nx)), np.empty((steps, n)), np.empty((steps, 2))
         for arm in arms:
@@ -138,10 +167,18 @@ class Rollouts:
             trace[done:] = np.nan
             motion = np.vstack([batch.x0[arm], trace])
             batch.out[arm] = motion[-1] if batch.out.ndim == 2 else motion
+        self._resting.append(stepper)
 
-    def _library(self, lanes: int | None) -> tuple[ctypes.CDLL | None, int]:
+    def _at_rest(self) -> Stepper:
+        """A stepper that no thread uses: to build one takes longer than thousands of ticks."""
+        try:
+            return self._resting.pop()
+        except IndexError:
+            return Stepper(self._plant, self._choice, self._backend)
+
+    def _library(self, wide: tuple[int, ...]) -> tuple[ctypes.CDLL | None, int]:
         """Compiled code and the number of arms that it advances side by side."""
-        for width in dict.fromkeys((lanes or natural_width(), 1)):
+        for width in wide:
             if width not in self._libraries:
                 self._libraries[width] = self._built(width)
             if (library := self._libraries[width]) is not None:
@@ -161,15 +198,44 @@ class Rollouts:
         plant = self._smooth
         method, n, scaled = self._choice.method, plant.model.n, plant.scaled_jacobian
         step = build_step(method, plant.rhs, n, plant.project, scaled)
-        tick = build_tick(step, actuation(plant))
-        defines, parts = sizes(plant, [tick]) | {"TICK": "tick"}, ["rollout.c"]
-        if plant.model.stops:
-            defines, parts = defines | stop_places(plant) | {"STOPS": "1"}, ["stops.c", *parts]
-        driver = source(defines, *parts)
-        if width == 1:
-            return '#include "scalar.h"\n' + generate([tick]) + driver
-        code = _CHOICE.sub(r"if_else_zero(\1,\2)", generate([tick]))
-        return f'#define LANES {width}\n#include "lanes.hpp"\n' + code + driver
+        tick = build_tick(step, actuation(plant, self._control))
+        stops, parts = stop_defines(plant)
+        defines = sizes(plant, [tick]) | {"TICK": "tick"} | stops
+        if self._control is not None:
+            defines["NR"] = str(self._control.law.size1_in(1))
+        return of_lanes(generate([tick]), width) + source(defines, *parts, "arms.c", "rollout.c")
+
+
+def alike(plant: Plant, choice: Choice) -> bool:
+    """Whether all arms take the same steps away from stops: smooth, without error control."""
+    return choice.tolerance is None and not (plant.free or plant).eventful
+
+
+def stop_defines(plant: Plant) -> tuple[dict[str, str], list[str]]:
+    """What drivers of many arms are told of a plant's stops, and the file that they need."""
+    if not plant.model.stops:
+        return {}, []
+    return stop_places(plant) | {"STOPS": "1"}, ["stops.c"]
+
+
+def of_lanes(code: str, width: int) -> str:
+    """Generated C for so many arms side by side, with what it needs before it."""
+    if width == 1:
+        return '#include "scalar.h"\n' + code
+    code = _CHOICE.sub(r"if_else_zero(\1,\2)", code)
+    return f'#define LANES {width}\n#include "lanes.hpp"\n' + code
+
+
+def widths(lanes: int | None) -> tuple[int, ...]:
+    """Arms side by side to try in turn: as many as asked for, else as the processor can; and one.
+
+    Raises:
+        InvalidInput: If so many cannot be.
+    """
+    if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
+        allowed = ", ".join(map(str, WIDTHS))
+        raise InvalidInput(f"lanes = {lanes!r}; allowed: {allowed}")
+    return tuple(dict.fromkeys((lanes or natural_width(), 1)))
 
 
 def natural_width() -> int:

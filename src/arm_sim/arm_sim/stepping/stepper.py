@@ -18,11 +18,14 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+import arm_dynamics
 from arm_dynamics import Dynamics
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Kernel, operations
+from arm_dynamics.codegen.known_kernels import digest_of
 from arm_dynamics.dynamics.verify import check_constrained, check_forward
 from arm_dynamics.equations.contact import AT_REST
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_sim.integrators.methods import build_attempt, build_step
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl, actuation
@@ -38,12 +41,18 @@ from arm_sim.stepping.adaptive import (
 from arm_sim.stepping.events import EventReport, Modes, Trouble
 
 NATIVE = Path(__file__).parent / "native"
+FREE = "free_"
+"""What names of functions begin with that are those of joints away from their stops."""
 NOWHERE = sys.float_info.max
 """Place of a stop that is not there: beyond every position."""
-MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 1e6, 100, 20, 200
-"""Arithmetic operations of a tick with events, about a millisecond, and smooth motions that it may
-take in any case, before it is time-stepped; who asks for error control waits longer. Each motion
+MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 800_000, 20, 50, 100
+"""Arithmetic operations of a tick with events, less than a millisecond, and smooth motions that it
+may take in any case, before it is time-stepped; who asks for error control waits longer. Each call
 costs some operations besides its own."""
+WEIGHTS = {
+    ca.OP_EXP: 20, ca.OP_LOG: 20, ca.OP_POW: 50, ca.OP_TANH: 30, ca.OP_SQRT: 5, ca.OP_DIV: 4
+}  # fmt: skip
+"""Operations that take as long as several additions."""
 WITH_EVENTS = ("stops.c", "cone.c", "search.c", "modes.c", "impact.c", "segments.c", "events.c")
 """Parts of the engine that only scenes with events need, in their order."""
 
@@ -78,26 +87,24 @@ class Stepper:
         *,
         acted: bool = False,
     ) -> None:
-        smooth = _smooth(plant, choice)
-        actuate = actuation(plant, control, compensated=not acted)
-        functions = [plant.rhs, smooth, actuate, *plant.events]
+        recipe = _recipe(plant, choice) if control is None and not acted else ""
+        known = Kernel.recalled(recipe) if recipe and backend != "vm" else None
+        self.kernel = known or _built(plant, choice, backend, control, acted)
+        if recipe and not known:
+            self.kernel.keep(recipe)
+        _check(plant, self.kernel, "rhs")
         if plant.free:
-            free_rhs, smooth = _renamed(plant.free.rhs), _renamed(_smooth(plant.free, choice))
-            functions += [free_rhs, smooth]
-        engine = engine_source(plant, choice, functions, smooth)
-        self.kernel = Kernel(functions, backend, engine, needs_native=_eventful(plant))
-        _check(plant, self.kernel, plant.rhs.name())
-        if plant.free:
-            _check(plant.free, self.kernel, free_rhs.name())
+            _check(plant.free, self.kernel, f"{FREE}rhs")
         self._plant, self._dt = plant, choice.dt
         self.p = plant.parameters.nominal
         self.report = EventReport()
         self._control: SubstepControl | None = None
         if choice.tolerance is not None:
             self._control = SubstepControl(choice.tolerance, choice.method.order)
-        limits = 0 if self._control else self.kernel.operations(actuate.name())
-        self.tick_operations = self.kernel.operations(smooth.name()) + limits
-        self._smooth, self._actuate = self.kernel.call(smooth.name()), self.kernel.call("actuate")
+        smooth = (FREE if plant.free else "") + ("attempt" if self._control else "step")
+        limits = 0 if self._control else self.kernel.operations("actuate")
+        self.tick_operations = self.kernel.operations(smooth) + limits
+        self._smooth, self._actuate = self.kernel.call(smooth), self.kernel.call("actuate")
 
     def bound(
         self, x: Array, command: Array, trace: Array, effort: Array, notes: Array
@@ -159,7 +166,7 @@ class Stepper:
         """
         modes = Modes(self._plant, self.p)
         modes.direction[:] = 1.0
-        if self._plant.events and self.kernel.native:
+        if self._plant.eventful and self.kernel.native:
             state, torque = np.ascontiguousarray(x), np.ascontiguousarray(u)
             find = getattr(self.kernel.library, "find_modes")  # noqa: B009 - the library's
             find.restype = ctypes.c_longlong
@@ -204,6 +211,29 @@ class Stepper:
         return True
 
 
+def _recipe(plant: Plant, choice: Choice) -> str:
+    """All that the code of a scene is made of; empty for few joints, which are written at once."""
+    if plant.model.n <= DENSE_AT_MOST:
+        return ""
+    sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
+    made_of = plant.model.scene, choice, sources, ca.__version__, np.__version__
+    return repr(made_of)
+
+
+def _built(
+    plant: Plant, choice: Choice, backend: str, control: CompiledControl | None, acted: bool
+) -> Kernel:
+    """Write and compile the equations of a scene, and the engine that calls them."""
+    smooth = _smooth(plant, choice)
+    actuate = actuation(plant, control, compensated=not acted)
+    functions = [plant.rhs, smooth, actuate, *plant.events]
+    if plant.free:
+        smooth = _smooth(plant.free, choice, FREE)
+        functions += [_renamed(plant.free.rhs), smooth]
+    engine = engine_source(plant, choice, functions, smooth)
+    return Kernel(functions, backend, engine, needs_native=_eventful(plant))
+
+
 def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
     """What C drivers are told of a scene and of the functions that they call."""
     return {
@@ -229,15 +259,21 @@ def engine_source(
         most = MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS
         order = str(choice.method.order)
         defines |= {"ADAPTIVE": "1", "ORDER": order, "MOST_SUBSTEPS": str(most)}
-    if plant.events:
-        defines |= _event_sizes(plant) | {"MOST_WORK": str(_most_work(choice, smooth))}
-    return source(defines, "flow.c", *(WITH_EVENTS if plant.events else ()), "roll.c")
+    if plant.eventful:
+        defines |= _event_sizes(plant) | _work(choice, functions, smooth)
+    return source(defines, "flow.c", *(WITH_EVENTS if plant.eventful else ()), "roll.c")
 
 
-def _most_work(choice: Choice, smooth: ca.Function) -> int:
-    """How many smooth motions a tick may take before the rest of it is time-stepped."""
-    work = max(LEAST_WORK, MOST_OPERATIONS / (operations(smooth) + OVERHEAD))
-    return round(work * (1 if choice.tolerance is None else PATIENCE))
+def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function) -> dict[str, str]:
+    """What functions cost, and how much a tick may take before the rest of it is time-stepped."""
+    of = {function.name(): OVERHEAD + operations(function, WEIGHTS) for function in functions}
+    step = of[smooth.name()]
+    most = max(MOST_OPERATIONS, LEAST_WORK * step) * (1 if choice.tolerance is None else PATIENCE)
+    return {
+        "MOST_WORK": f"{most}LL", "COST_STEP": str(step), "COST_SLOPE": str(of["rhs"]),
+        "COST_LOADS": str(of["loads"]), "COST_INERTIA": str(of.get("contact_inertia", 0)),
+        "COST_STRIKE": str(of.get("strike", 0)),
+    }  # fmt: skip
 
 
 def stop_places(plant: Plant) -> dict[str, str]:
@@ -266,18 +302,18 @@ def _eventful(plant: Plant) -> str:
     return " and ".join([*dry, *(["contact"] if plant.points else [])])
 
 
-def _smooth(plant: Plant, choice: Choice) -> ca.Function:
-    n = plant.model.n
+def _smooth(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
+    n, scaled, method = plant.model.n, plant.scaled_jacobian, choice.method
     if choice.tolerance is None:
-        return build_step(choice.method, plant.rhs, n, plant.project, plant.scaled_jacobian)
-    scaled = plant.scaled_jacobian
-    return build_attempt(choice.method, plant.rhs, n, plant.scale, plant.project, scaled)
+        return build_step(method, plant.rhs, n, plant.project, scaled, f"{prefix}step")
+    name = f"{prefix}attempt"
+    return build_attempt(method, plant.rhs, n, plant.scale, plant.project, scaled, name)
 
 
 def _renamed(function: ca.Function) -> ca.Function:
     """The function for joints away from their stops, under a name of its own."""
     arguments = [ca.MX.sym(f"x{i}", function.size1_in(i)) for i in range(function.n_in())]
-    return ca.Function(f"free_{function.name()}", arguments, function.call(arguments))
+    return ca.Function(f"{FREE}{function.name()}", arguments, function.call(arguments))
 
 
 def _event_sizes(plant: Plant) -> dict[str, str]:
@@ -286,7 +322,7 @@ def _event_sizes(plant: Plant) -> dict[str, str]:
     return {
         **stop_places(plant),
         "NC": str(len(points)),
-        "NB": "1" if plant.project else "0",
+        "NB": "1" if plant.constrained else "0",
         "ND": str(plant.directions),
         "NQ": str(plant.pressed),
         **({"RIGID": "1"} if stops.rigid.any() else {}),
@@ -337,11 +373,11 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
         steady = [law(v, np.sign(v), q, load) for load in (acted, tau)]
         bent = law.of_laws(v, np.sign(v), q, acted)
         missing = tau - steady[1] - (acted - steady[0] + bent)
-        if plant.project is None:
+        if not plant.constrained:
             return a + np.linalg.solve(dynamics.mass_matrix(q), missing)
         still, under = np.zeros(n), dynamics.constrained.without_sticking
         lacking: Array = under(q, still, missing)[0] - under(q, still, still)[0]
         return a + lacking
 
-    check = check_forward if plant.project is None else check_constrained
+    check = check_constrained if plant.constrained else check_forward
     check(dynamics, acceleration)

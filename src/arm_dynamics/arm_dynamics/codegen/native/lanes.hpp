@@ -11,6 +11,7 @@
 
 typedef double lanes_t __attribute__((vector_size(8 * LANES)));
 typedef long long bits __attribute__((vector_size(8 * LANES)));
+typedef unsigned long long ubits __attribute__((vector_size(8 * LANES)));
 
 struct real {
   lanes_t v;

@@ -4,8 +4,9 @@
  * rides in a vector lane gets the bits of an arm that rides alone. Error below one unit in the last place; next to
  * multiples of pi/2, where the result all but vanishes, below 1e-20.
  *
- * Before this file: `real` (double or a vector of doubles), `bits` (64-bit integer, or a vector of them), AS_BITS(x)
- * and AS_REAL(b), which reinterpret one as the other, and BEYOND(x, limit), true if any |x| > limit.
+ * Before this file: `real` (double or a vector of doubles), `bits` and `ubits` (64-bit integers, signed and not, or
+ * vectors of them), AS_BITS(x) and AS_REAL(b), which reinterpret one as the other, and BEYOND(x, limit), true if any
+ * |x| > limit.
  *
  * Argument reduction: Cody and Waite, Software Manual for the Elementary Functions, 1980: pi/2 in two parts, the first
  * of 33 bits, so that k * PIO2_HIGH is exact for |k| < 2^20. Polynomials: minimax by Remez exchange with 60 digits
@@ -47,7 +48,7 @@ static inline real sin_shifted(real x, const long long quarters) {
   const real y = reduced - correction;
   const real tail = (reduced - y) - correction;
   const bits odd = -(quadrant & 1);
-  const bits sign = (quadrant & 2) << 62;
+  const bits sign = (bits)((ubits)(quadrant & 2) << 62); /* a signed shift may not reach the sign */
   const bits s = AS_BITS(sin_polynomial(y, tail)), c = AS_BITS(cos_polynomial(y, tail));
   return AS_REAL(((s & ~odd) | (c & odd)) ^ sign);
 }

@@ -13,11 +13,12 @@
  * Comput. Methods Appl. Mech. Eng. 177, 1999). That is of first order, and told.
  *
  * Before this file: impact.c, segments.c; DEEP (how far inside its plane a point may be and still be taken for touching),
- * MOST_WORK (smooth motions that a tick may take before it is time-stepped).
+ * MOST_WORK (operations of the generated functions that a tick may take before it is time-stepped).
  */
 
 #define EVENTS
-#define CATCHES 10   /* ways back from inside a plane */
+#define CATCHES 10   /* ways back from inside a plane, or to contacts that set joints turning */
+#define LEAST_PART 1e-6 /* part of such a step below which it is not made */
 #define TIME_STEPS 4 /* into which the rest of such a tick is divided */
 #define MOST_REBOUNDS 500 /* impacts in one tick after which its contacts do not rebound any more */
 
@@ -27,6 +28,14 @@ static int is_inside(const real* x) {
   find_geometry(x, &geometry);
   for (int k = 0; k < NC; ++k) inside |= geometry.place[3 * k] < -DEEP;
   return inside;
+}
+
+/* Whether a joint moves against the direction in which it slides, as contacts that were brought to rest may make it. */
+static int turns_back(const real* x, const segment_t* segment) {
+  const double rounding = turning_rounding(x);
+  int any = 0;
+  for (int i = 0; i < ND; ++i) any |= may_stick(i) && x[NU + i] * segment->p.direction[i] < -rounding;
+  return any;
 }
 
 /* Choose the modes at x, with impacts first, and set x right for them; `anchor` receives where points stick. */
@@ -45,9 +54,14 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
   report->impact_loss += lost;
   report->impacts += lost > 0.0;
   find_anchors(&geometry, anchor);
-  if (is_off(x, segment, &geometry)) {
-    close_contacts(x, segment, anchor);
-    rest_touching(x, segment, anchor);
+  for (int turn = 0; turn < CATCHES; ++turn) {
+    if (is_off(x, segment, &geometry)) {
+      close_contacts(x, segment, anchor);
+      rest_touching(x, segment, anchor);
+    }
+    if (!turns_back(x, segment)) break;
+    find_geometry(x, &geometry);
+    if (!settle(x, segment, &geometry)) return UNDETERMINED;
   }
   return NONE;
 }
@@ -76,6 +90,18 @@ static void catch_up(real* x, const segment_t* segment) {
   for (int i = 0; i < NU; ++i) x[NU + i] = v[i];
 }
 
+/* Go only so much of the way from x as leaves no point inside a plane, where there is no way back to it. */
+static void stop_short(const real* x, real* after) {
+  real end[NU];
+  double part = 1.0;
+  for (int i = 0; i < NU; ++i) end[i] = after[i];
+  while (is_inside(after)) {
+    part = part > LEAST_PART ? 0.5 * part : 0.0;
+    for (int i = 0; i < NU; ++i) after[i] = x[i] + part * (end[i] - x[i]);
+    if (part == 0.0) break;
+  }
+}
+
 /* The rest of a tick in few steps of fixed length, in place. */
 static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
   segment->step = left / TIME_STEPS;
@@ -86,6 +112,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
     if (!flow_once(x, segment->u, (const real*)&segment->p, segment->step, after)) return NUMBERS;
     close_contacts(after, segment, anchor);
     catch_up(after, segment);
+    stop_short(x, after);
     for (int i = 0; i < NX; ++i) x[i] = after[i];
   }
   return NONE;

@@ -64,6 +64,7 @@ static void find_strike(const real* x, const segment_t* segment, const real* cha
   arg[0] = x; arg[1] = (const real*)&segment->p; arg[2] = change; arg[3] = impulse;
   res[0] = after; res[1] = held;
   strike(arg, res, iw, w, 0);
+  *segment->work += COST_STRIKE;
 }
 
 /* The joint at a stop whose part in the blow is wrong, the worst or just the first; -1 if there is none. */
@@ -127,18 +128,19 @@ static void find_blow(const real* x, segment_t* segment, double part, blow_t* bl
 
 /* Velocities with which joints that hit their stops leave: 1 if one hits, 2 if one rebounds. */
 static int find_leaving(const real* x, segment_t* segment, int rebounds, double calm, double* leaves) {
-  int hits = 0;
+  int hits = 0, known = 0;
   real slope[NX];
   for (int i = 0; i < NU; ++i) {
     const int side = at_stop(x, i);
     const double speed = side * x[NU + i];
     leaves[i] = 0.0;
     if (!(speed > calm)) continue;
-    const double rebound = rebounds ? rebound_of[side > 0][i] * speed : 0.0;
-    if (!hits && rebound > 0.0) find_slope(x, segment, slope);
-    const double hop = LEAST_REBOUND + sqrt(2.0 * (rebound > 0.0 ? fabs(slope[NU + i]) : 0.0) * HOP * (1.0 + fabs(x[i])));
     hits |= 1;
-    if (rebound <= hop) continue;
+    const double rebound = rebounds ? rebound_of[side > 0][i] * speed : 0.0;
+    if (rebound <= LEAST_REBOUND) continue;
+    if (!known) find_slope(x, segment, slope);
+    known = 1;
+    if (rebound <= hop_of_joint(x[i], slope[NU + i])) continue;
     leaves[i] = -side * rebound;
     hits |= 2;
   }
@@ -224,6 +226,7 @@ static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geom
   if (blow.gain == INFINITY) return -1.0;
   note_blow(segment->record, segment, &blow, part);
   for (int i = 0; i < NU; ++i) x[NU + i] = blow.after[i];
+  rest_on_stops(x, segment);
   find_geometry(x, geometry);
   return blow.gain < 0.0 ? -blow.gain : 0.0;
 }

@@ -22,6 +22,7 @@
 #define HOP (64 * 2.220446049250313e-16)         /* ... and what a gap that opens must exceed */
 #define SPEED_ROUNDING 1e-13 /* speeds relative to the fastest joint's where they are rounding errors */
 #define LEAST_REBOUND 1e-9   /* speed of a rebound that is taken for rest */
+#define HIGHEST_HOP 1e-4     /* speed above which no one need ask whether it is a hop within rounding */
 #define SLACK 1e-9           /* acceleration, relative to the largest, by which one about to move may go wrong */
 #define EDGE 1e-9            /* part of its cone that a force may lack and still be on the edge */
 #define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
@@ -97,7 +98,7 @@ typedef struct {
   modes_t p;
   contact_t contact[NC];
   int turned[ND];  /* whether a joint that moved the wrong way has been tried the other way */
-  long long* work; /* smooth motions computed in the tick, under error control their sub-steps */
+  long long* work; /* operations that the generated functions took in the tick */
   double step;     /* length of the steps where the tick is time-stepped, else 0 */
   record_t* record; /* of this segment, if the tick is traced */
 } segment_t;
@@ -134,6 +135,7 @@ static void find_loads(const real* x, const segment_t* segment, loads_t* found) 
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
   res[0] = found->load; res[1] = found->force; res[2] = found->rate; res[3] = found->grip;
   loads(arg, res, iw, w, 0);
+  *segment->work += COST_LOADS;
 }
 
 static void find_inertia(const real* x, const segment_t* segment, inertia_t* inertia) {
@@ -141,6 +143,7 @@ static void find_inertia(const real* x, const segment_t* segment, inertia_t* ine
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
   res[0] = inertia->W; res[1] = inertia->B; res[2] = inertia->free;
   contact_inertia(arg, res, iw, w, 0);
+  *segment->work += COST_INERTIA;
 }
 
 static void find_slope(const real* x, const segment_t* segment, real* slope) {
@@ -148,6 +151,7 @@ static void find_slope(const real* x, const segment_t* segment, real* slope) {
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
   res[0] = slope;
   rhs(arg, res, iw, w, 0);
+  *segment->work += COST_SLOPE;
 }
 
 static double largest_of(const real* values, int count) {
@@ -211,6 +215,22 @@ static int stop_rounding(real* x) {
     any = 1;
   }
   return any;
+}
+
+/* Speed of a hop off a stop that would not rise above the rounding of the joint's position, under an acceleration. */
+static double hop_of_joint(double q, double fall) { return LEAST_REBOUND + sqrt(2.0 * fabs(fall) * HOP * (1.0 + fabs(q))); }
+
+/* Put joints at rest that a blow elsewhere throws off their stops by such a hop, or two that take turns would never stop. */
+static void rest_on_stops(real* x, const segment_t* segment) {
+  real slope[NX];
+  int known = 0;
+  for (int i = 0; i < NU; ++i) {
+    const double leaving = -at_stop(x, i) * x[NU + i];
+    if (!(leaving > 0.0 && leaving < HIGHEST_HOP)) continue;
+    if (!known) find_slope(x, segment, slope);
+    known = 1;
+    if (leaving <= hop_of_joint(x[i], slope[NU + i])) x[NU + i] = 0.0;
+  }
 }
 
 /* Speeds of hops that would not rise above the rounding of the gap, or would end within a step. */
@@ -434,7 +454,8 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
 
 /* Fill in what every joint and contact does at x under u, the tunable numbers of p given: why not, else NONE. */
 EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
-  segment_t segment = {.u = u, .p = *p};
+  long long work = 0;
+  segment_t segment = {.u = u, .p = *p, .work = &work};
   for (int k = 0; k < NC; ++k) segment.contact[k].ended = STICKS;
   geometry_t geometry;
   find_geometry(x, &geometry);

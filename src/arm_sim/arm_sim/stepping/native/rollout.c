@@ -2,8 +2,16 @@
  *
  * Many arms, LANES at a time. C where `real` is a double, C++ where it is a vector of them.
  *
- * Before this file: as for roll.c, and NP (length of the parameters); where joints have stops also stops.c, and STOPS.
+ * Before this file: arms.c, and as for roll.c; NP (length of the parameters); where joints have stops also stops.c, and STOPS.
+ * With a controller in the tick also NR, the length of its references, which then stand in the place of torques.
  */
+#ifdef NR
+#define WITH_CONTROLLER
+#define CONTROLLED , double* effort
+#else
+#define NR NU
+#define CONTROLLED
+#endif
 
 #ifdef __cplusplus
 extern "C"
@@ -15,43 +23,42 @@ extern "C"
  * p:    parameters; arm i at p + i * p_arm.
  * out:  states of every tick, the first included, (ticks + 1) * NX an arm; if last_only, NX an arm.
  * met:  set to 1 for an arm that meets a stop; its states are worth nothing from there on.
+ * effort: with a controller, what acts in every tick, ticks * NU an arm.
  * An arm that diverges is NaN from there on; its neighbours do not notice.
  */
 __attribute__((visibility("default")))
 void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
              long long p_arm, const double* h, long long ticks, long long first, long long last, double* out,
-             int last_only, signed char* met) {
+             int last_only, signed char* met CONTROLLED) {
   const long long row = last_only ? NX : (ticks + 1) * NX;
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
-    real x[NX], next[NX], r[NU], acted[NU], par[NP + 1], w[SZ_W];
+    real x[NX], next[NX], r[NR], acted[NU], par[NP + 1], w[SZ_W];
     casadi_int iw[SZ_IW];
     const real* arg[SZ_ARG];
     real* res[SZ_RES];
-    long long of_lane[LANES]; /* spare lanes of the last group repeat its last arm */
-    for (int j = 0; j < LANES; ++j) of_lane[j] = arm + j < last ? arm + j : last - 1;
-    for (int j = 0; j < LANES; ++j) {
-      for (int i = 0; i < NX; ++i) LANE(x[i], j) = x0[of_lane[j] * NX + i];
-      for (int i = 0; i < NP; ++i) LANE(par[i], j) = p[of_lane[j] * p_arm + i];
-    }
+    long long of_lane[LANES];
+    choose_arms(arm, last, of_lane);
+    read_arms(x, NX, x0, NX, of_lane);
+    read_arms(par, NP, p, p_arm, of_lane);
     for (long long k = 0; k <= ticks; ++k) {
       if (!last_only || k == ticks)
         for (int j = 0; j < LANES && arm + j < last; ++j)
           for (int i = 0; i < NX; ++i) out[(arm + j) * row + (last_only ? 0 : k * NX) + i] = LANE(x[i], j);
       if (k == ticks) break;
       if (k == 0 || tau_tick)
-        for (int j = 0; j < LANES; ++j)
-          for (int i = 0; i < NU; ++i) LANE(r[i], j) = tau[of_lane[j] * tau_arm + k * tau_tick + i];
+        read_arms(r, NR, tau + k * tau_tick, tau_arm, of_lane);
       arg[0] = x; arg[1] = r; arg[2] = par; arg[3] = &length;
       res[0] = next; res[1] = acted;
       TICK(arg, res, iw, w, 0);
+#ifdef WITH_CONTROLLER
+      for (int j = 0; j < LANES && arm + j < last; ++j)
+        for (int i = 0; i < NU; ++i) effort[((arm + j) * ticks + k) * NU + i] = LANE(acted[i], j);
+#endif
 #ifdef STOPS
       for (int j = 0; j < LANES; ++j)
-        for (int i = 0; i < NU; ++i) {
-          const double q = LANE(x[i], j), v = LANE(x[NU + i], j), v_end = LANE(next[NU + i], j);
-          met[of_lane[j]] |=
-              reaches_stop(q, i) | reaches_stop(LANE(next[i], j), i) | (may_dip(q, v, v_end, h[0], i) != 0);
-        }
+        for (int i = 0; i < NU; ++i)
+          met[of_lane[j]] |= meets_stop(LANE(x[i], j), LANE(x[NU + i], j), LANE(next[i], j), LANE(next[NU + i], j), h[0], i);
 #else
       (void)met;
 #endif

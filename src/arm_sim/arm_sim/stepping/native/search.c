@@ -4,34 +4,71 @@
  */
 
 #include <math.h>
+#include <string.h>
 
 #define MOST_TRIALS 200
 #define INSTANT 2e-16 /* half of what an instant may be off, as a part of the time searched */
+#define GROWTH 32.0   /* of the steps out of where values are rounding */
 
-/* Where a value changes from not positive, at 0, to positive, at h, where it is f_h; a value of up to `nothing` is good
- * enough, for it is rounding.
- *
- * Inverse quadratic interpolation where three values allow it, else bisection (Chandrupatla, "A new hybrid
- * quadratic/bisection algorithm for finding the zero of a nonlinear function without using derivatives", Advances in
- * Engineering Software 28, 1997). The value is positive at the answer, and just before it not, or nothing to speak of.
+static double largest_among(const double* values, int count) {
+  double largest = -INFINITY;
+  for (int i = 0; i < count; ++i) largest = fmax(largest, values[i]);
+  return largest;
+}
+
+/* Where a value is zero, as a part of the way from x1 to x2: inverse quadratic interpolation where three values allow it,
+ * else the middle (Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function
+ * without using derivatives", Advances in Engineering Software 28, 1997).
  */
-static double first_positive(double (*value_at)(const void*, double), const void* asked, double h, double f_h,
-                             double nothing) {
+static double zero_between(double x1, double x2, double x3, double f1, double f2, double f3) {
+  const double place = (x1 - x2) / (x3 - x2), height = (f1 - f2) / (f3 - f2);
+  if (!(height * height < place && (1.0 - height) * (1.0 - height) < 1.0 - place)) return 0.5; /* also if one is infinite */
+  return f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2);
+}
+
+/* Where the first of some values changes from not positive, as all are at 0, to positive, as one is at h, where they are
+ * `at_h`; values of up to `nothing` are good enough, for they are rounding.
+ *
+ * Each value that changes between the ends says where it does, the earliest is tried: one by one they are smooth, the
+ * largest of them is not. At the answer one is positive, and just before it none, or nothing to speak of. If one is at
+ * 0 already, that is the answer.
+ */
+static double first_positive(void (*values_at)(const void*, double, double*), const void* asked, int count, double h,
+                             const double* at_h, double nothing) {
   /* The last trial, the other end of the interval, and the one before them. */
-  double x1 = h, f1 = f_h, x2 = 0.0, f2 = value_at(asked, 0.0), x3, f3, part = 0.5;
+  const size_t size = (size_t)count * sizeof(double);
+  double f1[count], f2[count], f3[count], value[count], x1 = h, x2 = 0.0, x3, part = 0.5, creep = 0.0;
+  memcpy(f1, at_h, size);
+  values_at(asked, 0.0, f2);
+  if (largest_among(f2, count) > 0.0) return INSTANT * h;
   for (int k = 0; k < MOST_TRIALS; ++k) {
-    const double trial = x1 + part * (x2 - x1), value = value_at(asked, trial);
-    const int same = (value > 0.0) == (f1 > 0.0);
-    x3 = same ? x1 : x2; f3 = same ? f1 : f2;
-    if (!same) { x2 = x1; f2 = f1; }
-    x1 = trial; f1 = value;
+    const double trial = x1 + part * (x2 - x1);
+    values_at(asked, trial, value);
+    const double worst = largest_among(value, count);
+    const int same = (worst > 0.0) == (largest_among(f1, count) > 0.0);
+    x3 = same ? x1 : x2;
+    memcpy(f3, same ? f1 : f2, size);
+    if (!same) { x2 = x1; memcpy(f2, f1, size); }
+    x1 = trial;
+    memcpy(f1, value, size);
     const double least = INSTANT * h / fabs(x2 - x1);
-    if (least > 0.5 || (f1 > 0.0 && f1 <= nothing)) break;
-    const double place = (x1 - x2) / (x3 - x2), height = (f1 - f2) / (f3 - f2);
-    part = 0.5; /* also where a value is infinite */
-    if (height * height < place && (1.0 - height) * (1.0 - height) < 1.0 - place)
-      part = f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2);
-    part = part > least ? part < 1.0 - least ? part : 1.0 - least : least;
+    if (least > 0.5 || (worst > 0.0 && (worst <= nothing || creep > 0.0))) break;
+    double rising = -INFINITY; /* of those that are positive at the other end */
+    for (int i = 0; i < count; ++i)
+      if (f2[i] > 0.0) rising = fmax(rising, f1[i]);
+    creep = worst > 0.0 || rising < -nothing ? 0.0 : creep > 0.0 ? GROWTH * creep : INSTANT * h;
+    if (creep > 0.0) { /* interpolation is of no use between values that are rounding */
+      part = fmin(creep / fabs(x2 - x1), 0.5);
+      continue;
+    }
+    const int ahead = x2 < x1; /* is 1 the later end */
+    part = ahead ? 0.0 : 1.0;
+    for (int i = 0; i < count; ++i) {
+      if ((f1[i] > 0.0) == (f2[i] > 0.0)) continue;
+      const double zero = zero_between(x1, x2, x3, f1[i], f2[i], f3[i]);
+      part = ahead ? fmax(part, zero) : fmin(part, zero);
+    }
+    part = fmax(fmin(part, 1.0 - least), least);
   }
-  return f1 > 0.0 ? x1 : x2;
+  return largest_among(f1, count) > 0.0 ? x1 : x2;
 }

@@ -11,18 +11,19 @@
 #define HELD 1e-9          /* speed of an arm all of whose joints are held that is rounding */
 #define INDEPENDENT 1e-10  /* part of the trace that a row of the rank's matrix must exceed to count */
 #define MOST_PARTS 32      /* into which slow sliding may divide a tick ... */
+#define MUCH_TURN 0.05     /* ... and turn of its direction in a tick that is much [rad] */
 #define SHORT_WAY 1e-9      /* way back to contacts whose square is far below rounding: a second step has nothing to do */
 #define AT_ITS_END 1e-9     /* disobedience where error control is stuck by which a mode is at its end there, not before */
 #define NOTHING 1e-15       /* disobedience that is rounding */
-#define RETURNED 1.2        /* when a joint is surely back, as a multiple of the time after which it should be */
-#define MUCH_TURN 0.05     /* ... and turn of its direction in a tick that is much [rad] */
+#define SURELY 1.2          /* when a mode has surely ended, as a multiple of the time after which it should ... */
+#define FARTHER 4.0         /* ... and where to look next if nothing has ended by then */
 
 /* Motion over h in which error control does not learn: 1 if it can be computed. */
 static int try_flow(const real* x, const segment_t* segment, double h, real* after) {
   control_t kept = segment->control ? *segment->control : (control_t){0};
   const long long before = kept.attempts;
   const int good = flow(x, segment->u, (const real*)&segment->p, h, segment->control ? &kept : 0, after);
-  *segment->work += 1 + kept.attempts - before;
+  *segment->work += COST_STEP * (1 + kept.attempts - before);
   return good;
 }
 
@@ -34,51 +35,67 @@ static int anything_held(const segment_t* segment) {
   return any;
 }
 
-/* Positive if a joint is beyond a rigid stop, meets a compliant one or loses it, after a motion of length t. */
-static double stop_disobedience(const real* x, const segment_t* segment, double t) {
-  double worst = -INFINITY, met[2][NU], push[2][NU];
+/* What must not be positive: of contacts their gaps, or normal and tangential forces; of joints their friction, and both
+ * of their stops. Each is smooth in time while the modes last.
+ */
+typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ]; } limits_t;
+#define LIMITS ((int)(sizeof(limits_t) / sizeof(double)))
+static void fill(limits_t* limits, double value) {
+  for (int i = 0; i < LIMITS; ++i) ((double*)limits)[i] = value;
+}
+static double worst_of(const limits_t* limits) { return largest_among((const double*)limits, LIMITS); }
+
+/* Positive where a joint is beyond a rigid stop, meets a compliant one or loses it, after a motion of length t. */
+static void stop_disobedience(const real* x, const segment_t* segment, double t, limits_t* limits) {
+  double met[2][NU], push[2][NU];
 #ifdef RIGID
-  for (int i = 0; i < NU; ++i)
-    if (segment->p.direction[i] != 0.0)
-      worst = fmax(worst, fmax(lower_stop[i] - x[i], x[i] - upper_stop[i]) - SINKING * t - GAP_ROUNDING * (1.0 + fabs(x[i])));
+  for (int i = 0; i < NU; ++i) {
+    if (segment->p.direction[i] == 0.0) continue;
+    const double room = SINKING * t + GAP_ROUNDING * (1.0 + fabs(x[i]));
+    limits->stop[2 * i] = lower_stop[i] - x[i] - room;
+    limits->stop[2 * i + 1] = x[i] - upper_stop[i] - room;
+  }
 #else
   (void)t;
 #endif
   if (NQ) find_pressures(x, met, push);
   for (int i = 0; i < NQ; ++i)
     for (int side = 0; side < 2; ++side)
-      worst = fmax(worst, segment->p.pressed[i] == (side ? 1.0 : -1.0) ? -push[side][i] : met[side][i]);
-  return worst;
+      limits->pressed[2 * i + side] = segment->p.pressed[i] == (side ? 1.0 : -1.0) ? -push[side][i] : met[side][i];
 }
 
-/* Positive if a contact or joint does not obey its mode after a motion of length t. */
-static double disobedience(const real* x, const segment_t* segment, const double* ground, double t) {
+/* Speed against its direction that a sliding joint may have from rounding. */
+static double turning_rounding(const real* x) { return TURNING_BACK * (1.0 + largest_of(x + NU, NU)); }
+
+/* Positive where a contact or joint does not obey its mode after a motion of length t; the worst of it. */
+static double disobedience(const real* x, const segment_t* segment, const double* ground, double t, limits_t* limits) {
   const real *d = segment->p.direction, *v = x + NU;
-  const double rounding = TURNING_BACK * (1.0 + largest_of(v, NU));
-  double worst = -INFINITY;
+  const double rounding = turning_rounding(x);
   geometry_t geometry;
   loads_t found;
+  fill(limits, -INFINITY);
   find_geometry(x, &geometry);
   if (anything_held(segment)) find_loads(x, segment, &found);
   for (int k = 0; k < NC; ++k) {
     const real *r = found.force + 3 * k, *s = geometry.speed + 3 * k;
     const contact_mode_t* mode = segment->p.contact + k;
     if (mode->closed == 0.0) {
-      worst = fmax(worst, ground[k] - geometry.place[3 * k] - SINKING * t - GAP_ROUNDING * geometry.size[k]);
+      limits->contact[2 * k] = ground[k] - geometry.place[3 * k] - SINKING * t - GAP_ROUNDING * geometry.size[k];
       continue;
     }
-    worst = fmax(worst, -r[0]);
-    if (mode->sticks != 0.0) worst = fmax(worst, hypot(r[1], r[2]) - stick_limit(segment, k) * r[0]);
-    else if (holding[k] > 0.0) worst = fmax(worst, -(mode->along[0] * s[1] + mode->along[1] * s[2]) - rounding);
+    limits->contact[2 * k] = -r[0];
+    if (mode->sticks != 0.0) limits->contact[2 * k + 1] = hypot(r[1], r[2]) - stick_limit(segment, k) * r[0];
+    else if (holding[k] > 0.0) limits->contact[2 * k + 1] = -(mode->along[0] * s[1] + mode->along[1] * s[2]) - rounding;
   }
   for (int i = 0; i < ND; ++i) {
-    if (d[i] == 0.0) worst = fmax(worst, joint_excess(x, &found, i));
-    else if (may_stick(i)) worst = fmax(worst, -v[i] * d[i] - rounding);
+    if (d[i] == 0.0) limits->joint[i] = joint_excess(x, &found, i);
+    else if (may_stick(i)) limits->joint[i] = -v[i] * d[i] - rounding;
   }
-  return fmax(worst, stop_disobedience(x, segment, t));
+  stop_disobedience(x, segment, t, limits);
+  return worst_of(limits);
 }
 
-/* What is looked for in a motion from x: a mode that is not obeyed, or where a contact (contact >= 0) begins to rise, or a
+/* A motion from x, and what may be looked for in it beside modes that are not obeyed: where a contact begins to rise, or a
  * joint (joint >= 0) to come back from its upper (side 1) or lower (side -1) stop. */
 typedef struct {
   const real* x;
@@ -87,19 +104,39 @@ typedef struct {
   int contact, joint, side;
 } search_t;
 
-static double value_at(const void* asked, double t) {
+/* The state after a motion of length t: 0 if it cannot be computed. */
+static int state_at(const search_t* search, double t, real* after) {
+  if (t > 0.0) return try_flow(search->x, search->segment, t, after);
+  memcpy(after, search->x, NX * sizeof *after);
+  return 1;
+}
+
+/* Whether a mode is obeyed after a motion of length t. */
+static double excess_at(const search_t* search, double t, limits_t* limits) {
+  real after[NX];
+  if (state_at(search, t, after)) return disobedience(after, search->segment, search->ground, t, limits);
+  fill(limits, INFINITY);
+  return INFINITY;
+}
+
+static void limits_at(const void* asked, double t, double* limits) { excess_at(asked, t, (limits_t*)limits); }
+
+/* The speed at which a contact rises, or a joint comes back from a stop. */
+static void return_at(const void* asked, double t, double* speed) {
   const search_t* search = asked;
   real after[NX];
-  if (!try_flow(search->x, search->segment, t, after)) return INFINITY;
-  if (search->joint >= 0) return -search->side * after[NU + search->joint];
-  if (search->contact < 0) return disobedience(after, search->segment, search->ground, t);
   geometry_t geometry;
-  find_geometry(after, &geometry);
-  return geometry.speed[3 * search->contact];
+  *speed = INFINITY;
+  if (!state_at(search, t, after)) return;
+  if (search->joint >= 0) *speed = -search->side * after[NU + search->joint];
+  else {
+    find_geometry(after, &geometry);
+    *speed = geometry.speed[3 * search->contact];
+  }
 }
 
 /* A time before `length` at which a contact is below its plane, on its way up again; 0 if there is none. */
-static double dip_before(search_t* search, double length, const real* end, double* depth) {
+static double dip_before(search_t* search, double length, const real* end, limits_t* depth) {
   geometry_t before, back;
   int any = 0;
   for (int k = 0; k < NC; ++k) any |= search->segment->p.contact[k].closed == 0.0;
@@ -110,81 +147,105 @@ static double dip_before(search_t* search, double length, const real* end, doubl
     const int apart = search->segment->p.contact[k].closed == 0.0;
     if (!apart || !(before.speed[3 * k] < 0.0 && back.speed[3 * k] > 0.0)) continue;
     search->contact = k;
-    const double turn = first_positive(value_at, search, length, back.speed[3 * k], NOTHING);
-    search->contact = -1;
-    *depth = value_at(search, turn);
-    if (*depth > 0.0 && *depth < INFINITY) return turn;
+    const double speed = back.speed[3 * k], turn = first_positive(return_at, search, 1, length, &speed, NOTHING);
+    const double excess = excess_at(search, turn, depth);
+    if (excess > 0.0 && excess < INFINITY) return turn;
   }
   return 0.0;
 }
 
 /* A time before `length` at which a joint is beyond a stop, on its way back; 0 if there is none. */
-static double bump_before(search_t* search, double length, const real* end, double* depth) {
+static double bump_before(search_t* search, double length, const real* end, limits_t* depth) {
   for (int i = 0; i < NU; ++i) {
     const int side = may_dip(search->x[i], search->x[NU + i], end[NU + i], length, i);
     if (!side) continue;
     search->joint = i;
     search->side = side;
-    const double turn = first_positive(value_at, search, length, -side * end[NU + i], NOTHING);
+    const double speed = -side * end[NU + i], turn = first_positive(return_at, search, 1, length, &speed, NOTHING);
     search->joint = -1;
-    *depth = value_at(search, turn);
-    if (*depth > 0.0 && *depth < INFINITY) return turn;
+    const double excess = excess_at(search, turn, depth);
+    if (excess > 0.0 && excess < INFINITY) return turn;
   }
   return 0.0;
 }
 
-/* About when a joint that has just left its stop is back there, and a little later: an interval that is short for what is
- * searched otherwise, where stops pass blows to and fro. Infinite if none comes back. */
-static double find_return(const real* x, const segment_t* segment) {
+/* When something that moves so would be at a place that is `way` ahead, were its acceleration to last: INFINITY if never. */
+static double arrival(double way, double speed, double push) {
+  const double square = speed * speed + 2.0 * push * way;
+  if (square < 0.0) return INFINITY;
+  const double root = sqrt(square), time = speed > 0.0 ? 2.0 * way / (speed + root) : (root - speed) / push;
+  return time > 0.0 ? time : INFINITY;
+}
+
+/* When the first mode ends, and a little later, were all accelerations to last: a contact touches, a joint meets a rigid
+ * stop or comes to rest in friction. An interval that is short for what is searched otherwise, where blows follow one
+ * another. Infinite if nothing ends.
+ */
+static double find_next(const real* x, const segment_t* segment, const geometry_t* geometry) {
   double soonest = INFINITY;
   real slope[NX];
-  int left = 0;
-  for (int i = 0; i < NU; ++i) left |= at_stop(x, i) * x[NU + i] < 0.0;
-  if (!left) return soonest;
+  loads_t found;
+  int apart = 0;
+  for (int k = 0; k < NC; ++k) apart |= segment->p.contact[k].closed == 0.0;
+  if (apart) find_loads(x, segment, &found);
   find_slope(x, segment, slope);
   for (int i = 0; i < NU; ++i) {
-    const double way = at_stop(x, i), speed = way * x[NU + i], push = way * slope[NU + i];
-    if (speed < 0.0 && push > 0.0) soonest = fmin(soonest, -2.0 * RETURNED * speed / push);
+    const double v = x[NU + i], a = slope[NU + i];
+    if (may_stick(i) && v * a < 0.0) soonest = fmin(soonest, -v / a);
+#ifdef RIGID
+    if (segment->p.direction[i] == 0.0) continue;
+    const double below = GAP_ROUNDING * (1.0 + fabs(x[i]));
+    soonest = fmin(soonest, fmin(arrival(x[i] - lower_stop[i] + below, -v, -a), arrival(upper_stop[i] - x[i] + below, v, a)));
+#endif
   }
-  return soonest;
+  for (int k = 0; k < NC; ++k) {
+    const double gap = fmax(geometry->place[3 * k], 0.0) + GAP_ROUNDING * geometry->size[k];
+    if (segment->p.contact[k].closed == 0.0)
+      soonest = fmin(soonest, arrival(gap, -geometry->speed[3 * k], -found.rate[3 * k]));
+  }
+  return SURELY * soonest;
 }
 
 /* Motion to where the modes stop being right, at most over `reach`: its length, -1 if it cannot be computed. */
 static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
-  search_t search = {.x = x, .segment = segment, .contact = -1, .joint = -1};
+  search_t search = {.x = x, .segment = segment, .joint = -1};
   const control_t kept = segment->control ? *segment->control : (control_t){0};
   geometry_t geometry;
-  double depth;
+  limits_t limits, early;
   find_geometry(x, &geometry);
   for (int k = 0; k < NC; ++k) search.ground[k] = fmin(geometry.place[3 * k], 0.0);
   const int reached = flow(x, segment->u, (const real*)&segment->p, reach, segment->control, after);
-  *segment->work += 1 + (segment->control ? segment->control->attempts - kept.attempts : 0);
+  *segment->work += COST_STEP * (1 + (segment->control ? segment->control->attempts - kept.attempts : 0));
   double known = reach, wrong = INFINITY, length = reach;
-  if (reached) wrong = disobedience(after, segment, search.ground, reach);
+  if (reached) wrong = disobedience(after, segment, search.ground, reach, &limits);
+  else fill(&limits, INFINITY);
   *calm = wrong <= 0.0;
   if (!reached && segment->control) {
     /* A contact that comes to rest has no direction any more: error control follows it as far as it can. */
     known = length = segment->control->reached;
     if (known <= 0.0) return -1.0;
-    wrong = disobedience(after, segment, search.ground, known);
+    wrong = disobedience(after, segment, search.ground, known, &limits);
     if (wrong <= AT_ITS_END) wrong = 0.0;
   }
   if (wrong > 0.0) {
     if (segment->control) *segment->control = kept;
-    const double back = find_return(x, segment), early = back < known ? value_at(&search, back) : 0.0;
-    length = early > 0.0 ? first_positive(value_at, &search, back, early, NOTHING)
-                         : first_positive(value_at, &search, known, wrong, NOTHING);
+    for (double near = find_next(x, segment, &geometry); near < known; near *= FARTHER) {
+      if (!(excess_at(&search, near, &early) > 0.0)) continue;
+      known = near;
+      limits = early;
+    }
+    length = first_positive(limits_at, &search, LIMITS, known, (const double*)&limits, NOTHING);
     if (!flow(x, segment->u, (const real*)&segment->p, length, segment->control, after)) {
       if (!segment->control || segment->control->reached <= 0.0) return -1.0;
       length = segment->control->reached;
     }
   }
-  double dip = dip_before(&search, length, after, &depth);
-  if (dip == 0.0) dip = bump_before(&search, length, after, &depth);
+  double dip = dip_before(&search, length, after, &limits);
+  if (dip == 0.0) dip = bump_before(&search, length, after, &limits);
   if (dip == 0.0) return length;
   if (segment->control) *segment->control = kept;
   *calm = 0;
-  length = first_positive(value_at, &search, dip, depth, NOTHING);
+  length = first_positive(limits_at, &search, LIMITS, dip, (const double*)&limits, NOTHING);
   return flow(x, segment->u, (const real*)&segment->p, length, segment->control, after) ? length : -1.0;
 }
 

@@ -17,3 +17,8 @@ static inline int may_dip(double q, double v, double v_end, double length, int j
   return (v * v_end < 0.0) * ((v > 0.0) & (far > stop_place[1][joint])) -
          (v * v_end < 0.0) * ((v < 0.0) & (far < stop_place[0][joint]));
 }
+
+/* Whether a joint meets a stop in a motion from q, v to q_end, v_end. */
+static inline int meets_stop(double q, double v, double q_end, double v_end, double length, int joint) {
+  return reaches_stop(q, joint) | reaches_stop(q_end, joint) | (may_dip(q, v, v_end, length, joint) != 0);
+}

@@ -1,0 +1,70 @@
+# SPDX-License-Identifier: Apache-2.0
+"""C for functions that are linear in columns, several columns side by side in a vector register.
+
+What a column is multiplied by stays a number: written once, it serves all columns.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import casadi as ca
+
+_BINARY = {ca.OP_ADD: "+", ca.OP_SUB: "-", ca.OP_MUL: "*", ca.OP_DIV: "/"}
+_UNARY: dict[int, Callable[[str], str]] = {
+    ca.OP_ASSIGN: "{}".format,
+    ca.OP_NEG: "-{}".format,
+    ca.OP_TWICE: "2.0 * {}".format,
+    ca.OP_INV: "1.0 / {}".format,
+    ca.OP_SQ: "{0} * {0}".format,
+}
+
+
+def column_function(function: ca.Function) -> str:
+    """C of a function of a vector of numbers, the first argument, and of columns, the others.
+
+    Before it: ``real``, the type of a number; ``column``, that of one entry of the columns side by
+    side; and SPREAD(x), which makes a column of a number.
+
+    Args:
+        function: A CasADi function of scalar expressions with one dense result.
+
+    Returns:
+        A function ``void NAME(const real* c, const column* const* arg, column* res)``.
+    """
+    lines, numbers, declared = list[str](), set[int](), set[str]()
+
+    def name(work: int) -> str:
+        return f"{'n' if work in numbers else 'a'}{work}"
+
+    for k in range(function.n_instructions()):
+        kind = function.instruction_id(k)
+        into, given = function.instruction_output(k), function.instruction_input(k)
+        if kind == ca.OP_OUTPUT:
+            value = name(given[0])
+            spread = f"SPREAD({value})" if given[0] in numbers else value
+            lines.append(f"res[{into[1]}] = {spread};")
+            continue
+        operands = [] if kind in (ca.OP_CONST, ca.OP_INPUT) else [name(i) for i in given]
+        if kind == ca.OP_CONST:
+            value, plain = repr(function.instruction_constant(k)), True
+        elif kind == ca.OP_INPUT:
+            plain = given[0] == 0
+            value = f"c[{given[1]}]" if plain else f"arg[{given[0] - 1}][{given[1]}]"
+        else:
+            plain = all(i in numbers for i in given)
+            value = _value(kind, operands)
+        (numbers.add if plain else numbers.discard)(into[0])
+        declared.add(f"{'real n' if plain else 'column a'}{into[0]};")
+        lines.append(f"{name(into[0])} = {value};")
+    body = "\n  ".join([*sorted(declared), *lines])
+    head = f"static void {function.name()}(const real* c, const column* const* arg, column* res)"
+    return f"{head} {{\n  {body}\n}}\n"
+
+
+def _value(kind: int, operands: list[str]) -> str:
+    if kind in _BINARY:
+        return f" {_BINARY[kind]} ".join(operands)
+    if kind in _UNARY:
+        return _UNARY[kind](operands[0])
+    raise ValueError(f"no operation of linear functions: CasADi's number {kind}")

@@ -1,0 +1,201 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Whole answers to the questions of services, compiled: a function of the vectors of one point.
+
+They are composed of the same expressions as answers of ``Dynamics``, which has checked them. What
+needs decisions (joints at rest with dry friction, constraints, friction by load) is left to that.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import logging
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.kernel import pointers
+from arm_dynamics.dynamics import compiled_terms as terms
+from arm_dynamics.dynamics.compiled_backend import compiled_rows
+from arm_dynamics.dynamics.dynamics import Dynamics, Term
+from arm_dynamics.dynamics.verify import check_forward, compare, random_states
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
+from arm_dynamics.exceptions import ArmError
+from arm_dynamics.model.pinocchio_terms import RigidTerms
+
+_log = logging.getLogger(__name__)
+
+
+@dataclass(frozen=True)
+class PointAnswer:
+    """One question, its answer and the check of that.
+
+    Attributes:
+        title: What is asked for, for display.
+        expression: From an arm to the answer as a function of one point's vectors.
+        check: Compares the compiled function with an arm's answers; raises ``KernelError``.
+        known: Whether an arm's answers can be had without decisions.
+    """
+
+    title: str
+    expression: Callable[[Dynamics], ca.Function]
+    check: Callable[[Dynamics, Callable[..., list[Array]]], object]
+    known: Callable[[Dynamics], bool]
+
+
+def compiled_answer(question: PointAnswer, dynamics: Dynamics) -> Any | None:
+    """Compile the answer to a question about an arm.
+
+    Args:
+        question: One of ``INVERSE``, ``FORWARD`` and ``ALL_TERMS``.
+        dynamics: The arm, for this call alone.
+
+    Returns:
+        The C function ``answer_rows`` of ``rows.c``; None where there is no compiled code to be
+        had, where the answer needs decisions, or does not agree with the arm's to 1e-10 of the
+        size of what is added up.
+    """
+    if not (compiler.may_build() and question.known(dynamics)):
+        return None
+    try:
+        function = question.expression(dynamics)
+        entry = compiled_rows(function)
+        with np.errstate(all="ignore"):  # numbers that are not finite are refused
+            question.check(dynamics, _at_points(function, entry))
+    except (ArmError, OSError) as error:
+        _log.warning("%s: %s; answered by Pinocchio, slower", question.title, error)
+        return None
+    return entry
+
+
+def _at_points(function: ca.Function, entry: Any) -> Callable[..., list[Array]]:
+    """The compiled function of arrays (k, n), or vectors that serve every point."""
+
+    def answer(*given: Array) -> list[Array]:
+        count, vectors = len(given[0]), [np.ascontiguousarray(x) for x in given]
+        steps = [x.shape[1] if x.ndim == 2 else 0 for x in vectors]
+        made = [np.empty((count, function.numel_out(i))) for i in range(function.n_out())]
+        step = (ctypes.c_longlong * len(steps))(*steps)
+        entry(
+            pointers(vectors, len(vectors)),
+            step,
+            ctypes.c_longlong(count),
+            pointers(made, len(made)),
+        )
+        return made
+
+    return answer
+
+
+def _symbols(dynamics: Dynamics) -> list[ca.SX]:
+    return [ca.SX.sym(name, dynamics.n) for name in ("q", "v", "x")]
+
+
+def _function(given: list[ca.SX], made: list[ca.SX]) -> ca.Function:
+    return ca.Function("point", given, [ca.densify(x) for x in made], {"cse": True})
+
+
+def _inverse(dynamics: Dynamics) -> ca.Function:
+    """Of q, v, a, a factor of each term, and gravity: the sum without friction, and with it."""
+    model, friction = dynamics.model, dynamics.steady_friction
+    q, v, a = _symbols(dynamics)
+    chosen, gravity = ca.SX.sym("chosen", len(Term)), ca.SX.sym("gravity", 3)
+    inertia, coriolis, weight, _, spring = ca.vertsplit(chosen)
+    tau = terms.INVERSE.expression(model)(q, coriolis * v, inertia * a, weight * gravity)
+    tau += spring * terms.SPRING.expression(model)(q, v)
+    sliding = ca.sign(v) if friction.has_dry else v
+    demanded = friction.demanded(tau, v, sliding, q)
+    return _function([q, v, a, chosen, gravity], [tau, demanded])
+
+
+def chosen_terms(chosen: int) -> Array:
+    """The factor of each term, by the bits of ``Term``."""
+    return np.array([float(bool(chosen & term)) for term in Term])
+
+
+def _check_inverse(dynamics: Dynamics, answer: Callable[..., list[Array]]) -> None:
+    q, v, a = random_states(dynamics.n)
+    gravity = np.array(dynamics.model.scene.gravity)
+    alone = [dynamics.inverse(q, v, a, term) for term in Term]
+    size = np.sum(np.abs(alone), axis=0)
+    for chosen in (*Term, Term.ALL ^ Term.FRICTION, Term.ALL):
+        found = answer(q, v, a, chosen_terms(chosen), gravity)[bool(chosen & Term.FRICTION)]
+        compare("inverse dynamics", (found - dynamics.inverse(q, v, a, chosen), size))
+
+
+def _forward(dynamics: Dynamics) -> ca.Function:
+    """Of q, v and tau: accelerations of joints that move."""
+    model, (q, v, tau) = dynamics.model, _symbols(dynamics)
+    free = tau - dynamics.steady_friction(v, ca.sign(v), q, tau)
+    free -= terms.SPRING.expression(model)(q, v)
+    return _function([q, v, tau], [terms.FORWARD.expression(model)(q, v, free)])
+
+
+def _check_forward(dynamics: Dynamics, answer: Callable[..., list[Array]]) -> None:
+    check_forward(dynamics, lambda q, v, tau: answer(q[None], v[None], tau[None])[0][0])
+
+
+def _all_terms(dynamics: Dynamics) -> ca.Function:
+    """Of q and v: M, C, G, F, S, kinetic and potential energy."""
+    model, (q, v, _) = dynamics.model, _symbols(dynamics)
+    still = ca.SX(dynamics.n, 1)
+    kinetic, potential = ca.vertsplit(terms.ENERGIES.expression(model)(q, v))
+    return _function(
+        [q, v],
+        [
+            terms.MASS_MATRIX.expression(model)(q),
+            terms.CORIOLIS_MATRIX.expression(model)(q, v),
+            terms.GRAVITY.expression(model)(q),
+            dynamics.steady_friction(v, ca.sign(v), q, still),
+            terms.SPRING.expression(model)(q, v),
+            kinetic,
+            potential,
+        ],
+    )
+
+
+def _check_all_terms(dynamics: Dynamics, answer: Callable[..., list[Array]]) -> None:
+    points, n = RigidTerms(dynamics.model), dynamics.n
+    q, v, x = random_states(n)
+
+    def part(i: int, square: bool = False) -> Callable[..., Array]:
+        def one(*state: Array) -> Array:
+            found = answer(*state, *([np.zeros_like(q)] if len(state) == 1 else []))[i]
+            return found.reshape(-1, n, n) if square else found
+
+        return one
+
+    def energies(q: Array, v: Array) -> Array:
+        return np.hstack(answer(q, v)[5:])
+
+    for term, found in (
+        (terms.MASS_MATRIX, part(0, square=True)), (terms.CORIOLIS_MATRIX, part(1, square=True)),
+        (terms.GRAVITY, part(2)), (terms.SPRING, part(4)), (terms.ENERGIES, energies),
+    ):  # fmt: skip
+        compare(term.title, *term.compared(points, found, q, v, x))
+    friction = dynamics.friction(v, q=q)
+    compare("friction", (part(3)(q, v) - friction, friction))
+
+
+def _plain(dynamics: Dynamics) -> bool:
+    """Whether friction, if there is any, does not feed on the torque that it causes."""
+    return not dynamics.steady_friction.by_load
+
+
+INVERSE = PointAnswer("inverse dynamics", _inverse, _check_inverse, _plain)
+FORWARD = PointAnswer(
+    "forward dynamics",
+    _forward,
+    _check_forward,
+    lambda dynamics: not dynamics.model.scene.bilateral,
+)
+ALL_TERMS = PointAnswer(
+    "dynamics terms",
+    _all_terms,
+    _check_all_terms,
+    lambda dynamics: dynamics.n <= DENSE_AT_MOST,  # C is an expression of the size of n³
+)

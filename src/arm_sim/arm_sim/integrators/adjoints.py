@@ -1,0 +1,110 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The transposed derivative of a method's step, without the derivative itself.
+
+What a function of the state at the end of a step weighs, λ = ∂L/∂x⁺, is taken back to the
+beginning stage by stage (Hager, "Runge-Kutta methods in optimal control and the transformed
+adjoint system", Numerische Mathematik 87, 2000, section 2; Sanz-Serna, SIAM Review 58, 2016):
+
+    λ_i = h b_i λ + h Σ_{j>i} a_ji f_xᵀ(y_j) λ_j,   λ⁻ = λ + Σ f_xᵀ(y_i) λ_i,   ∂L/∂u = Σ f_uᵀ λ_i.
+
+It is the exact gradient of the step that is computed. Only the state at the beginning is needed.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from arm_sim.integrators.methods import Method, Scaled, build_step, weighed_sum
+from arm_sim.integrators.tableaux import Tableau
+from arm_sim.integrators.tangents import stages_used
+
+Parts = tuple[ca.MX, ca.MX, ca.MX]
+
+
+def build_adjoint(
+    method: Method,
+    rhs: ca.Function,
+    pullback: ca.Function,
+    n: int,
+    project: ca.Function | None = None,
+    scaled: Scaled | None = None,
+) -> ca.Function:
+    """Compose the transposed derivative of one step, as of ``build_step``.
+
+    Args:
+        method: The method.
+        rhs: Function (x, u, p) -> x'.
+        pullback: Its transposed derivative, see ``plant.slopes.pullback``.
+        n: Degrees of freedom; x starts with q and v of n each.
+        project: What brings (q, v) back to the constraints, see ``Plant.project``.
+        scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+
+    Returns:
+        Function (x, u, p, h, λ) -> gradients by x, u and the tunable quantities in p.
+    """
+    x, u, p = (ca.MX.sym(name, rhs.size1_in(i)) for i, name in enumerate("xup"))
+    h, weight = ca.MX.sym("h"), ca.MX.sym("weight", x.shape[0])
+    tunable = pullback.size1_out(2)
+    after_weight, direct = weight, ca.MX.zeros(x.shape[0])
+    if project is not None and method.name != "implicit":
+        after = build_step(method, rhs, n)(x, u, p, h)
+        end = ca.MX.sym("end", 2 * n)
+        found = project(x[: 2 * n], end, p)[0]
+        back = [ca.jtimes(found, by, weight[: 2 * n], True) for by in (x, end)]
+        taken = ca.Function("taken", [x, end, p, weight], back)
+        direct, moved = taken(x, after[: 2 * n], p, weight)
+        after_weight = ca.vertcat(moved, weight[2 * n :])
+    if method.name == "implicit":
+        after = build_step(method, rhs, n, project, scaled)(x, u, p, h)
+        by_x, by_u, by_p = (ca.jtimes(after, by, weight, True) for by in (x, u, p))
+        by_p = by_p[:tunable]
+    elif method.tableau is None:
+        by_x, by_u, by_p = _semi_implicit(rhs, pullback, n, x, u, p, h, after_weight)
+    else:
+        by_x, by_u, by_p = _staged(method.tableau, rhs, pullback, x, u, p, h, after_weight)
+    results = [by_x + direct, by_u, by_p]
+    return ca.Function("adjoint", [x, u, p, h, weight], results, {"cse": True})
+
+
+def _staged(
+    tableau: Tableau,
+    rhs: ca.Function,
+    pullback: ca.Function,
+    x: ca.MX,
+    u: ca.MX,
+    p: ca.MX,
+    h: ca.MX,
+    weight: ca.MX,
+) -> Parts:
+    used = stages_used(tableau)
+    y: dict[int, ca.MX] = {}
+    k: dict[int, ca.MX] = {}
+    for i in used:
+        y[i] = x + h * weighed_sum(tableau.a[i], k, x)
+        k[i] = rhs(y[i], u, p)
+    back: dict[int, Parts] = {}
+    for i in reversed(used):
+        known = tableau.b[i] * weight
+        for j in back:
+            if i < len(tableau.a[j]) and tableau.a[j][i]:
+                known = known + tableau.a[j][i] * back[j][0]
+        back[i] = pullback(y[i], u, p, k[i], h * known)
+    by_x, by_u, by_p = (sum(parts[1:], parts[0]) for parts in zip(*back.values(), strict=True))
+    return weight + by_x, by_u, by_p
+
+
+def _semi_implicit(
+    rhs: ca.Function,
+    pullback: ca.Function,
+    n: int,
+    x: ca.MX,
+    u: ca.MX,
+    p: ca.MX,
+    h: ca.MX,
+    weight: ca.MX,
+) -> Parts:
+    """Positions move with the new speeds, so they do not depend on the slope of q."""
+    moved = ca.vertcat(weight[:n], weight[n : 2 * n] + h * weight[:n], weight[2 * n :])
+    slope = ca.vertcat(ca.MX.zeros(n), h * moved[n:])
+    by_x, by_u, by_p = pullback(x, u, p, rhs(x, u, p), slope)
+    return moved + by_x, by_u, by_p

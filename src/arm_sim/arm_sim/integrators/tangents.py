@@ -1,0 +1,153 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The derivative of a method's step, from the derivatives of f at the points where the step asks.
+
+Differentiating x' = f(x, u) along with the state turns a Runge-Kutta method into the same method
+for the columns dx, du, dh (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
+1993, section I.14; Bock, "Numerical treatment of inverse problems in chemical reaction kinetics",
+1981: internal numerical differentiation):
+
+    dy_i = dx + h Σ a_ij dk_j + dh Σ a_ij k_j,   dk_i = f_x(y_i) dy_i + f_u(y_i) du.
+
+It is the exact derivative of the step that is computed, not of the motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import casadi as ca
+
+from arm_sim.integrators.methods import Method, Scaled, build_step, weighed_sum
+from arm_sim.integrators.tableaux import Tableau
+from arm_sim.plant.slopes import Kept, Slopes
+
+Pair = tuple[ca.Function, ca.Function]
+"""Function (x, u, p, h) -> (x at the end, c), and function (c, dx, du, dh) -> dx at the end."""
+
+
+def build_tangent(
+    method: Method,
+    rhs: ca.Function,
+    slopes: Slopes,
+    n: int,
+    project: ca.Function | None = None,
+    scaled: Scaled | None = None,
+) -> Pair:
+    """Compose the derivative of one step, as of ``build_step``.
+
+    Args:
+        method: The method.
+        rhs: Function (x, u, p) -> x'.
+        slopes: Its derivatives.
+        n: Degrees of freedom; x starts with q and v of n each.
+        project: What brings (q, v) back to the constraints, see ``Plant.project``.
+        scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+
+    Returns:
+        ``advance`` and ``stretch``: what to compute once, and what to carry columns by.
+    """
+    if method.name == "implicit":
+        return _whole(build_step(method, rhs, n, project, scaled))
+    pair = _semi_implicit(slopes, n) if method.tableau is None else _staged(method.tableau, slopes)
+    return pair if project is None else _projected(pair, project, n)
+
+
+def _symbols(slopes: Slopes, kind: type[ca.MX] | type[ca.SX]) -> tuple[ca.MX | ca.SX, ...]:
+    f = slopes.coefficients
+    x, u, p = (kind.sym(name, f.size1_in(i)) for i, name in enumerate("xup"))
+    return x, u, p, kind.sym("h")
+
+
+def _staged(tableau: Tableau, slopes: Slopes) -> Pair:
+    """Runge-Kutta methods; stages that the result does not need are left out."""
+    used = stages_used(tableau)
+    x, u, p, h = _symbols(slopes, ca.MX)
+    k: dict[int, ca.MX] = {}
+    c: dict[int, ca.MX] = {}
+    for i in used:
+        k[i], c[i] = slopes.coefficients(x + h * weighed_sum(tableau.a[i], k, x), u, p)
+    kept = ca.vertcat(h, *(k[i] for i in used), *(c[i] for i in used))
+    after = x + h * weighed_sum(tableau.b, k, x)
+    advance = ca.Function("advance", [x, u, p, h], [after, kept], {"cse": True})
+
+    dx, du, _, dh = _symbols(slopes, ca.SX)
+    h, s, t = (ca.SX.sym(name, *shape) for name, shape in (
+        ("h", (1, 1)), ("k", (dx.shape[0], len(used))),
+        ("c", (slopes.coefficients.size1_out(1), len(used))),
+    ))  # fmt: skip
+    slope = {i: s[:, place] for place, i in enumerate(used)}
+    dk: dict[int, ca.SX] = {}
+
+    def moved(weights: Sequence[float]) -> ca.SX:
+        return dx + h * weighed_sum(weights, dk, dx) + dh * weighed_sum(weights, slope, dx)
+
+    for place, i in enumerate(used):
+        dk[i] = slopes.carried(t[:, place], moved(tableau.a[i]), du)
+    kept = ca.vertcat(h, ca.vec(s), ca.vec(t))
+    return advance, ca.Function("stretch", [kept, dx, du, dh], [moved(tableau.b)], {"cse": True})
+
+
+def stages_used(tableau: Tableau) -> list[int]:
+    """Stages on which the result depends."""
+    used = [i for i, weight in enumerate(tableau.b) if weight]
+    for i in reversed(range(len(tableau.b))):
+        if i in used:
+            used += [j for j, weight in enumerate(tableau.a[i]) if weight and j not in used]
+    return sorted(used)
+
+
+def _semi_implicit(slopes: Slopes, n: int) -> Pair:
+    """Speeds first, then positions with the new speeds, as in ``build_step``."""
+    x, u, p, h = _symbols(slopes, ca.MX)
+    k, c = slopes.coefficients(x, u, p)
+    after = x + h * k
+    found = ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
+    kept = ca.vertcat(h, k, after[n : 2 * n], c)
+    advance = ca.Function("advance", [x, u, p, h], [found, kept], {"cse": True})
+
+    dx, du, _, dh = _symbols(slopes, ca.SX)
+    h, k = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0])
+    v, c = ca.SX.sym("v", n), ca.SX.sym("c", slopes.coefficients.size1_out(1))
+    moved = dx + h * slopes.carried(c, dx, du) + dh * k
+    change = ca.vertcat(dx[:n] + h * moved[n : 2 * n] + dh * v, moved[n:])
+    kept = ca.vertcat(h, k, v, c)
+    return advance, ca.Function("stretch", [kept, dx, du, dh], [change], {"cse": True})
+
+
+def _projected(pair: Pair, project: ca.Function, n: int) -> Pair:
+    """The same with the state brought back to the constraints at the end."""
+    advance, stretch = pair
+    before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
+    found = project(before, after, p)[0]
+    kept = Kept()
+    by_before, by_after = (kept.matrix(ca.jacobian(found, by)) for by in (before, after))
+    held = ca.Function("held", [before, after, p], [found, kept.values], {"cse": True})
+
+    x, u, p, h = (advance.mx_in(i) for i in range(4))
+    moved, c = advance(x, u, p, h)
+    found, more = held(x[: 2 * n], moved[: 2 * n], p)
+    results = [ca.vertcat(found, moved[2 * n :]), ca.vertcat(c, more)]
+    whole = ca.Function("advance", [x, u, p, h], results, {"cse": True})
+
+    c, dx, du, dh = (ca.SX.sym(name, stretch.size1_in(i)) for i, name in enumerate("cxuh"))
+    moved = stretch(c, dx, du, dh)
+    change = by_before @ dx[: 2 * n] + by_after @ moved[: 2 * n]
+    arguments = [ca.vertcat(c, kept.symbols), dx, du, dh]
+    change = ca.vertcat(change, moved[2 * n :])
+    return whole, ca.Function("stretch", arguments, [change], {"cse": True})
+
+
+def _whole(step: ca.Function) -> Pair:
+    """A step that is differentiated as a whole."""
+    x, u, p, h = (step.mx_in(i) for i in range(4))
+    after = step(x, u, p, h)
+    slopes = [ca.densify(ca.jacobian(after, by)) for by in (x, u, h)]
+    kept = ca.vertcat(*(ca.vec(slope) for slope in slopes))
+    advance = ca.Function("advance", [x, u, p, h], [after, kept], {"cse": True})
+    symbols = [ca.SX.sym(name, *slope.shape) for name, slope in zip("XUH", slopes, strict=True)]
+    columns = [
+        ca.SX.sym(f"d{name}", slope.shape[1]) for name, slope in zip("xuh", slopes, strict=True)
+    ]
+    change = sum((J @ d for J, d in zip(symbols, columns, strict=True)), ca.SX(x.shape[0], 1))
+    kept = ca.vertcat(*(ca.vec(J) for J in symbols))
+    return advance, ca.Function("stretch", [kept, *columns], [change], {"cse": True})

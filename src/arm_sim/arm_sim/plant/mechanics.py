@@ -1,0 +1,168 @@
+# SPDX-License-Identifier: Apache-2.0
+"""How the joints of a scene accelerate under torques, and what events ask of the arm.
+
+It contains only what the scene asks for; drives and friction with states are the plant's.
+"""
+
+from __future__ import annotations
+
+import logging
+from functools import cached_property, partial
+
+import casadi as ca
+
+from arm_dynamics import ArmModel
+from arm_dynamics.codegen.kernel import operations
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST, algorithms
+from arm_sim.plant.bilateral import Bilateral
+from arm_sim.plant.contact import ContactFunctions, contact_functions
+from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.response import AnyResponse, Response, response_of
+from arm_sim.plant.symbols import Joints, Symbols, dense_function
+
+_log = logging.getLogger(__name__)
+
+
+class Mechanics:
+    """The arm between the torques on its joints and their accelerations.
+
+    Args:
+        model: The robot.
+        parameters: What is tunable.
+        stops: Whether joints may be at their stops.
+
+    Attributes:
+        symbols: What the expressions are made of.
+        joints: What joints and contacts do.
+        acceleration: CasADi function (q, v, tau, p) -> q̈ of vectors of n.
+        project: CasADi function ((q, v) before a step, after it, p) -> (q, v) after it, brought
+            back to the constraints, or None without bilateral ones.
+        contact: What contacts add, or None without any.
+        loads: CasADi functions (q, v, tau, p) that the engine asks at events: ``loads``, with
+            contacts ``contact_inertia``, with bilateral constraints ``bilateral``, with stops
+            ``stop_torques``; empty where nothing sticks or touches.
+        of_joints: Those of positions and velocities: with stops ``strike``, with compliant ones
+            ``pressures``.
+        method: Which algorithm turned out shorter, as text.
+    """
+
+    def __init__(self, model: ArmModel, parameters: Parameters, stops: bool) -> None:
+        if model.n > DENSE_AT_MOST and stops:
+            _log.info("writing the equations of %d joints", model.n)
+        self.symbols = s = Symbols(model, parameters)
+        self.joints = joints = Joints(model, s, stops)
+        self.contact: ContactFunctions | None = None
+        self.loads: tuple[ca.Function, ...] = ()
+        self.of_joints: tuple[ca.Function, ...] = ()
+        self.method = _method(Response.algorithm, model)
+        pressed, directed = joints.pressed.shape[0], joints.direction.shape[0]
+        self._stop_power = _stop_power(s, joints) if pressed else None
+        held = Bilateral(model, s, joints) if model.scene.bilateral else None
+        self.project = held.project(joints.p) if held else None
+        response: AnyResponse
+        if model.scene.contacts:
+            response = dense = held or Response(model, s, joints)
+            self.contact = contact_functions(model, s, joints, dense)
+            self.acceleration, push = self.contact.acceleration, self.contact.push
+            reaction = self.contact.reaction
+            self.loads = self.contact.loads, self.contact.inertia
+        elif directed or pressed:
+            response = held or response_of(model, s, joints)
+            self.method = _method(response.algorithm, model)
+            self.acceleration, loads, reaction = _stick_slip(model, s, joints, response)
+            self.loads, push = (loads,), ca.SX(model.n, 1)
+        elif held:
+            arguments, a = [s.q, s.v, s.tau, s.p], held.accelerations(held.load)
+            self.acceleration = dense_function("acceleration", arguments, a)
+        else:
+            self.method, self.acceleration = _shortest(model, s)
+        if held and self.loads:
+            self.loads = (*self.loads, _bilateral(s, joints, held, push - reaction))
+        if self.loads:
+            jacobian = self.contact.jacobian if self.contact else ca.SX(0, model.n)
+            self._strike = partial(_strike, s, joints, response, jacobian)
+        if stops and model.stops:
+            self.loads = (*self.loads, _stop_torques(s, joints, reaction))
+            pressures = (_pressures(s, joints),) if pressed else ()
+            self.of_joints = (self.strike, *pressures)
+
+    @cached_property
+    def strike(self) -> ca.Function:
+        """CasADi function of a blow in a scene with events, see ``Plant.strike``."""
+        return self._strike()
+
+    def taken(self, q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
+        """Power that friction of contacts and compliant stops take from the joints in [W]."""
+        takers = [self.contact.lost] if self.contact else []
+        takers += [self._stop_power] if self._stop_power else []
+        return sum((taker(q, v, tau, p) for taker in takers), ca.SX(1, 1))
+
+
+def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
+    arguments = [s.q, s.v, s.tau, s.p]
+    candidates = []
+    for name, law in algorithms(s.tree, model.n):
+        result = law(s.tree, s.q, s.v, s.tau - s.passive, s.gravity)
+        candidates.append((name, ca.Function("acceleration", arguments, [result], {"cse": True})))
+    return min(candidates, key=lambda candidate: operations(candidate[1]))
+
+
+def _method(algorithm: str, model: ArmModel) -> str:
+    """How accelerations are computed, and what holds the arm meanwhile, in words."""
+    kinds = {
+        "constraints held": model.scene.bilateral,
+        "contacts closed or apart": model.scene.contacts,
+        "sticking joints held": model.has_dry_friction,
+    }
+    return f"{algorithm}, {' and '.join(words for words, there in kinds.items() if there)}"
+
+
+def _stick_slip(
+    model: ArmModel, s: Symbols, joints: Joints, response: AnyResponse
+) -> tuple[ca.Function, ca.Function, ca.SX]:
+    """Acceleration, ``loads`` without contacts, and the loads of joints that are held."""
+    a = response.accelerations(response.load)
+    reaction = response.reactions(response.load, a)
+    arguments = [s.q, s.v, s.tau, joints.p]
+    held = model.friction.relative_hold(reaction, s.q, s.tau)
+    none = ca.SX(0, 1)
+    return (
+        ca.Function("acceleration", arguments, [a], {"cse": True}),
+        dense_function("loads", arguments, held, none, none, none),
+        reaction,
+    )
+
+
+def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.Function:
+    """What the engine and recordings ask of bilateral constraints beside what else holds the arm.
+
+    A function of how many motions of sliding joints they take away, and of the torques that
+    contacts and friction at rest put on the joints beside them.
+    """
+    starting = ca.if_else(s.v == 0, joints.friction, 0)
+    arguments = [s.q, s.v, s.tau, joints.p]
+    return dense_function("bilateral", arguments, held.rank, push - starting)
+
+
+def _strike(s: Symbols, joints: Joints, response: AnyResponse, jacobian: ca.SX) -> ca.Function:
+    """See ``Plant.strike``; ``jacobian``: of the places of the contacts by q."""
+    n, x = s.q.shape[0], ca.vertcat(s.q, s.v)
+    change, impulse = ca.SX.sym("change", n), ca.SX.sym("impulse", jacobian.shape[0])
+    gain, held = response.struck(jacobian.T @ impulse, change)
+    return dense_function("strike", [x, joints.p, change, impulse], s.v + gain, held)
+
+
+def _pressures(s: Symbols, joints: Joints) -> ca.Function:
+    """``Joints.pressures`` of (q, v), which the engine asks where joints meet compliant stops."""
+    return dense_function("pressures", [ca.vertcat(s.q, s.v)], joints.pressures)
+
+
+def _stop_torques(s: Symbols, joints: Joints, reaction: ca.SX) -> ca.Function:
+    """Torques with which stops push joints, those held by friction alone included."""
+    arguments = [s.q, s.v, s.tau, joints.p]
+    return dense_function("stop_torques", arguments, joints.stop - reaction)
+
+
+def _stop_power(s: Symbols, joints: Joints) -> ca.Function:
+    """Power that compliant stops take from the joints, some of which they may give back, [W]."""
+    return dense_function("taken", [s.q, s.v, s.tau, joints.p], -ca.dot(joints.stop, s.v))

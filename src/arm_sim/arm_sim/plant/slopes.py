@@ -1,0 +1,124 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Derivatives of a scene's equation of motion: numbers to compute once, and columns to carry.
+
+Of an arm that only its joints hold, x' = (v, g) changes by H⁻¹ K d(x, u), where K is the
+derivative of the torque that a given acceleration leaves over (Carpentier, Mansard, "Analytical
+derivatives of rigid body dynamics algorithms", Robotics: Science and Systems, 2018): a fraction of
+the work of differentiating forward dynamics. Loops and contacts are differentiated as they are
+written.
+"""
+
+from __future__ import annotations
+
+import casadi as ca
+
+from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
+from arm_dynamics.equations.rigid_body import eliminated, factored, solve, substituted
+from arm_sim.plant.plant import Plant
+from arm_sim.plant.symbols import dense_function
+
+
+class Slopes:
+    """Derivatives of x' = f(x, u, p) by x and u.
+
+    Args:
+        plant: The equations.
+
+    Attributes:
+        coefficients: CasADi function (x, u, p) -> x' and the numbers c that its derivative needs.
+        carried: CasADi function (c, dx, du) -> dx', linear in dx and du.
+    """
+
+    def __init__(self, plant: Plant) -> None:
+        x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
+        slope = _slope(plant, x, u, p)
+        dx, du, n = ca.SX.sym("dx", plant.nx), ca.SX.sym("du", plant.model.n), plant.model.n
+        kept = Kept()
+        if plant.held_by_joints:
+            K_x, K_u, H = plant.scaled_slopes(x, u, p, slope)
+            rows = kept.matrix(K_x) @ dx + kept.matrix(K_u) @ du
+            factors = factored(ca.sparsify(H[:n, :n]))
+            pivots = kept.matrix(1 / ca.diag(factors))
+            factors = kept.matrix(ca.tril(factors, False))
+            load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
+            changes = ca.vertcat(substituted(factors, pivots * eliminated(factors, load)), rates)
+        else:
+            J_x, J_u = ca.jacobian(slope[n:], x), ca.jacobian(slope[n:], u)
+            changes = kept.matrix(J_x) @ dx + kept.matrix(J_u) @ du
+        self.coefficients = dense_function("coefficients", [x, u, p], slope, kept.values)
+        change = ca.vertcat(dx[n : 2 * n], changes)
+        self.carried = dense_function("carried", [kept.symbols, dx, du], change)
+
+
+def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
+    """x', with accelerations by the very M that its derivative needs, where that is shorter."""
+    slope, n = plant.rhs(x, u, p), plant.model.n
+    if n > DENSE_AT_MOST or not plant.held_by_joints:
+        return slope
+    still = ca.SX(plant.nx, 1)
+    load = plant.residual(x, u, p, still[:n])[0]
+    H = plant.scaled_slopes(x, u, p, still)[2]
+    a = solve(ca.sparsify(H[:n, :n]), load)
+    return ca.vertcat(slope[:n], a, slope[2 * n :]) if plant.nz else ca.vertcat(slope[:n], a)
+
+
+class Kept:
+    """Numbers that are computed in one function and used in another; constants are no such."""
+
+    def __init__(self) -> None:
+        self._values: list[ca.SX] = []
+        self._symbols: list[ca.SX] = []
+
+    def matrix(self, expression: ca.SX) -> ca.SX:
+        """A matrix of the same zeros and constants, with symbols for all other entries."""
+        expression = ca.sparsify(expression)
+        entries = [self._entry(entry) for entry in expression.nonzeros()]
+        return ca.SX(expression.sparsity(), ca.vertcat(*entries)) if entries else expression
+
+    @property
+    def values(self) -> ca.SX:
+        """What is to be computed, a vector."""
+        return ca.vertcat(ca.SX(0, 1), *self._values)
+
+    @property
+    def symbols(self) -> ca.SX:
+        """The symbols, in the same order."""
+        return ca.vertcat(ca.SX(0, 1), *self._symbols)
+
+    def _entry(self, value: ca.SX) -> ca.SX:
+        if ca.SX(value).is_constant():
+            return value
+        self._values.append(value)
+        self._symbols.append(ca.SX.sym(f"c{len(self._values)}"))
+        return self._symbols[-1]
+
+
+def pullback(plant: Plant) -> ca.Function:
+    """The transposed derivative of x' = f(x, u, p): gradients of what depends on x'.
+
+    With H g = R for the residual R of ``Plant.residual``, μᵀ dg = (H⁻¹ μ)ᵀ dR at fixed
+    accelerations, which is a gradient of inverse dynamics: less than twice its work.
+
+    Args:
+        plant: The equations.
+
+    Returns:
+        CasADi function (x, u, p, x', μ) -> f_xᵀ μ, f_uᵀ μ and, by tunable quantities, f_pᵀ μ.
+    """
+    x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
+    n, tunable = plant.model.n, len(plant.parameters.nominal)
+    slope, mu = ca.SX.sym("slope", plant.nx), ca.SX.sym("mu", plant.nx)
+    arguments = [x, u, p, slope, mu]
+    if not plant.held_by_joints:
+        gradients = [ca.jtimes(plant.rhs(x, u, p), by, mu, True) for by in (x, u, p)]
+    else:
+        residual, H = plant.residual(x, u, p, slope[n : 2 * n])
+        nu = ca.SX.sym("nu", n)
+        weighed = ca.dot(nu, residual) + ca.dot(mu[:n], x[n : 2 * n])
+        rates = plant.rhs(x, u, p)[2 * n :]
+        weighed = weighed + ca.dot(mu[2 * n :], rates) if plant.nz else weighed
+        load = solve(ca.sparsify(H), mu[n : 2 * n])
+        found = ca.Function("g", [*arguments, nu], [ca.gradient(weighed, by) for by in (x, u, p)])
+        gradients = found(*arguments, load)
+    by_x, by_u, by_p = gradients
+    return dense_function("pullback", arguments, by_x, by_u, by_p[:tunable])

@@ -1,0 +1,245 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gradients of functions of a rollout's states, by initial state, torques and parameters.
+
+The motion is computed once and kept at the ticks, then λ = ∂L/∂x is taken back tick by tick by the
+transposed derivative of the very step (``integrators.adjoints``). That takes the work of some four
+rollouts, however many torques there are. Ticks with events are taken back by their A and B.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import cached_property
+
+import casadi as ca
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.kernel import generate, operations
+from arm_dynamics.exceptions import CompilerMissing
+from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
+from arm_sim.integrators.adjoints import build_adjoint
+from arm_sim.integrators.methods import build_step, build_tick
+from arm_sim.integrators.selection import Choice
+from arm_sim.plant.actuation import actuation
+from arm_sim.plant.parameters import Parameters
+from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import pullback
+from arm_sim.stepping.linearization import Linearizer
+from arm_sim.stepping.rollout import Batch, alike, of_lanes, share, stop_defines, widths
+from arm_sim.stepping.stepper import pointer, sizes, source
+from arm_sim.stepping.tangents import LONGEST
+
+
+@dataclass(frozen=True)
+class RolloutGradient:
+    """Gradient of a function L of a rollout's states; shapes are those of what was given.
+
+    Attributes:
+        q0: ∂L/∂q0, shape (b, n).
+        v0: ∂L/∂v0, shape (b, n).
+        tau: ∂L/∂τ; of torques that are shared, the sum over arms or ticks.
+    """
+
+    q0: Array
+    v0: Array
+    tau: Array
+    _by_p: Array
+    _known: Parameters
+    _across_events: tuple[int, ...]
+
+    @property
+    def parameters(self) -> dict[str, Array]:
+        """∂L/∂p of every tunable quantity by its name, a row for each arm, shape (b, size).
+
+        Raises:
+            NotDifferentiable: If an arm's motion had events: derivatives by parameters stop there.
+        """
+        if self._across_events and self._known.items:
+            raise NotDifferentiable(
+                f"rollout_gradient: the motion of arm {self._across_events[0]} has events, across "
+                "which there is no derivative by parameters; allowed: q0, v0 and tau"
+            )
+        ends = np.cumsum([item.nominal.size for item in self._known.items])
+        parts = np.split(self._by_p, ends, axis=1)[:-1]
+        return dict(zip(self._known.names, parts, strict=True))
+
+
+@dataclass(frozen=True)
+class Found:
+    """Gradients by all that is continuous in a batch.
+
+    Attributes:
+        by_x: By initial states (q, v, z), shape (b, nx).
+        by_tau: By the torques of all ticks, shape (b, ticks, n).
+        by_p: By parameters, shape (b, np).
+        eventful: Arms whose motion has events; theirs by parameters are no numbers.
+    """
+
+    by_x: Array
+    by_tau: Array
+    by_p: Array
+    eventful: tuple[int, ...]
+
+
+def gradient_of(
+    plant: Plant, batch: Batch, found: Found, shape: tuple[int, ...]
+) -> RolloutGradient:
+    """Gradients by what a rollout was given, from those by its initial states and all torques.
+
+    Args:
+        plant: The scene's equations.
+        batch: The arms.
+        found: Gradients.
+        shape: Of the torques as they were given.
+    """
+    n, by_x = plant.model.n, found.by_x
+    by_start = by_x[:, : 2 * n].copy()
+    if plant.nz:
+        for arm, x in enumerate(batch.x0):
+            by_start[arm] += by_x[arm, 2 * n :] @ _initial_slope(plant, x[: 2 * n])
+    by_tau = found.by_tau if len(shape) == 3 else found.by_tau.sum(axis=1)
+    by_tau = by_tau.sum(axis=0) if len(shape) == 1 else by_tau
+    return RolloutGradient(
+        by_start[:, :n], by_start[:, n:], by_tau, found.by_p, plant.parameters, found.eventful
+    )
+
+
+def _initial_slope(plant: Plant, x: Array) -> Array:
+    """Derivative of the laws' states at the beginning by (q, v), shape (nz, 2n).
+
+    They are what they are without motion, all but linear: differences of fourth order.
+    """
+    n, h = plant.model.n, 2.0**-10
+
+    def at(place: Array) -> Array:
+        return plant.initial(place[:n], place[n:])
+
+    columns = [
+        (8.0 * (at(x + e) - at(x - e)) - (at(x + 2 * e) - at(x - 2 * e))) / (12.0 * h)
+        for e in h * np.eye(2 * n)
+    ]
+    return np.column_stack(columns)
+
+
+class Gradients:
+    """Gradients of the rollouts of one scene.
+
+    Args:
+        plant: The scene's equations.
+        choice: Method, tick and tolerance.
+        linearizer: Derivatives of ticks that have events.
+        backend: As for ``Kernel``.
+    """
+
+    def __init__(self, plant: Plant, choice: Choice, linearizer: Linearizer, backend: str) -> None:
+        self._plant, self._choice, self._linearizer = plant, choice, linearizer
+        self._smooth, self._backend = plant.free or plant, backend
+        self._libraries: dict[int, ctypes.CDLL | None] = {}
+
+    def run(self, batch: Batch, g: Array, threads: int | None, lanes: int | None) -> Found:
+        """Gradients of Σ g · states for a batch, see ``Simulator.rollout_gradient``.
+
+        Args:
+            batch: The arms; ``out`` is not used.
+            g: By the states (q, v), shape (b, steps + 1, 2n).
+            threads: Cores to use; None for all.
+            lanes: Arms in a vector register; None for the widest there is.
+
+        Raises:
+            NotDifferentiable: If a tick has no derivative; it names arm and tick.
+            SimulationDiverged: If a tick cannot be computed; likewise.
+        """
+        arms, ticks, n = len(batch.x0), batch.steps, self._plant.model.n
+        found = Found(
+            np.zeros(batch.x0.shape), np.zeros((arms, ticks, n)), np.zeros(batch.p.shape), ()
+        )
+        width, library = self._library(lanes)
+        eventful = list(range(arms))
+        if library is not None:
+            eventful = self._side_by_side(library, width, batch, g, found, threads)
+        for arm in eventful:
+            self._tick_by_tick(batch, g, found, arm)
+        return Found(found.by_x, found.by_tau, found.by_p, tuple(eventful))
+
+    def _side_by_side(
+        self, library: ctypes.CDLL, width: int, batch: Batch, g: Array, found: Found,
+        threads: int | None,
+    ) -> list[int]:  # fmt: skip
+        """Gradients of all arms; those that are returned meet stops, or diverge."""
+        met = (ctypes.c_byte * len(batch.x0))()
+        length = np.array([self._choice.dt])
+        arm, tick = (ctypes.c_longlong(stride // 8) for stride in batch.tau.strides[:2])
+        row = ctypes.c_longlong(batch.p.strides[0] // 8)
+
+        def work(first: int, last: int) -> None:
+            motion = np.empty((batch.steps + 1, batch.x0.shape[1], width))
+            library.rollout_gradient(
+                pointer(batch.x0), pointer(batch.tau), arm, tick, pointer(batch.p), row,
+                pointer(length), *map(ctypes.c_longlong, (batch.steps, first, last)), pointer(g),
+                pointer(motion), pointer(found.by_x), pointer(found.by_tau), pointer(found.by_p),
+                ctypes.byref(met),
+            )  # fmt: skip
+
+        share(len(batch.x0), width, threads, work)
+        return [arm for arm in range(len(batch.x0)) if met[arm]]
+
+    def _tick_by_tick(self, batch: Batch, g: Array, found: Found, arm: int) -> None:
+        """The gradient of one arm by A and B of each of its ticks."""
+        n, nx = self._plant.model.n, self._plant.nx
+        p, tau = batch.p[arm], batch.tau[arm]
+        slopes = list[Array]()
+        try:
+            for slope in self._linearizer.along(batch.x0[arm], tau[: batch.steps], p):
+                slopes.append(slope)
+        except (SimulationDiverged, NotDifferentiable) as error:
+            raise type(error)(f"arm {arm}, tick {len(slopes)}: {error}") from None
+        weight = np.zeros(nx)
+        weight[: 2 * n] = g[arm, -1]
+        for k in reversed(range(batch.steps)):
+            found.by_tau[arm, k] = weight @ slopes[k][:, nx:]
+            weight = weight @ slopes[k][:, :nx]
+            weight[: 2 * n] += g[arm, k]
+        found.by_x[arm], found.by_p[arm] = weight, np.nan
+
+    def _library(self, lanes: int | None) -> tuple[int, ctypes.CDLL | None]:
+        same = alike(self._plant, self._choice)
+        for width in widths(lanes):
+            if width not in self._libraries:
+                self._libraries[width] = self._built(width) if same else None
+            if (library := self._libraries[width]) is not None:
+                return width, library
+        return 1, None
+
+    def _built(self, width: int) -> ctypes.CDLL | None:
+        language = "c++" if width > 1 else "c"
+        if self._backend == "vm" or not compiler.may_build(language):
+            return None
+        if operations(self._functions[1]) > LONGEST:
+            return None
+        try:
+            return compiler.build(self._source(width), language).library
+        except CompilerMissing:
+            return None
+
+    @cached_property
+    def _functions(self) -> tuple[ca.Function, ...]:
+        plant, method, n = self._smooth, self._choice.method, self._plant.model.n
+        scaled, act = plant.scaled_jacobian, actuation(plant)
+        step = build_step(method, plant.rhs, n, plant.project, scaled)
+        adjoint = build_adjoint(method, plant.rhs, pullback(plant), n, plant.project, scaled)
+        x, r = (ca.SX.sym(name, act.size1_in(i)) for i, name in enumerate("xr"))
+        weight, u = ca.SX.sym("weight", n), act(x, r)
+        back = [ca.densify(ca.jtimes(u, by, weight, True)) for by in (x, r)]
+        limit = ca.Function("limit_adjoint", [x, r, weight], back, {"cse": True})
+        acting = ca.Function("acting", [x, r], [u], {"cse": True})
+        return build_tick(step, act), adjoint, acting, limit
+
+    def _source(self, width: int) -> str:
+        functions, (stops, parts) = list(self._functions), stop_defines(self._smooth)
+        defines = sizes(self._smooth, functions) | {"TICK": "tick"} | stops
+        return of_lanes(generate(functions), width) + source(
+            defines, *parts, "arms.c", "gradient.c"
+        )

@@ -1,0 +1,125 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Derivatives of smooth motion carried in columns, WIDTH of them in a `column`; where LANES > 1 a column is that of as many
+ * arms, each in a lane. The columns' matrices lie row by row, `count` numbers a row.
+ *
+ * Before this file: NX, NU (lengths of state and command), NP (of the parameters), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the
+ * generated functions), ND and NA (how many numbers the derivatives of a step and of the limits need), and the generated
+ * `acting` (x, r) -> u and those NA, `limit` (columns dx, dr -> du), `advance` (x, u, p, h) -> x and those ND, `carry` (columns
+ * dx, du -> dx); with STRETCH also `stretch` (columns dx, du, dh -> dx); arms.c; where joints have stops stops.c, and STOPS.
+ */
+
+#include <string.h>
+#ifdef __cplusplus
+#define EXPORTED extern "C" __attribute__((visibility("default")))
+#else
+#define EXPORTED __attribute__((visibility("default")))
+#endif
+
+/* Of arm j (of_lane[j]) the matrix begins at matrix + of_lane[j] * size. */
+static inline void take(column* to, const double* matrix, const long long* of_lane, long long size, int rows, long long count,
+                        long long first) {
+  for (int i = 0; i < rows; ++i) {
+    const double* row = matrix + i * count + first;
+#if LANES == 1
+    row += of_lane[0] * size;
+    if (count - first >= WIDTH) memcpy(&to[i], row, sizeof(column));
+    else for (int j = 0; j < WIDTH; ++j) to[i][j] = j < count - first ? row[j] : 0.0;
+#else
+    for (int j = 0; j < LANES; ++j) LANE(to[i], j) = row[of_lane[j] * size];
+#endif
+  }
+}
+
+static inline void put(const column* from, double* matrix, const long long* of_lane, long long size, int rows, long long count,
+                       long long first) {
+  for (int i = 0; i < rows; ++i) {
+    double* row = matrix + i * count + first;
+#if LANES == 1
+    row += of_lane[0] * size;
+    if (count - first >= WIDTH) memcpy(row, &from[i], sizeof(column));
+    else for (int j = 0; j < count - first; ++j) row[j] = from[i][j];
+#else
+    for (int j = 0; j < LANES; ++j) row[of_lane[j] * size] = LANE(from[i], j);
+#endif
+  }
+}
+
+/* The arms first … last-1 over `ticks` ticks, with what becomes of columns.
+ *
+ * x0:      initial states, NX an arm.             tau: commands, NU an arm, held.
+ * p:       parameters; arm i at p + i * p_arm.    after: receives states at the end.
+ * given:   columns at the beginning, NX + NU rows for (x, tau); arm i at given + i * given_arm.
+ * columns: receives them at the end, NX rows an arm.
+ * met:     set to 1 for an arm that comes near a stop; what is found of it is worth nothing.
+ */
+EXPORTED void carry_ticks(const double* x0, const double* tau, const double* p, long long p_arm, const double* h,
+                          long long ticks, long long first, long long last, const double* given, long long given_arm,
+                          long long count, double* after, double* columns, signed char* met) {
+  const real length = h[0];
+  for (long long arm = first; arm < last; arm += LANES) {
+    real x[NX], next[NX], r[NU], u[NU], par[NP + 1], w[SZ_W], limits[NA + 1], derivatives[ND];
+    column dx[NX], dr[NU], du[NU], moved[NX];
+    casadi_int iw[SZ_IW];
+    const real* arg[SZ_ARG];
+    real* res[SZ_RES];
+    long long of_lane[LANES];
+    choose_arms(arm, last, of_lane);
+    read_arms(x, NX, x0, NX, of_lane);
+    read_arms(r, NU, tau, NU, of_lane);
+    read_arms(par, NP, p, p_arm, of_lane);
+    for (long long k = 0; k < ticks; ++k) {
+      arg[0] = x; arg[1] = r;
+      res[0] = u; res[1] = limits;
+      acting(arg, res, iw, w, 0);
+      arg[0] = x; arg[1] = u; arg[2] = par; arg[3] = &length;
+      res[0] = next; res[1] = derivatives;
+      advance(arg, res, iw, w, 0);
+      for (long long c = 0; c < count; c += WIDTH) {
+        const column* given_columns[2] = {dx, dr};
+        const column* acting_columns[2] = {dx, du};
+        if (k) take(dx, columns, of_lane, NX * count, NX, count, c);
+        else take(dx, given, of_lane, given_arm, NX, count, c);
+        take(dr, given + NX * count, of_lane, given_arm, NU, count, c);
+        limit(limits, given_columns, du);
+        carry(derivatives, acting_columns, moved);
+        put(moved, columns, of_lane, NX * count, NX, count, c);
+      }
+      for (int j = 0; j < LANES; ++j)
+        for (int i = 0; i < NU; ++i) {
+#ifdef STOPS
+          const double q = LANE(x[i], j), v = LANE(x[NU + i], j), end = LANE(next[i], j), v_end = LANE(next[NU + i], j);
+          const double near_by = 1e-6 * h[0] * (__builtin_fabs(v) + __builtin_fabs(v_end)) + 1e-9 * (1.0 + __builtin_fabs(q));
+          met[of_lane[j]] |= reaches_stop(q - near_by, i) | reaches_stop(q + near_by, i) | reaches_stop(end - near_by, i) |
+                             reaches_stop(end + near_by, i) | (may_dip(q, v, v_end, h[0], i) != 0);
+#endif
+        }
+      for (int i = 0; i < NX; ++i) x[i] = next[i];
+    }
+    for (int j = 0; j < LANES; ++j)
+      for (int i = 0; i < NX; ++i) after[of_lane[j] * NX + i] = LANE(x[i], j);
+  }
+  (void)met;
+}
+
+#ifdef STRETCH
+/* One step of length h[0] from x under what acts, with columns of (x, u, h): NX + NU + 1 rows. */
+EXPORTED void carry_step(const double* x, const double* u, const double* p, const double* h, const double* given,
+                         long long count, double* after, double* columns) {
+  real w[SZ_W], derivatives[ND];
+  column rows[NX + NU + 1], moved[NX];
+  casadi_int iw[SZ_IW];
+  const real* arg[SZ_ARG];
+  real* res[SZ_RES];
+  const long long alone[1] = {0};
+  const column* parts[3] = {rows, rows + NX, rows + NX + NU};
+  arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = h;
+  res[0] = after; res[1] = derivatives;
+  advance(arg, res, iw, w, 0);
+  for (long long c = 0; c < count; c += WIDTH) {
+    take(rows, given, alone, 0, NX + NU + 1, count, c);
+    stretch(derivatives, parts, moved);
+    put(moved, columns, alone, 0, NX, count, c);
+  }
+}
+#endif

@@ -1,0 +1,192 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Gradients of functions of a rollout's states: against differences of rollouts, and A and B."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import InvalidInput
+from arm_sim import NotDifferentiable, Simulator
+from models import features
+from tolerances import FINITE_DIFF, assert_close
+
+GRADIENT = 1e-9
+"""Gradients against differences of eighth order, relative to the largest."""
+
+WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
+"""Of central differences over 1 … 4 steps (Fornberg, Math. Comp. 51, 1988, table 1)."""
+STEPS, ARMS = 12, 3
+
+
+def difference(L: Callable[[np.ndarray], float], at: np.ndarray, h: float) -> np.ndarray:
+    """Gradient of L by every number of an array."""
+    found = np.zeros(at.shape)
+    for place in np.ndindex(at.shape):
+        unit = np.zeros(at.shape)
+        unit[place] = h
+        found[place] = sum(
+            w * (L(at + k * unit) - L(at - k * unit)) / h for k, w in enumerate(WEIGHTS, 1)
+        )
+    return found
+
+
+def start(sim: Simulator, arms: int = ARMS) -> tuple[np.ndarray, ...]:
+    """Initial states, torques of every tick, and weights g."""
+    rng = np.random.default_rng(5)
+    n = sim.n
+    q0 = sim.model.q0 + 0.1 * rng.normal(size=(arms, n))
+    v0, tau = 0.3 * rng.normal(size=(arms, n)), 0.5 * rng.normal(size=(arms, STEPS, n))
+    return q0, v0, tau, rng.normal(size=(arms, STEPS + 1, 2 * n))
+
+
+def compare(
+    sim: Simulator, h: float = 1e-3, arms: int = ARMS, tolerance: float = GRADIENT
+) -> None:
+    q0, v0, tau, g = start(sim, arms)
+
+    def L(**changed: Any) -> float:
+        given = {"q0": q0, "v0": v0, "tau": tau} | changed
+        return float((g * sim.rollout(**given, steps=STEPS)).sum())
+
+    found = sim.rollout_gradient(q0, v0, tau, STEPS, g)
+    assert_close(found.q0, difference(lambda q: L(q0=q), q0, h), tolerance)
+    assert_close(found.v0, difference(lambda v: L(v0=v), v0, h), tolerance)
+    assert_close(found.tau[:, ::5], difference(lambda u: L(tau=_at(tau, u)), tau[:, ::5], h),
+                 tolerance)  # fmt: skip
+
+
+def _at(tau: np.ndarray, some: np.ndarray) -> np.ndarray:
+    whole = tau.copy()
+    whole[:, ::5] = some
+    return whole
+
+
+@pytest.mark.parametrize("method", ["euler", "semi_implicit_euler", "rk4", "dopri5"])
+def test_methods(method: str) -> None:
+    compare(models.simulator("skew_axes", stops=False, integrator=method, dt=0.02))
+
+
+@cache
+def featured(*chosen: str, **options: Any) -> Simulator:
+    scene = features.scene("planar", chosen)
+    return Simulator(scene, dt=1e-3, **({"integrator": "rk4"} | options))
+
+
+def test_loads_and_springs_by_their_parameters_too() -> None:
+    sim = featured("viscous", "armature", "spring", "point spring", "payload", "mimic")
+    compare(sim)
+    q0, v0, tau, g = start(sim)
+    load = np.tile([0.8, 0.01, 0.02, 0.08, 2e-3, 1e-4, 0.0, 3e-3, 0.0, 2e-3], (ARMS, 1))
+
+    def L(payload: np.ndarray) -> float:
+        motion = sim.rollout(q0, v0, tau, STEPS, parameters={"payload": payload})
+        return float((g * motion).sum())
+
+    found = sim.rollout_gradient(q0, v0, tau, STEPS, g, parameters={"payload": load})
+    wanted = difference(L, load, 1e-5)
+    assert_close(found.parameters["payload"], wanted, 1e-8)
+
+
+def test_states_of_drives_begin_where_they_suit() -> None:
+    """The motor of a flexible joint begins where the joint is."""
+    compare(featured("flexible"), h=1e-4, arms=1)
+
+
+def test_error_control_goes_by_the_derivatives_of_ticks() -> None:
+    """Lengths of its steps count as given, so differences see its tolerance."""
+    compare(featured("current", integrator=None, tolerance=1e-11), 1e-4, 1, FINITE_DIFF)
+
+
+def test_a_joint_that_meets_its_stop() -> None:
+    """One arm of two meets its stop on the way."""
+    sim = models.simulator("two_link", integrator="rk4", dt=1e-2)
+    place = sim.model.stops.place[1][0]
+    q0, v0 = np.array([[place - 0.02, 0.2], [0.1, 0.2]]), np.array([[0.5, 0.0], [0.0, 0.1]])
+    g = np.random.default_rng(1).normal(size=(2, STEPS + 1, 4))
+    found = sim.rollout_gradient(q0, v0, np.zeros(2), STEPS, g)
+
+    def L(v: np.ndarray) -> float:
+        return float((g * sim.rollout(q0, v, np.zeros(2), STEPS)).sum())
+
+    rates = sim.rollout(q0, v0, np.zeros(2), STEPS)[:, :, 2]
+    assert rates[0, 0] > 0.0 and not rates[0, -1].any()
+    assert_close(found.v0, difference(L, v0, 1e-6), 1e-6)
+
+
+def test_by_the_derivatives_of_its_ticks() -> None:
+    """λ⁻ = Aᵀ λ + g, tick by tick."""
+    sim = models.simulator("skew_axes", stops=False, integrator="rk4")
+    q0, v0, tau, g = start(sim, 1)
+    motion = sim.rollout(q0, v0, tau, STEPS)[0]
+    weight = g[0, -1].copy()
+    for k in reversed(range(STEPS)):
+        A, B = sim.linearize(sim.reset(*np.split(motion[k], 2)), tau[0, k])
+        wanted = B.T @ weight
+        assert_close(sim.rollout_gradient(q0, v0, tau, STEPS, g).tau[0, k], wanted, 1e-12)
+        weight = A.T @ weight + g[0, k]
+
+
+def test_arms_and_lanes_are_alike() -> None:
+    """To the bit; torques that are shared get the sum."""
+    sim = models.simulator("skew_axes", stops=False, integrator="rk4")
+    q0, v0, tau, g = start(sim, 11)
+    wide = sim.rollout_gradient(q0, v0, tau, STEPS, g, lanes=4, threads=1)
+    narrow = sim.rollout_gradient(q0, v0, tau, STEPS, g, lanes=1, threads=2)
+    for name in ("q0", "v0", "tau"):
+        np.testing.assert_array_equal(getattr(wide, name), getattr(narrow, name))
+    held = sim.rollout_gradient(q0, v0, tau[:, 0], STEPS, g)
+    shared = sim.rollout_gradient(q0, v0, tau[0, 0], STEPS, g)
+    assert held.tau.shape == (11, sim.n) and shared.tau.shape == (sim.n,)
+    same = sim.rollout_gradient(q0, v0, np.repeat(tau[:, :1], STEPS, 1), STEPS, g)
+    assert_close(held.tau, same.tau.sum(axis=1), 1e-13)
+
+
+def test_no_steps_at_all() -> None:
+    sim = models.simulator("two_link")
+    g = np.arange(4.0).reshape(1, 1, 4)
+    found = sim.rollout_gradient(np.zeros((1, 2)), np.zeros((1, 2)), np.zeros(2), 0, g)
+    np.testing.assert_array_equal(np.r_[found.q0[0], found.v0[0]], g[0, 0])
+    np.testing.assert_array_equal(found.tau, np.zeros(2))
+
+
+def test_no_parameters_across_events() -> None:
+    scene = features.scene("planar", ("coulomb", "payload"))
+    sim = Simulator(scene, integrator="rk4")
+    found = sim.rollout_gradient(
+        sim.model.q0[None], np.array([[0.8, -0.5, 0.6]]), np.zeros(3), 2, np.ones((1, 3, 6))
+    )
+    with pytest.raises(NotDifferentiable, match="arm 0 has events"):
+        _ = found.parameters
+
+
+def test_a_tick_without_a_derivative_is_named() -> None:
+    sim = models.simulator("two_link", integrator="rk4")
+    q0 = np.array([[0.1, 0.2], [sim.model.stops.place[1][0], 0.2]])
+    v0 = np.array([[0.0, 0.0], [0.3, 0.0]])
+    with pytest.raises(NotDifferentiable, match="arm 1, tick 0: "):
+        sim.rollout_gradient(q0, v0, np.zeros(2), 1, np.ones((2, 2, 4)))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"g": np.zeros((2, 3, 4))}, r"g has shape \(2, 3, 4\)"),
+        ({"g": np.full((2, 2, 4), np.nan)}, "finite"),
+        ({"steps": -1}, "steps"),
+        ({"tau": np.zeros(3)}, "tau"),
+        ({"lanes": 5}, "lanes"),
+        ({"parameters": {"mass": 1.0}}, "mass"),
+    ],
+)
+def test_refusals(change: dict[str, Any], message: str) -> None:
+    sim = models.simulator("two_link")
+    q = np.zeros((2, 2))
+    given = {"q0": q, "v0": q, "tau": np.zeros(2), "steps": 1, "g": np.zeros((2, 2, 4))} | change
+    with pytest.raises(InvalidInput, match=message):
+        sim.rollout_gradient(**given)

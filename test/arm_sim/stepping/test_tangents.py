@@ -1,0 +1,177 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Compiled derivatives of ticks, for every method and feature: against differences of ticks."""
+
+from __future__ import annotations
+
+from functools import cache
+from typing import Any
+
+import numpy as np
+import pytest
+
+import models
+from arm_dynamics import InvalidInput
+from arm_sim import NotDifferentiable, Simulator
+from arm_sim.integrators.methods import METHODS
+from models import features
+from tolerances import BACKENDS, assert_close
+
+SLOPE = 1e-10
+"""Derivatives of a smooth tick against differences of eighth order, relative to the largest."""
+
+WEIGHTS = np.array([4 / 5, -1 / 5, 4 / 105, -1 / 280])
+"""Of central differences over 1 … 4 steps (Fornberg, Math. Comp. 51, 1988, table 1)."""
+
+
+def slopes(sim: Simulator, x: np.ndarray, tau: np.ndarray, h: float) -> np.ndarray:
+    """(A, B) side by side by differences of eighth order, of steps ``h`` of what matters."""
+    p, point = sim.parameters, np.r_[x, tau]
+    size = h * np.r_[sim.plant.scale, np.ones(sim.n)]
+
+    def after(place: np.ndarray) -> np.ndarray:
+        sim.restore(place[: len(x)], p, 0)
+        sim.step(place[len(x) :])
+        return sim.x.copy()
+
+    return np.column_stack([
+        sum(w * (after(point + k * e) - after(point - k * e)) / e.max()
+            for k, w in enumerate(WEIGHTS, 1))
+        for e in np.diag(size)
+    ])  # fmt: skip
+
+
+def check(sim: Simulator, tau: Any, h: float = 2e-3, tolerance: float = SLOPE) -> None:
+    state, x, tau = sim.state, sim.x.copy(), np.array(tau, dtype=float)
+    found = np.hstack(sim.linearize(state, tau))
+    assert_close(found, slopes(sim, x, tau, h), tolerance)
+
+
+SETS: dict[str, tuple[tuple[str, ...], float, float]] = {
+    "springs and loads": (
+        ("viscous", "armature", "spring", "point spring", "payload", "mimic"), 1e-3, SLOPE
+    ),
+    "sliding friction": (("coulomb", "table", "lossy gear"), 1e-3, SLOPE),
+    "flexible drive": (("flexible", "harmonic"), 1e-4, SLOPE),
+    # Bristles bend by tenths of a milliradian: differences that do not leave them see 1e-8.
+    "voltage and bristles": (("lugre", "voltage"), 3e-6, 3e-8),
+}  # fmt: skip
+"""Features, steps of differences in which they are smooth, and what is left of accuracy."""
+
+
+@cache
+def featured(name: str) -> Simulator:
+    return Simulator(features.scene("planar", SETS[name][0]), integrator="rk4", dt=1e-3)
+
+
+@pytest.mark.parametrize("name", SETS)
+def test_features(name: str) -> None:
+    sim, (chosen, h, tolerance) = featured(name), SETS[name]
+    command = features.command("planar", features.scene("planar", chosen))
+    tau = np.array([1.2 * command.get(joint, 0.0) for joint in sim.joint_names])
+    sim.reset(sim.model.q0, [0.8, -0.5, 0.6])
+    sim.run(0.01, tau)
+    check(sim, tau, h, tolerance)
+
+
+@pytest.mark.parametrize("method", [name for name in METHODS if name != "implicit"])
+def test_methods(method: str) -> None:
+    """At a long tick, where every power of h counts."""
+    sim = models.simulator("skew_axes", stops=False, integrator=method, dt=0.05)
+    rng = np.random.default_rng(7)
+    sim.reset(*0.8 * rng.normal(size=(2, sim.n)))
+    check(sim, 0.5 * rng.normal(size=sim.n))
+
+
+def test_a_panda() -> None:
+    sim = Simulator("panda", dt=0.02)
+    sim.reset(v=np.linspace(-0.5, 0.5, sim.n))
+    check(sim, sim.dynamics.gravity(sim.state.q))
+
+
+def test_a_joint_that_sticks() -> None:
+    """It passes nothing on, and the others move as if it were welded."""
+    sim = featured("sliding friction")
+    state = sim.reset(sim.model.q0, [0.0, -0.05, 0.06])
+    A, B = sim.linearize(state, sim.dynamics.gravity(state.q))
+    assert not A[3].any() and not B[[0, 3]].any()
+    others = [1, 2, 4, 5]
+    free = np.r_[others, 6 + np.array([1, 2])]
+    want = slopes(sim, np.r_[state.q, state.v], sim.dynamics.gravity(state.q), 1e-4)
+    found = np.hstack([A, B])
+    assert_close(found[np.ix_(others, free)], want[np.ix_(others, free)], SLOPE)
+
+
+def many(sim: Simulator, arms: int) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    rng = np.random.default_rng(3)
+    q = sim.model.q0 + 0.2 * rng.uniform(-1, 1, (arms, sim.n))
+    return q, rng.normal(size=(arms, sim.n)), rng.normal(size=(arms, sim.n))
+
+
+@pytest.mark.parametrize("ticks", [1, 3])
+def test_many_are_each_alone(ticks: int) -> None:
+    """To the bit, whatever the lanes and threads; the last group is not full."""
+    sim = models.simulator("skew_axes", stops=False, integrator="rk4")
+    q, v, tau = many(sim, 11)
+    wide, narrow = (
+        sim.linearize_many(q, v, tau, ticks, lanes=lanes, threads=threads)
+        for lanes, threads in ((4, 1), (1, 2))
+    )
+    for one, other in zip(wide, narrow, strict=True):
+        np.testing.assert_array_equal(one, other)
+    for arm in range(len(q)):
+        A, B = sim.linearize(sim.reset(q[arm], v[arm]), tau[arm], ticks)
+        np.testing.assert_array_equal(wide[0][arm], A)
+        np.testing.assert_array_equal(wide[1][arm], B)
+
+
+def test_many_with_events() -> None:
+    """An arm that meets its stop goes its own way among those that do not."""
+    sim = models.simulator("two_link", integrator="rk4", dt=1e-2)
+    place = sim.model.stops.place[1]
+    q = np.array([[0.1, 0.2], [place[0] - 1e-3, 0.2], [0.3, -0.1]])
+    v = np.array([[0.1, 0.2], [0.5, 0.0], [0.0, 0.4]])
+    A, B = sim.linearize_many(q, v, np.zeros(2))
+    for arm in range(3):
+        alone = sim.linearize(sim.reset(q[arm], v[arm]), np.zeros(2))
+        np.testing.assert_array_equal(A[arm], alone[0])
+        np.testing.assert_array_equal(B[arm], alone[1])
+    assert np.abs(A[1] - A[0]).max() > 0.1  # it bounced
+
+
+def test_many_name_the_arm_without_a_derivative() -> None:
+    sim = models.simulator("two_link", integrator="rk4")
+    place = sim.model.stops.place[1]
+    q = np.array([[0.1, 0.2], [place[0], 0.2]])
+    v = np.array([[0.0, 0.0], [0.3, 0.0]])
+    with pytest.raises(NotDifferentiable, match="arm 1: .* begins with a blow"):
+        sim.linearize_many(q, v, np.zeros(2))
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"q": np.zeros((2, 3))}, "q0"),
+        ({"v": np.zeros((3, 2))}, "v0"),
+        ({"tau": np.zeros((3, 2))}, "tau"),
+        ({"tau": [np.nan, 0.0]}, "finite"),
+        ({"ticks": 0}, "ticks"),
+        ({"lanes": 3}, "lanes"),
+        ({"threads": 0}, "threads"),
+    ],
+)
+def test_refusals(change: dict[str, Any], message: str) -> None:
+    sim = models.simulator("two_link")
+    given = {"q": np.zeros((2, 2)), "v": np.zeros((2, 2)), "tau": np.zeros(2)} | change
+    with pytest.raises(InvalidInput, match=message):
+        sim.linearize_many(**given)
+
+
+@pytest.mark.parametrize("options", [{"integrator": "rk4"}, {"tolerance": 1e-9, "dt": 0.02}])
+def test_without_a_compiler(options: dict[str, Any]) -> None:
+    """The same functions run on the virtual machine."""
+    found = []
+    for backend in ("auto", "vm"):
+        sim = models.simulator("skew_axes", stops=False, backend=backend, **options)
+        q, v, tau = many(sim, 2)
+        found.append(np.concatenate(sim.linearize_many(q, v, tau), axis=2))
+    assert_close(found[0], found[1], BACKENDS)

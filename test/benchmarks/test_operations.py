@@ -1,0 +1,19 @@
+# SPDX-License-Identifier: Apache-2.0
+"""No change makes a scene's equations longer unnoticed."""
+
+from __future__ import annotations
+
+import pytest
+
+from benchmarks.regression import operations
+
+SCENES, RECORDED = operations.scenes(), operations.recorded()
+
+
+def test_every_scene_is_counted() -> None:
+    assert SCENES.keys() == RECORDED.keys(), "python -m benchmarks.regression.operations --renew"
+
+
+@pytest.mark.parametrize("name", sorted(SCENES.keys() & RECORDED.keys()))
+def test_an_evaluation_takes_no_more_operations_than_before(name: str) -> None:
+    assert operations.count(SCENES[name]) <= RECORDED[name]

@@ -1,0 +1,32 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The two-link arm of lecture notes, in the vertical plane, with bodies as the notes have them."""
+
+from __future__ import annotations
+
+
+def two_bodies(
+    length: float,
+    masses: tuple[float, float],
+    centres: tuple[float, float],
+    moments: tuple[float, float] = (0.0, 0.0),
+) -> str:
+    """Its URDF.
+
+    Args:
+        length: Of the first link in [m].
+        masses: Of the bodies in [kg].
+        centres: Of mass, along the links in [m].
+        moments: Of inertia about axes across the links, through the centres, in [kg m²].
+    """
+    upper, lower = (
+        f'<link name="{name}"><inertial><origin xyz="{c} 0 0"/><mass value="{m}"/>'
+        f'<inertia ixx="{moment}" ixy="0" ixz="0" iyy="{moment}" iyz="0" izz="0"/>'
+        "</inertial></link>"
+        for name, m, c, moment in zip(("upper", "lower"), masses, centres, moments, strict=True)
+    )
+    return f"""<robot name="two_bodies"><link name="base"/>{upper}{lower}
+  <joint name="shoulder" type="continuous">
+    <parent link="base"/><child link="upper"/><axis xyz="0 -1 0"/></joint>
+  <joint name="elbow" type="continuous">
+    <origin xyz="{length} 0 0"/><parent link="upper"/><child link="lower"/><axis xyz="0 -1 0"/>
+  </joint></robot>"""
