@@ -1,0 +1,123 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Keys of what is varied: where they lead in a scene, and what a change there asks for.
+
+A change of a tunable quantity needs no new equations; nor does one of the start, of the motion, of
+a controller's settings or of sensors and lines. All others make a world of their own.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from copy import deepcopy
+from typing import Any
+
+from arm_dynamics.exceptions import SceneError, choices, known_names
+from arm_dynamics.scene import Scene
+
+_TUNABLE = {
+    "payload": re.compile(r"payloads\.\d+\.(mass|com\.\d|inertia\.\d)"),
+    "friction": re.compile(r"joints\.[^.]+\.friction\.viscous"),
+    "gravity": re.compile(r"gravity\.\d"),
+}
+OF_STUDY = ("scene", "controller", "motion")
+OF_RUN = (
+    "motion", "controller.settings", "initial.position", "initial.velocity", "sensors", "commands",
+)  # fmt: skip
+"""Keys that need no new equations; ``commands.gravity_compensated`` does."""
+_IN_EQUATIONS = ("commands.gravity_compensated",)
+
+
+def check_key(key: str) -> None:
+    """Refuse a key that begins with nothing that can be varied.
+
+    Raises:
+        SceneError: If it does.
+    """
+    first = key.partition(".")[0]
+    allowed = [*OF_STUDY, *Scene.model_fields]
+    if first not in allowed:
+        raise SceneError(
+            f"study: unknown key 'vary.{key}'; allowed here: {choices(first, allowed)}"
+        )
+
+
+def tunable(key: str) -> str | None:
+    """The tunable quantity that a key changes, see ``arm_sim.plant.Parameter``; None if none."""
+    return next((name for name, form in _TUNABLE.items() if form.fullmatch(key)), None)
+
+
+def below(key: str, above: Sequence[str]) -> bool:
+    """Whether a key is one of ``above`` or lies in it."""
+    return any(key == other or key.startswith(f"{other}.") for other in above)
+
+
+def of_run(key: str) -> bool:
+    """Whether a change of a key, tunable ones apart, leaves the equations as they are."""
+    return below(key, OF_RUN) and not below(key, _IN_EQUATIONS)
+
+
+def with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
+    """A scene file's content, or a part of it, with other values.
+
+    Args:
+        data: The content.
+        values: By keys with dots between them.
+
+    Raises:
+        SceneError: If a key leads nowhere.
+    """
+    made = deepcopy(dict(data))
+    for key, value in values.items():
+        _put(made, key, value)
+    return made
+
+
+def value_at(data: Any, key: str) -> Any:
+    """What stands under a key; None if nothing does."""
+    for name in key.split("."):
+        if isinstance(data, Mapping):
+            data = data.get(name)
+        elif isinstance(data, list) and name.isdecimal() and int(name) < len(data):
+            data = data[int(name)]
+        else:
+            return None
+    return data
+
+
+def overlaid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
+    """A mapping laid over another, key by key; lists are replaced."""
+    made = dict(below)
+    for key, value in above.items():
+        old = made.get(key)
+        both = isinstance(value, Mapping) and isinstance(old, Mapping)
+        made[key] = overlaid(old, value) if both else value  # type: ignore[arg-type]
+    return made
+
+
+def _put(made: dict[str, Any], key: str, value: Any) -> None:
+    *way, last = key.split(".")
+    here: Any = made
+    for step, name in enumerate(way):
+        place = _entry(here, name, ".".join(way[: step + 1]), key)
+        if isinstance(here, dict):
+            here.setdefault(place, {})
+        here = here[place]
+    here[_entry(here, last, key, key)] = value
+
+
+def _entry(here: Any, name: str, place: str, key: str) -> Any:
+    """Under what a name stands here: an index of a list, or the name itself."""
+    if isinstance(here, list):
+        if name.isdecimal() and int(name) < len(here):
+            return int(name)
+        allowed = known_names(map(str, range(len(here))))
+        raise SceneError(f"study: 'vary.{key}': there is no '{place}'; entries: {allowed}")
+    if isinstance(here, dict):
+        if not name.isdecimal():
+            return name
+        raise SceneError(
+            f"study: 'vary.{key}': there is no '{place}': the list has no entries; 'changes' may "
+            "add some"
+        )
+    raise SceneError(f"study: 'vary.{key}': nothing lies below {here!r}")

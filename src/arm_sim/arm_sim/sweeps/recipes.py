@@ -1,0 +1,205 @@
+# SPDX-License-Identifier: Apache-2.0
+"""From a study to worlds: which runs share their equations, and what differs between them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import SceneError
+from arm_dynamics.scene import Scene
+from arm_sim.plant.parameters import Parameters
+from arm_sim.sweeps import keys
+from arm_sim.sweeps.design import Point, distinct, noise_seed
+from arm_sim.sweeps.study import Study
+from arm_sim.sweeps.world import Job, Recipe
+
+_PROBE = 1e-3
+_LONG = 1000.0  # [s] of simulated time of one world for which code in lanes is compiled
+type Slots = dict[str, tuple[int, ...]]
+
+
+@dataclass(frozen=True)
+class Group:
+    """Runs of one world.
+
+    Attributes:
+        scene: Its scene as the study names it.
+        values: What makes the world, by key.
+        slots: Places of varied numbers in their tunable quantities, by key.
+        points: Its runs.
+    """
+
+    scene: str | dict[str, Any]
+    values: dict[str, Any]
+    slots: Slots
+    points: list[Point]
+
+
+class Planner:
+    """Groups the runs of a study, and writes the recipes of their worlds.
+
+    Attributes:
+        study: The study.
+
+    Raises:
+        ArmError: If a scene cannot be used, or a key leads nowhere.
+    """
+
+    def __init__(self, study: Study) -> None:
+        self.study, self._contents = study, dict[str, dict[str, Any]]()
+        for key in study.vary:
+            keys.check_key(key)
+
+    def groups(self, points: Sequence[Point]) -> list[Group]:
+        """The runs by worlds, in order."""
+        slots: dict[str, Slots] = {}
+        found: dict[str, Group] = {}
+        for point in points:
+            scene = point.values.get("scene", self.study.scene)
+            name = repr(scene)
+            if name not in slots:
+                slots[name] = self._slots(self.content(scene), points)
+            free = slots[name]
+            values = {
+                key: value
+                for key, value in point.values.items()
+                if key != "scene" and key not in free and not self._of_run(scene, key)
+            }
+            group = found.setdefault(f"{name} {values!r}", Group(scene, values, free, []))
+            group.points.append(point)
+        return list(found.values())
+
+    def recipe(self, group: Group) -> Recipe:
+        """The recipe of a group's world."""
+        study, base = self.study, self.content(group.scene)
+        of_study = {k: v for k, v in group.values.items() if keys.below(k, keys.OF_STUDY)}
+        of_scene = {k: v for k, v in group.values.items() if k not in of_study}
+        with _about("vary"):
+            content = keys.with_values(base, of_scene)
+        tuned = [keys.tunable(key) for key in group.slots]
+        content["tunable"] = list(dict.fromkeys([*content.get("tunable", ()), *tuned]))
+        about = {
+            "controller": study.controller.model_dump(mode="json"),
+            "motion": study.motion.model_dump(mode="json"),
+        }
+        with _about("vary"):
+            about = keys.with_values(about, {_spelled(k, v): v for k, v in of_study.items()})
+        known = about["controller"].pop("scene", None)
+        commands = content.get("commands") or {}
+        return Recipe(
+            scene=json.dumps(content),
+            known=json.dumps(base if known is None else _content(load_scene(known))),
+            controller=json.dumps(about["controller"]),
+            motion=json.dumps(about["motion"]),
+            duration=study.duration,
+            metrics=study.metrics,
+            slots=tuple(group.slots.items()),
+            lanes=len(group.points) * study.duration >= _LONG,
+            imperfect=content.get("sensors") is not None
+            or any(value for key, value in commands.items() if key != "gravity_compensated"),
+        )
+
+    def job(self, group: Group, point: Point) -> Job:
+        """What a run of a group is told."""
+        values = {
+            key: value
+            for key, value in point.values.items()
+            if key not in group.values and key != "scene"
+        }
+        return Job(point.index, noise_seed(self.study, point.sample), values)
+
+    def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
+        """The content of a scene file with the study's changes laid over it."""
+        name = repr(scene)
+        if name not in self._contents:
+            content = _content(load_scene(scene))
+            if self.study.changes:
+                with _about("changes"):
+                    changed = keys.overlaid(content, self.study.changes)
+                    content = _content(load_scene(changed))
+            self._contents[name] = content
+        return self._contents[name]
+
+    def _of_run(self, scene: str | dict[str, Any], key: str) -> bool:
+        """Whether a key changes no equation; where loops are to be closed, the start may."""
+        if keys.below(key, ("initial",)):
+            constraints = self.content(scene).get("constraints", ())
+            return all(each["type"] == "contact" for each in constraints)
+        return keys.of_run(key)
+
+    def _slots(self, content: dict[str, Any], points: Sequence[Point]) -> Slots:
+        """Keys that are numbers of the vector p, and where.
+
+        Whether one is does not depend on which values it takes, else bits would.
+        """
+        found = {}
+        for key in self.study.vary:
+            name = keys.tunable(key)
+            if name is not None and all(map(_is_number, distinct(points, key))):
+                if places := _places(content, key, name):
+                    found[key] = places
+        return found
+
+
+def _spelled(key: str, value: Any) -> str:
+    """Where a value belongs; a controller that is a name alone keeps its settings."""
+    return "controller.name" if key == "controller" and isinstance(value, str) else key
+
+
+class _about:
+    """Say of an error in which part of the study it is."""
+
+    def __init__(self, key: str) -> None:
+        self._key = key
+
+    def __enter__(self) -> None:
+        pass
+
+    def __exit__(self, kind: object, error: BaseException | None, trace: object) -> None:
+        if isinstance(error, SceneError) and not str(error).startswith("study: "):
+            raise SceneError(f"study: '{self._key}': {error}") from None
+
+
+def _content(scene: Scene) -> dict[str, Any]:
+    content = scene.model_dump(exclude_unset=True, mode="json", by_alias=True)
+    return {"gravity": list(scene.gravity), **content}
+
+
+def _is_number(value: object) -> bool:
+    return isinstance(value, int | float) and not isinstance(value, bool)
+
+
+def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
+    """Places of a key's number in a tunable quantity; none if the quantity is not that number.
+
+    Asked of the model itself: two values of the key must differ in the quantity in nothing but
+    that the one stands where the other did.
+    """
+    here = keys.value_at(content, key)
+    x = float(here) if _is_number(here) else 0.0
+    probes = [x + k * _PROBE * max(abs(x), 1.0) for k in (1, 2)]
+    try:
+        p = [_nominal(content, key, name, value) for value in probes]
+    except SceneError:
+        return ()  # inertias that no body has with this number alone
+    places = np.flatnonzero(p[0] != p[1])
+    if not places.size:
+        raise SceneError(
+            f"study: 'vary.{key}' changes nothing: entries of joints go before that of all joints"
+        )
+    held = all((row[places] == value).all() for row, value in zip(p, probes, strict=True))
+    return tuple(places.tolist()) if held else ()
+
+
+def _nominal(content: Mapping[str, Any], key: str, name: str, value: float) -> Array:
+    changed = keys.with_values(content, {key: value})
+    changed["tunable"] = list(dict.fromkeys([*changed.get("tunable", ()), name]))
+    parameters = Parameters(ArmModel(load_scene(changed)))
+    return parameters.of(name, parameters.nominal)
