@@ -2,5 +2,6 @@
 """The loop over ROS, next to what rclpy and a bare thread do in the same run.
 
 Rate, lateness, latency of services and lockstep; ``./arm bench loop`` writes
-``docs/performance-loop.md``. ``baseline`` is the least that can be done, to compare with.
+``docs/laboratory/performance-loop.md``. ``baseline`` is the least that can be done, to compare
+with.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The least that can be done, to compare with: a thread, a timer, a ping and its echo.
+"""The least that can be done, to compare with: a thread, a timer, a ping and its echo, a server.
 
 Each is a process: ``python -m benchmarks.loop.baseline NAME SECONDS``; it prints what it measured.
 """
@@ -113,6 +113,51 @@ def ping(seconds: float) -> dict[str, Any]:
     return {"trips": trips}
 
 
+def server(seconds: float) -> dict[str, Any]:
+    """Answer inverse dynamics with nothing, as rclpy does it by default."""
+    node, executor = _spun("bare_server")
+    from arm_dynamics.ros.interfaces import INVERSE_DYNAMICS
+
+    node.create_service(INVERSE_DYNAMICS.type, INVERSE_DYNAMICS.name, lambda _, response: response)
+    end = time.monotonic() + seconds
+    while time.monotonic() < end:
+        executor.spin_once(timeout_sec=0.1)
+    return {}
+
+
+class Client:
+    """Calls the service of ``server``, as rclpy does it by default."""
+
+    def __init__(self, domain: int) -> None:
+        """Join the domain; ``close`` leaves it."""
+        import rclpy
+        from rclpy.context import Context
+
+        from arm_dynamics.ros.interfaces import INVERSE_DYNAMICS
+
+        self._context = Context()
+        rclpy.init(args=[], context=self._context, domain_id=domain)
+        self._node = rclpy.create_node("bare_client", context=self._context)
+        name = INVERSE_DYNAMICS.name.replace("~", "/bare_server")
+        self._client = self._node.create_client(INVERSE_DYNAMICS.type, name)
+        self._executor = rclpy.executors.SingleThreadedExecutor(context=self._context)
+        self._executor.add_node(self._node)
+        if not self._client.wait_for_service(timeout_sec=60.0):
+            raise TimeoutError(f"nobody offers {name}")
+
+    def ask(self, request: Any) -> None:
+        """Wait for an answer."""
+        future = self._client.call_async(request)
+        while not future.done():
+            self._executor.spin_once(timeout_sec=1.0)
+
+    def close(self) -> None:
+        """Leave the domain."""
+        self._executor.shutdown()
+        self._node.destroy_node()
+        self._context.try_shutdown()
+
+
 def _matched(node: Any) -> bool:
     return bool(node.count_publishers("bare_echo"))
 
@@ -137,5 +182,7 @@ def _spin(executor: Any, done: Callable[[], Any], timeout: float) -> bool:
 
 
 if __name__ == "__main__":
-    measure = {"thread": thread, "timer": timer, "ping": ping, "echo": echo}[sys.argv[1]]
+    measure = {
+        "thread": thread, "timer": timer, "ping": ping, "echo": echo, "server": server,
+    }[sys.argv[1]]  # fmt: skip
     print(json.dumps(measure(float(sys.argv[2]))), flush=True)

@@ -23,7 +23,7 @@ Examples:
   ./arm bench loop --quick             under a minute
   ./arm bench loop --seconds 600       ten minutes of closed loop
   ./arm bench loop --priority 50       sim and controller with real-time priority, where allowed
-  ./arm bench loop --docs              also renew docs/performance-loop.md
+  ./arm bench loop --docs              also renew docs/laboratory/performance-loop.md
 """
 
 
@@ -35,7 +35,7 @@ Examples:
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for loop.md, loop.json and figures/loop.png.")  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also renew docs/performance-loop.md and its figure.")
+@click.option("--docs", is_flag=True, help="Also renew the page in docs/laboratory.")
 def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: bool) -> None:
     """Measure the loop over ROS on a Panda, next to bare rclpy and a bare thread in the same run.
 
@@ -58,8 +58,8 @@ def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: boo
             raise click.ClickException("interrupted; all processes have been ended") from None
         except DemoFailed as error:
             raise click.ClickException(error.message) from None
-    path = write(record, out, ROOT / "docs" if docs else None)
-    shown = Table("promise", "bound", "measured", "holds")
+    path = write(record, out, ROOT / "docs/laboratory" if docs else None)
+    shown = Table("requirement", "limit", "measured", "met")
     for text, bound, got, holds in promises(record):
         shown.add_row(text, bound, got, "yes" if holds else "[red]no[/red]")
     Console().print(shown)

@@ -17,7 +17,7 @@ from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
 from arm_dynamics.ros.common.executor import make_executor
 from arm_dynamics.trajectory import Waypoint, quintic
-from arm_sim import ClosedLoop, Simulator
+from arm_sim import ClosedLoop, Recording, Simulator
 from arm_sim.cli.demo.processes import DemoFailed, Processes
 from arm_sim.plant.actuation import computed_torque
 from arm_sim.ros.sim_node import SimNode
@@ -72,18 +72,25 @@ def _across(scene: str, ticks: int, logs: Path, domain: int) -> dict[str, Any]:
     context = Context()
     rclpy.init(args=[], context=context, domain_id=domain,
                signal_handler_options=SignalHandlerOptions.NO)  # fmt: skip
-    overrides = [Parameter("lockstep", value=True), Parameter("paused", value=True)]
+    file = logs / f"lockstep-{time.time_ns()}.mcap"
+    wanted = {"lockstep": True, "paused": True, "record": str(file)}
+    overrides = [Parameter(name, value=value) for name, value in wanted.items()]
     node = SimNode(scene, context=context, parameter_overrides=overrides)
     executor = make_executor(node)
     try:
         with Processes(logs) as processes:
             processes.start("controller", "controller", scene, "--with-parent")
-            return _led(node, executor, ticks)
+            found = _led(node, executor, ticks)
     finally:
         executor.remove_node(node)
         executor.shutdown()
         node.destroy_node()
         context.try_shutdown()
+    digest, motion = _Digest(), Recording.load(file)
+    file.unlink()
+    for row in range(ticks):
+        digest.add(motion.q[row + 1], motion.v[row + 1], motion.tau[row])
+    return found | {"digest": str(digest)}
 
 
 def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
@@ -99,20 +106,14 @@ def _led(node: SimNode, executor: Any, ticks: int) -> dict[str, Any]:
     publisher.publish(message)
     settled = time.monotonic() + 2.0
     _spin(executor, lambda: time.monotonic() > settled, 10.0)
-    digest, engine = _Digest(), node.engine
-
-    def note() -> None:
-        state = node.simulator.state
-        digest.add(state.q, state.v, node.simulator.effort)
-        engine.paused = state.step >= ticks
-
-    engine.on_tick.append(note)
+    engine, simulator = node.engine, node.simulator
     engine.pause(False)
-    began = time.perf_counter()
-    _spin(executor, lambda: engine.paused, 1e-2 * ticks + 60.0)
-    rate = ticks / (time.perf_counter() - began)
+    began, before = time.perf_counter(), simulator.step_count
+    _spin(executor, lambda: simulator.step_count >= ticks, 1e-2 * ticks + 60.0)
+    rate = (simulator.step_count - before) / (time.perf_counter() - began)
+    engine.pause(True)
     asked = node.lockstep.asked_again if node.lockstep else 0
-    return {"rate": rate, "digest": str(digest), "asked again": asked}
+    return {"rate": rate, "asked again": asked}
 
 
 def _spin(executor: Any, done: Any, timeout: float) -> None:

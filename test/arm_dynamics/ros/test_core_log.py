@@ -10,7 +10,8 @@ from harness import Ros
 from rcl_interfaces.msg import Log
 from rclpy.node import Node
 
-from arm_dynamics.ros.common.executor import CORES, core_log_of
+from arm_dynamics.logs import CORES, heard_by
+from arm_dynamics.ros.common.executor import NodeHandler
 
 pytestmark = pytest.mark.ros
 
@@ -22,7 +23,7 @@ def test_a_node_says_what_the_core_logs(ros: Ros, core: str) -> None:
     node = ros.add(Node, "speaker")
     heard = ros.listen(Log, "/rosout")
     log, level = logging.getLogger(f"{core}.part"), logging.getLogger(core).level
-    with core_log_of(node):
+    with heard_by(NodeHandler(node)):
         log.info("building %s", "something")
         log.warning("slower")
         log.debug("a detail")
@@ -41,6 +42,6 @@ def test_a_node_says_what_the_core_logs(ros: Ros, core: str) -> None:
 
 def test_a_log_that_fails_does_not_last(ros: Ros) -> None:
     node = ros.add(Node, "speaker")
-    with pytest.raises(RuntimeError), core_log_of(node):
+    with pytest.raises(RuntimeError), heard_by(NodeHandler(node)):
         raise RuntimeError
     assert all(not logging.getLogger(core).handlers for core in CORES)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import signal
 from typing import Any
 
 import pytest
@@ -10,9 +11,10 @@ import rclpy.experimental.events_executor as events_executor
 from harness import Ros
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
+from rclpy.parameter import Parameter
 
 from arm_dynamics.ros.common import executor as module
-from arm_dynamics.ros.common.executor import make_executor, spin, subscribe
+from arm_dynamics.ros.common.executor import make_executor, run, spin, subscribe
 from arm_dynamics.ros.interfaces import DIAGNOSTICS
 
 pytestmark = pytest.mark.ros
@@ -105,3 +107,31 @@ def test_a_callback_that_fails_does_not_end_the_node(
 ) -> None:
     subscribe(node, DIAGNOSTICS, lambda message: 1 / message).callback(0)
     assert "ZeroDivisionError" in capfd.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"tolerence": 1e-8}, "no parameter 'tolerence', it is passed over; there are "),
+        ({"use_sim_time": True, "later.joint": 1.0}, ""),
+    ],
+)
+def test_parameters_that_a_node_has_not_are_told(
+    monkeypatch: pytest.MonkeyPatch,
+    capfd: pytest.CaptureFixture[str],
+    given: dict[str, Any],
+    said: str,
+) -> None:
+    def make(**kwargs: Any) -> Node:
+        made = Node(
+            "tolerant", parameter_overrides=[Parameter(n, value=x) for n, x in given.items()],
+            **kwargs,
+        )  # fmt: skip
+        made.declare_parameter("tolerance", 0.1)
+        return made
+
+    monkeypatch.setattr(signal, "signal", lambda *_: None)
+    assert run(make, [], lambda: True) == 0
+    told = capfd.readouterr().err
+    assert said in told
+    assert ("did you mean 'tolerance'?" in told) == bool(said)

@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import pytest
 from rclpy.serialization import deserialize_message, serialize_message
+from readers import said
 from sensor_msgs.msg import JointState
 
 from arm_dynamics import InvalidInput
@@ -347,15 +348,6 @@ def test_the_two_readers_read_and_refuse_alike(rng: np.random.Generator) -> None
             whole = len(raw) if rng.random() < 0.8 else at
             assert said(compiled, bytes(damaged[:whole])) == said(python, bytes(damaged[:whole]))
             assert said(compiled, raw) == said(python, raw)
-
-
-def said(reader: JointStateReader, raw: bytes) -> object:
-    """What a reader makes of a message, bit by bit, or why it does not."""
-    try:
-        stamp, values = reader.read(raw)
-    except InvalidInput as error:
-        return str(error)
-    return stamp, np.array(values).tobytes()
 
 
 def test_numbers_beyond_their_limit_are_replaced(reader: Readers) -> None:

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 nodes of the dynamics package, and what every node of the suite shares.
+"""The ROS 2 nodes of the dynamics package, and what all nodes of the suite share.
 
 A node is thin: it reads parameters, builds the core, converts and delegates; there is no
-mathematics here. ``interfaces`` names everything the nodes say and hear. Names are looked up at
-first use, since a client needs none of the nodes.
+mathematics here. ``interfaces`` names all topics, services and actions of the nodes. Names are
+imported when they are first used, since a client needs none of the nodes.
 """
 
 from typing import TYPE_CHECKING

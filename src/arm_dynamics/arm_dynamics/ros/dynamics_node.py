@@ -4,21 +4,23 @@
 from __future__ import annotations
 
 import sys
+from contextlib import suppress
 from dataclasses import dataclass
 from functools import partial
+from threading import RLock
 from typing import Any
 
 from rclpy.node import Node
 from std_msgs.msg import String
 
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import ArmError, InvalidInput, plain
+from arm_dynamics.exceptions import ArmError, InvalidInput, KernelError, plain
 from arm_dynamics.ros.common.convert import answering
 from arm_dynamics.ros.common.diagnostics import Diagnosis, Finding
 from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import SCENE, declare, parameter, watch
-from arm_dynamics.ros.dynamics import ANSWERS, RequestCounts
+from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, CompiledServices, RequestCounts, native
 from arm_dynamics.ros.interfaces import ROBOT_DESCRIPTION, Service
 from arm_dynamics.scene.load import scene_from_urdf
 
@@ -52,6 +54,8 @@ class DynamicsNode(Node):
         """
         super().__init__("dynamics", **node_kwargs)
         self._dynamics: Dynamics | None = None
+        self._lock = RLock()  # services are answered on two threads
+        self._compiled: CompiledServices | None = None
         self._counts = RequestCounts()
         params = declare(self, DynamicsParams)
         scene = scene if scene is not None else params.scene or None
@@ -62,10 +66,30 @@ class DynamicsNode(Node):
                 self.load_description(params.robot_description)
             subscribe(self, ROBOT_DESCRIPTION, self.on_robot_description)
             watch(self, params, lambda new: self.load_description(new.robot_description))
-        for service in ANSWERS:
-            callback = self._counts.counted(partial(self.answer, service))
-            self.create_service(service.type, service.name, callback)
+        self._offer()
         self._diagnosis = Diagnosis(self, self.diagnostics)
+
+    def _offer(self) -> None:
+        """Offer the services: those that C knows by C, if it can be had, the others by Python."""
+        answers = {
+            service: self._counts.counted(partial(self.answer, service)) for service in ANSWERS
+        }
+        if (library := native()) is not None:
+            with suppress(KernelError):
+                self._compiled = CompiledServices(
+                    self, library, lambda service, *said: answers[service](*said),
+                    lambda: self._dynamics, self._lock,
+                )  # fmt: skip
+        in_c = [service for service, *_ in COMPILED] if self._compiled else []
+        for service, callback in answers.items():
+            if service not in in_c:
+                self.create_service(service.type, service.name, callback)
+
+    def destroy_node(self) -> None:
+        """End the services, and the node."""
+        if self._compiled is not None:
+            self._compiled.close()
+        super().destroy_node()
 
     @property
     def dynamics(self) -> Dynamics:
@@ -83,9 +107,12 @@ class DynamicsNode(Node):
 
     def load(self, scene: Any) -> None:
         """Put another arm in force; on any ``ArmError`` the one before stays."""
-        self._dynamics = Dynamics(scene)
-        joints = ", ".join(self._dynamics.joint_names)
-        self.get_logger().info(f"{self._dynamics.n} joints: {joints}")
+        dynamics = Dynamics(scene)
+        with self._lock:
+            if self._compiled is not None:
+                self._compiled.forget()
+            self._dynamics = dynamics
+        self.get_logger().info(f"{dynamics.n} joints: {', '.join(dynamics.joint_names)}")
 
     def load_description(self, urdf: str) -> None:
         """Put the arm of a URDF text in force; the text is never taken for a path."""
@@ -102,11 +129,12 @@ class DynamicsNode(Node):
 
     def diagnostics(self) -> list[Finding]:
         """How the node has been doing since this was last asked."""
-        return [self._counts.finding(self)]
+        in_c = None if self._compiled is None else self._compiled.counts
+        return [self._counts.finding(self, in_c)]
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
         """Answer one of ``ANSWERS``; whatever is wrong with the request is in the response."""
-        with answering(response, self.get_logger()):
+        with self._lock, answering(response, self.get_logger()):
             ANSWERS[service](self.dynamics, request, response)
         return response
 

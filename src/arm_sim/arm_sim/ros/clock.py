@@ -8,6 +8,7 @@ from rclpy.node import Node
 from arm_dynamics.ros.common.cdr import NATIVE, time_bytes
 from arm_dynamics.ros.common.direct import advertise
 from arm_dynamics.ros.common.executor import steady_timer
+from arm_dynamics.ros.joint_state import Sink, address
 from arm_sim.ros.interfaces import CLOCK
 
 _PERIOD = 1.0  # [s] between looks at who else publishes
@@ -19,11 +20,16 @@ class SimClock:
     Attributes:
         topic: Where it is published, resolved.
         rivals: How many others publish there.
+        sink: What publishes in compiled code.
     """
 
     def __init__(self, node: Node) -> None:
         """Advertise the clock; rivals are looked for once a second of real time."""
         self._node, self._handle = node, advertise(node, CLOCK).handle
+        self._raw = bytearray(NATIVE + time_bytes(0))
+        self.sink = Sink(
+            raw=address(self._raw), size=len(self._raw), publisher=self._handle.pointer
+        )
         self.topic, self.rivals = node.resolve_topic_name(CLOCK.name), 0
         self._timer = steady_timer(node, _PERIOD, self.look)
 

@@ -16,6 +16,7 @@ from arm_dynamics.ros.joint_state import native
 from arm_sim.recording.energy_account import TRUSTED
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.lockstep import Lockstep
+from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.realtime_loop import RealtimeLoop
@@ -32,6 +33,7 @@ class SimDiagnostics:
     params: SimParams
     engine: TickEngine
     loop: RealtimeLoop
+    ordinary: OrdinaryTicks
     inputs: Inputs
     outputs: Outputs
     display: Display
@@ -58,12 +60,17 @@ class SimDiagnostics:
             "driven by": params.tick_source,
             "executor": "none" if executor is None else type(executor).__name__,
             "messages": "in C" if native() is not None else "in Python",
+            "ticks made": self._where_ticks_are_made(),
         }  # fmt: skip
         self.growth.warn(found, report.missed, "ticks began after the next one was due")
         self.growth.warn(found, report.dropped, "ticks dropped")
         for refusal in self.refused_privileges:
             found.complain(WARN, refusal)
         return found
+
+    def _where_ticks_are_made(self) -> str:
+        refusal, count = self.ordinary.refusal, self.ordinary.count
+        return f"in Python: {refusal}" if refusal else f"{count} of them in C"
 
     def _look_at_commands(self) -> Finding:
         engine, found = self.engine, Finding("commands")

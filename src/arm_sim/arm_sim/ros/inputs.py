@@ -17,7 +17,12 @@ from arm_dynamics import ArmError, InvalidInput
 from arm_dynamics.arrays import any_beyond
 from arm_dynamics.exceptions import plain
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, Topic
-from arm_dynamics.ros.joint_state import JointStateSource, Numbers, make_reader
+from arm_dynamics.ros.joint_state import (
+    CompiledReader,
+    JointStateSource,
+    Numbers,
+    make_reader,
+)
 from arm_sim.ros.commands.joint_commands import JointCommands
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.latency import RoundTrip
@@ -25,7 +30,7 @@ from arm_sim.ros.tick_engine import TickEngine
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
 _UNNAMED = "~/commands"  # the source of commands that cannot name one
-_AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
+AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
 
 class Inputs:
@@ -59,6 +64,25 @@ class Inputs:
         """Subscribe to efforts by joint name, to be read before each tick."""
         self.source = JointStateSource(node, JOINT_COMMANDS, self.reader)
 
+    def follow(self, efforts: Numbers) -> None:
+        """Take note of efforts of all joints that were read elsewhere."""
+        self._joints.follow(efforts)
+        if isinstance(self.reader, CompiledReader):
+            self.reader.keep(efforts)
+
+    def read_from(self, subscription: int) -> None:
+        """Let compiled code read the messages of an ``rcl_subscription_t``."""
+        if isinstance(self.reader, CompiledReader):
+            self.reader.open(subscription)
+
+    def left(self) -> bytes | None:
+        """The message that compiled code has taken and left, if there is one."""
+        reader = self.reader
+        if not isinstance(reader, CompiledReader) or not reader.left:
+            return None
+        reader.next()
+        return reader.raw
+
     def listen(self, tap: Callable[[Topic, Any], None]) -> None:
         """Tell ``tap`` of everything that comes in from now on, as it came."""
         self.tap = tap
@@ -67,6 +91,8 @@ class Inputs:
 
     def close(self) -> None:
         """End the subscription."""
+        if isinstance(self.reader, CompiledReader):
+            self.reader.close()
         if self.source is not None:
             self.source.close()
             self.source = None
@@ -82,7 +108,7 @@ class Inputs:
         None is sought behind the answer to the newest state, unless others command too: a look
         that finds nothing takes as long as one that finds something.
         """
-        for _ in range(_AT_ONCE):
+        for _ in range(AT_ONCE):
             try:
                 if self.source is None or (taken := self.source.take()) is None:
                     return
@@ -140,6 +166,7 @@ class Inputs:
         self._engine.commands.put(
             self._cut(numbers) if any_beyond(numbers, self._limit) else numbers
         )
+        self._engine.queue.ring()
 
     def on_wrench(self, message: WrenchStamped) -> None:
         """Push the frame that the header names."""

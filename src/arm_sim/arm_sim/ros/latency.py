@@ -6,6 +6,7 @@ from __future__ import annotations
 import math
 import time
 from array import array
+from ctypes import Structure, addressof, c_int64, c_void_p
 from dataclasses import dataclass
 
 import numpy as np
@@ -31,8 +32,15 @@ class Percentiles:
         return ", ".join(values) + " µs"
 
 
-class Histogram:
-    """Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes."""
+class Histogram(Structure):
+    """Durations: exact to a microsecond up to 20 ms, to two percent up to 20 minutes.
+
+    Attributes:
+        bins: Address of the counts.
+        longest: The longest duration in [ns].
+    """
+
+    _fields_ = (("bins", c_void_p), ("longest", c_int64))
 
     def __init__(self) -> None:
         self._counts = array("q", bytes(8 * (_FINE + _COARSE)))
@@ -40,7 +48,7 @@ class Histogram:
         # memory of a process that runs for days.
         self._bins = np.frombuffer(self._counts, np.int64)
         self._below = np.zeros_like(self._bins)
-        self._max = 0
+        super().__init__(bins=self._bins.ctypes.data)
 
     def add(self, nanoseconds: int) -> None:
         """Count one duration in [ns]."""
@@ -48,15 +56,15 @@ class Histogram:
         if micro >= _FINE:
             micro = _FINE + min(int(_STEPS * math.log2(micro / _FINE)), _COARSE - 1)
         self._counts[micro if micro > 0 else 0] += 1
-        if nanoseconds > self._max:
-            self._max = nanoseconds
+        if nanoseconds > self.longest:
+            self.longest = nanoseconds
 
     def percentiles(self) -> Percentiles:
         """Summarise what was counted so far; for one thread at a time."""
         below = np.cumsum(self._bins, out=self._below)
         count = int(below[-1])
         p50, p99 = (_seconds(int(np.searchsorted(below, share * count))) for share in (0.5, 0.99))
-        longest = 1e-9 * self._max
+        longest = 1e-9 * self.longest
         return Percentiles(count, min(p50, longest), min(p99, longest), longest)
 
     def bars(self) -> tuple[tuple[float, int], ...]:
@@ -71,28 +79,38 @@ def _seconds(bin_: int) -> float:
     return float(1e-6 * _FINE * 2.0 ** ((bin_ - _FINE) / _STEPS))
 
 
-class RoundTrip:
+class RoundTrip(Structure):
     """Time from a joint state to the command that bears its stamp.
 
     Attributes:
         newest: Stamp of the state published last, in [ns].
+        next: Where the next state goes among those that are remembered.
+        stamps: Address of their stamps in [ns], -1: answered.
+        times: Address of the system times at which they were published, in [ns].
+        trips: Address of the histogram.
     """
 
+    _fields_ = (
+        ("newest", c_int64), ("next", c_int64),
+        ("stamps", c_void_p), ("times", c_void_p), ("trips", c_void_p),
+    )  # fmt: skip
+
     def __init__(self) -> None:
-        self.newest = 0
-        self._sent: dict[int, int] = {}
+        self._stamps, self._times = array("q", [-1] * _REMEMBERED), array("q", [0] * _REMEMBERED)
+        places = (numbers.buffer_info()[0] for numbers in (self._stamps, self._times))
+        super().__init__(0, 0, *places)
         self.reset()
 
     def reset(self) -> None:
         """Begin counting anew."""
         self._histogram = Histogram()
+        self.trips = addressof(self._histogram)
 
     def sent(self, stamp: int) -> None:
         """Note that the state of ``stamp`` in [ns] is published now."""
-        self.newest = stamp
-        self._sent[stamp] = time.time_ns()
-        if len(self._sent) > _REMEMBERED:
-            del self._sent[next(iter(self._sent))]
+        place = self.next
+        self._stamps[place], self._times[place] = stamp, time.time_ns()
+        self.newest, self.next = stamp, (place + 1) % _REMEMBERED
 
     def answered(self, stamp: int, arrival: int) -> None:
         """Note that a command for the state of ``stamp`` came; only the first one counts.
@@ -101,9 +119,13 @@ class RoundTrip:
             stamp: Time of the state in [ns].
             arrival: System time at which the command came in [ns].
         """
-        sent = self._sent.pop(stamp, None)
-        if sent is not None:
-            self._histogram.add(arrival - sent)
+        if stamp not in self._stamps:
+            return
+        place = self.next
+        while self._stamps[place := (place - 1) % _REMEMBERED] != stamp:
+            pass  # the newest of that stamp: time may have begun anew
+        self._stamps[place] = -1
+        self._histogram.add(arrival - self._times[place])
 
     def percentiles(self) -> Percentiles:
         """Summary of the answers so far."""

@@ -5,6 +5,9 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
+from ctypes import Structure, c_int64
+from enum import IntEnum
 
 from rclpy.node import Node
 
@@ -19,6 +22,31 @@ _SOON = 300_000  # [ns] within which an answer is worth busy-waiting for
 _STRETCH = 20_000_000  # [ns] after which other callbacks get their turn
 
 
+class Ahead(IntEnum):
+    """How it ended when answers were taken in compiled code; as in ticks.c.
+
+    It cannot go on; a tick was made and told of; nothing came soon, or others have their turn; an
+    answer came, and its tick is to be made.
+    """
+
+    CANNOT, TOLD, NOTHING_CAME, ANSWERED = range(4)
+
+
+class Waiting(Structure):
+    """For which answer it waits.
+
+    Attributes:
+        stamp: Of the present state in [ns]; -1: for none.
+        asked: When that was published last, in [ns] of the monotonic clock.
+        first: When it was published first.
+        ignored: Commands that answered no state that was waiting.
+        soon: Time in [ns] within which an answer is worth busy-waiting for.
+        end: When others get their turn.
+    """
+
+    _fields_ = tuple((name, c_int64) for name in "stamp asked first ignored soon end".split())
+
+
 class Lockstep:
     """Waits for the command that bears the stamp of the present state, and asks for it again.
 
@@ -28,8 +56,8 @@ class Lockstep:
     of it happens in the thread that spins the node.
 
     Attributes:
+        ahead: Takes answers in compiled code, and says how that ended.
         asked_again: How often a state had to be published again.
-        ignored: Commands that answered no state that was waiting.
         gone: Whether the partner is reported gone.
     """
 
@@ -42,45 +70,81 @@ class Lockstep:
         self._retry = round(1e9 * params.lockstep_retry)
         self._timeout = round(1e9 * params.lockstep_timeout)
         self._glance = 0.5 * params.lockstep_retry
-        self.asked_again = self.ignored = 0
+        self.asked_again = 0
         self.gone = False
-        self._waiting: int | None = None
-        self._asked = self._first = time.monotonic_ns()
+        now = time.monotonic_ns()
+        self._waiting = Waiting(stamp=-1, asked=now, first=now, soon=_SOON)
         self._subscription = subscribe(node, JOINT_COMMANDS, self.on_command, raw=True)
+        inputs.read_from(self._subscription.handle.pointer)
+        self.ahead: Callable[[Waiting], int] = lambda waiting: Ahead.CANNOT
         steady_timer(node, self._glance, self.look)
         engine.on_jump.append(self.wait)
         engine.on_pause += [outputs.publish, self.wait]
+
+    @property
+    def ignored(self) -> int:
+        """Commands that answered no state that was waiting."""
+        return int(self._waiting.ignored)
+
+    def reset_counters(self) -> None:
+        """Begin counting anew."""
+        self.asked_again = self._waiting.ignored = 0
 
     def on_command(self, raw: bytes) -> None:
         """Take a command, and those that come soon after it, for ``_STRETCH`` at most.
 
         To go to sleep and be woken again takes longer than most answers.
         """
-        end = time.monotonic_ns() + _STRETCH
+        self._waiting.end = time.monotonic_ns() + _STRETCH
         self._take(raw)
-        while time.monotonic_ns() < end and (soon := self._soon()) is not None:
-            self._take(soon)
+        while time.monotonic_ns() < self._waiting.end and self._answered_soon():
+            pass
 
     def _take(self, raw: bytes) -> None:
         """Tick to the next published state if the command answers the present one."""
         stamp = self._inputs.on_joint_commands(raw, time.time_ns())
         if stamp is None:
             return
-        if stamp != self._waiting:
-            self.ignored += 1
+        if stamp != self._waiting.stamp:
+            self._waiting.ignored += 1
             return
         if self.gone:
             self.gone = False
             self._log.info("the partner is back")
+        self._engine.tick_unattended()
+        self._finish()
+
+    def _finish(self) -> None:
+        """Tick on to the next state that is published, and wait for its answer."""
         engine = self._engine
-        engine.tick_unattended()
         while not engine.paused and engine.simulator.step_count % self._every:
             engine.tick_unattended()
         self.wait()
 
+    def _answered_soon(self) -> bool:
+        """Take commands that come soon; whether there may be more of them."""
+        if not self.gone and self._waiting.stamp >= 0:
+            match self.ahead(self._waiting):
+                case Ahead.NOTHING_CAME:
+                    return False
+                case Ahead.TOLD:
+                    self._finish()
+                    return True
+                case Ahead.ANSWERED:
+                    self._engine.tick_unattended()
+                    self._finish()
+                    return True
+        if (soon := self._soon()) is None:
+            return False
+        self._take(soon)
+        return True
+
     def _soon(self) -> bytes | None:
         """A command that comes within ``_SOON``; meanwhile others may have the processor."""
-        while self._waiting is not None and time.monotonic_ns() - self._asked < _SOON:
+        if (left := self._inputs.left()) is not None:
+            return left
+        waiting = self._waiting
+        while waiting.stamp >= 0 and time.monotonic_ns() - waiting.asked < waiting.soon:
             taken = self._subscription.handle.take_message(self._subscription.msg_type, True)
             if taken is not None:
                 return bytes(taken[0])
@@ -89,8 +153,9 @@ class Lockstep:
 
     def wait(self) -> None:
         """Wait for the answer to the state published last, or for nothing while paused."""
-        self._waiting = None if self._engine.paused else self._engine.stamp
-        self._asked = self._first = time.monotonic_ns()
+        waiting = self._waiting
+        waiting.stamp = -1 if self._engine.paused else self._engine.stamp
+        waiting.asked = waiting.first = time.monotonic_ns()
 
     def look(self) -> None:
         """Ask again, or report the partner gone, when it is time to."""
@@ -98,13 +163,13 @@ class Lockstep:
             self._outputs.repeat(self._glance)
             return
         now = time.monotonic_ns()
-        if not self.gone and now - self._first > self._timeout:
+        if not self.gone and now - self._waiting.first > self._timeout:
             self.gone = True
             self._log.error(
                 f"no answer to the state of {1e-9 * self._engine.stamp:.6f} s for "
                 f"{1e-9 * self._timeout:g} s: the partner is gone; time stands still"
             )
-        if now - self._asked > self._retry:
+        if now - self._waiting.asked > self._retry:
             self.asked_again += 1
-            self._asked = now
+            self._waiting.asked = now
             self._outputs.publish()

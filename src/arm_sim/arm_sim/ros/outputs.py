@@ -26,6 +26,7 @@ from arm_sim.ros.stamps import SIM, NodeTime, SimulatedTime
 from arm_sim.ros.tick_engine import TickEngine
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
+_GLANCE = 0.1  # [s] between looks for readers of what is published seldom
 
 
 class Outputs:
@@ -35,6 +36,9 @@ class Outputs:
 
     Attributes:
         said: Positions, velocities and efforts that joint states tell of, each shape (n,).
+        states: What publishes joint states.
+        every: Ticks from one to the next.
+        plain: Whether joint states are all that a tick tells, and stand ready after it.
         stamps: Where stamps come from.
         clock: What tells others the time, or None.
         tap: Called with topic, stamp in [ns] and bytes of what is published, if it is there.
@@ -54,8 +58,9 @@ class Outputs:
         """
         self._engine, self._round_trip, self._account_wanted = engine, round_trip, account_wanted
         self._simulator = simulator = engine.simulator
-        self._every = params.publish_every
+        self.every = params.publish_every
         self._energy_every = max(1, round(params.energy_period / simulator.dt))
+        self._glance = _GLANCE / simulator.dt
         n, x = simulator.n, simulator.x
         self._driven = np.zeros(n) if simulator.plant.torques is not None else None
         effort = simulator.acted if self._driven is None else self._driven
@@ -74,9 +79,10 @@ class Outputs:
         if params.publish_all_joints:
             joints = AllJoints(simulator.model)
             self._all = AllJointStates(joints, self.said)
-            self._states = sink(JOINT_STATES, joints.names, self._all.arrays)
+            self.states = sink(JOINT_STATES, joints.names, self._all.arrays)
         else:
-            self._states = sink(JOINT_STATES, names, self.said)
+            self.states = sink(JOINT_STATES, names, self.said)
+        self.plain = self._driven is self._all is self._truth is None
         self._energy = advertise(node, ENERGY)
         self._multipliers = None
         if simulator.model.scene.bilateral:
@@ -92,6 +98,14 @@ class Outputs:
         engine.on_jump.append(self.publish)
         engine.on_pause.append(self._release)
 
+    @property
+    def seldom(self) -> int:
+        """Ticks between those after which there may be more to publish than joint states."""
+        multipliers = self._multipliers is not None and self._multipliers.get_subscription_count()
+        if self._engine.accounted or multipliers:
+            return self._energy_every
+        return self._energy_every * max(1, round(self._glance / self._energy_every))
+
     def publish(self) -> None:
         """Publish the present state, and the clock."""
         self._idle = 0.0
@@ -101,9 +115,9 @@ class Outputs:
             self._driven[:] = self._simulator.effort
         if self._all is not None:
             self._all.fill()
-        self._states.send(stamp)
+        self.states.send(stamp)
         if self.tap is not None:
-            self.tap(JOINT_STATES, stamp, self._states.raw)
+            self.tap(JOINT_STATES, stamp, self.states.raw)
         if self._truth is not None:
             self._truth.send(stamp)
         if self.clock is not None:
@@ -127,7 +141,7 @@ class Outputs:
 
     def _after_tick(self) -> None:
         step = self._simulator.step_count
-        if step % self._every == 0:
+        if step % self.every == 0:
             self.publish()
         if step % self._energy_every == 0:
             self._publish_energy()

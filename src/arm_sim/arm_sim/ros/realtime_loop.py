@@ -7,6 +7,7 @@ import ctypes
 import threading
 import time
 from collections.abc import Callable
+from ctypes import Structure, addressof, c_int64, c_void_p
 from dataclasses import dataclass
 from typing import Any
 
@@ -41,6 +42,28 @@ class LoopReport:
         return self.ticks / self.elapsed if self.elapsed else 0.0
 
 
+class Due(Structure):
+    """When ticks are due, in [ns].
+
+    Attributes:
+        deadline: When the next one is.
+        earliest: Before that it does not begin.
+        period: From deadline to deadline; 0: there are none.
+        closest: Least distance of ticks.
+        give_up: Lag beyond which deadlines are dropped, left out or shifted.
+        slow_down: Whether they are shifted.
+        missed: Ticks that began after the next one was due.
+        dropped: Deadlines that were dropped, left out or shifted.
+        lateness: Address of the histogram of how long after their deadline ticks began.
+    """
+
+    _fields_ = (
+        ("deadline", c_int64), ("earliest", c_int64), ("period", c_int64), ("closest", c_int64),
+        ("give_up", c_int64), ("slow_down", c_int64), ("missed", c_int64), ("dropped", c_int64),
+        ("lateness", c_void_p),
+    )  # fmt: skip
+
+
 class RealtimeLoop:
     """Calls ``tick`` every ``period``, by deadlines that do not drift.
 
@@ -61,6 +84,8 @@ class RealtimeLoop:
         closest: Least distance of ticks while catching up, as a part of the period.
         give_up: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
+        ahead: Makes ticks that are due until one is not for it, and returns whether there is none
+            yet that is to be made by ``tick``.
         clock: What tells the time and sleeps; the module ``time`` or the like.
 
     Attributes:
@@ -78,13 +103,16 @@ class RealtimeLoop:
         closest: float = 0.35,
         give_up: float = 1.0,
         prepare: Callable[[], None] = lambda: None,
+        ahead: Callable[[Due], bool] = lambda due: False,
         clock: Any = time,
     ) -> None:
-        self._tick, self._prepare, self._clock = tick, prepare, clock
+        self._tick, self._prepare, self._clock, self._ahead = tick, prepare, clock, ahead
         self._period = round(1e9 * period)
-        self._closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
-        self._give_up = round(1e9 * give_up) if overrun == CATCH_UP else self._period
-        self._slow_down = overrun == SLOW_DOWN
+        closest = round(1e9 * period * closest) if overrun == CATCH_UP else 0
+        give_up = round(1e9 * give_up) if overrun == CATCH_UP else self._period
+        self._due = Due(
+            period=self._period, closest=closest, give_up=give_up, slow_down=overrun == SLOW_DOWN
+        )
         self._thread: threading.Thread | None = None
         self._running = False
         self.reset()
@@ -106,49 +134,53 @@ class RealtimeLoop:
     def reset(self) -> None:
         """Begin counting anew."""
         self.lateness = Histogram()
-        self._missed = self._dropped = 0
+        self._due.lateness = addressof(self.lateness)
+        self._due.missed = self._due.dropped = 0
         self._since, self._until = self._clock.monotonic_ns(), None
 
     def report(self) -> LoopReport:
         """How well deadlines were kept."""
         lateness = self.lateness.percentiles()
         elapsed = 1e-9 * ((self._until or self._clock.monotonic_ns()) - self._since)
-        return LoopReport(lateness.count, elapsed, self._missed, self._dropped, lateness)
+        return LoopReport(lateness.count, elapsed, self._due.missed, self._due.dropped, lateness)
 
     def _run(self) -> None:
         _ask_for_exact_timers()
         self._prepare()
         self.reset()
-        if self._period:
-            self._by_the_clock()
+        once = self._by_the_clock if self._period else self._at_once
+        self._due.deadline = self._due.earliest = self._clock.monotonic_ns()
         while self._running:
-            self.lateness.add(0)
-            self._tick()
+            if not self._ahead(self._due):
+                once()
+
+    def _at_once(self) -> None:
+        self.lateness.add(0)
+        self._tick()
 
     def _by_the_clock(self) -> None:
-        deadline = earliest = self._clock.monotonic_ns()
-        while self._running:
-            wake = max(deadline, earliest)
+        due = self._due
+        wake = max(due.deadline, due.earliest)
+        now = self._clock.monotonic_ns()
+        if now < wake:
+            self._clock.sleep(1e-9 * (wake - now))
             now = self._clock.monotonic_ns()
-            if now < wake:
-                self._clock.sleep(1e-9 * (wake - now))
-                now = self._clock.monotonic_ns()
-            late = now - deadline
-            self.lateness.add(late)
-            self._missed += late > self._period
-            earliest = now + self._closest
-            self._tick()
-            deadline += self._period
-            if late > self._give_up:
-                deadline += self._shift(late)
+        late = now - due.deadline
+        self.lateness.add(late)
+        due.missed += late > self._period
+        due.earliest = now + due.closest
+        self._tick()
+        due.deadline += self._period
+        if late > due.give_up:
+            due.deadline += self._shift(late)
 
     def _shift(self, late: int) -> int:
         """How much later the next deadline is than it would have been."""
-        if self._slow_down:
-            self._dropped += late // self._period
+        if self._due.slow_down:
+            self._due.dropped += late // self._period
             return late
-        dropped = -(-(late - self._give_up) // self._period)
-        self._dropped += dropped
+        dropped = -(-(late - self._due.give_up) // self._period)
+        self._due.dropped += dropped
         return dropped * self._period
 
 

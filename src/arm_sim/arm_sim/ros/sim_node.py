@@ -14,10 +14,12 @@ from arm_dynamics.ros.common.executable import execute
 from arm_dynamics.ros.common.executor import subscribe
 from arm_dynamics.ros.common.params import declare, watch
 from arm_dynamics.ros.common.robot_source import scene_for
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS
 from arm_sim.ros.diagnostics import SimDiagnostics
 from arm_sim.ros.inputs import Inputs
 from arm_sim.ros.interfaces import COMMANDS, WRENCH
 from arm_sim.ros.lockstep import Lockstep
+from arm_sim.ros.ordinary import OrdinaryTicks
 from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import CLOCK, HAND, SimParams, greeting, simulator_of
 from arm_sim.ros.realtime_loop import RealtimeLoop
@@ -41,6 +43,7 @@ class SimNode(Node):
         inputs: Commands and wrenches that come in.
         lockstep: What waits for answers, or None.
         display: What people look at: all joints, frames.
+        ordinary: What makes most ticks, in C.
         loop: What ticks by the clock, and measures how well it keeps it.
         requests: The services.
         standard: The standard services of simulators.
@@ -90,6 +93,7 @@ class SimNode(Node):
             self.simulator.dt / factor if factor else 0.0,
             overrun=params.overrun,
             prepare=self._claim_privileges,
+            ahead=lambda due: self.ordinary.by_the_clock(due),
         )
         self.lockstep: Lockstep | None = None
         if params.lockstep:
@@ -98,13 +102,17 @@ class SimNode(Node):
             inputs.open(self)
         if self.recorder is not None:
             listen(self.recorder, self, inputs, self._outputs)
+        commands = self.resolve_topic_name(JOINT_COMMANDS.name)
+        self.ordinary = OrdinaryTicks(engine, inputs, self._outputs, self.recorder, commands)
+        if self.lockstep is not None:
+            self.lockstep.ahead = self.ordinary.in_lockstep
         subscribe(self, COMMANDS, inputs.on_commands)
         subscribe(self, WRENCH, inputs.on_wrench)
         self.requests = SimServices(self, engine, self._reset_counters)
         self.standard = StandardServices(self, engine, params, self._outputs.stamp)
         self.diagnostics = SimDiagnostics(
-            self, params, engine, self.loop, inputs, self._outputs, self.display, self.lockstep,
-            self._refused_privileges, self.recorder,
+            self, params, engine, self.loop, self.ordinary, inputs, self._outputs, self.display,
+            self.lockstep, self._refused_privileges, self.recorder,
         )  # fmt: skip
         self.diagnosis = Diagnosis(self, self.diagnostics)
         publish_description(self, params, chosen.robot.urdf, source)
@@ -139,7 +147,7 @@ class SimNode(Node):
         self.engine.commands.stale_count = self.engine.arbiter.refused = 0
         self.inputs.reset_counters()
         if self.lockstep is not None:
-            self.lockstep.asked_again = self.lockstep.ignored = 0
+            self.lockstep.reset_counters()
 
     def tick(self) -> None:
         """Do what was asked for since the last tick, then advance by one unless paused."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from ctypes import Structure, c_int64
 from typing import Any
 
 AUTO, ROS, SIM = "auto", "ros", "sim"
@@ -26,7 +27,7 @@ class SimulatedTime:
         """Nothing to do: simulated time never has to catch up with anything."""
 
 
-class NodeTime:
+class NodeTime(Structure):
     """Stamps of the node's clock, in steps of the tick while the simulation keeps up with it.
 
     A thread that ticks by the clock is woken some 50 µs late, now less, now more. Stamps that were
@@ -49,35 +50,47 @@ class NodeTime:
         clock: The node's ``rclpy.clock.Clock``.
         tick: Length of a tick in [ns] if ticks are due at even times, else 0.
         system: Time of the system in [ns].
+
+    Attributes:
+        tick: As above.
+        even: Whether stamps are simulated time plus an offset.
+        free: Whether the next stamp is what the clock says.
+        simulated: Simulated time of the last stamp in [ns].
+        last: The last stamp in [ns].
+        offset: Stamp of simulated time zero in [ns].
+        least: Least lag since the last look at it in [ns].
+        look: When to look at it, in [ns].
+        owed: Lag that is still to be made up for in [ns].
     """
 
+    _fields_ = tuple(
+        (name, c_int64) for name in "tick even free simulated last offset least look owed".split()
+    )
     name = ROS
 
     def __init__(self, clock: Any, tick: int, system: Callable[[], int] = time.time_ns) -> None:
-        self._clock, self._tick, self._system = clock, tick, system
-        self._simulated, self._last, self._offset = -1, 0, 0
-        self._least, self._look, self._owed = _NEVER, 0, 0
-        self._foreign = bool(clock.ros_time_is_active)
-        self._free = True
+        super().__init__(tick=tick, simulated=-1, least=_NEVER, free=True)
+        self._clock, self._system = clock, system
+        self._see()
 
     def release(self) -> None:
         """Time stood still and goes on: the next stamp is what the clock says."""
-        self._free = True
+        self.free = True
 
     def at(self, simulated: int) -> int:
         """The stamp of a state, in [ns], from its simulated time; time that stands still stays."""
-        free, self._free = self._free or simulated < self._simulated, False
-        if simulated == self._simulated and not free:
-            return self._last
+        free, self.free = self.free or simulated < self.simulated, False
+        if simulated == self.simulated and not free:
+            return self.last
         now = self._now()
-        if self._owed:
-            more = min(self._owed, (simulated - self._simulated) // 2)
-            self._owed, self._offset = self._owed - more, self._offset + more
-        even = self._tick and not self._foreign
-        stamp = min(now, simulated + self._offset) if even and not free else now
-        if even and stamp < self._last < stamp + _WINDOW:
-            stamp = self._last
-        self._last, self._simulated, self._offset = stamp, simulated, stamp - simulated
+        if self.owed:
+            more = min(self.owed, (simulated - self.simulated) // 2)
+            self.owed, self.offset = self.owed - more, self.offset + more
+        even = self.even
+        stamp = min(now, simulated + self.offset) if even and not free else now
+        if even and stamp < self.last < stamp + _WINDOW:
+            stamp = self.last
+        self.last, self.simulated, self.offset = stamp, simulated, stamp - simulated
         self._watch(now, now - stamp)
         return stamp
 
@@ -86,11 +99,16 @@ class NodeTime:
         return int(self._clock.now().nanoseconds) if self._foreign else self._system()
 
     def _watch(self, now: int, lag: int) -> None:
-        if lag < self._least:
-            self._least = lag
-        if now >= self._look:
-            behind = self._least if self._tick < self._least < _NEVER else 0
+        if lag < self.least:
+            self.least = lag
+        if now >= self.look:
+            behind = self.least if self.tick < self.least < _NEVER else 0
             jumps = behind > _WINDOW
-            self._offset, self._owed = self._offset + behind * jumps, behind * (not jumps)
-            self._least, self._look = _NEVER, now + _WINDOW
-            self._foreign = bool(self._clock.ros_time_is_active)
+            self.offset, self.owed = self.offset + behind * jumps, behind * (not jumps)
+            self.least, self.look = _NEVER, now + _WINDOW
+            self._see()
+
+    def _see(self) -> None:
+        """See whose time the clock tells."""
+        self._foreign = bool(self._clock.ros_time_is_active)
+        self.even = bool(self.tick) and not self._foreign

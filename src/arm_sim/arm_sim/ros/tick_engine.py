@@ -9,15 +9,16 @@ from typing import Any
 from numpy.typing import ArrayLike
 
 from arm_dynamics import InvalidInput
+from arm_dynamics.arrays import Array
 from arm_dynamics.ros.common.background import Background
 from arm_sim.compiled_scene import EXTERNAL
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.imperfections import Line, command_line
+from arm_sim.recording.energy_meter import Account, EnergyMeter
 from arm_sim.ros.commands.arbiter import Arbiter
 from arm_sim.ros.commands.latest import BRAKE, SERVO, ZERO, Command, LatestCommand, Stop
 from arm_sim.ros.commands.stopping import Servos, Stopping
-from arm_sim.ros.energy_meter import Account, EnergyMeter
 from arm_sim.ros.tick_queue import TickQueue
 from arm_sim.runtime_changes import external_change
 from arm_sim.servo import JointCommand
@@ -102,6 +103,7 @@ class TickEngine:
         self.commands.configure(ticks, stale_policy)
         self.arbiter.patience = max(ticks, self.ticks(_SILENCE))
         self.stale_policy = stale_policy
+        self.queue.ring()
 
     def ticks(self, duration: float) -> int:
         """Number of ticks in a duration in [s], at least one unless it is zero."""
@@ -146,6 +148,45 @@ class TickEngine:
             self._fail(f"paused after an unexpected failure: {error!r}")
 
     @property
+    def ordinary(self) -> bool:
+        """Whether efforts act in the next tick and nothing else is due; ``commands`` has a say."""
+        pushed = self._pushing or bool(self._wrenches.active)
+        still = self.paused or self.stopping.acts or self._was_stale
+        return not (still or pushed or self._remade)
+
+    @property
+    def _remade(self) -> bool:
+        """Whether the energy account is kept, and takes as long as the ticks."""
+        simulator = self.simulator
+        return self._meter is not None and simulator.energy_account.makes_ticks_again(
+            simulator.x[None]
+        )
+
+    @property
+    def accounted(self) -> bool:
+        """Whether the energy account is kept."""
+        return self._meter is not None
+
+    def made(self, ticks: int, states: Array, acted: Array) -> None:
+        """Take note of ticks that were made elsewhere, and told of but for the account.
+
+        Args:
+            ticks: How many.
+            states: With an account, the states after them, shape (ticks, nx).
+            acted: Likewise, what acted, shape (ticks, n).
+        """
+        self.simulator.passed(ticks)
+        if self._meter is not None:
+            self._meter.note_all(states, acted)
+
+    def tell_unattended(self) -> None:
+        """Tell listeners of a tick that was made elsewhere, as ``tick_unattended``."""
+        try:
+            _call(self.on_tick)
+        except Exception as error:
+            self._fail(f"paused after an unexpected failure: {error!r}")
+
+    @property
     def may_step(self) -> bool:
         """Whether ``step`` is allowed: nothing else makes ticks."""
         return self.paused or not self._self_running
@@ -183,6 +224,7 @@ class TickEngine:
             return False
         if moved and self._meter is not None:
             self._meter.note()
+            self._meter.keep_up()
         _call(self.on_tick)
         return True
 

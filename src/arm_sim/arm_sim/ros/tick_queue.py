@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from concurrent.futures import Future
+from ctypes import c_int64
 from queue import SimpleQueue
 from typing import Any
 
@@ -19,10 +20,11 @@ class TickQueue:
 
     Attributes:
         served: Whether another thread empties the queue.
+        bell: Not 0 while the ticking thread has something to see to between two ticks.
     """
 
     def __init__(self, timeout: float = 30.0) -> None:
-        self.served = False
+        self.served, self.bell = False, c_int64()
         self._timeout = timeout
         self._queue: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
 
@@ -36,14 +38,20 @@ class TickQueue:
             return action()
         future: Future[Any] = Future()
         self._queue.put((action, future))
+        self.ring()
         try:
             return future.result(self._timeout)
         except TimeoutError:
             future.cancel()
             raise InvalidInput(f"the simulation did not respond in {self._timeout:g} s") from None
 
+    def ring(self) -> None:
+        """Let the ticking thread see to what changed, where it makes ticks in C."""
+        self.bell.value = 1
+
     def serve(self) -> None:
         """Run what is queued."""
+        self.bell.value = 0
         while not self._queue.empty():
             action, future = self._queue.get()
             if not future.set_running_or_notify_cancel():

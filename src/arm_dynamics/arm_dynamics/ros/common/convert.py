@@ -15,7 +15,14 @@ from numpy.typing import NDArray
 from rclpy.impl.rcutils_logger import RcutilsLogger
 
 from arm_dynamics.arrays import Array, vector
-from arm_dynamics.exceptions import ArmError, InvalidInput, known_names, plain
+from arm_dynamics.exceptions import (
+    ArmError,
+    InvalidInput,
+    choices,
+    did_you_mean,
+    known_names,
+    plain,
+)
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
 from arm_dynamics.task_space.task_space import Pose
@@ -60,11 +67,12 @@ def joint_indices(names: Sequence[str], model_names: Sequence[str]) -> NDArray[n
     Raises:
         InvalidInput: If joints are unknown or doubled.
     """
-    known = set(names) <= set(model_names)
-    if not known or len(set(names)) != len(names):
+    unknown = [name for name in names if name not in model_names]
+    if unknown or len(set(names)) != len(names):
+        guess = did_you_mean(unknown[0], model_names) if unknown else ""
         raise InvalidInput(
             f"joint names are {known_names(names)}; allowed are some or all of "
-            f"{known_names(model_names)}, each once"
+            f"{known_names(model_names)}, each once{guess}"
         )
     return np.array([model_names.index(name) for name in names or model_names], np.intp)
 
@@ -119,7 +127,7 @@ def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
         return pose
     fixed = {frame.name: frame for frame in model.pin.frames if frame.parentJoint == 0}
     if frame_id not in fixed:
-        allowed = known_names(["world", *fixed])
+        allowed = choices(frame_id, ["world", *fixed])
         raise InvalidInput(
             f"poses in frame '{plain(frame_id, 80)}': allowed are frames that stand, {allowed}"
         )

@@ -4,11 +4,11 @@
 from __future__ import annotations
 
 import logging
+import re
 import signal
 import sys
 import time
-from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from collections.abc import Callable
 from typing import Any
 
 import rclpy
@@ -18,11 +18,11 @@ from rclpy.executors import Executor, ExternalShutdownException, SingleThreadedE
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from arm_dynamics.exceptions import ArmError, InvalidInput, plain
+from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
+from arm_dynamics.logs import heard_by
 from arm_dynamics.ros.common.privileges import demote_timers, freeze_garbage
 from arm_dynamics.ros.interfaces import Topic
 
-CORES = ("arm_dynamics", "arm_sim")
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
 _SPIN_TIMEOUT = 0.1  # [s] between looks at whether to end, when nothing happens
@@ -116,23 +116,6 @@ class NodeHandler(logging.Handler):
             self._log.info(record.getMessage())
 
 
-@contextmanager
-def core_log_of(node: Node) -> Iterator[None]:
-    """Let a node say what the cores log from INFO on, while the context lasts."""
-    handler = NodeHandler(node)
-    loggers = [logging.getLogger(name) for name in CORES]
-    levels = [logger.level for logger in loggers]
-    for logger in loggers:
-        logger.addHandler(handler)
-        logger.setLevel(logging.INFO)
-    try:
-        yield
-    finally:
-        for logger, level in zip(loggers, levels, strict=True):
-            logger.removeHandler(handler)
-            logger.setLevel(level)
-
-
 def run(
     make_node: Callable[..., Node],
     args: list[str] | None = None,
@@ -158,10 +141,11 @@ def run(
     try:
         _initialize(context, args)
         node = make_node(context=context)
+        _tell_unknown(node)
         demote_timers()
         if node.has_parameter(FREEZE) and node.get_parameter(FREEZE).value:
             freeze_garbage()
-        with core_log_of(node):
+        with heard_by(NodeHandler(node)):
             spin(node, lambda: bool(asked) or done())
     except (ArmError, OSError) as error:
         print(f"error: {error}", file=sys.stderr)
@@ -173,8 +157,32 @@ def run(
     return 0
 
 
+def _tell_unknown(node: Node) -> None:
+    """Say which parameters were given that the node does not have; ROS passes them over.
+
+    Those with dots may be declared later: for joints that are not known yet.
+    """
+    given = [name for name in node._parameter_overrides if "." not in name]  # rclpy tells no other
+    known = [name for name in node._parameters if "." not in name]
+    for name in given:
+        if name not in known:
+            node.get_logger().warning(
+                f"this node has no parameter '{plain(name, 80)}', it is passed over; "
+                f"there are {choices(name, known, 100)}"
+            )
+
+
 def _initialize(context: Context, args: list[str] | None) -> None:
     try:
         rclpy.init(args=args, context=context, signal_handler_options=SignalHandlerOptions.NO)
     except RuntimeError as error:
-        raise InvalidInput(f"ROS cannot start: {error}") from error
+        raise InvalidInput(f"ROS cannot start: {_said(error)}") from error
+
+
+def _said(error: RuntimeError) -> str:
+    """What ROS complains of, without the lines of its sources in which it stopped."""
+    text = str(error).split(", at /")[0]
+    rule = re.search(r"parameter override rule: '(.*?)'\.", text)
+    if rule is None:
+        return text
+    return f"'{rule[1]}' sets no parameter; expected -p NAME:=VALUE, such as -p dt:=0.001"

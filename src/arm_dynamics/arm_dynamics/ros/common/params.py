@@ -21,7 +21,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter
 
-from arm_dynamics.exceptions import ArmError, InvalidInput, plain
+from arm_dynamics.exceptions import ArmError, InvalidInput, choices, plain
 
 SCENE = (
     "Scene: the name of a ready one, a scene file or URDF (path or package:// URI), or URDF text"
@@ -73,7 +73,12 @@ def declare[P](node: Node, kind: type[P]) -> P:
             default = list(default)
         try:
             return node.declare_parameter(name, default, _descriptor(about, default)).value
-        except (InvalidParameterValueException, InvalidParameterTypeException) as error:
+        except InvalidParameterValueException as error:
+            given = node._parameter_overrides[name].value  # rclpy tells it by no other way
+            low, high = about.get("low", 0), about.get("high", 0)
+            allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
+            raise InvalidInput(f"parameter '{name}' is {given}; allowed is {allowed}") from None
+        except InvalidParameterTypeException as error:
             raise InvalidInput(f"parameter '{name}': {error}") from error
 
     return _with(kind(), declared)
@@ -133,10 +138,10 @@ def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
     """Give a parameter's value the type of ``like``; one number will do for several."""
     if value is None:
         raise InvalidInput(f"parameter '{name}' has no value; it cannot be taken away")
-    choices = about.get("choices")
-    if choices and value not in choices:
+    wanted = about.get("choices")
+    if wanted and value not in wanted:
         raise InvalidInput(
-            f"parameter '{name}' is '{value}'; allowed is one of {', '.join(choices)}"
+            f"parameter '{name}' is '{value}'; allowed is one of {choices(value, wanted)}"
         )
     several = about.get("each_joint") or isinstance(like, list | tuple)
     if not several:

@@ -22,6 +22,7 @@ DISCOVERY = "ROS_AUTOMATIC_DISCOVERY_RANGE"
 PROFILES = "FASTRTPS_DEFAULT_PROFILES_FILE"
 THIS_MACHINE = Path(__file__).with_name("this_machine.xml")
 LARGE_BATCHES = Path(__file__).with_name("large_batches.xml")
+"""A profile of Fast DDS with 64 MB of shared memory, for service calls of many points."""
 FOLDER = Path("/dev/shm")
 _LOCKS = ("_el", "_sl")
 

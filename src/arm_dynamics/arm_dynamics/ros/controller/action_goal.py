@@ -13,7 +13,7 @@ from typing import Any
 
 import numpy as np
 
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.ros.common.convert import joint_indices, to_nanoseconds
 from arm_dynamics.ros.common.params import parameter
 from arm_dynamics.ros.interfaces import MAX_GOAL_POINTS
@@ -211,7 +211,7 @@ def _asked(
     for message in messages:
         if message.name not in names:
             raise InvalidInput(
-                f"{what} names joint '{message.name}'; allowed are {known_names(names)}"
+                f"{what} names joint '{message.name}'; allowed are {choices(message.name, names)}"
             )
         joint, of = names.index(message.name), f"{what} of joint '{message.name}'"
         position[joint] = resolved(f"position in {of}", message.position, position[joint])

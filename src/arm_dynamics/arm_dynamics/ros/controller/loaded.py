@@ -6,7 +6,7 @@ from __future__ import annotations
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, choices
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.controller.params import ControllerParams
 
@@ -52,7 +52,7 @@ class Loaded:
         if name in self._own:
             return self._own[name]
         hint = "; others must be named in 'controllers' when the node is started"
-        allowed = known_names([*NAMES, *self._own]) + (hint if is_own(name) else "")
+        allowed = choices(name, [*NAMES, *self._own]) + (hint if is_own(name) else "")
         raise InvalidInput(
             f"parameter 'controller' is '{name[:100]}'; allowed is one of {allowed}"
         )

@@ -15,7 +15,7 @@ from arm_dynamics.ros.common.robot_source import DescriptionParams
 class ControllerParams(ThreadParams, DescriptionParams):
     """Parameters of the controller node."""
 
-    scene: str = parameter("", f"{SCENE}; what the controller believes the arm to be")
+    scene: str = parameter("", f"{SCENE}; the controller's model of the arm")
     controller: str = parameter(
         "computed_torque",
         f"What makes the torque: {', '.join(NAMES)}, or a controller of one's own as "

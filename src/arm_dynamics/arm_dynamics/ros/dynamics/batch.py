@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, all_finite
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 from arm_dynamics.ros.common.convert import to_array
 
 _Order = NDArray[np.intp] | slice
@@ -103,7 +103,8 @@ def _order(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]
         raise InvalidInput(f"{len(names)} joint names; {allowed}")
     unknown = [name for name in names if name not in model_names]
     if unknown:
-        raise InvalidInput(f"unknown joints {known_names(unknown)}; {allowed}")
+        guess = did_you_mean(unknown[0], model_names)
+        raise InvalidInput(f"unknown joints {known_names(unknown)}; {allowed}{guess}")
     if len(set(names)) != len(names) or len(names) != len(model_names):
         raise InvalidInput(f"joint names are {known_names(names)}; {allowed}")
     return np.array([model_names.index(name) for name in names], np.intp)

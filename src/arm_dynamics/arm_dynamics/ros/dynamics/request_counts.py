@@ -5,13 +5,27 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from typing import Any
+from typing import Any, NamedTuple
 
 from rclpy.node import Node
 
 from arm_dynamics.ros.common.diagnostics import WARN, Finding, Growth
 
 Answer = Callable[[Any, Any], Any]
+
+
+class InC(NamedTuple):
+    """What C did for services.
+
+    Attributes:
+        answered: Requests that it answered.
+        lost: Responses that could not be sent, those of Python included: who asked is gone.
+        busy: Time for the answers in [s].
+    """
+
+    answered: int
+    lost: int
+    busy: float
 
 
 class RequestCounts:
@@ -24,7 +38,7 @@ class RequestCounts:
     def __init__(self) -> None:
         self.descriptions_refused = 0
         self._asked = self._refused = 0
-        self._busy = 0.0
+        self._busy = self._before = 0.0  # [s] in Python, and in C until the last finding
         self._since = time.monotonic()
         self._growth = Growth()
 
@@ -41,16 +55,26 @@ class RequestCounts:
 
         return counting
 
-    def finding(self, node: Node) -> Finding:
-        """What was counted, for ``/diagnostics``."""
+    def finding(self, node: Node, in_c: InC | None) -> Finding:
+        """What was counted, for ``/diagnostics``.
+
+        Args:
+            node: The node.
+            in_c: Further requests; None where there is no compiled code for them.
+        """
         now, found = time.monotonic(), Finding("services")
         executor = type(node.executor).__name__ if node.executor is not None else "none"
+        further = in_c or InC(0, 0, 0.0)
+        busy, self._before = self._busy + further.busy - self._before, further.busy
         found.values = {
-            "requests": self._asked, "refused": self._refused,
-            "busy": self._busy / max(now - self._since, 1e-9),
+            "requests": self._asked + further.answered, "refused": self._refused,
+            "answered in C": further.answered if in_c else "none, there is no compiled code",
+            "busy": busy / max(now - self._since, 1e-9),
+            "responses lost": further.lost,
             "descriptions refused": self.descriptions_refused, "executor": executor,
         }  # fmt: skip
         self._growth.warn(found, self._refused, "requests refused")
+        self._growth.warn(found, further.lost, "responses lost, who asked is gone")
         if self._growth.of("descriptions", self.descriptions_refused):
             found.complain(WARN, "a robot description was refused")
         self._busy, self._since = 0.0, now

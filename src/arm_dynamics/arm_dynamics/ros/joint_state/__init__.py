@@ -7,17 +7,23 @@ no compiler, ROS's own deserializer reads them.
 
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter, Numbers
 from arm_dynamics.ros.joint_state.topics import (
+    CompiledReader,
     JointStateSink,
     JointStateSource,
+    Sink,
+    address,
     make_reader,
     native,
 )
 
 __all__ = [
+    "CompiledReader",
     "JointStateSink",
     "JointStateSource",
     "JointStateWriter",
     "Numbers",
+    "Sink",
+    "address",
     "make_reader",
     "native",
 ]

@@ -16,7 +16,7 @@ from rclpy.serialization import deserialize_message
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array, any_beyond
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.ros.common.cdr import COUNT, GIGA, HEADER, NATIVE, TIME
 from arm_dynamics.ros.common.convert import to_nanoseconds
 
@@ -221,9 +221,9 @@ class JointStateReader:
         here = [name for name in names if name in self._names]
         missing = [name for name in self._names if name not in names]
         if len(here) < len(names) and not self._extra:
-            unknown = known_names(name for name in names if name not in self._names)
-            allowed = known_names(self._names)
-            raise InvalidInput(f"unknown joints {unknown}; allowed are {allowed}")
+            unknown = [name for name in names if name not in self._names]
+            allowed = choices(unknown[0], self._names)
+            raise InvalidInput(f"unknown joints {known_names(unknown)}; allowed are {allowed}")
         if missing and (not here or not self._partial):
             raise InvalidInput(f"joints {known_names(missing)} are missing")
         return [names.index(name) if name in names else None for name in self._names]

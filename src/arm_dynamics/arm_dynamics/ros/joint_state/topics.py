@@ -9,7 +9,6 @@ wrong, is read by ``serialization``; that alone refuses.
 from __future__ import annotations
 
 import ctypes
-import logging
 from collections.abc import Callable, Sequence
 from ctypes import c_int64, c_void_p
 from functools import cache, partial
@@ -18,15 +17,13 @@ from struct import Struct
 from typing import Any
 
 import numpy as np
-from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from rclpy.node import Node
 from sensor_msgs.msg import JointState
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.compiler import FLAGS, build, may_build
-from arm_dynamics.exceptions import KernelError
 from arm_dynamics.ros.common.cdr import NATIVE
 from arm_dynamics.ros.common.direct import Newest, advertise
+from arm_dynamics.ros.common.rcl_code import build_with_rcl
 from arm_dynamics.ros.interfaces import Topic
 from arm_dynamics.ros.joint_state.serialization import (
     FIELDS,
@@ -41,13 +38,6 @@ from arm_dynamics.ros.joint_state.serialization import (
 NONE, KNOWN, BEYOND, OTHER, FAILED = range(5)  # as in joint_state.c
 _KINDS = 4  # likewise
 _SOURCE = Path(__file__).with_name("native") / "joint_state.c"
-# Whose headers rcl's headers include.
-_PACKAGES = (
-    "rcl", "rcl_yaml_param_parser", "rcutils", "rmw", "rosidl_dynamic_typesupport",
-    "rosidl_runtime_c", "rosidl_typesupport_interface", "type_description_interfaces",
-    "service_msgs", "builtin_interfaces",
-)  # fmt: skip
-_log = logging.getLogger(__name__)
 
 
 class _Kind(ctypes.Structure):
@@ -69,7 +59,7 @@ class _State(ctypes.Structure):
     )  # fmt: skip
 
 
-class _Sink(ctypes.Structure):
+class Sink(ctypes.Structure):
     """``sink_t`` of joint_state.c."""
 
     _fields_ = (
@@ -79,18 +69,9 @@ class _Sink(ctypes.Structure):
 
 
 @cache
-def native() -> ctypes.CDLL | None:
-    """The compiled functions; None where they cannot be had."""
-    if not may_build():
-        return None
-    try:
-        prefixes = {name: Path(get_package_prefix(name)) for name in _PACKAGES}
-        folders = [f"-I{prefix / 'include' / name}" for name, prefix in prefixes.items()]
-        called = [str(prefixes[name] / f"lib/lib{name}.so") for name in ("rcl", "rcutils")]
-        flags = (*FLAGS, *folders, "-Wl,--no-as-needed", *called)
-        library = build(_SOURCE.read_text(), flags=flags).library
-    except (KernelError, PackageNotFoundError, OSError) as error:
-        _log.debug("messages are read and written in Python: %s", error)
+def native(*others: Path) -> ctypes.CDLL | None:
+    """The compiled functions, with those of other files after them; None: they cannot be had."""
+    if (library := build_with_rcl(_SOURCE, after=others)) is None:
         return None
     library.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
     library.take.argtypes = [c_void_p, c_void_p]
@@ -103,7 +84,12 @@ def native() -> ctypes.CDLL | None:
 
 
 class CompiledReader(JointStateReader):
-    """A ``JointStateReader`` that reads messages like those before in C."""
+    """A ``JointStateReader`` that reads messages like those before in C.
+
+    Attributes:
+        left: Outcome of ``take`` for a message that other compiled code has taken, and that is
+            still to be read; ``NONE``: there is none.
+    """
 
     def __init__(
         self, native: ctypes.CDLL, names: Sequence[str], fields: Sequence[str], **options: Any
@@ -115,12 +101,13 @@ class CompiledReader(JointStateReader):
         self._numbers = [slice(3 + n * k, 3 + n * (k + 1)) for k in range(count)]
         self._limits = np.array(self._limit)
         self._state = _State(
-            fields=count, joints=n, found=_address(self._found),
+            fields=count, joints=n, found=address(self._found),
             limit=self._limits.ctypes.data if self._limit else None, gaps=self._gaps,
         )  # fmt: skip
         # Of each kind its source, the joints that it names, and the array that C looks at.
         self._kinds: list[tuple[str, frozenset[int], Any]] = []
         self._learned = 0
+        self.left, self._memory = NONE, c_void_p(None)
         self._native, self._place = native, c_void_p(ctypes.addressof(self._state))
         self._look = partial(native.look, self._place)
 
@@ -135,12 +122,31 @@ class CompiledReader(JointStateReader):
         self._memory = c_void_p(self._native.source(subscription))
         self.take = partial(self._native.take, self._memory, self._place)
 
+    def next(self) -> int:
+        """Outcome of ``take``, or of the message that is left."""
+        left, self.left = self.left, NONE
+        return left or self.take()
+
     def close(self) -> None:
         """Give the memory for messages back."""
         self.take = partial(int, NONE)
         if self._memory:
             self._native.release(self._memory)
             self._memory = c_void_p(None)
+
+    @property
+    def places(self) -> tuple[int, int]:
+        """Addresses of ``source_t`` and ``joint_state_t``, for other compiled code."""
+        return self._memory.value or 0, ctypes.addressof(self._state)
+
+    def whole_from(self, source: str) -> list[bool]:
+        """Which of the kinds that are known come from a source and name all joints."""
+        n = len(self._names)
+        return [name == source and len(joints) == n for name, joints, _ in self._kinds]
+
+    def keep(self, numbers: Numbers) -> None:
+        """Take note of the only field of a message that was read elsewhere."""
+        self._values = [numbers]
 
     @property
     def raw(self) -> bytes:
@@ -229,7 +235,7 @@ class JointStateSource:
         Raises:
             InvalidInput: As ``JointStateReader.read``.
         """
-        if self._compiled is not None and (outcome := self._compiled.take()) != FAILED:
+        if self._compiled is not None and (outcome := self._compiled.next()) != FAILED:
             if self.tap is not None and outcome != NONE:
                 self.tap(self._compiled.raw)
             return self._compiled.taken(outcome)
@@ -250,7 +256,10 @@ class JointStateSink:
 
     Attributes:
         raw: The message that was sent last.
+        place: Address of ``sink_t``, for other compiled code; 0 without a compiler.
     """
+
+    place = 0
 
     def __init__(
         self, node: Node, topic: Topic, writer: JointStateWriter, arrays: Sequence[Array]
@@ -283,13 +292,14 @@ class JointStateSink:
     def _in_c(self, send: Callable[[c_void_p, int], int]) -> Callable[[int], int]:
         """What writes and publishes in one call, and returns zero unless that failed."""
         writer = self._writer
-        self._sink = sink = _Sink(
-            raw=_address(writer.raw), size=len(writer.raw), fields=len(writer.places),
+        self._sink = sink = Sink(
+            raw=address(writer.raw), size=len(writer.raw), fields=len(writer.places),
             joints=self._arrays[0].size, publisher=self._handle.pointer,
         )  # fmt: skip
         for k, (place, array) in enumerate(zip(writer.places, self._arrays, strict=True)):
             sink.at[k], sink.numbers[k] = place, array.ctypes.data
-        return partial(send, c_void_p(ctypes.addressof(sink)))
+        self.place = ctypes.addressof(sink)
+        return partial(send, c_void_p(self.place))
 
 
 def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> JointStateReader:
@@ -299,6 +309,6 @@ def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> 
     return CompiledReader(compiled, names, fields, **options)
 
 
-def _address(buffer: bytearray) -> int:
+def address(buffer: bytearray) -> int:
     """Where the bytes of a buffer are."""
     return ctypes.addressof(ctypes.c_char.from_buffer(buffer))

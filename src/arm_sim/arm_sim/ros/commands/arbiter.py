@@ -12,7 +12,9 @@ STREAM = 10  # commands without a long silence that make a stream
 
 
 @dataclass
-class _Source:
+class Source:
+    """Who commands: which joints, the tick of its last command, and how many make a stream."""
+
     joints: frozenset[int]
     at: int
     count: int = 1
@@ -31,6 +33,7 @@ class Arbiter:
     Attributes:
         refused: How many commands were refused.
         last_refusal: What the newest refusal said.
+        now: Ticks so far.
     """
 
     def __init__(self, patience: int) -> None:
@@ -38,17 +41,22 @@ class Arbiter:
         self.refused = 0
         self.last_refusal = ""
         self._refused_at = 0
-        self._heard: dict[str, _Source] = {}
-        self._now = 0
+        self._heard: dict[str, Source] = {}
+        self.now = 0
 
     def tick(self) -> None:
         """Count a tick."""
-        self._now += 1
+        self.now += 1
 
     @property
     def sources(self) -> tuple[str, ...]:
         """Sources that commanded joints lately."""
         return tuple(source for source, heard in self._heard.items() if self._fresh(heard))
+
+    @property
+    def only(self) -> tuple[str, Source] | None:
+        """The only source that is remembered, if there is only one."""
+        return next(iter(self._heard.items())) if self.alone else None
 
     @property
     def alone(self) -> bool:
@@ -58,7 +66,7 @@ class Arbiter:
     @property
     def conflict(self) -> bool:
         """Whether a command was refused within the last ``patience`` ticks."""
-        return self.refused > 0 and self._now - self._refused_at <= self.patience
+        return self.refused > 0 and self.now - self._refused_at <= self.patience
 
     def admit(self, source: str, joints: frozenset[int]) -> None:
         """Take note of a command.
@@ -70,24 +78,24 @@ class Arbiter:
             self._contest(source, joints)
         heard = self._heard.get(source)
         if heard is None or not self._fresh(heard):
-            self._heard[source] = _Source(joints, self._now)
+            self._heard[source] = Source(joints, self.now)
         else:
-            heard.joints, heard.at, heard.count = joints, self._now, heard.count + 1
+            heard.joints, heard.at, heard.count = joints, self.now, heard.count + 1
 
     def _contest(self, source: str, joints: frozenset[int]) -> None:
         self._heard = {s: heard for s, heard in self._heard.items() if self._fresh(heard)}
         for other, heard in self._heard.items():
             if other != source and heard.count >= STREAM and heard.joints & joints:
                 self.refused += 1
-                self._refused_at = self._now
+                self._refused_at = self.now
                 self.last_refusal = (
                     f"two controllers: '{plain(source, 80)}' is refused while "
                     f"'{plain(other, 80)}' commands these joints"
                 )
                 raise InvalidInput(f"{self.last_refusal}; allowed is one stream for each joint")
 
-    def _fresh(self, heard: _Source) -> bool:
-        return self._now - heard.at <= self.patience
+    def _fresh(self, heard: Source) -> bool:
+        return self.now - heard.at <= self.patience
 
     def forget(self) -> None:
         """Forget all sources."""

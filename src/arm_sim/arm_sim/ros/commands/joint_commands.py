@@ -53,6 +53,10 @@ class JointCommands:
         self._last: JointCommand | None = None
         self._efforts: Numbers | None = None
 
+    def follow(self, efforts: Numbers) -> None:
+        """Take note of efforts of all joints that were read elsewhere."""
+        self._last, self._efforts = None, efforts
+
     def merged(self, stamp: int, numbers: list[Numbers]) -> Command | None:
         """The command of all joints; None if the message commands none.
 

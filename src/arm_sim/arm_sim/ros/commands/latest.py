@@ -44,6 +44,7 @@ class LatestCommand:
         age: Ticks since the newest command was first used; 0 without one.
         stale: Whether the policy is in force because commands have stopped.
         stale_count: How often commands have stopped.
+        timeout: Ticks that a command may act; 0: for ever.
     """
 
     def __init__(self, dynamics: Dynamics, line: Line[Sequence[float]] | None = None) -> None:
@@ -80,7 +81,7 @@ class LatestCommand:
                 the arm and hold it, ``zero`` effort, ``hold`` of the last command, or the effort
                 that carries what springs leave of the arm's weight, ``gravity``.
         """
-        self._timeout, self._policy = timeout, self._policies[policy]
+        self.timeout, self._policy = timeout, self._policies[policy]
 
     def put(self, command: Command) -> None:
         """Make ``command`` the newest one; it must not be changed afterwards."""
@@ -124,11 +125,32 @@ class LatestCommand:
             self._used, self.age, self.stale = newest, 0, False
             self._lasting = isinstance(newest, JointCommand) and newest.stays
         self.age += 1
-        if self._lasting or not self._timeout or self.age <= self._timeout:
+        if self._lasting or not self.timeout or self.age <= self.timeout:
             return newest
         self.stale_count += not self.stale
         self.stale = True
         return self._policy(q)
+
+    @property
+    def efforts(self) -> Sequence[float] | None:
+        """Efforts that act, and go on acting until they are too old; None: something else acts."""
+        newest = self._newest
+        if newest is not self._used or self.stale or self._line is not None:
+            return None
+        return None if isinstance(newest, JointCommand) else newest
+
+    def acted(self, before: Sequence[float], efforts: Sequence[float], age: int) -> None:
+        """Note what acted in ticks that were made elsewhere.
+
+        Args:
+            before: What ``efforts`` was before them; where it is not the newest command any more,
+                one came that has not acted yet.
+            efforts: What acted last.
+            age: Ticks since it acted first.
+        """
+        if self._newest is before:
+            self._newest = self._used = efforts
+        self.age = age
 
     def held(self, q: Array) -> Command | Stop:
         """Return what acts in a tick that does not make the newest command older."""

@@ -19,7 +19,7 @@ class Servos:
 
     Args:
         simulator: The simulation.
-        background: Where to build them while the loop goes on; None: where they are wanted.
+        background: Where to build them while the loop goes on; None: where they are needed.
     """
 
     def __init__(self, simulator: Simulator, background: Background | None) -> None:

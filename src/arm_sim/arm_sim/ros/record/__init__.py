@@ -5,7 +5,8 @@ Knows the engine and its topics, and how recordings are written; a thread of its
 writes. Public is what the sim node needs.
 """
 
+from arm_sim.ros.record.copying import SOURCE as RECORD
 from arm_sim.ros.record.node import listen, recorder_of
 from arm_sim.ros.record.ticks import TickRecorder
 
-__all__ = ["TickRecorder", "listen", "recorder_of"]
+__all__ = ["RECORD", "TickRecorder", "listen", "recorder_of"]

@@ -11,7 +11,7 @@ from typing import Any
 from rclpy.node import Node
 
 from arm_dynamics.cdr import time_bytes
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.ros.interfaces import EVERY, LATCHED, ROBOT_DESCRIPTION
 from arm_sim.recording.files.bags import BAGS, read_bag
 from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, TICK, JointStateWriter
@@ -115,7 +115,9 @@ def _messages(path: Path, topics: tuple[str, ...]) -> Played:
     found = read_bag(path, wanted)
     names = [topic for topic, _ in found.topics.values()]
     if unknown := [topic for topic in topics if topic not in names]:
-        raise InvalidInput(f"'{path}' has no topic {known_names(unknown)}; {known_names(names)}")
+        raise InvalidInput(
+            f"'{path}' has no topic {known_names(unknown)}; {choices(unknown[0], names)}"
+        )
     return {
         found.topics[number]: [(log, raw) for _, log, raw in messages]
         for number, messages in found.messages.items()

@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections import deque
 from collections.abc import Callable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from types import MappingProxyType
 from typing import Any
@@ -13,16 +14,17 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.cdr import TIME
 from arm_dynamics.exceptions import InvalidInput
 from arm_sim.recording.files import TickFile, bag_metadata, where
 from arm_sim.recording.files.messages import Change, TickWriter, log_message
 from arm_sim.recording.files.ticks import UNCHANGED, tunable_names
-from arm_sim.ros.record.chunks import ChunkThread
+from arm_sim.ros.record.chunks import HEAD, Chunk, ChunkThread
+from arm_sim.ros.record.copying import CopyInC, TickCopy, tick_copy
 from arm_sim.ros.tick_engine import TickEngine
 
 INFO, ERROR = 20, 40
 _MANY = 100  # messages between two ticks
+ROOM = 1 << 17  # bytes for what a tick may bring
 
 
 class TickRecorder:
@@ -69,10 +71,10 @@ class TickRecorder:
         self._channels[states] = self.file.states
         self.thread = ChunkThread(self.file.mcap, tell)
         self._writer = TickWriter(simulator.plant.nx, simulator.n)
-        self._x = memoryview(simulator.x).cast("B")
-        self._acted = memoryview(simulator.acted).cast("B")
-        self._notes = memoryview(simulator.notes).cast("B")
-        self._published: tuple[int, int, bytearray] | None = None
+        self._copy: TickCopy = tick_copy(
+            self._writer, simulator, self.file.ticks, self.file.states
+        )
+        self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
         self._whole = True  # whether the file has every tick up to the last
         self._plant, self._p = simulator.plant, b""
@@ -89,30 +91,68 @@ class TickRecorder:
 
     def tick(self) -> None:
         """Take the tick that was just made."""
-        now, simulator, writer = time.time_ns(), self._simulator, self._writer
+        now, simulator = time.time_ns(), self._simulator
         if not self._whole:
             self.lost += 1
             self._begin("gap")
             return
-        if simulator.plant is not self._plant or (
-            self._p and simulator.parameters.tobytes() != self._p
-        ):
+        if self._is_tuned:
             self._tuned()
-        stamp, raw = self._engine.stamp, writer.raw
-        TIME.pack_into(raw, writer.stamp, *divmod(stamp, 1_000_000_000))
-        writer.state[:], writer.command[:], writer.notes[:] = self._x, self._acted, self._notes
-        raw[writer.hold] = simulator.hold
-        messages = self._taken(now)
-        messages.append((self.file.ticks, stamp, raw))
-        if self.thread.add_all(now, messages):
-            self.ticks += 1
-        else:
-            self.lost += 1
-            self._whole = False
+        copy, waiting, state = self._copy, self._taken(now), self._published
+        size = copy.size + sum([HEAD + len(data) for _, _, data in waiting])
+        if state is not None:
+            size += HEAD + len(state[1])
+        self._published, thread = None, self.thread
+        with thread.lock:
+            chunk = thread.room(now, size, len(waiting) + 1 + (state is not None))
+            if chunk is None:
+                self.lost += 1
+                self._whole = False
+                return
+            for channel, publish, data in waiting:
+                chunk.put(channel, now, publish, data)
+            copy(chunk, now, self._engine.stamp, simulator.hold, state)
+        self.ticks += 1
+
+    @property
+    def _is_tuned(self) -> bool:
+        """Whether quantities are others than in the file."""
+        simulator = self._simulator
+        return simulator.plant is not self._plant or bool(
+            self._p and simulator.parameters.tobytes() != self._p
+        )
+
+    def lend(self) -> Chunk | None:
+        """Room for ticks that are copied elsewhere; None if the next one is not for that.
+
+        Until ``take_back`` is called, what else comes has to wait.
+        """
+        if not self._whole or self._is_tuned:
+            return None
+        self._flush()
+        self.thread.lock.acquire()
+        chunk = self.thread.room(time.time_ns(), ROOM, 0)
+        if chunk is None:
+            self.thread.lock.release()
+        return chunk
+
+    def take_back(self, ticks: int) -> None:
+        """Take note of the ticks that were copied since ``lend``."""
+        self.ticks += ticks
+        self.thread.lock.release()
+
+    def channel(self, topic: str) -> int:
+        """Number of a topic in the file."""
+        return self._channels[topic]
+
+    @property
+    def place(self) -> Any:
+        """Address of what copies a tick in compiled code."""
+        return self._copy.place if isinstance(self._copy, CopyInC) else None
 
     def published(self, stamp: int, message: bytearray) -> None:
         """Take a joint state with its stamp in [ns], whose bytes stay until the next one."""
-        self._published = self.file.states, stamp, message
+        self._published = stamp, message
 
     def message(self, topic: str, stamp: int, data: bytes) -> None:
         """Take another message, with its stamp in [ns], 0: of the present; for any thread.
@@ -121,30 +161,45 @@ class TickRecorder:
         """
         self._waiting.append((self._channels[topic], stamp, data))
         if len(self._waiting) > _MANY:  # nothing ticks
-            self._flush()
+            self._flush(wait=False)
 
     def _taken(self, now: int) -> list[tuple[int, int, bytes | bytearray]]:
-        """What came since the last tick, and the joint state that was published last."""
+        """What came since the last tick."""
         found: list[tuple[int, int, bytes | bytearray]] = []
-        waiting = self._waiting
-        while waiting:
-            channel, stamp, data = waiting.popleft()
-            found.append((channel, stamp or now, data))
-        if self._published is not None:
-            found.append(self._published)
-            self._published = None
+        with suppress(IndexError):  # none is left
+            while True:
+                channel, stamp, data = self._waiting.popleft()
+                found.append((channel, stamp or now, data))
         return found
 
-    def _flush(self) -> None:
-        """Write what no tick follows: at a change, or while time stands still."""
+    def _flush(self, wait: bool = True) -> None:
+        """Write what no tick follows: at a change, or while time stands still.
+
+        Args:
+            wait: Whether to wait for ticks that are being made; if not, it may go with them.
+        """
+        if not self.thread.lock.acquire(blocking=wait):
+            return
+        try:
+            self._write_waiting()
+        finally:
+            self.thread.lock.release()
+
+    def _write_waiting(self) -> None:
         now = time.time_ns()
-        if messages := self._taken(now):
+        messages = self._taken(now)
+        if self._published is not None:
+            messages.append((self.file.states, *self._published))
+            self._published = None
+        if messages:
             self.thread.add_all(now, messages)
 
     def note(self, text: str, level: int = INFO) -> None:
         """Note an event; any thread may call it."""
-        stamp, now = self._engine.stamp, time.time_ns()
-        self.thread.add(self.file.log, now, stamp, log_message(stamp, level, self._name, text))
+        stamp = self._engine.stamp
+        message = log_message(stamp, level, self._name, text)
+        self._waiting.append((self.file.log, stamp, message))
+        self._flush(wait=False)
 
     def _staleness(self) -> None:
         stale, policy = self._engine.commands.stale, self._engine.stale_policy
@@ -161,7 +216,7 @@ class TickRecorder:
         """Write what is from here on."""
         simulator = self._simulator
         self._flush()
-        self._writer.state[:] = self._x
+        self._writer.state[:] = simulator.x.data.cast("B")
         self._whole = self._change(self._engine.stamp, why, simulator.x, simulator.substep)
 
     def _change(self, stamp: int, why: str, x: Array, substep: float) -> bool:

@@ -1,0 +1,248 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Services that C answers, from the request to the response, without the interpreter lock.
+
+A thread waits until ROS says that there are requests. What C does not know or finds wrong is
+handed to Python there, which alone refuses. The functions that answer are compiled in the
+background once a service has been asked for a while: a few answers are not worth that.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections import Counter
+from collections.abc import Callable
+from ctypes import POINTER, c_char_p, c_int64, c_void_p
+from functools import cache
+from pathlib import Path
+from threading import RLock, Thread
+from typing import Any
+
+import numpy as np
+from rclpy.impl.implementation_singleton import rclpy_implementation
+from rclpy.node import Node
+from rclpy.qos import qos_profile_services_default
+from rclpy.type_support import check_for_type_support
+
+from arm_dynamics.dynamics import point_answers
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.point_answers import PointAnswer, compiled_answer
+from arm_dynamics.exceptions import KernelError, plain
+from arm_dynamics.ros.common.background import Background
+from arm_dynamics.ros.common.c_message import CMessage
+from arm_dynamics.ros.common.rcl_code import build_with_rcl
+from arm_dynamics.ros.dynamics.request_counts import InC
+from arm_dynamics.ros.interfaces import (
+    DYNAMICS_TERMS,
+    FORWARD_DYNAMICS,
+    INVERSE_DYNAMICS,
+    MAX_POINTS,
+    MAX_TERMS_POINTS,
+    Service,
+)
+
+COMPILED: tuple[tuple[Service, PointAnswer, int], ...] = (
+    (INVERSE_DYNAMICS, point_answers.INVERSE, MAX_POINTS),
+    (FORWARD_DYNAMICS, point_answers.FORWARD, MAX_POINTS),
+    (DYNAMICS_TERMS, point_answers.ALL_TERMS, MAX_TERMS_POINTS),
+)
+"""Services in the order of services.c, what answers them, and for how many points at most."""
+WORTH = 20  # requests of a service from which on compiling its answer is worth the time
+_ENDED = -1  # as in services.c
+_SOURCE = Path(__file__).with_name("native") / "services.c"
+
+
+class _Answer(ctypes.Structure):
+    """``answer_t`` of services.c."""
+
+    _fields_ = (
+        ("rows", c_void_p), ("response", c_void_p), ("names", POINTER(c_char_p)),
+        ("joints", c_int64), ("most", c_int64), ("level", c_void_p), ("gravity", c_void_p),
+        ("zeros", c_void_p),
+    )  # fmt: skip
+
+
+class _Header(ctypes.Structure):
+    """``rmw_request_id_t``."""
+
+    _fields_ = (("writer_guid", ctypes.c_int8 * 16), ("sequence_number", c_int64))
+
+
+class _Service(ctypes.Structure):
+    """``service_t`` of services.c."""
+
+    _fields_ = (
+        ("service", c_void_p), ("request", c_void_p), ("kind", c_int64), ("answer", _Answer),
+        ("header", _Header), ("answered", c_int64), ("busy", c_int64), ("lost", c_int64),
+        ("called", ctypes.c_bool), ("server", c_void_p),
+    )  # fmt: skip
+
+
+@cache
+def native() -> ctypes.CDLL | None:
+    """The compiled functions; None where they cannot be had."""
+    if (library := build_with_rcl(_SOURCE, "arm_msgs")) is None:
+        return None
+    library.server.argtypes, library.server.restype = [c_void_p] * 2, c_void_p
+    library.serve.argtypes, library.serve.restype = [c_void_p], c_int64
+    library.use.argtypes, library.use.restype = [c_void_p, c_int64, c_void_p], None
+    library.respond.argtypes = [c_void_p, c_int64, c_void_p, c_void_p]
+    library.respond.restype = None
+    for function in (library.end, library.release):
+        function.argtypes, function.restype = [c_void_p], None
+    return library
+
+
+class _Known:
+    """What C answers a service with, about one arm."""
+
+    def __init__(self, service: Service, most: int, dynamics: Dynamics, rows: Any) -> None:
+        names, friction = list(dynamics.joint_names), dynamics.steady_friction
+        self._level, self._zeros = np.array(friction.joints.level), np.zeros(dynamics.n)
+        self._gravity = np.array(dynamics.model.scene.gravity, float)
+        said = service.type.Response(success=True, joint_names=names)
+        self._response = CMessage.of(said)
+        self.answer = _Answer(
+            rows=ctypes.cast(rows, c_void_p), response=self._response.place,
+            names=(c_char_p * len(names))(*(name.encode() for name in names)),
+            joints=len(names), most=most, gravity=self._gravity.ctypes.data,
+            level=self._level.ctypes.data if friction.has_dry else None,
+            zeros=self._zeros.ctypes.data,
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """Give its memory back, once nothing uses it."""
+        self._response.close()
+
+
+class CompiledServices:
+    """Offers the services of ``COMPILED`` for a node.
+
+    Args:
+        node: The node.
+        library: What ``native`` gives.
+        answer: Answers a request in Python; called on a thread of its own.
+        dynamics: The arm in force, if there is one.
+        lock: Held by whoever uses or exchanges the arm.
+
+    Raises:
+        KernelError: If this ROS cannot be asked to say when a service is called.
+    """
+
+    def __init__(
+        self,
+        node: Node,
+        library: ctypes.CDLL,
+        answer: Callable[[Service, Any, Any], Any],
+        dynamics: Callable[[], Dynamics | None],
+        lock: RLock,
+    ) -> None:
+        self._node, self._native, self._answer = node, library, answer
+        self._arm, self._lock = dynamics, lock
+        self._known: dict[int, _Known] = {}
+        self._asked, self._tried = Counter[int](), set[int]()
+        self._builder = Background("builder")
+        self._handles = [_offered(node, service) for service, *_ in COMPILED]
+        self._requests = [CMessage(service.type.Request) for service, *_ in COMPILED]
+        pointers = [handle.pointer for handle in self._handles]
+        places = [message.place.value for message in self._requests]
+        table = c_void_p * len(COMPILED)
+        self._server = c_void_p(library.server(table(*pointers), table(*places)))
+        if not self._server:
+            self._give_back()
+            raise KernelError("ROS does not say when a service is called")
+        self._services = (_Service * len(COMPILED)).from_address(self._server.value or 0)
+        node.context.on_shutdown(self._end)
+        self._thread = Thread(target=self._serve, name="services", daemon=True)
+        self._thread.start()
+
+    @property
+    def counts(self) -> InC:
+        """What C has done."""
+        counted = [(each.answered, each.lost, 1e-9 * each.busy) for each in self._services]
+        return InC(*map(sum, zip(*counted, strict=True)))
+
+    @property
+    def compiled(self) -> list[Service]:
+        """The services that C answers now."""
+        return [COMPILED[k][0] for k in self._known]
+
+    def forget(self) -> None:
+        """Answer nothing more about the arm known so far; before another one is in force."""
+        with self._lock:
+            for k, known in self._known.items():
+                self._native.use(self._server, k, ctypes.byref(_Answer()))
+                known.close()
+            self._known.clear()
+            self._asked.clear()
+            self._tried.clear()
+
+    def close(self) -> None:
+        """End the thread and the services; before the node is destroyed."""
+        if not self._server:
+            return
+        self._end()
+        self._thread.join()
+        self.forget()
+        self._native.release(self._server)
+        self._server = c_void_p(None)
+        self._give_back()
+
+    def _give_back(self) -> None:
+        self._builder.close()
+        for handle in self._handles:
+            handle.destroy_when_not_in_use()
+        for message in self._requests:
+            message.close()
+
+    def _end(self) -> None:
+        if self._server:
+            self._native.end(self._server)
+
+    def _serve(self) -> None:
+        """Answer what C hands over, until the end."""
+        while (k := self._native.serve(self._server)) != _ENDED:
+            try:
+                self._by_python(k)
+            except Exception as error:
+                said = f"a request was passed over after an unexpected failure: {error!r}"
+                self._node.get_logger().error(plain(said), throttle_duration_sec=2.0)
+
+    def _by_python(self, k: int) -> None:
+        """Answer the request that C has handed over."""
+        service, *_ = COMPILED[k]
+        header = _Header.from_buffer_copy(self._services[k].header)
+        request = self._requests[k].read()
+        response = CMessage.of(self._answer(service, request, service.type.Response()))
+        self._native.respond(self._server, k, ctypes.byref(header), response.place)
+        response.close()
+        with self._lock:
+            self._builder.deliver()
+            self._compile(k)
+
+    def _compile(self, k: int) -> None:
+        """Begin to compile the answer to a service, once that is worth it."""
+        arm = self._arm()
+        self._asked[k] += 1
+        if arm is None or self._asked[k] < WORTH or k in self._tried or self._builder.busy:
+            return
+        self._tried.add(k)
+        _, question, _ = COMPILED[k]
+        self._builder.start(
+            lambda: compiled_answer(question, Dynamics(arm.model)),
+            lambda built: self._use(k, arm, built()),
+        )
+
+    def _use(self, k: int, arm: Dynamics, rows: Any) -> None:
+        if rows is None or arm is not self._arm():
+            return
+        service, _, most = COMPILED[k]
+        self._known[k] = known = _Known(service, most, arm, rows)
+        self._native.use(self._server, k, ctypes.byref(known.answer))
+
+
+def _offered(node: Node, service: Service) -> Any:
+    """A service of the node that no executor looks at."""
+    check_for_type_support(service.type)
+    profile = qos_profile_services_default.get_c_qos_profile()
+    with node.handle:
+        return rclpy_implementation.Service(node.handle, service.type, service.name, profile)

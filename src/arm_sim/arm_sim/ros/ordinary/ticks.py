@@ -1,0 +1,174 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Lets C make the ticks in which nothing out of the ordinary happens."""
+
+from __future__ import annotations
+
+from ctypes import Structure, addressof, byref, c_int64, c_void_p
+from pathlib import Path
+
+import numpy as np
+
+from arm_dynamics.ros.joint_state import CompiledReader, native
+from arm_sim.imperfections import command_line
+from arm_sim.ros.inputs import AT_ONCE, Inputs
+from arm_sim.ros.lockstep import Ahead, Waiting
+from arm_sim.ros.outputs import Outputs
+from arm_sim.ros.realtime_loop import Due
+from arm_sim.ros.record import RECORD, TickRecorder
+from arm_sim.ros.record.chunks import PERIOD_NS, SIZE
+from arm_sim.ros.stamps import NodeTime
+from arm_sim.ros.tick_engine import TickEngine
+
+SOURCE = Path(__file__).with_name("native") / "ticks.c"
+_KINDS = 4  # as in joint_state.c
+_FUNCTIONS = ("by_the_clock", "in_lockstep")
+_LEFT, _MADE = range(2)  # as in ticks.c
+_ROWS = 1024  # ticks that wait for the energy account
+
+
+class Ticks(Structure):
+    """``ticks_t`` of ticks.c, which says what it holds."""
+
+    _fields_ = (
+        ("bell", c_void_p),
+        ("source", c_void_p), ("reader", c_void_p), ("at_once", c_int64),
+        ("leads", c_int64 * _KINDS),
+        ("now", c_int64), ("patience", c_int64), ("heard", c_int64), ("count", c_int64),
+        ("age", c_int64), ("timeout", c_int64), ("newest", c_void_p), ("fresh", c_int64),
+        ("pending", c_int64),
+        ("step", c_void_p), ("joints", c_int64), ("states", c_int64), ("ticks", c_int64),
+        ("notice", c_int64),
+        ("trail", c_void_p), ("acted", c_void_p), ("rows", c_int64), ("room", c_int64),
+        ("every", c_int64), ("seldom", c_int64), ("state", c_void_p), ("clock", c_void_p),
+        ("times", c_void_p), ("trip", c_void_p),
+        ("chunk", c_void_p), ("copy", c_void_p), ("size", c_int64), ("oldest", c_int64),
+        ("commands", c_int64), ("recorded", c_int64),
+    )  # fmt: skip
+
+
+class OrdinaryTicks:
+    """Makes ticks in C as long as they are ordinary, for the thread that ticks.
+
+    Attributes:
+        refusal: Why C makes none, whatever comes; empty where it can.
+        count: How many it has made.
+    """
+
+    def __init__(
+        self,
+        engine: TickEngine,
+        inputs: Inputs,
+        outputs: Outputs,
+        recorder: TickRecorder | None,
+        commands: str,
+    ) -> None:
+        """Look whether C can make ticks of this scene; ``commands`` is their topic, resolved."""
+        self._engine, self._inputs, self._outputs = engine, inputs, outputs
+        self._recorder, self._listeners, self.count = recorder, len(engine.on_tick), 0
+        self.refusal = self._why_not()
+        library = None if self.refusal else native(RECORD, SOURCE)
+        if library is None:
+            self.refusal = self.refusal or "no compiler, or no headers of ROS"
+            return
+        self._functions = {name: getattr(library, name) for name in _FUNCTIONS}
+        for function in self._functions.values():
+            function.restype = c_int64
+        simulator, stamps = engine.simulator, outputs.stamps
+        n, nx = simulator.n, simulator.plant.nx
+        self._newest = np.zeros(n)
+        self._trail, self._acted = np.zeros((_ROWS, nx)), np.zeros((_ROWS, n))
+        self._ticks = Ticks(
+            bell=addressof(engine.queue.bell), at_once=AT_ONCE,
+            newest=self._newest.ctypes.data, joints=n, states=nx,
+            trail=self._trail.ctypes.data, acted=self._acted.ctypes.data,
+            every=outputs.every, state=outputs.states.place,
+            clock=None if outputs.clock is None else addressof(outputs.clock.sink),
+            times=addressof(stamps) if isinstance(stamps, NodeTime) else None,
+            trip=addressof(inputs.round_trip), size=SIZE, oldest=PERIOD_NS,
+        )  # fmt: skip
+        if recorder is not None:
+            self._ticks.copy, self._ticks.commands = recorder.place, recorder.channel(commands)
+
+    def _why_not(self) -> str:
+        simulator, reader = self._engine.simulator, self._inputs.reader
+        if not isinstance(reader, CompiledReader):
+            return "no compiler, or no headers of ROS"
+        self._reader = reader
+        if simulator.pointers is None:
+            return "the scene runs on CasADi's virtual machine"
+        if simulator.sensors is not None or command_line(simulator.model.scene, simulator.dt):
+            return "the scene has sensors, or commands that take time"
+        if not self._outputs.plain:
+            return "joint states are computed after the tick"
+        return ""
+
+    def by_the_clock(self, due: Due) -> bool:
+        """Make the ticks that are due until one is not ordinary.
+
+        Returns:
+            Whether there is none yet that is left to ``TickEngine.tick``.
+        """
+        return self._made_by("by_the_clock", due) != _LEFT
+
+    def in_lockstep(self, waiting: Waiting) -> Ahead:
+        """Make the ticks that answers ask for, as long as these come soon and are ordinary."""
+        return Ahead(self._made_by("in_lockstep", waiting))
+
+    def _made_by(self, function: str, what: Structure) -> int:
+        """Make ticks; why that ended."""
+        if self.refusal or not self._begin():
+            return _LEFT
+        recorder, chunk = self._recorder, None
+        if recorder is not None:
+            if (chunk := recorder.lend()) is None:
+                return _LEFT
+            self._ticks.chunk = chunk.address
+        try:
+            why = int(self._functions[function](byref(self._ticks), byref(what)))
+        finally:
+            if recorder is not None:
+                recorder.take_back(self._ticks.recorded)
+        self._end()
+        if why == _MADE:
+            self._engine.tell_unattended()
+        return why
+
+    def _begin(self) -> bool:
+        """Say what holds now; whether the next tick may be an ordinary one."""
+        engine, ticks = self._engine, self._ticks
+        slot, arbiter, simulator = engine.commands, engine.arbiter, engine.simulator
+        efforts, only, reader = slot.efforts, arbiter.only, self._reader
+        if efforts is None or only is None or reader.left or not engine.ordinary:
+            return False
+        name, heard = only
+        if len(heard.joints) < simulator.n or len(engine.on_tick) != self._listeners:
+            return False
+        self._before, self._heard = efforts, heard
+        self._newest[:] = efforts
+        ticks.source, ticks.reader = reader.places
+        leads = reader.whole_from(name)
+        ticks.leads[: len(leads)] = leads
+        ticks.now, ticks.patience = arbiter.now, arbiter.patience
+        ticks.heard, ticks.count = heard.at, heard.count
+        ticks.age, ticks.timeout = slot.age, slot.timeout
+        ticks.step, ticks.ticks = addressof(simulator.pointers), simulator.step_count
+        ticks.notice, ticks.room = simulator.notices_cuts, _ROWS if engine.accounted else 0
+        ticks.seldom = self._outputs.seldom
+        ticks.fresh = ticks.pending = ticks.rows = ticks.recorded = 0
+        return True
+
+    def _end(self) -> None:
+        """Let the parts of the node know what happened."""
+        engine, ticks = self._engine, self._ticks
+        arbiter, rows = engine.arbiter, ticks.rows
+        arbiter.now, self._heard.at, self._heard.count = ticks.now, ticks.heard, ticks.count
+        efforts = self._before
+        if ticks.fresh:
+            efforts = tuple(self._newest.tolist())
+            self._inputs.follow(efforts)
+        engine.commands.acted(self._before, efforts, ticks.age)
+        self._reader.left = ticks.pending
+        made = ticks.ticks - engine.simulator.step_count
+        if made:
+            self.count += made
+            engine.made(made, self._trail[:rows], self._acted[:rows])

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Services answered by C: what they say, what they leave to Python, and how they end."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import pytest
+from harness import Ros
+from std_msgs.msg import String
+
+import models
+from arm_dynamics import Dynamics, Term, load_scene
+from arm_dynamics.codegen.compiler import find_compiler
+from arm_dynamics.ros import dynamics_node
+from arm_dynamics.ros.dynamics import ANSWERS, COMPILED, compiled_services
+from arm_dynamics.ros.dynamics_node import DynamicsNode
+from arm_dynamics.ros.interfaces import (
+    DYNAMICS_TERMS,
+    FORWARD_DYNAMICS,
+    INVERSE_DYNAMICS,
+    Service,
+)
+from tolerances import PINOCCHIO, assert_close
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
+]
+
+TWO_LINK = (models.SCENES / "two_link.urdf").read_text()
+STICKY = load_scene(
+    {
+        "robot": {"urdf": TWO_LINK},
+        "joints": {
+            "elbow": {
+                "spring": {"stiffness": 9.0, "damping": 0.5},
+                "friction": {"coulomb": 0.4, "static": 0.6, "viscous": 0.1},
+            }
+        },
+    }
+)
+LOAD = {"at": [0.0, 5.0], "factor": [1.0, 1.2]}
+LOADED = load_scene(
+    {
+        "robot": {"urdf": TWO_LINK},
+        "joints": {"elbow": {"friction": {"coulomb": 0.4, "load": LOAD}}},
+    }
+)
+PATIENCE = 60.0  # [s]
+Ask = Callable[..., Any]
+
+
+@pytest.fixture(autouse=True)
+def soon(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Compile at the first request."""
+    monkeypatch.setattr(compiled_services, "WORTH", 1)
+
+
+@pytest.fixture
+def ask(ros: Ros) -> Ask:
+    """Calls a service of the node by ROS."""
+
+    def asked(service: Service, **fields: Any) -> Any:
+        name = service.name.replace("~", "/dynamics")
+        return ros.call(service.type, name, service.type.Request(**fields))
+
+    return asked
+
+
+def in_c(node: DynamicsNode) -> int:
+    """How many requests C has answered."""
+    assert node._compiled is not None, "services.c was not compiled"
+    return node._compiled.counts.answered
+
+
+def warm(node: DynamicsNode, ask: Ask, *services: Service) -> None:
+    """Ask until C answers."""
+    for service in services:
+        before, end = in_c(node), time.monotonic() + PATIENCE
+        while in_c(node) == before:
+            assert time.monotonic() < end, "C does not answer"
+            n = node.dynamics.n
+            assert ask(service, position=[0.1] * n, velocity=[0.1] * n).success
+
+
+def expected(dynamics: Dynamics, service: Service, **fields: Any) -> Any:
+    """What Python answers."""
+    response = service.type.Response()
+    ANSWERS[service](dynamics, service.type.Request(**fields), response)
+    return response
+
+
+def numbers(response: Any) -> dict[str, np.ndarray]:
+    """The vectors of a response."""
+    fields = response.get_fields_and_field_types()
+    return {
+        name: np.array(getattr(response, name))
+        for name, kind in fields.items()
+        if kind == "sequence<double>"
+    }
+
+
+@pytest.mark.parametrize("scene", ["panda", STICKY, "gripper", "motor_pendulum"])
+def test_c_says_what_python_says(ros: Ros, ask: Ask, rng: np.random.Generator, scene: Any) -> None:
+    chosen = models.scene(scene) if isinstance(scene, str) else scene
+    node, reference = ros.add(DynamicsNode, chosen), Dynamics(chosen)
+    warm(node, ask, *(service for service, *_ in COMPILED))
+    n, before = node.dynamics.n, in_c(node)
+    requests = []
+    for points in (1, 3, 300):
+        q, v, x = rng.uniform(-2.0, 2.0, (3, points * n)).tolist()
+        requests += [
+            (FORWARD_DYNAMICS, {"position": q, "velocity": v, "effort": x}),
+            (DYNAMICS_TERMS, {"position": q, "velocity": v}),
+            *(
+                (
+                    INVERSE_DYNAMICS,
+                    {"position": q, "velocity": v, "acceleration": x, "terms": int(terms)},
+                )
+                for terms in (*Term, Term.ALL, Term.GRAVITY | Term.FRICTION)
+            ),
+        ]
+    requests += [
+        (INVERSE_DYNAMICS, {"position": q[:n]}),  # what is absent is zero
+        (DYNAMICS_TERMS, {"position": q[:n]}),
+        (INVERSE_DYNAMICS, {"position": q[:n], "joint_names": node.dynamics.joint_names}),
+        (INVERSE_DYNAMICS, {"position": q[:n], "terms": 0}),
+    ]
+    for service, fields in requests:
+        answer, wanted = ask(service, **fields), expected(reference, service, **fields)
+        assert answer.success
+        assert answer.message == ""
+        assert answer.joint_names == wanted.joint_names
+        for name, values in numbers(wanted).items():
+            assert_close(numbers(answer)[name], values, PINOCCHIO)
+    assert in_c(node) >= before + len(requests)
+
+
+def test_a_joint_that_may_stick_at_rest_is_for_python(ros: Ros, ask: Ask) -> None:
+    node = ros.add(DynamicsNode, STICKY)
+    warm(node, ask, FORWARD_DYNAMICS)
+    before = in_c(node)
+    # Standing upright, the elbow's spring at rest: it is held.
+    fields = {"position": [np.pi / 2, 0.0], "velocity": [0.3, 0.0], "effort": [0.0, 0.0]}
+    answer = ask(FORWARD_DYNAMICS, **fields)
+    assert in_c(node) == before
+    assert answer.acceleration == expected(node.dynamics, FORWARD_DYNAMICS, **fields).acceleration
+
+
+def test_friction_by_load_is_for_python(ros: Ros, ask: Ask) -> None:
+    node = ros.add(DynamicsNode, LOADED)
+    fields = {"position": [0.2, 0.3], "velocity": [0.1, 0.1], "acceleration": [1.0, 2.0]}
+    wanted = expected(node.dynamics, INVERSE_DYNAMICS, **fields)
+    for _ in range(5):
+        assert ask(INVERSE_DYNAMICS, **fields).effort == wanted.effort
+    assert in_c(node) == 0
+
+
+@pytest.mark.parametrize(
+    ("fields", "complaint"),
+    [
+        ({}, "position has 0 numbers; allowed is a multiple of 2"),
+        ({"position": [0.0] * 3}, "position has 3 numbers"),
+        ({"position": [0.0] * 4, "velocity": [0.0] * 2}, "velocity has 2 numbers"),
+        ({"position": [0.0] * 2, "acceleration": [0.0]}, "acceleration has 1 numbers"),
+        ({"position": [0.0, np.nan]}, "position of joint 'elbow' at point 0 is nan"),
+        ({"position": [0.0] * 2, "velocity": [np.inf] * 2}, "velocity of joint 'shoulder'"),
+        ({"position": [0.0] * 2, "terms": 32}, "32"),
+        ({"position": [1e308] * 2, "velocity": [1e308] * 2}, "too large"),
+        ({"position": [0.0] * 2, "joint_names": ["nobody", "elbow"]}, "unknown joints nobody"),
+        ({"position": [0.0] * 2, "joint_names": ["elbow", "elbow"]}, "each of shoulder"),
+    ],
+)
+def test_what_is_wrong_is_refused_by_python_and_c_goes_on(
+    ros: Ros, ask: Ask, fields: dict[str, Any], complaint: str
+) -> None:
+    node = ros.add(DynamicsNode, STICKY)
+    warm(node, ask, INVERSE_DYNAMICS)
+    before = in_c(node)
+    answer = ask(INVERSE_DYNAMICS, **fields)
+    assert not answer.success
+    assert complaint in answer.message
+    assert len(answer.effort) == 0
+    assert in_c(node) == before
+    assert ask(INVERSE_DYNAMICS, position=[0.0] * 2).success
+    assert in_c(node) > before
+
+
+def test_joints_in_another_order_are_answered_in_that_order(ros: Ros, ask: Ask) -> None:
+    node = ros.add(DynamicsNode, STICKY)
+    warm(node, ask, INVERSE_DYNAMICS)
+    names = list(node.dynamics.joint_names)
+    forth = ask(INVERSE_DYNAMICS, position=[0.2, 0.4])
+    back = ask(INVERSE_DYNAMICS, joint_names=names[::-1], position=[0.4, 0.2])
+    assert list(back.joint_names) == names[::-1]
+    assert_close(back.effort[::-1], forth.effort, PINOCCHIO)
+
+
+def test_another_arm_is_answered_for_at_once(ros: Ros, ask: Ask) -> None:
+    node = ros.add(DynamicsNode, robot_description=TWO_LINK)
+    warm(node, ask, INVERSE_DYNAMICS)
+    heavy = TWO_LINK.replace('mass value="', 'mass value="1')
+    assert heavy != TWO_LINK
+    before = ask(INVERSE_DYNAMICS, position=[0.1, 0.2]).effort
+    node.on_robot_description(String(data=heavy))
+    after = ask(INVERSE_DYNAMICS, position=[0.1, 0.2])
+    wanted = expected(node.dynamics, INVERSE_DYNAMICS, position=[0.1, 0.2])
+    assert after.effort == wanted.effort  # by Python, to the bit
+    assert abs(np.subtract(after.effort, before)).max() > 1.0
+    warm(node, ask, INVERSE_DYNAMICS)
+    assert_close(ask(INVERSE_DYNAMICS, position=[0.1, 0.2]).effort, wanted.effort, PINOCCHIO)
+
+
+def test_without_headers_python_answers(
+    ros: Ros, ask: Ask, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(dynamics_node, "native", lambda: None)
+    node = ros.add(DynamicsNode, STICKY)
+    assert node._compiled is None
+    assert ask(INVERSE_DYNAMICS, position=[0.1, 0.2]).success
+    (finding,) = node.diagnostics()
+    assert finding.values["answered in C"] == "none, there is no compiled code"
+
+
+def test_diagnostics_count_both_ways(ros: Ros, ask: Ask) -> None:
+    node = ros.add(DynamicsNode, STICKY)
+    warm(node, ask, INVERSE_DYNAMICS)
+    ask(INVERSE_DYNAMICS)
+    (finding,) = node.diagnostics()
+    assert finding.values["answered in C"] == in_c(node)
+    assert finding.values["requests"] > in_c(node)
+    assert finding.values["refused"] == 1
+
+
+def test_a_giant_request_leaves_no_memory_behind(ros: Ros, ask: Ask) -> None:
+    node = ros.add(DynamicsNode, STICKY)
+    warm(node, ask, INVERSE_DYNAMICS)
+    before = in_c(node)
+    assert ask(INVERSE_DYNAMICS, position=[0.1] * 160_000).success
+    assert in_c(node) > before
+    assert node._compiled is not None
+    assert ask(INVERSE_DYNAMICS).success is False  # the giant is done with by then
+    known = node._compiled._known[0]
+    assert len(known._response.read().effort) == 0
+
+
+def test_who_shuts_down_ends_the_thread(ros: Ros, ask: Ask) -> None:
+    node = ros.add(DynamicsNode, STICKY)
+    ask(INVERSE_DYNAMICS, position=[0.1, 0.2])
+    assert node._compiled is not None
+    thread = node._compiled._thread
+    assert thread.is_alive()
+    node.context.try_shutdown()
+    thread.join(timeout=10.0)
+    assert not thread.is_alive()

@@ -1,0 +1,382 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Ticks that C makes are those of Python, and what is out of the ordinary is left to it."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from ctypes import addressof, c_int64, c_void_p
+from pathlib import Path
+from threading import Event, Thread
+from typing import Any
+
+import numpy as np
+import pytest
+import rclpy
+from arm_msgs.msg import Energy
+from harness import Ros
+from mcap.reader import make_reader
+from rclpy.context import Context
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from sim_by_hand import NAMES, by_hand, ticks
+from std_msgs.msg import Float64MultiArray
+
+import models
+from arm_dynamics.ros.common.convert import to_nanoseconds, to_time
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS
+from arm_dynamics.ros.joint_state import native
+from arm_sim import Recording, Simulator
+from arm_sim.replay import replay
+from arm_sim.ros.latency import Histogram
+from arm_sim.ros.ordinary.ticks import SOURCE
+from arm_sim.ros.realtime_loop import Due, RealtimeLoop
+from arm_sim.ros.record import RECORD
+from arm_sim.ros.sim_node import SimNode
+from arm_sim.ros.stamps import NodeTime
+
+pytestmark = pytest.mark.ros
+
+EACH = 5  # ticks that a command acts
+MILLISECOND, SECOND = 10**6, 10**9
+
+
+def message(*tau: float, source: str = "leader", stamp: int = 0) -> bytes:
+    """A command of efforts."""
+    told = JointState(name=NAMES, effort=list(tau))
+    told.header.frame_id, told.header.stamp = source, to_time(stamp)
+    return serialize_message(told)
+
+
+def node_of(ros: Ros, **parameters: Any) -> SimNode:
+    """A node that ticks by hand, and whose commands grow old after a few ticks."""
+    return by_hand(ros, command_timeout=EACH * 1e-3, **parameters)
+
+
+REST = message(0.0, 0.0)  # once: padding may hold anything
+
+
+def led_in_python(node: SimNode, raw: bytes = REST) -> None:
+    """Ticks of one command, made by Python."""
+    node.inputs.on_joint_commands(raw)
+    ticks(node, EACH)
+
+
+class Fast:
+    """A node whose commands come over the topic, and whose ticks C makes where it can."""
+
+    def __init__(self, ros: Ros, **parameters: Any) -> None:
+        self.node = node_of(ros, **parameters)
+        self.publisher = ros.publisher(JointState, JOINT_COMMANDS.name)
+        self.lateness = Histogram()
+        self.due = Due(give_up=10 * SECOND, lateness=addressof(self.lateness))
+        led_in_python(self.node)  # C knows what comes after a first one
+        assert self.node.ordinary.refusal == ""
+
+    @property
+    def made(self) -> int:
+        """Ticks so far."""
+        return self.node.simulator.step_count
+
+    def led(self, *tau: float) -> bytes:
+        """Ticks of one command, made by C; the message."""
+        raw = message(*tau, stamp=self.made * MILLISECOND)
+        self.publisher.publish(raw)
+        end = self.made + EACH
+        self.until(lambda: self.made == end)
+        return raw
+
+    def until(self, done: Any) -> None:
+        """Let C make ticks until then."""
+        before, end = self.made, time.monotonic() + 20.0
+        while self.made == before or not done():
+            assert time.monotonic() < end, "no tick was made"
+            self.node.ordinary.by_the_clock(self.due)
+
+    def refuses(self, raw: bytes) -> None:
+        """Wait until a message has come that C leaves to Python; no tick is made."""
+        before, end = self.made, time.monotonic() + 20.0
+        self.publisher.publish(raw)
+        while not self.node.inputs.reader.left:
+            assert time.monotonic() < end, "no message came"
+            assert not self.node.ordinary.by_the_clock(self.due)
+        assert self.made == before
+
+
+def contents(path: Path) -> dict[str, list[bytes]]:
+    """Messages of a file by topic."""
+    found: dict[str, list[bytes]] = {}
+    with path.open("rb") as file:
+        for _, channel, told in make_reader(file).iter_messages(log_time_order=False):
+            found.setdefault(channel.topic, []).append(told.data)
+    return found
+
+
+@pytest.mark.parametrize("every", [1, 2])
+def test_states_and_files_are_those_of_python(
+    ros: Ros, tmp_path: Path, rng: np.random.Generator, every: int
+) -> None:
+    files = [tmp_path / "fast.mcap", tmp_path / "slow.mcap"]
+    fast = Fast(ros, record=str(files[0]), publish_every=every)
+    slow = node_of(ros, record=str(files[1]), publish_every=every)
+    slow.inputs.close()
+    led_in_python(slow)
+    ros.listen(Energy, "sim/energy")
+    for node in fast.node, slow:
+        node.engine.keep_account(True)
+    for tau in rng.uniform(-2.0, 2.0, (30, 2)).tolist():
+        led_in_python(slow, fast.led(*tau))
+        assert fast.node.simulator.state.q.tobytes() == slow.simulator.state.q.tobytes()
+        assert fast.node.simulator.state.v.tobytes() == slow.simulator.state.v.tobytes()
+    assert fast.node.ordinary.count == 30 * EACH and slow.ordinary.count == 0
+    assert fast.node.recorder is not None and slow.recorder is not None
+    assert fast.node.recorder.ticks == slow.recorder.ticks == 31 * EACH
+    accounts = [node.engine.account() for node in (fast.node, slow)]
+    assert accounts[0] is not None and accounts[0].input != 0.0
+    np.testing.assert_allclose(accounts[0], accounts[1], atol=1e-12)
+    for node in fast.node, slow:
+        node.recorder.close()
+    told = [contents(path) for path in files]
+    for topic in "/sim/ticks", "/joint_states", "/joint_commands":
+        assert told[0][topic] == told[1][topic]
+    assert len(told[0]["/joint_states"]) >= 31 * EACH // every
+    assert replay(Recording.load(files[0])).equal
+
+
+def torque(stamp: int) -> tuple[float, float]:
+    """An answer to a state of that time in [ns]."""
+    return math.sin(3e-9 * stamp), math.cos(7e-9 * stamp)
+
+
+@contextmanager
+def partner(domain: int) -> Iterator[None]:
+    """A thread that answers states."""
+    context, ended = Context(), Event()
+    rclpy.init(args=[], context=context, domain_id=domain)
+    peer, executor = Node("partner", context=context), SingleThreadedExecutor(context=context)
+    executor.add_node(peer)
+    publisher = peer.create_publisher(JointState, JOINT_COMMANDS.name, 10)
+
+    def answer(state: JointState) -> None:
+        stamp = to_nanoseconds(state.header.stamp)
+        publisher.publish(message(*torque(stamp), stamp=stamp))
+
+    peer.create_subscription(JointState, "joint_states", answer, 10)
+
+    def spin() -> None:
+        while not ended.is_set():
+            executor.spin_once(timeout_sec=0.05)
+
+    thread = Thread(target=spin)
+    thread.start()
+    try:
+        yield
+    finally:
+        ended.set()
+        thread.join()
+        executor.shutdown()
+        peer.destroy_node()
+        context.try_shutdown()
+
+
+@pytest.mark.parametrize("every", [1, 3])
+def test_in_lockstep_states_are_those_of_python(ros: Ros, tmp_path: Path, every: int) -> None:
+    path = tmp_path / "run.mcap"
+    node = ros.add(
+        SimNode, models.scene("two_link"), lockstep=True, publish_every=every, record=str(path),
+        stale_policy="zero",
+    )  # fmt: skip
+    with partner(ros.domain):
+        ros.spin_until(lambda: node.ordinary.count >= 200)
+    assert node.recorder is not None and node.lockstep is not None
+    node.recorder.close()
+    motion, made = Recording.load(path), node.simulator.step_count
+    assert len(motion) == made + 1 and not motion.gaps
+    expected = Simulator(models.scene("two_link"))
+    for tick in range(made):
+        expected.step(torque(tick // every * every * MILLISECOND))
+        assert motion.q[tick + 1].tobytes() == expected.state.q.tobytes()
+        assert motion.v[tick + 1].tobytes() == expected.state.v.tobytes()
+
+
+@pytest.mark.parametrize(
+    "raw, refused",
+    [
+        (message(float("nan"), 0.0), "finite"),
+        (message(1.0, 1.0, source="another"), "two controllers"),
+        (serialize_message(JointState(name=["unknown"], effort=[1.0])), "unknown"),
+        (b"\x00\x01\x00\x00", "JointState"),
+    ],
+    ids=["not finite", "another source", "another joint", "no message"],
+)
+def test_what_is_wrong_is_refused_by_python(ros: Ros, raw: bytes, refused: str) -> None:
+    fast = Fast(ros)
+    for _ in range(12):
+        fast.led(0.5, 0.5)  # a stream
+    fast.refuses(raw)
+    count = fast.node.inputs.refused
+    fast.node.tick()
+    assert fast.node.inputs.refused == count + 1
+    assert fast.node.simulator.command.tolist() == [0.0, 0.0], "the old one is too old"
+
+
+def test_a_command_of_some_joints_is_put_together_by_python(ros: Ros) -> None:
+    fast = Fast(ros)
+    fast.led(0.5, -0.5)
+    told = JointState(name=NAMES[:1], effort=[1.5])
+    told.header.frame_id = "leader"
+    fast.refuses(serialize_message(told))
+    fast.node.tick()
+    assert fast.node.simulator.command.tolist() == [1.5, -0.5]
+
+
+def test_an_order_waits_for_no_more_than_the_tick_under_way(ros: Ros) -> None:
+    fast = Fast(ros)
+    fast.led(0.5, -0.5)
+    fast.publisher.publish(message(1.0, 1.0))
+    before = fast.made
+    fast.node.engine.queue.ring()
+    assert not fast.node.ordinary.by_the_clock(fast.due) and fast.made == before
+    fast.node.tick()  # which empties the queue
+    fast.until(lambda: True)
+
+
+def test_no_tick_is_made_while_the_arm_is_not_led_by_efforts(ros: Ros) -> None:
+    fast = Fast(ros)
+    engine, ordinary = fast.node.engine, fast.node.ordinary
+    for begin, end in (
+        (lambda: engine.pause(True), lambda: engine.pause(False)),
+        (lambda: fast.node.tick(), lambda: None),  # stale
+        (lambda: engine.push("tip", [0.1] * 6), lambda: engine.reset()),
+    ):
+        begin()
+        fast.publisher.publish(message(1.0, 1.0))
+        time.sleep(0.05)
+        before = fast.made
+        assert not ordinary.by_the_clock(fast.due) and fast.made == before
+        end()
+        led_in_python(fast.node)
+        fast.led(0.1, 0.2)
+
+
+def test_efforts_in_model_order_act_at_once(ros: Ros) -> None:
+    fast = Fast(ros)
+    fast.led(0.5, -0.5)
+    fast.node.inputs.on_commands(Float64MultiArray(data=[2.0, 1.0]))
+    assert not fast.node.ordinary.by_the_clock(fast.due)
+    fast.node.tick()
+    assert fast.node.simulator.command.tolist() == [2.0, 1.0]
+
+
+def test_late_ticks_are_counted_and_made_up_for(ros: Ros) -> None:
+    fast = Fast(ros)
+    fast.led(0.0, 0.0)
+    now = time.monotonic_ns()
+    fast.due = Due(
+        deadline=now - 30 * MILLISECOND, period=MILLISECOND, give_up=100 * SECOND,
+        lateness=addressof(fast.lateness),
+    )  # fmt: skip
+    counted = fast.lateness.percentiles().count
+    fast.led(0.1, 0.1)
+    assert fast.due.missed == EACH == fast.lateness.percentiles().count - counted
+    assert fast.due.deadline == now + (EACH - 30) * MILLISECOND
+
+
+def test_lateness_is_counted_as_python_does(ros: Ros) -> None:
+    fast = Fast(ros, energy_period=1e-3)
+    ros.listen(Energy, "sim/energy")
+    fast.node.engine.keep_account(True)  # so Python has energies to publish after every tick
+    for late in 3 * MILLISECOND, 30 * MILLISECOND, SECOND, 500 * SECOND:
+        lateness, expected = Histogram(), Histogram()
+        fast.due = Due(
+            deadline=time.monotonic_ns() - late, period=SECOND, give_up=1000 * SECOND,
+            lateness=addressof(lateness),
+        )  # fmt: skip
+        fast.publisher.publish(message(0.0, 0.0))
+        fast.until(lambda: True)
+        expected.add(lateness.longest)
+        assert lateness.longest >= late and lateness.bars() == expected.bars()
+
+
+@pytest.mark.parametrize("overrun", ["catch_up", "skip", "slow_down"])
+def test_deadlines_are_dropped_as_python_does(ros: Ros, overrun: str) -> None:
+    fast = Fast(ros, energy_period=1e-3)
+    ros.listen(Energy, "sim/energy")
+    fast.node.engine.keep_account(True)  # so Python has energies to publish after every tick
+    begin = time.monotonic_ns() - 300 * MILLISECOND
+    loop = RealtimeLoop(lambda: None, 2e-3, overrun=overrun, give_up=0.05)
+    fast.due = loop._due
+    fast.due.deadline = begin
+    fast.publisher.publish(message(0.1, 0.1))
+    fast.until(lambda: True)
+    late, report = loop.lateness.longest, loop.report()
+    assert report.missed == 1 and late >= 300 * MILLISECOND
+    expected = RealtimeLoop(lambda: None, 2e-3, overrun=overrun, give_up=0.05)
+    shifted = expected._shift(late)
+    assert fast.due.deadline == begin + 2 * MILLISECOND + shifted
+    assert report.dropped == expected.report().dropped > 0
+
+
+@pytest.mark.parametrize("lag", [0, 30 * MILLISECOND])
+def test_stamps_are_those_of_python(lag: int) -> None:
+    """From time 50 on the loop lags; from 200 on, some of it is made up for."""
+    library = native(RECORD, SOURCE)
+    assert library is not None
+    library.stamp_at.argtypes = [c_void_p, c_int64, c_int64]
+    library.stamp_at.restype = c_int64
+    now = [2**40]
+    slow, fast = (NodeTime(Clock(), MILLISECOND, lambda: now[0]) for _ in range(2))
+    assert slow.at(0) == fast.at(0)
+    slow.look = fast.look = 2**62  # which is for Python, once a second
+    for tick in range(1, 400):
+        woken = tick * MILLISECOND + 7919 * tick % 50_000
+        now[0] = 2**40 + woken + (lag if tick >= 50 else 0)
+        if tick == 200:
+            slow.owed = fast.owed = 20 * MILLISECOND
+        simulated = tick * MILLISECOND
+        assert library.stamp_at(addressof(fast), simulated, now[0]) == slow.at(simulated)
+        assert bytes(slow) == bytes(fast)
+    assert slow.owed < 20 * MILLISECOND
+    assert library.stamp_at(addressof(fast), simulated, now[0]) < 0, "time stands still"
+
+
+class Clock:
+    """A clock of the system."""
+
+    ros_time_is_active = False
+
+
+def test_without_a_compiler_python_makes_them_and_says_so(
+    ros: Ros, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr("arm_sim.ros.ordinary.ticks.native", lambda *files: None)
+    node = node_of(ros)
+    assert "compiler" in node.ordinary.refusal
+    assert not node.ordinary.by_the_clock(Due())
+    found = node.diagnostics()
+    assert "compiler" in found[0].values["ticks made"]
+
+
+def test_most_ticks_of_a_loop_by_the_clock_are_made_in_c(ros: Ros) -> None:
+    node = ros.add(SimNode, "panda", command_timeout=0.0)
+    names, said = list(node.simulator.joint_names), list[JointState]()
+
+    def answer(state: JointState) -> None:
+        said.append(state)
+        told = JointState(name=names, effort=[0.0] * len(names), header=state.header)
+        told.header.frame_id = "leader"
+        publisher.publish(told)
+
+    publisher = ros.publisher(JointState, JOINT_COMMANDS.name)
+    ros.peer.create_subscription(JointState, "joint_states", answer, 10)
+    ros.spin_until(lambda: node.ordinary.count > 300)
+    node.loop.stop()
+    count, trips = node.ordinary.count, node.inputs.round_trip.percentiles().count
+    assert trips > 0
+    assert count > 0.5 * (node.loop.report().ticks - 300), "and others while it began"
+    stamps = np.array([s.header.stamp.sec * SECOND + s.header.stamp.nanosec for s in said])
+    assert (np.diff(stamps) >= 0).all() and stamps[-1] <= time.time_ns()

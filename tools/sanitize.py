@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Runs tests with all native code built with sanitizers: the events' engine, the nodes' messages.
+
+    ./arm python tools/sanitize.py                  addresses and undefined behaviour, some minutes
+    ./arm python tools/sanitize.py thread           data races
+    ./arm python tools/sanitize.py --fuzz 100       a hundred times as many bent inputs
+    ./arm python tools/sanitize.py address TEST…    other tests; arguments go to pytest
+
+The code is compiled as always, by a compiler that is told to instrument it, into a cache that is
+deleted at the end. Python itself is not instrumented: the sanitizer's library is loaded first, and
+Python's memory comes from malloc, so that reading past the end of a message is noticed. The first
+finding ends the run, and its report is printed.
+"""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+import tempfile
+from argparse import ArgumentParser
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1]
+NODES = [
+    "test/arm_dynamics/ros/test_fuzz.py",
+    "test/arm_dynamics/ros/test_joint_state_bytes.py",
+    "test/arm_dynamics/ros/test_joint_state_compiled.py",
+    "test/arm_dynamics/ros/test_compiled_services.py",
+]
+ENGINE = [
+    "test/arm_sim/stepping/test_fuzz.py",
+    "test/arm_sim/stepping/test_cone.py",
+    "test/arm_sim/stepping/test_search.py",
+    "test/arm_sim/stepping/test_flow.py",
+]
+# Of each sanitizer: flags, libraries that must be loaded first, options, what has tests for it.
+KINDS = {
+    "address": (
+        "-fsanitize=address,undefined -fno-sanitize-recover=undefined",
+        ("libasan.so", "libubsan.so", "libstdc++.so.6"),
+        {"ASAN_OPTIONS": "detect_leaks=0", "UBSAN_OPTIONS": "print_stacktrace=1"},
+        [*NODES, *ENGINE],
+    ),
+    "thread": (
+        "-fsanitize=thread",
+        ("libtsan.so", "libstdc++.so.6"),
+        {"TSAN_OPTIONS": "halt_on_error=1"},
+        NODES,
+    ),
+}
+SMALL = "not panda"  # instrumented code of a large arm takes minutes to compile
+
+
+def main() -> int:
+    """Run it, and return pytest's exit status."""
+    parser = ArgumentParser(description=__doc__.split("\n", 1)[0])
+    parser.add_argument("kind", nargs="?", choices=KINDS, default="address")
+    parser.add_argument("--fuzz", default="1", help="how many times as many bent inputs")
+    chosen, tests = parser.parse_known_args()
+    flags, libraries, options, usual = KINDS[chosen.kind]
+    with tempfile.TemporaryDirectory(prefix="sanitize-") as cache:
+        environment = {
+            **os.environ, **options, "CC": f"gcc -g {flags}", "CXX": f"g++ -g {flags}",
+            "XDG_CACHE_HOME": cache, "PYTHONMALLOC": "malloc",
+            "LD_PRELOAD": ":".join(map(_library, libraries)),
+            "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "1",
+        }  # fmt: skip
+        pytest = [sys.executable, "-m", "pytest", "-p", "_hypothesis_pytestplugin", "-xsq"]
+        named = any(not word.startswith("-") for word in tests)
+        picked = tests if named else [*usual, "-k", SMALL, *tests]
+        # Threads are watched by addresses that must not be drawn at random.
+        fixed = ["setarch", "-R"] if chosen.kind == "thread" else []
+        command = [*fixed, *pytest, "--fuzz", chosen.fuzz, *picked]
+        return subprocess.run(command, cwd=ROOT, env=environment, check=False).returncode
+
+
+def _library(name: str) -> str:
+    found = subprocess.run(
+        ["gcc", f"-print-file-name={name}"], capture_output=True, text=True, check=True
+    )
+    return found.stdout.strip()
+
+
+if __name__ == "__main__":
+    sys.exit(main())
