@@ -35,10 +35,10 @@ def measure(seconds: float, folder: Path) -> Record:
     with ExitStack() as stack:
         loops, leaders = {}, []
         for name, file in files.items():
-            leaders.append(stack.enter_context(_leader()))  # who also keeps the domain
+            leaders.append(stack.enter_context(leader_node()))  # who also keeps the domain
             loops[name] = stack.enter_context(_loop(folder / name, leaders[-1], file))
         for leader in leaders:
-            _lead(leader, seconds + WARM)
+            lead(leader, seconds + WARM)
         time.sleep(WARM)
         before = {name: _used(processes) for name, processes in loops.items()}
         began = time.monotonic()
@@ -58,7 +58,7 @@ def measure(seconds: float, folder: Path) -> Record:
 
 
 @contextmanager
-def _leader() -> Iterator[Node]:
+def leader_node() -> Iterator[Node]:
     """A node in a domain that nobody else uses."""
     context = Context()
     rclpy.init(args=[], context=context, domain_id=free_domain())
@@ -83,7 +83,7 @@ def _loop(folder: Path, leader: Node, file: Path | None) -> Iterator[Processes]:
         yield processes
 
 
-def _lead(node: Node, seconds: float) -> None:
+def lead(node: Node, seconds: float) -> None:
     """Send the arm around."""
     dynamics, rng = Dynamics(SCENE), np.random.default_rng(1)
     points = []

@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures that look alike: made in one place, written to a file, with a word where it is."""
+"""Figures and animations that look alike.
+
+Matplotlib is imported when the first one is made.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
+
+import numpy as np
+
+from arm_dynamics import Dynamics, InvalidInput
+from arm_dynamics.arrays import Array
+from arm_dynamics.task_space import TaskSpace
 
 FOLDER = Path("reports/examples")
 STYLE = {
@@ -14,6 +23,9 @@ STYLE = {
     "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True,
     "grid.color": "0.9", "lines.linewidth": 1.7, "legend.frameon": False, "figure.dpi": 110.0,
 }  # fmt: skip
+MOST_FRAMES = 60  # of an animation: a page with one stays below a megabyte
+FILM_DPI = 72.0  # likewise
+Chain = Array | tuple[Array, dict[str, Any]]
 
 
 @contextmanager
@@ -50,3 +62,115 @@ def figure(
         path = folder / f"{name}.png"
         made.savefig(path)
         print(f"figure: {path}")
+
+
+def use_style() -> None:
+    """Let all further figures of pyplot, in a script or a notebook, have the style of ours."""
+    import matplotlib as mpl
+
+    mpl.rcParams.update(STYLE | {"figure.constrained_layout.use": True})
+
+
+def animation(
+    time: Array,
+    chains: Sequence[Chain],
+    *,
+    trail: Array | None = None,
+    speed: float = 1.0,
+    size: tuple[float, float] = (4.4, 4.4),
+    title: str = "",
+) -> Any:
+    """A stick figure that moves: polylines over time, in a plane with equal axes.
+
+    Args:
+        time: Of a recording in [s], shape (k,).
+        chains: Polylines in [m], each of shape (k, m, 2), or (m, 2) where it stands still; or a
+            pair of that and properties of Matplotlib's ``Line2D``. What is NaN is not drawn.
+        trail: Points whose path is drawn up to the present, in [m], shape (k, 2).
+        speed: Of the film against real time.
+        size: In inches.
+        title: Above the picture.
+
+    Returns:
+        A ``matplotlib.animation.FuncAnimation`` of at most ``MOST_FRAMES`` frames; keep it as long
+        as it is to be seen.
+
+    Raises:
+        InvalidInput: If a shape does not go with ``time``, or the speed is not positive.
+    """
+    from matplotlib import pyplot as plt
+    from matplotlib.animation import FuncAnimation
+
+    if not speed > 0.0:
+        raise InvalidInput(f"speed = {speed}; allowed: more than 0")
+    time = np.asarray(time, dtype=np.float64)
+    links = [_link(chain, len(time)) for chain in chains]
+    if trail is not None:
+        _link(np.asarray(trail)[:, None], len(time))
+    shown = np.linspace(0, len(time) - 1, min(len(time), MOST_FRAMES)).round().astype(int)
+    seen = [points.reshape(-1, 2) for points, _ in links] + ([] if trail is None else [trail])
+    fig, axes = plt.subplots(figsize=size, dpi=FILM_DPI)
+    axes.set(**_around(np.vstack(seen)), title=title)
+    behind = axes.plot([], [], color="tab:orange", linewidth=1.2)[0]
+    drawn = [axes.plot([], [], **properties)[0] for _, properties in links]
+    clock = axes.text(0.0, 1.01, "", transform=axes.transAxes, verticalalignment="bottom")
+    fig.canvas.draw()
+    fig.set_layout_engine("none")  # that of this frame is that of all
+
+    def show(k: int) -> list[Any]:
+        for line, (points, _) in zip(drawn, links, strict=True):
+            line.set_data(*points[k].T)
+        if trail is not None:
+            behind.set_data(*np.transpose(trail[: k + 1]))
+        clock.set_text(f"{time[k]:.2f} s")
+        return [behind, *drawn, clock]
+
+    class Film(FuncAnimation):  # type: ignore[misc]  # Matplotlib is untyped here
+        """One that nobody looked at, as in a script without a screen, ends without a warning."""
+
+        def __del__(self) -> None:
+            """Say nothing."""
+
+    show(0)
+    apart = 1e3 * (time[-1] - time[0]) / max(len(shown) - 1, 1) / speed  # [ms]
+    return Film(fig, show, frames=shown.tolist(), interval=apart)
+
+
+def _around(points: Array) -> dict[str, Any]:
+    """Axes of a plane in which points, shape (k, 2), have some room; what is NaN has none."""
+    low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
+    margin = 0.08 * max(high - low) or 1.0
+    (left, right), (bottom, top) = np.column_stack([low - margin, high + margin])
+    return {"xlim": (left, right), "ylim": (bottom, top), "aspect": "equal",
+            "xlabel": "x [m]", "ylabel": "z [m]"}  # fmt: skip
+
+
+def _link(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
+    """A polyline at every time, and how it is drawn."""
+    points, properties = chain if isinstance(chain, tuple) else (chain, {})
+    points = np.asarray(points, dtype=np.float64)
+    still = points.ndim == 2
+    if points.ndim not in (2, 3) or points.shape[-1] != 2 or not (still or len(points) == count):
+        raise InvalidInput(
+            f"a polyline of shape {points.shape} does not go with {count} times; allowed: "
+            f"({count}, m, 2), or (m, 2) for what stands still"
+        )
+    usual = {"color": "0.6"} if still else {"color": "tab:blue", "marker": "o", "linewidth": 2.5}
+    return np.broadcast_to(points, (count, *points.shape[-2:])), usual | properties
+
+
+def frame_points(dynamics: Dynamics, q: Array, frames: Sequence[str], axes: str = "xz") -> Array:
+    """Where frames of an arm are, for ``animation``.
+
+    Args:
+        dynamics: Of the arm.
+        q: Positions in [rad] or [m], shape (k, n).
+        frames: Names of links or joints.
+        axes: Two of ``xyz``: what is seen of the world.
+
+    Returns:
+        Points in [m], shape (k, number of frames, 2).
+    """
+    spaces = [TaskSpace(dynamics, frame, selection=tuple(axes)) for frame in frames]
+    kept = ["xyz".index(axis) for axis in axes]
+    return np.array([[space.pose(each).position[kept] for space in spaces] for each in q])

@@ -13,7 +13,7 @@ import models
 from arm_dynamics import Dynamics
 from arm_sim import Simulator, State
 from arm_sim.recording.energy_account import dissipated_work, relative_error
-from arm_sim.ros.energy_meter import EnergyMeter
+from arm_sim.recording.energy_meter import EnergyMeter
 from arm_sim.runtime_changes import external_change, payload_change
 from models.rotor import rotor
 from tolerances import PINOCCHIO, assert_close
@@ -127,6 +127,7 @@ def test_the_meter_of_a_running_simulation_says_the_same(sim: Simulator) -> None
     for _ in range(20):
         sim.step(U)
         meter.note()
+        meter.keep_up()
     account = meter.account()
     assert_close(account.total, recorded.energy[-1], 1e-12)
     assert_close(account.input, recorded.supplied[-1], 1e-7)

@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 import threading
+import time
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ import pytest
 from arm_dynamics import InvalidInput
 from arm_sim import Simulator
 from arm_sim.view.bench import NOTHING, SLIDERS, WEIGHT
+from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.pulse import Pulse
 
 
@@ -63,6 +65,59 @@ def test_drives_get_commands_and_not_torques() -> None:
     for _ in range(1000):
         rig.tick()
     np.testing.assert_allclose(sim.state.q, start, atol=1e-2)
+
+
+def test_the_energy_account_beside_it_is_that_of_a_recording() -> None:
+    """With a drive that stores, loses and brings in energy; after a push and in another place."""
+    sim = Simulator("motor_pendulum")
+    rig = sim.rig()
+    rig.place(sim.state.q + 0.7)
+    rig.account.prepare()
+    rig.push("bob", np.zeros(6), ticks=1)  # which compiles the scene anew
+    until_built(rig.account)
+    rig.choose(WEIGHT)
+    rig.tick()  # opens the account
+    start = sim.state
+    commands = []
+    for _ in range(200):
+        rig.tick()
+        commands.append(sim.command)
+    account = dict(zip(rig.account.names, rig.account.now().tolist(), strict=True))
+    other = Simulator("motor_pendulum")
+    other.reset(start.q, start.v, start.z)
+    recorded = other.run(0.2, np.array(commands))
+    for name, expected in {
+        "kinetic": recorded.kinetic, "potential": recorded.potential, "stored": recorded.stored,
+        "supplied": recorded.supplied, "lost": recorded.lost, "balance": recorded.balance,
+    }.items():  # fmt: skip
+        assert account[name] == pytest.approx(expected[-1], abs=1e-9), name
+    assert account["lost"] > 1e-3
+    rig.place(sim.state.q)
+    assert rig.account.now() is None
+
+
+def test_an_account_starts_anew_when_somebody_else_has_moved_the_arm() -> None:
+    sim = Simulator("motor_pendulum")
+    rig = sim.rig()
+    rig.account.prepare()
+    until_built(rig.account)
+    for _ in range(50):
+        rig.tick()
+    theirs = sim.run(0.1, [5.0])
+    for _ in range(2):
+        rig.tick()
+    account = rig.account.now()
+    assert account is not None
+    lost = account[rig.account.names.index("lost")]
+    assert 0.0 < lost < 0.1 * theirs.lost[-1]  # that of a single tick
+
+
+def until_built(account: LiveAccount) -> None:
+    """Wait for its equations."""
+    end = time.monotonic() + 60.0
+    while account.in_preparation:
+        assert time.monotonic() < end
+        time.sleep(0.01)
 
 
 def test_orders_are_served_in_turn_by_one_thread_and_refusals_are_told() -> None:

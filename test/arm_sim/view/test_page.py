@@ -11,7 +11,7 @@ import pytest
 from browser import Page, needed, opened
 
 from arm_sim import Simulator
-from arm_sim.view import Film, View, show_films, show_rigs
+from arm_sim.view import Chart, Film, View, show_films, show_rigs
 
 SHARP = 1e-5  # [rad] of what single precision and the renderer's matrices leave
 
@@ -166,3 +166,41 @@ def test_a_page_without_a_server_plays(panda: Simulator, tmp_path: Path) -> None
         page.until(moved, "the motion")
         for angles in seen:  # each is one of the states
             assert abs(q - angles).max(axis=1).min() < 1e-2
+
+
+# Of every chart: how far along its first curve the cursor stands, and how many curves there are.
+_CURVES = """() => [...document.querySelectorAll('#curves svg')].map(svg => {
+  const curves = [...svg.querySelectorAll('.curve')];
+  const [first, cursor] = [curves[0], svg.querySelector('.cursor')].map(x => x.getBBox());
+  return [(cursor.x - first.x) / first.width, curves.length, first.height];
+})"""
+
+
+def test_beside_a_page_without_a_server_a_cursor_follows_the_player(
+    panda: Simulator, tmp_path: Path
+) -> None:
+    time = np.linspace(0.0, 2.0, 201)
+    q = panda.model.q0 + 0.4 * time[:, None]
+    curves = Chart("position [rad]", panda.joint_names, time, q)
+    flat = np.column_stack([np.full(201, 3.0), np.full(201, np.nan)])
+    still = Chart("torque [N m]", ("known", "unknown"), time, flat)
+    film = Film("arm", panda.model, time, q, charts=(curves, still))
+    with show_films([film], port=0) as view:
+        file = view.page(tmp_path / "arm.html", rate=8.0, speed=0.5)
+    with opened(file.as_uri(), "/arm/panda_joint7") as page:
+        half_a_second = q[50]  # at half the speed
+
+        def at_rest() -> bool:
+            page.handle.locator("#root input").first.fill(
+                "1.0"
+            )  # the player's time; it stops there
+            off = page.angles("arm", panda.model) - half_a_second
+            at = [along for along, *_ in page.handle.evaluate(_CURVES)]
+            return bool(abs(off).max() < SHARP and np.allclose(at, 0.25, atol=2e-3))
+
+        page.until(at_rest, "the picture and the cursor at half a second")
+        charted = page.handle.evaluate(_CURVES)
+        assert [count for _, count, _ in charted] == [7, 2]
+        assert charted[0][2] > 10.0  # it rises
+        texts = page.handle.locator("#curves h2").all_text_contents()
+        assert texts == ["position [rad]", "torque [N m]"]

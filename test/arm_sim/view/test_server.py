@@ -16,6 +16,7 @@ from arm_sim import Simulator
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures
 from arm_sim.view.server import PORT, address, close_server, open_server
+from arm_sim.view.visitors import refusal
 
 
 def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -29,6 +30,39 @@ def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.Monkey
     monkeypatch.setattr(builtins, "__import__", absent)
     with pytest.raises(ViewError, match=r"no module 'viser': .*'./arm setup view' installs them"):
         Simulator("two_link").view()
+
+
+NAME = socket.gethostname()
+
+
+@pytest.mark.parametrize(
+    ("asked", "origin", "host", "let_in"),
+    [
+        ("127.0.0.1:8080", None, "127.0.0.1", True),  # no browser
+        ("127.0.0.1:8080", "http://127.0.0.1:8080", "127.0.0.1", True),
+        ("localhost:9000", "http://localhost:9000", "127.0.0.1", True),  # forwarded by ssh
+        ("LOCALHOST:8080", "http://localhost:8080", "127.0.0.1", True),
+        ("[::1]:8080", "http://[::1]:8080", "::1", True),
+        ("10.0.0.7:8080", "http://10.0.0.7:8080", "0.0.0.0", True),
+        (f"{NAME}:8080", f"http://{NAME.lower()}:8080", "0.0.0.0", True),
+        ("robot.lab:8080", "http://robot.lab:8080", "robot.lab", True),
+        ("localhost", "https://localhost", "127.0.0.1", True),  # behind a server with https
+        ("127.0.0.1:8080", "http://evil.example", "127.0.0.1", False),
+        ("127.0.0.1:8080", "http://127.0.0.1:9999", "127.0.0.1", False),  # another server here
+        ("localhost:8080", "http://localhost", "127.0.0.1", False),
+        ("127.0.0.1:8080", "null", "127.0.0.1", False),  # a file, or a frame in a sandbox
+        ("127.0.0.1:8080", "", "127.0.0.1", False),
+        ("127.0.0.1:8080", "http://127.0.0.1:x", "127.0.0.1", False),
+        ("evil.example:8080", "http://evil.example:8080", "127.0.0.1", False),  # rebound name
+        ("evil.example:8080", "http://evil.example:8080", "0.0.0.0", False),
+        ("evil.example:8080", None, "127.0.0.1", False),
+        (None, None, "127.0.0.1", False),
+    ],
+)
+def test_pages_of_other_sites_are_refused(
+    asked: str | None, origin: str | None, host: str, let_in: bool
+) -> None:
+    assert (refusal(asked, origin, host) == "") is let_in
 
 
 def test_without_a_browser_one_line_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
@@ -82,5 +116,41 @@ class TestListening:
                 assert refused.value.code == 404
                 refused.value.close()
             assert server.request_share_url() is None  # no tunnel to the world
+        finally:
+            close_server(server)
+
+    def test_only_its_own_page_and_programs_connect(self) -> None:
+        import viser
+        from websockets.exceptions import InvalidStatus
+        from websockets.sync.client import connect
+
+        server = open_server("arm", port=0)
+        port = server.get_port()
+
+        def greeted(name: str, origin: str | None) -> bool:
+            """Whether who asks for a server of this name is told what the page shows."""
+            with socket.create_connection(("127.0.0.1", port)) as wire:
+                try:
+                    with connect(
+                        f"ws://{name}:{port}", sock=wire, origin=origin, max_size=None,
+                        subprotocols=[f"viser-v{viser.__version__}"],
+                    ) as connection:  # fmt: skip
+                        return bool(connection.recv(timeout=10))
+                except InvalidStatus as refused:
+                    assert refused.response.status_code == 403
+                    return False
+
+        try:
+            assert greeted("127.0.0.1", None)
+            assert greeted("127.0.0.1", f"http://127.0.0.1:{port}")
+            assert greeted("localhost", f"http://localhost:{port}")
+            assert not greeted("127.0.0.1", "http://evil.example")
+            assert not greeted("127.0.0.1", "http://127.0.0.1:1")
+            assert not greeted("evil.example", f"http://evil.example:{port}")
+            rebound = urllib.request.Request(address(server), headers={"Host": "evil.example"})
+            with pytest.raises(urllib.error.HTTPError, match="403") as refused:
+                urllib.request.urlopen(rebound, timeout=10)
+            assert b"Host is 'evil.example'" in refused.value.read()
+            refused.value.close()
         finally:
             close_server(server)

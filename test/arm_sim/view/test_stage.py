@@ -19,7 +19,7 @@ from arm_sim import Simulator
 from arm_sim.view.bench import Bench
 from arm_sim.view.marks import Instant, Marker
 from arm_sim.view.server import close_server, open_server
-from arm_sim.view.stage import Actor
+from arm_sim.view.stage import Actor, lay_ground
 
 pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
 
@@ -45,6 +45,19 @@ def test_a_broken_mesh_is_told_and_its_link_drawn_otherwise(
         actor = Actor(server, ArmModel(load_scene(broken)), "arm")
     assert f"link 'upper_arm' is drawn without its mesh {mesh}" in caplog.text
     assert [name for name, _ in actor.links].count("shoulder") >= 1  # its capsule
+
+
+def test_the_camera_sees_the_whole_arm_however_far_its_solids_reach(server: Any) -> None:
+    """A beam of 1.3 m about a joint in its middle, whose joints and frames lie within 0.8 m."""
+    actor = Actor(server, Simulator("trebuchet").model, "arm")
+    lay_ground(server, [actor], 0.0)
+    beam = np.array([0.5, 0.0, np.sqrt(0.75)]) * np.sqrt(12 * 0.3 / 2) / 2  # 150 degrees
+    camera = server.initial_camera
+    look = np.asarray(camera.look_at) - camera.position
+    for point in (-beam, beam, np.array([0.4, 0.0, -0.866])):  # both ends, and the stone
+        way = point - camera.position
+        off = np.arccos(way @ look / np.linalg.norm(way) / np.linalg.norm(look))
+        assert off < camera.fov / 2
 
 
 def test_forces_longer_than_the_weight_stay_in_sight(server: Any) -> None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run leaves behind: its states and commands, and where its energy came from and went.
+"""Recordings of runs: states, commands and the energy account.
 
-Knows plants and ticks, which the energy account may repeat, and the view, in which it is shown;
-nothing of the simulator. Files are read and written in ``files``.
+Depends on plants and ticks, which the energy account may repeat, and on the view, in which a
+recording is shown; not on the simulator. Files are read and written in ``files``.
 """
 
 from arm_sim.recording.energy_account import EnergyAccount

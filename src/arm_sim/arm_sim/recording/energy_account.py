@@ -92,7 +92,7 @@ class EnergyAccount:
     @property
     def may_make_ticks_again(self) -> bool:
         """Whether some motion of the scene needs ticks made again."""
-        return self._always or bool(self._plant.events)
+        return self._always or self._plant.eventful
 
     @property
     def _always(self) -> bool:
@@ -109,7 +109,7 @@ class EnergyAccount:
         A smooth motion by fixed steps, without laws, needs it only where it meets a stop.
         """
         model = self._plant.model
-        if self._always or (self._plant.events and not self._plant.free):
+        if self._always or (self._plant.eventful and not self._plant.free):
             return True
         q, v = x[:, : model.n], x[:, model.n : 2 * model.n]
         # A rebound shows in how fast a joint leaves, even if it is nowhere at the stop in between.

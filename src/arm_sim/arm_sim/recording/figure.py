@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_sim.recording.tables import UNITS, Motion, parts
 
 _STYLE = {
@@ -61,7 +61,9 @@ def _joints(recordings: Sequence[Motion], asked: Sequence[str]) -> list[str]:
         told = "; ".join(known_names(recording.joint_names, 8) for recording in recordings)
         raise InvalidInput(f"the recordings share no joint: {told}")
     if unknown := [name for name in asked if name not in shared]:
-        raise InvalidInput(f"no joint {known_names(unknown)}; there are {known_names(shared)}")
+        raise InvalidInput(
+            f"no joint {known_names(unknown)}; there are {choices(unknown[0], shared)}"
+        )
     return list(asked) or shared
 
 

@@ -242,7 +242,7 @@ class Recording(Contents):
         outside = self.plant.parameters.place("external")
         tau = np.array(self.plant.joint_torque(self._x, self.command))
         tau += 0.0 if outside is None else self.p[:, outside]
-        if self.plant.events and self.plant.project:
+        if self.plant.eventful and self.plant.constrained:
             stepper = self.account.stepper
             for k in self._at_stops if self.plant.free else range(len(self)):
                 stepper.p[:] = self.p[k]
@@ -337,7 +337,13 @@ class Recording(Contents):
         )
 
     def part(self, rows: ArrayLike) -> Recording:
-        """Some of its states, by their places; what flows between them is not to be asked for."""
+        """Choose some of its states.
+
+        What happens between states, such as work and heat, cannot be asked of the part.
+
+        Args:
+            rows: Places of the states, shape (k,).
+        """
         here = np.asarray(rows)
         states = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
         chosen: dict[str, Any] = {name: read_only(getattr(self, name)[here]) for name in states}

@@ -96,6 +96,10 @@ class Recorded(Protocol):
         """Heat that went out, shape (k,)."""
 
     @property
+    def balance(self) -> Array:
+        """Energy from nowhere, shape (k,)."""
+
+    @property
     def multipliers(self) -> Array:
         """Forces of constraints, shape (k, m)."""
 
@@ -158,7 +162,5 @@ def _charts(recording: Recorded, part: Recorded, rows: Array) -> Iterator[Chart]
     states = np.hstack([recording.q, recording.v, recording.z])
     if len(recording) <= LONG or not recording.account.makes_ticks_again(states):
         supplied, lost = recording.supplied[rows], recording.lost[rows]
-        here = sum(curves.values())
-        curves |= {"supplied": supplied, "lost": lost}
-        curves["here + lost - supplied"] = here + lost - supplied
+        curves |= {"supplied": supplied, "lost": lost, "balance": recording.balance[rows]}
     yield Chart("energy [J]", tuple(curves), part.time, np.column_stack(list(curves.values())))

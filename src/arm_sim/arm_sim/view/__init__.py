@@ -1,19 +1,21 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arms to look at in a browser: motions to play, simulations to touch, running arms to follow.
+"""Arms in a browser: playback of motions, interactive simulations, running arms.
 
-What to draw (shapes, marks: numbers by Pinocchio) knows nothing of how it is drawn (stage, charts:
-viser), and neither of what moves it (player, bench, follower). Knows the model of the arm and how
-a simulation is used, and not the simulator itself, which has a method ``view`` that leads here.
+The content of a picture (shapes, marks: computed by Pinocchio) is independent of its drawing
+(stage, charts: viser), and both are independent of the source of motion (player, bench, follower).
+Depends on the model of the arm and on how a simulation is used, and not on the simulator itself,
+whose method ``view`` leads here.
 """
 
 from arm_sim.view.bench import Rig
 from arm_sim.view.charts import Chart
 from arm_sim.view.film import Film, looks
 from arm_sim.view.follower import News
+from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.marks import Instant
 from arm_sim.view.view import View, show_films, show_followed, show_rigs
 
 __all__ = [
-    "Chart", "Film", "Instant", "News", "Rig", "View", "looks", "show_films", "show_followed",
-    "show_rigs",
+    "Chart", "Film", "Instant", "LiveAccount", "News", "Rig", "View", "looks", "show_films",
+    "show_followed", "show_rigs",
 ]  # fmt: skip

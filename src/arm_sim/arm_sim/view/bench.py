@@ -20,6 +20,7 @@ from arm_dynamics.trajectory.reference import Reference
 from arm_sim.external_wrench import ExternalWrenches
 from arm_sim.state import State
 from arm_sim.view.charts import Chart, Charts
+from arm_sim.view.live_account import LiveAccount
 from arm_sim.view.marks import Instant
 from arm_sim.view.pulse import Pulse
 from arm_sim.view.stage import Actor
@@ -81,12 +82,18 @@ class Rig:
         simulation: The arm; the thread of the page's pulse moves it.
         look: What there is to see of it now.
         let_push: Makes ready for pushes from outside; called before the first.
+        account: Where its energy came from and went.
     """
 
     def __init__(
-        self, simulation: Simulated, look: Callable[[], Instant], let_push: Callable[[], None]
+        self,
+        simulation: Simulated,
+        look: Callable[[], Instant],
+        let_push: Callable[[], None],
+        account: LiveAccount,
     ) -> None:
         self.simulation, self.look, self._let_push = simulation, look, let_push
+        self.account, self._seen = account, simulation.state.step
         self.control, self.target = NOTHING, simulation.state.q.copy()
         self.wrenches = ExternalWrenches(simulation.dynamics, "local_world_aligned")
         self._reference = self.target.copy(), np.zeros(simulation.n)
@@ -114,28 +121,34 @@ class Rig:
         """Push a frame for some ticks: force in [N] and moment in [N m], axes of the world."""
         if not self._pushable:
             self.wrenches.push(frame, wrench, 0)  # refuses at once what cannot be pushed
-            self._let_push()
+            self.account.change(self._let_push)
             self._pushable = True
         self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
 
     def tick(self) -> None:
         """Make a tick."""
         simulation, state = self.simulation, self.simulation.state
+        if state.step != self._seen:
+            self.account.forget()  # somebody else has moved it
         if self.wrenches.active or self._pushed:
             torque = self.wrenches.torque(state.q, state.step)
             simulation.set_parameter("external", torque)
             self._pushed = bool(self.wrenches.active)
         simulation.advance(self._commanded(state).tolist())
+        self._seen = state.step + 1
+        self.account.note()
 
     def restart(self) -> None:
         """Start again, without pushes."""
         self.wrenches.clear()
         self.simulation.reset()
+        self.account.forget()
         self.choose(self.control)
 
     def place(self, q: Array) -> None:
         """Put it elsewhere, at rest."""
         self.simulation.set_state(q, np.zeros(self.simulation.n))
+        self.account.forget()
         self.choose(self.control)
 
     def _commanded(self, state: State) -> Array:
@@ -196,8 +209,11 @@ class Bench:
             self._add_pull(rig, actor)
         size = round(MEMORY / SAMPLED)
         self._samples: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in self.rigs]
+        self._energies: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in self.rigs]
         self._charts = Charts(server, self._curves())
         self._charted = 0.0
+        for rig in self.rigs:
+            rig.account.prepare()
         self.draw()
 
     # --- orders: for the thread of the pulse ---------------------------------------------------
@@ -218,9 +234,10 @@ class Bench:
     def reset(self) -> None:
         """Start again at time zero."""
         self.run(False)
-        for rig, actor, samples in zip(self.rigs, self._actors, self._samples, strict=True):
+        for rig, actor in zip(self.rigs, self._actors, strict=True):
             rig.restart()
             actor.forget_way()
+        for samples in (*self._samples, *self._energies):
             samples.clear()
         self.draw()
 
@@ -244,6 +261,8 @@ class Bench:
     def _tell(self) -> None:
         now = self.rigs[0].simulation.state.time
         going = f"running at {self._speed.value} ×" if self.running else "paused"
+        if self.running and any(rig.account.in_preparation for rig in self.rigs):
+            going += "; the energy account is being built"
         trouble = f"\n\n**{self._trouble}**" if self._trouble else ""
         self._status.content = f"t = {now:.3f} s, {going}{trouble}"
 
@@ -261,12 +280,14 @@ class Bench:
     def _tick(self) -> None:
         """All arms by the longest of their ticks."""
         dt = max(rig.simulation.dt for rig in self.rigs)
-        for rig, samples in zip(self.rigs, self._samples, strict=True):
+        for rig, samples, energies in zip(self.rigs, self._samples, self._energies, strict=True):
             for _ in range(round(dt / rig.simulation.dt)):
                 rig.tick()
             now = rig.simulation.state.time
             if not samples or now - samples[-1][0] >= SAMPLED - 1e-9:
-                samples.append((now, _sample(rig)))
+                samples.append((now, np.concatenate([rig.simulation.effort, rig.error])))
+                if (account := rig.account.now()) is not None:
+                    energies.append((now, account))
 
     def _choose(self, control: str) -> None:
         for rig in self.rigs:
@@ -281,19 +302,17 @@ class Bench:
     def _curves(self) -> list[Chart]:
         """Torques, errors and energies of the last seconds."""
         charts = []
-        for rig, actor, samples in zip(self.rigs, self._actors, self._samples, strict=True):
-            n, names = rig.simulation.n, rig.simulation.joint_names
+        for rig, actor, samples, energies in zip(
+            self.rigs, self._actors, self._samples, self._energies, strict=True
+        ):
+            n, names, account = rig.simulation.n, rig.simulation.joint_names, rig.account.names
             title = f"{actor.name}: " if len(self.rigs) > 1 else ""
-            time = np.array([t for t, _ in samples])
-            values = np.array([row for _, row in samples]).reshape(-1, 2 * n + 3)
+            time, values = _columns(samples, 2 * n)
             charts += [
                 Chart(f"{title}torque [N m]", names, time, values[:, :n]),
-                Chart(f"{title}error [rad]", names, time, values[:, n : 2 * n]),
-                Chart(
-                    f"{title}energy [J]", ("kinetic", "potential", "both"), time,
-                    values[:, 2 * n :],
-                ),
-            ]  # fmt: skip
+                Chart(f"{title}error [rad]", names, time, values[:, n:]),
+                Chart(f"{title}energy [J]", account, *_columns(energies, len(account))),
+            ]
         return charts
 
     def _add_sliders(self, rig: Rig, actor: Actor) -> list[Any]:
@@ -362,9 +381,7 @@ class Bench:
                 link.on_drag(dragged(frame))
 
 
-def _sample(rig: Rig) -> Array:
-    """Torques, errors and energies now, shape (2n + 3,)."""
-    state = rig.simulation.state
-    kinetic, potential = rig.simulation.dynamics.energy(state.q, state.v)
-    energies = [kinetic, potential, kinetic + potential]
-    return np.concatenate([rig.simulation.effort, rig.error, energies])
+def _columns(samples: Sequence[tuple[float, Array]], width: int) -> tuple[Array, Array]:
+    """Times and values, shapes (k,) and (k, width)."""
+    times, rows = [time for time, _ in samples], [row for _, row in samples]
+    return np.array(times), np.array(rows).reshape(-1, width)

@@ -1,10 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Curves beside the arm: torques, errors, energies."""
+"""Curves beside the arm, in a page of a server or in one that plays without."""
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from dataclasses import dataclass
+from importlib.resources import files
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -89,6 +91,46 @@ class Charts:
     def update(self, title: str, time: Array, values: Array) -> None:
         """Draw other curves of the same names."""
         self._handles[title].data = _columns(time, values)
+
+
+def with_curves(page: str, charts: Sequence[Chart], times: Sequence[float], rate: float) -> str:
+    """Put curves beside the player of a page that plays without a server.
+
+    A line across them follows the player; without the player's slider, there is no line.
+
+    Args:
+        page: The page, as the library writes it.
+        charts: What to draw; there may be none.
+        times: Of the motion in [s], evenly spaced, that the player's pictures show.
+        rate: Pictures in a second of the player's time.
+
+    Returns:
+        The page with the curves in it.
+    """
+    if not charts:
+        return page
+    drawn = {
+        "charts": [_drawn(chart) for chart in charts], "colours": COLOURS, "width": WIDTH,
+        "begin": times[0], "end": times[-1], "pictures": len(times), "rate": rate,
+    }  # fmt: skip
+    data = json.dumps(drawn, separators=(",", ":"), allow_nan=False)
+    data = data.replace("<", "\\u003c")  # a name must not end the script
+    fragment = (files(__package__) / "curves.html").read_text(encoding="utf-8")
+    head, end, tail = page.rpartition("</body>")
+    return head + fragment.replace("DRAWN", data) + end + tail
+
+
+def _drawn(chart: Chart) -> dict[str, object]:
+    """A chart as the page draws it: two points for each of its pixels, six digits of each."""
+    time, rows = thinned(chart.time, chart.values, 2 * WIDTH)
+    curves = [_digits(column) for column in rows.T]
+    return {
+        "title": chart.title, "names": chart.names, "time": _digits(time), "curves": curves
+    }  # fmt: skip
+
+
+def _digits(values: Array) -> list[float | None]:
+    return [float(f"{value:.6g}") if np.isfinite(value) else None for value in values]
 
 
 def _columns(time: Array, values: Array) -> tuple[Array, ...]:

@@ -116,10 +116,15 @@ class Marker:
         index = self.model.pin.getFrameId(frame)
         return np.asarray(self._data.oMf[index].translation.copy())
 
-    def extent(self, q: Array) -> Array:
+    def extent(self, q: Array, carried: Iterable[tuple[int, Array]] = ()) -> Array:
         """Points that the arm reaches around at joint positions, shape (k, 3).
 
         Origins of joints and frames, and as far beyond the centre of mass of each body.
+
+        Args:
+            q: Joint positions, shape (n,).
+            carried: Further points, shape (c, 3), in the frames of Pinocchio's joints of these
+                numbers.
         """
         data, model = self._data, self.model.pin
         pin.framesForwardKinematics(model, data, self.model.configuration(np.asarray(q)))
@@ -128,7 +133,8 @@ class Marker:
             for place, body in zip(data.oMi, model.inertias, strict=True)
             if body.mass > 0.0
         ]
-        return np.array([*(p.translation for p in (*data.oMi, *data.oMf)), *ends])
+        further = [data.oMi[joint].act(point) for joint, points in carried for point in points]
+        return np.array([*(p.translation for p in (*data.oMi, *data.oMf)), *ends, *further])
 
     def path(self, q: Iterable[Array]) -> Array:
         """Where the hand is at joint positions, shape (k, 3)."""

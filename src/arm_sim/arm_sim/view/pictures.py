@@ -119,6 +119,20 @@ def _wait_until_still(page: Any, shoot: Callable[[], Any]) -> None:
         last = picture
 
 
+def refuse_film(path: Path) -> None:
+    """Refuse what ``write_film`` cannot write, before a picture of it is drawn.
+
+    Raises:
+        ViewError: If the format is unknown, or ffmpeg is missing.
+    """
+    if path.suffix not in (".gif", ".mp4"):
+        raise ViewError(f"'{path}': films are .gif or .mp4")
+    if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
+        raise ViewError(
+            f"'{path}': .mp4 needs ffmpeg (Debian, Ubuntu: sudo apt install ffmpeg); .gif does not"
+        )
+
+
 def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
     """Write pictures as a film.
 
@@ -130,12 +144,8 @@ def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
     Raises:
         ViewError: If the format is unknown, or ffmpeg is missing or fails.
     """
-    if path.suffix == ".gif":
-        _write_gif(path, pictures, rate)
-    elif path.suffix == ".mp4":
-        _write_mp4(path, pictures, rate)
-    else:
-        raise ViewError(f"'{path}': films are .gif or .mp4")
+    refuse_film(path)
+    (_write_gif if path.suffix == ".gif" else _write_mp4)(path, pictures, rate)
 
 
 def _write_gif(path: Path, pictures: Iterable[Any], rate: float) -> None:
@@ -156,16 +166,11 @@ def _write_gif(path: Path, pictures: Iterable[Any], rate: float) -> None:
 
 
 def _write_mp4(path: Path, pictures: Iterable[Any], rate: float) -> None:
-    program = shutil.which("ffmpeg")
-    if program is None:
-        raise ViewError(
-            f"'{path}': .mp4 needs ffmpeg (Debian, Ubuntu: sudo apt install ffmpeg); .gif does not"
-        )
     frames = iter(pictures)
     first = next(frames)
     height, width = first.shape[:2]
     command = [
-        program, "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
+        "ffmpeg", "-y", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24",
         "-s", f"{width}x{height}", "-r", f"{rate:g}", "-i", "-", "-pix_fmt", "yuv420p",
         "-vf", "crop=trunc(iw/2)*2:trunc(ih/2)*2", str(path),
     ]  # fmt: skip

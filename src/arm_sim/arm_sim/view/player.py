@@ -3,12 +3,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from arm_sim.view.charts import Charts
+from arm_sim.view.charts import Chart, Charts
 from arm_sim.view.film import Film
 from arm_sim.view.pulse import Pulse
 from arm_sim.view.stage import Actor
@@ -33,6 +34,7 @@ class Player:
         time: Time in [s] of what is drawn.
         begin: Where the motions begin.
         end: Where the longest ends.
+        charts: Curves beside them.
     """
 
     def __init__(
@@ -54,7 +56,8 @@ class Player:
         self._status = gui.add_markdown("")
         self._button.on_click(lambda _: self.pulse.order(self._toggle))
         self._slider.on_update(self.pulse.moved(self.seek))
-        Charts(server, [chart for film in films for chart in film.charts])
+        self.charts = tuple(chart for pair in self._pairs for chart in self._charted(*pair))
+        Charts(server, self.charts)
         for film, actor in self._pairs:
             rows = np.unique(np.linspace(0, len(film.time) - 1, WAY_POINTS).astype(int))
             actor.show_path(actor.marker.path(film.q[rows]))
@@ -75,6 +78,11 @@ class Player:
                 actor.draw(film.at(self.time))
         self._slider.value = self.time
         self._say("")
+
+    def _charted(self, film: Film, actor: Actor) -> Iterator[Chart]:
+        """A film's curves, with the arm's name where there are several."""
+        title = f"{actor.name}: " if len(self._pairs) > 1 else ""
+        return (replace(chart, title=title + chart.title) for chart in film.charts)
 
     def _toggle(self) -> None:
         self.play(not self._playing)

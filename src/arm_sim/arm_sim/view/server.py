@@ -10,6 +10,7 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING, Any
 
 from arm_sim.exceptions import ViewError
+from arm_sim.view.visitors import refusing
 
 if TYPE_CHECKING:
     import viser
@@ -50,7 +51,7 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
         ViewError: If the library is missing, or the address or port cannot be used.
     """
     make, chosen = library().ViserServer, _free_port(host, port)
-    with _silent():
+    with _silent(), refusing(host):
         server: viser.ViserServer = make(host=host, port=chosen, label=label, verbose=False)
     if server.get_port() != chosen:
         close_server(server)

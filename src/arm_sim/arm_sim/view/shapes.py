@@ -112,6 +112,22 @@ def reach(robot: Robot) -> float:
     return float(max([*ends, *bodies])) or 1.0
 
 
+def corners(visual: Visual) -> Array:
+    """Corners of the box around a solid, in the frame of the joint that carries it, shape (8, 3).
+
+    Of a mesh, whose size its file tells, only the place.
+    """
+    shape = visual.shape
+    if isinstance(shape, Box):
+        size = shape.size
+    elif isinstance(shape, Cylinder):
+        size = 2 * shape.radius, 2 * shape.radius, shape.length
+    else:
+        size = (2 * shape.radius if isinstance(shape, Sphere) else 0.0,) * 3
+    signs = np.stack(np.meshgrid(*[(-0.5, 0.5)] * 3), axis=-1).reshape(-1, 3)
+    return np.array([visual.placement.act(corner) for corner in signs * size])
+
+
 # --- the URDF's visuals ----------------------------------------------------------------------
 
 

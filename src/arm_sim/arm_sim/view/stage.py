@@ -24,6 +24,7 @@ from arm_sim.view.shapes import (
     Sphere,
     Visual,
     capsules_of,
+    corners,
     reach,
     visuals_of,
 )
@@ -41,6 +42,7 @@ CONTACT, TIE, SPRING, STOP, WAY = (
 """Colours of forces of contacts and constraints, springs, stops, and the way of the hand."""
 
 LONGEST = 0.6  # length of an arrow, of the reach; half of it stands for the arm's weight
+FIELD = 0.7  # [rad] that the camera sees from top to bottom
 KEPT = 300  # points of the way behind a moving hand
 
 
@@ -61,6 +63,7 @@ class Actor:
         marker: Finds where everything is.
         size: Length that suits the arm in [m].
         links: What is drawn of links and joints: its name, and its handle.
+        extent: Points around the arm at its start, in [m], shape (k, 3).
     """
 
     def __init__(
@@ -84,7 +87,10 @@ class Actor:
         self._joints = [
             scene.add_frame(f"{self._name}/{joint}", show_axes=False, **axes) for joint in joints
         ]
-        self.links = self._draw_all(visuals_of(model, folder), joints)
+        visuals = visuals_of(model, folder)
+        self.links = self._draw_all(visuals, joints)
+        carried = [(visual.joint, corners(visual)) for visual in visuals if visual.joint]
+        self.extent = self.base + self.marker.extent(model.q0, carried)
         thin = {"shaft_radius": 0.006 * self.size, "head_radius": 0.016 * self.size,
                 "head_length": 0.04 * self.size}  # fmt: skip
         nothing = np.zeros((1, 2, 3))
@@ -222,15 +228,14 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[Actor], width: float)
         position=(0.0, 0.0, level), fade_distance=4.0 * extent, shadow_opacity=0.25,
     )  # fmt: skip
     server.scene.set_background_image(_sky(), format="png")
-    starts = [actor.marker.extent(actor.marker.model.q0) for actor in actors]
-    places = np.concatenate(
-        [actor.base + start for actor, start in zip(actors, starts, strict=True)]
-    )
+    places = np.concatenate([actor.extent for actor in actors])
     middle = (places.min(axis=0) + places.max(axis=0)) / 2
-    distance = 1.05 * size + 0.8 * width
+    radius = float(np.linalg.norm(places - middle, axis=1).max())
+    way = np.array([1.1, -0.8, 0.5])
+    whole = radius / np.sin(FIELD / 2) / np.linalg.norm(way)
     server.initial_camera.look_at = middle
-    server.initial_camera.position = middle + distance * np.array([1.1, -0.8, 0.5])
-    server.initial_camera.fov = 0.7
+    server.initial_camera.position = middle + way * max(1.05 * size + 0.8 * width, whole)
+    server.initial_camera.fov = FIELD
 
 
 def _sky() -> Any:

@@ -14,6 +14,7 @@ from arm_dynamics.model.arm import ArmModel
 from arm_sim.exceptions import ViewError
 from arm_sim.view import pictures
 from arm_sim.view.bench import Bench, Rig
+from arm_sim.view.charts import with_curves
 from arm_sim.view.film import Film
 from arm_sim.view.follower import Follower, Told
 from arm_sim.view.player import Player
@@ -138,8 +139,7 @@ class View:
             ViewError: If it is no motion, there is no browser, or something fails.
         """
         path, times = _writable(path), self._times(rate / speed)
-        if path.suffix not in (".gif", ".mp4"):
-            raise ViewError(f"'{path}': films are .gif or .mp4")
+        pictures.refuse_film(path)
         with pictures.camera(self._server, size) as shoot:
 
             def taken(time: float) -> np.ndarray:
@@ -153,19 +153,24 @@ class View:
     def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:
         """Write a page that plays without a server; arguments as those of ``film``.
 
+        Beside a motion are its curves.
+
         Raises:
             ViewError: If the file cannot be written.
         """
         path = _writable(path)
-        motion = isinstance(self.source, Player)
-        times = self._times(rate / speed) if motion else []
-        if motion:
+        player = self.source if isinstance(self.source, Player) else None
+        times = self._times(rate / speed) if player else []
+        if player:
             self._seek(times[0])
         recorder = self._server.get_scene_serializer()
         for time in times:
             self._seek(time)
             recorder.insert_sleep(1.0 / rate)
-        path.write_text(recorder.as_html(), encoding="utf-8")
+        page = recorder.as_html()
+        if player:
+            page = with_curves(page, player.charts, times, rate)
+        path.write_text(page, encoding="utf-8")
         return path
 
     def _times(self, rate: float) -> list[float]:

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings in files: ours (MCAP and NumPy), bags of robots, and tables.
+"""Files of recordings: our own (MCAP and NumPy), bags of robots, and tables.
 
-Knows what a recording is made of and the formats, and no ROS: serialized messages are read and
-written here. Public are ``save`` and ``load``, and what the recorder of a running system writes
-with.
+Depends on the parts of a recording and on the formats, and not on ROS: messages are serialized
+here. Public are ``save`` and ``load``, and what the recorder of a running system uses for writing.
 """
 
 from __future__ import annotations

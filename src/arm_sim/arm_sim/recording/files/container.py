@@ -39,7 +39,7 @@ MESSAGE = struct.Struct("<BQHIQQ")
 """Head of a message: opcode, length, channel, sequence, log time and publish time in [ns]."""
 _PREFIX, _CHUNK = struct.Struct("<BQ"), struct.Struct("<QQQI")
 _IDS_AND_TIMES = 22  # bytes of a message's record before its data
-_LEVEL = 1  # of zstd; see docs/recordings.md for what others take and gain
+_LEVEL = 1  # of zstd; see docs/how-to/recordings.md for what others take and gain
 
 
 class McapWriter:

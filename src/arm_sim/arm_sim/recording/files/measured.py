@@ -14,10 +14,10 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_sim.recording.contents import Contents, Event
 from arm_sim.recording.files.bags import told
 from arm_sim.recording.files.container import Found
+from arm_sim.recording.files.headers import PARTS, Column, read_header
 from arm_sim.recording.files.messages import JOINT_STATE, JointStates
 
-_PARTS = ("position", "velocity", "effort")
-_TIMES = ("time", "t", "stamp", "timestamp")
+_SEPARATORS = (",", ";", "\t")
 
 
 def from_bag(found: Found, topic: str | None, where: Path) -> Contents:
@@ -74,7 +74,7 @@ def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> 
     parts = [
         np.array([_numbers(getattr(state, part), place)
                   for (state, _), place in zip(kept, places, strict=True)])[once]
-        for part in _PARTS
+        for part in PARTS
     ]  # fmt: skip
     return made(time, names, parts, notes)
 
@@ -86,37 +86,42 @@ def _numbers(values: Array, places: list[int]) -> Array:
 
 
 def from_table(path: Path) -> Contents:
-    """A CSV file with a column of times in [s] and ``position.NAME`` and its like.
+    """A CSV file with a column of times and ``position.NAME`` and its like; see ``read_header``.
 
     Raises:
         InvalidInput: If it is none.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
-            header, *rows = [row for row in csv.reader(file) if row]
+            first = file.readline()
+            between = max(_SEPARATORS, key=first.count)
+            file.seek(0)
+            names, *rows = [row for row in csv.reader(file, delimiter=between) if row]
         values = np.array([[float(word or "nan") for word in row] for row in rows], float)
     except (ValueError, UnicodeDecodeError, csv.Error) as error:
         raise InvalidInput(f"'{path}' is no table of numbers: {error}") from None
-    columns = {name.strip(): i for i, name in enumerate(header)}
-    clock = next((name for name in columns if name.lower() in _TIMES), None)
-    joints = [name.removeprefix("position.") for name in columns if name.startswith("position.")]
-    if clock is None or not joints or values.ndim != 2 or len(values) < 1:
+    header = read_header(names)
+    if header.clock is None or not header.joints or values.ndim != 2 or len(values) < 1:
         raise InvalidInput(
-            f"'{path}' has columns {known_names(columns)}; 'time', 'position.NAME' and, where "
+            f"'{path}' has columns {known_names(names)}; 'time', 'position.NAME' and, where "
             "they are known, 'velocity.NAME' and 'effort.NAME' are expected, with numbers"
         )
-    time = values[:, columns[clock]]
+
+    def of(column: Column | None) -> Array:
+        if column is None:
+            return np.full(len(values), np.nan)
+        return np.asarray(values[:, column.place] * column.factor)
+
+    time = of(header.clock)
     if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
-        raise InvalidInput(f"'{path}': column '{clock}' does not grow from row to row")
+        raise InvalidInput(
+            f"'{path}': column '{names[header.clock.place]}' does not grow from row to row"
+        )
     parts = [
-        np.column_stack([
-            values[:, columns[f"{part}.{joint}"]] if f"{part}.{joint}" in columns
-            else np.full(len(values), np.nan)
-            for joint in joints
-        ])
-        for part in _PARTS
-    ]  # fmt: skip
-    return made(time, tuple(joints), parts, [])
+        np.column_stack([of(header.columns.get((part, joint))) for joint in header.joints])
+        for part in PARTS
+    ]
+    return made(time, header.joints, parts, [])
 
 
 def made(

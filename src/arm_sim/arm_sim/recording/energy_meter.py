@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The energy account of a running simulation, kept while it has readers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_sim.recording.energy_account import EnergyAccount, relative_error
+
+
+class Account(NamedTuple):
+    """Energies in [J]; see ``arm_msgs/Energy``."""
+
+    kinetic: float
+    potential: float
+    total: float
+    input: float
+    dissipated: float
+    changed: float
+    balance: float
+
+
+class Metered(Protocol):
+    """A simulation whose energies are looked at; ``Simulator`` is one."""
+
+    @property
+    def x(self) -> Array:
+        """Its state now, shape (nx,)."""
+
+    @property
+    def command(self) -> Array:
+        """What acted in the last tick, shape (n,)."""
+
+    @property
+    def parameters(self) -> Array:
+        """Tunable quantities now, shape (np,)."""
+
+    @property
+    def energy_account(self) -> EnergyAccount:
+        """What keeps the account."""
+
+
+class EnergyMeter:
+    """Notes every tick cheaply and adds up when asked.
+
+    Attributes:
+        error: Largest energy from nowhere when it was asked, relative to the energy that moved.
+    """
+
+    def __init__(self, simulator: Metered) -> None:
+        """Open the account at the simulator's present state."""
+        self._simulator, self.error = simulator, 0.0
+        self._last, self._ticks = simulator.x.copy(), list[tuple[Array, Array, Array, Array]]()
+        self._flows, self._changed = np.zeros(2), 0.0
+        self._start = self._energies()
+        self._most = np.zeros(3)
+
+    def note(self) -> None:
+        """Take in the tick that was just made."""
+        self.note_all(self._simulator.x[None], self._simulator.command[None])
+
+    def note_all(self, x: Array, u: Array) -> None:
+        """Take in ticks: the states after them, shape (k, nx), and what acted, shape (k, n)."""
+        p = self._simulator.parameters
+        for after, acted in zip(x.copy(), u.copy(), strict=True):
+            self._ticks.append((self._last, after, acted, p))
+            self._last = after
+
+    def keep_up(self) -> None:
+        """Add up at once what must be made again for it, so that no tick has to wait for many."""
+        before, after = self._ticks[-1][:2]
+        if self._simulator.energy_account.makes_ticks_again(np.stack([before, after])):
+            self._add_up()
+
+    def change(self, action: Callable[[], Any]) -> None:
+        """Run what changes payload, friction, gravity or state, and note what it puts in."""
+        self._add_up()
+        before = sum(self._energies())
+        action()
+        self._last = self._simulator.x.copy()
+        self._changed += sum(self._energies()) - before
+
+    def account(self) -> Account:
+        """Add up what happened since the account was opened."""
+        self._add_up()
+        energies = self._energies()
+        total, (supplied, lost) = float(sum(energies)), self._flows.tolist()
+        balance = total - float(sum(self._start)) - supplied - self._changed + lost
+        self._most = np.maximum(self._most, abs(energies - self._start))
+        moved = self._most.sum() + abs(supplied) + lost + abs(self._changed)
+        self.error = relative_error(balance, moved, max(abs(total), abs(energies[1])))
+        kinetic, potential, _ = energies.tolist()
+        return Account(kinetic, potential, total, supplied, lost, self._changed, balance)
+
+    def _add_up(self) -> None:
+        if self._ticks:
+            x, after, u, p = (np.array(part) for part in zip(*self._ticks, strict=True))
+            self._flows += self._simulator.energy_account.flows(x, after, u, p).sum(axis=0)
+            self._ticks = []
+
+    def _energies(self) -> Array:
+        """Kinetic, potential and stored energy, shape (3,)."""
+        simulator = self._simulator
+        energies = simulator.energy_account.energies(simulator.x[None], simulator.parameters[None])
+        return np.asarray(energies[0])

@@ -1,0 +1,109 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What columns of a table are, by the names that loggers give them."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+PARTS = ("position", "velocity", "effort")
+"""Of a joint state."""
+_WORDS = {
+    "position": ("position", "pos", "angle", "q"),
+    "velocity": ("velocity", "vel", "speed", "qd", "dq", "v"),
+    "effort": ("effort", "eff", "torque", "tau", "current"),
+}
+_CLOCKS = r"(?:__)?(?:time|timestamp|stamp|t|seconds|sec)"
+_TIMES = {"s": 1.0, "sec": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9}
+_TURN = math.pi / 180.0
+_UNITS = {
+    "": 1.0, "rad": 1.0, "m": 1.0, "rad/s": 1.0, "m/s": 1.0, "nm": 1.0, "n m": 1.0, "n·m": 1.0,
+    "n*m": 1.0, "n": 1.0, "a": 1.0, "deg": _TURN, "°": _TURN, "deg/s": _TURN, "°/s": _TURN,
+    "mm": 1e-3, "mm/s": 1e-3,
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Column:
+    """A column of numbers.
+
+    Attributes:
+        place: Which one.
+        factor: What a number is to be multiplied with, to be in SI units.
+    """
+
+    place: int
+    factor: float = 1.0
+
+
+@dataclass(frozen=True)
+class Header:
+    """What a table has.
+
+    Attributes:
+        clock: Times; None if there are none.
+        joints: In the order of their first column.
+        columns: By part and joint.
+    """
+
+    clock: Column | None
+    joints: tuple[str, ...]
+    columns: dict[tuple[str, str], Column]
+
+
+def read_header(names: Sequence[str]) -> Header:
+    """Times and joints among columns.
+
+    ``position.elbow`` and its like are what ``./arm record`` writes. Others are taken that say the
+    same: ``elbow_position``, ``q_elbow [rad]``, ``/joint_states/elbow/position``, and numbers such
+    as ``q1``, which stand for ``joint1`` (``q0`` where they begin with 0). Units are read where
+    they stand in brackets.
+
+    Args:
+        names: Of the columns.
+    """
+    clock, found = None, dict[tuple[str, str], Column]()
+    for place, name in enumerate(names):
+        bare, unit = _unit(name)
+        if clock is None and (factor := _clock(bare, unit)):
+            clock = Column(place, factor)
+        elif (what := _part(bare)) and unit in _UNITS:
+            found.setdefault(what, Column(place, _UNITS[unit]))
+    numbers = [int(joint) for _, joint in found if joint.isdigit()]
+    first = 1 - min(numbers, default=1) if 0 in numbers else 0
+    found = {
+        (part, f"joint{int(joint) + first}" if joint.isdigit() else joint): column
+        for (part, joint), column in found.items()
+    }
+    joints = tuple(dict.fromkeys(joint for part, joint in found if part == PARTS[0]))
+    return Header(clock, joints, found)
+
+
+def _unit(name: str) -> tuple[str, str]:
+    """A name without the unit in brackets behind it, and that unit."""
+    match = re.fullmatch(r"(.*?)\s*[\[(]([^\])]*)[\])]", name.strip())
+    return (match[1], match[2].strip().lower()) if match else (name.strip(), "")
+
+
+def _clock(name: str, unit: str) -> float | None:
+    """Seconds in a unit of times; None if it is no column of times."""
+    match = re.fullmatch(rf"{_CLOCKS}(?:_(s|sec|ms|us|ns))?", name.lower())
+    return _TIMES.get(match[1] or unit or "s") if match else None
+
+
+def _part(name: str) -> tuple[str, str] | None:
+    """Which part of which joint a column is."""
+    for part in PARTS:
+        if name.startswith(f"{part}."):
+            return part, name.removeprefix(f"{part}.")
+    for part, words in _WORDS.items():
+        either = "|".join(words)
+        if match := re.fullmatch(rf"(?:{either})[._/ -]?(\d+)", name, re.IGNORECASE):
+            return part, match[1]
+        if match := re.fullmatch(rf"(?:{either})[._/ -](.+)", name, re.IGNORECASE):
+            return part, match[1]
+        if match := re.fullmatch(rf"(.+)[._/ -](?:{either})", name, re.IGNORECASE):
+            return part, match[1].rpartition("/")[2]
+    return None

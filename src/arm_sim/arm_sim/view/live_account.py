@@ -1,0 +1,136 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The energy account of a simulation that runs beside its curves."""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from typing import Protocol
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.exceptions import ArmError
+
+_log = logging.getLogger(__name__)
+
+
+class Energies(Protocol):
+    """Energies in [J] since an account was opened; ``Account`` has them."""
+
+    @property
+    def kinetic(self) -> float:
+        """Of the motion now."""
+
+    @property
+    def potential(self) -> float:
+        """Of gravity and springs now."""
+
+    @property
+    def total(self) -> float:
+        """Both, and what drives and bristles store."""
+
+    @property
+    def input(self) -> float:
+        """Work that came in."""
+
+    @property
+    def dissipated(self) -> float:
+        """Heat that went out."""
+
+    @property
+    def changed(self) -> float:
+        """What changes of the scene brought in."""
+
+    @property
+    def balance(self) -> float:
+        """Energy from nowhere: the integration error."""
+
+
+class Meter(Protocol):
+    """Keeps an account; ``EnergyMeter`` does."""
+
+    def note(self) -> None:
+        """Take in a tick."""
+
+    def change(self, action: Callable[[], None]) -> None:
+        """Run what changes the scene."""
+
+    def account(self) -> Energies:
+        """Add up."""
+
+
+class LiveAccount:
+    """An energy account whose equations are built in the background.
+
+    Ticks do not wait for that: the account opens with the first after it.
+
+    Args:
+        build: Builds what accounts need; called on a thread of its own.
+        open_meter: Opens an account at the present state.
+        stores: Whether drives or bristles store energy.
+
+    Attributes:
+        names: Of the energies of ``now``.
+    """
+
+    def __init__(
+        self, build: Callable[[], None], open_meter: Callable[[], Meter], stores: bool
+    ) -> None:
+        self._build, self._open_meter, self._stores = build, open_meter, stores
+        self._built: Future[bool] | None = None
+        self._meter: Meter | None = None
+        stored: Sequence[str] = ("stored",) if stores else ()
+        self.names = (
+            "kinetic", "potential", *stored, "supplied", "lost", "balance"
+        )  # fmt: skip
+
+    @property
+    def in_preparation(self) -> bool:
+        """Whether equations are being built."""
+        return self._built is not None and not self._built.done()
+
+    def prepare(self) -> None:
+        """Begin to build what it needs; without this, no account is kept."""
+        pool = ThreadPoolExecutor(1, "energy account")
+        self._built = pool.submit(self._try_to_build)
+        pool.shutdown(wait=False)  # the thread ends with its job
+
+    def note(self) -> None:
+        """Take in the tick that was just made."""
+        if self._meter is not None:
+            self._meter.note()
+        elif self._built is not None and self._built.done() and self._built.result():
+            self._meter = self._open_meter()
+
+    def change(self, action: Callable[[], None]) -> None:
+        """Run what compiles the scene anew; the account goes on when its equations are built."""
+        if self._built is None:
+            action()
+            return
+        self._built.result()  # equations are built one after the other
+        action() if self._meter is None else self._meter.change(action)
+        self.prepare()
+
+    def forget(self) -> None:
+        """Begin anew with the next tick."""
+        self._meter = None
+
+    def now(self) -> Array | None:
+        """Energies in [J], in the order of ``names``; None while there is no account."""
+        if self._meter is None or self.in_preparation:
+            return None
+        account = self._meter.account()
+        kinetic, potential = account.kinetic, account.potential
+        stored = [account.total - kinetic - potential] if self._stores else []
+        supplied, lost = account.input + account.changed, account.dissipated
+        return np.array([kinetic, potential, *stored, supplied, lost, account.balance])
+
+    def _try_to_build(self) -> bool:
+        try:
+            self._build()
+        except ArmError as error:
+            _log.warning("no energy account is kept: %s", error)
+            return False
+        return True

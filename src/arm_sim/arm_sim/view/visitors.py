@@ -1,0 +1,101 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Who may open the page: not the pages of other sites that the same browser shows.
+
+A browser lets every page that it shows connect to servers of the machine that it runs on. It names
+the page's site in ``Origin`` (RFC 6455, section 10.2), so a connection is accepted only where that
+is the address that was asked for. A site whose name has come to mean this machine (DNS rebinding)
+passes that; its name stands in ``Host``, which must be an address, this machine's name, or the one
+that the server was given. Programs other than browsers name no origin, and are let in.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+import threading
+from collections.abc import Callable, Iterator
+from http import HTTPStatus
+from ipaddress import ip_address
+from typing import Any
+from urllib.parse import SplitResult, urlsplit
+
+_PORTS = {"http": 80, "https": 443}
+_starting = threading.Lock()
+
+
+def refusal(asked: str | None, origin: str | None, host: str) -> str:
+    """Why a request is refused; empty if it is not.
+
+    Args:
+        asked: Its header ``Host``: the address that the browser was told to open.
+        origin: Its header ``Origin``: the site of the page that asks; None from other programs.
+        host: Where the server was told to listen.
+    """
+    try:
+        address = urlsplit(f"//{asked or ''}")
+        site = None if origin is None else urlsplit(origin)
+        if not _means_this_machine(address.hostname, host):
+            return f"Host is {asked!r}; {_known(host)} and plain addresses are answered"
+        if site is not None and not _same(site, address):
+            return f"the page of {origin!r} may not use the server of {asked!r}"
+    except ValueError as error:
+        return f"Host {asked!r} or Origin {origin!r} cannot be read: {error}"
+    return ""
+
+
+def _known(host: str) -> str:
+    return f"localhost, {socket.gethostname()} or {host}"
+
+
+def _means_this_machine(name: str | None, host: str) -> bool:
+    if name is None:
+        return False
+    own = socket.gethostname().lower()
+    if name in ("localhost", own, f"{own}.local", host.lower()) or name.endswith(".localhost"):
+        return True
+    try:
+        ip_address(name)
+    except ValueError:
+        return False
+    return True  # nobody can make an address mean another machine
+
+
+def _same(site: SplitResult, address: SplitResult) -> bool:
+    usual = _PORTS.get(site.scheme)
+    return site.hostname == address.hostname and (site.port or usual) == (address.port or usual)
+
+
+@contextlib.contextmanager
+def refusing(host: str) -> Iterator[None]:
+    """Within the block, a server of viser that starts refuses what ``refusal`` says.
+
+    Viser hands no such check on to the library of its connections, so the function by which it
+    starts that is another one meanwhile.
+
+    Args:
+        host: Where it is told to listen.
+    """
+    import websockets.asyncio.server as library
+
+    with _starting:
+        usual: Any = library.serve
+
+        def serve(handler: Any, *where: Any, process_request: Any = None, **options: Any) -> Any:
+            check = _checked(process_request, host)
+            return usual(handler, *where, process_request=check, **options)
+
+        library.serve = serve  # type: ignore[assignment, misc]
+        try:
+            yield
+        finally:
+            library.serve = usual  # type: ignore[misc]
+
+
+def _checked(answer: Callable[[Any, Any], Any] | None, host: str) -> Callable[[Any, Any], Any]:
+    def check(connection: Any, request: Any) -> Any:
+        why = refusal(request.headers.get("Host"), request.headers.get("Origin"), host)
+        if why:
+            return connection.respond(HTTPStatus.FORBIDDEN, f"{why}\n")
+        return None if answer is None else answer(connection, request)
+
+    return check

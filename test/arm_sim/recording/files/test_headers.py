@@ -1,0 +1,49 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Columns of tables as loggers name them."""
+
+import numpy as np
+import pytest
+
+from arm_sim.recording.files.headers import Column, read_header
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        ("time", "position.hip", "effort.hip"),
+        ("Time [s]", "hip_position", "hip_effort"),
+        ("t", "q_hip [rad]", "tau_hip [Nm]"),
+        ("timestamp", "pos_hip", "torque_hip"),
+        ("__time", "/joint_states/hip/position", "/joint_states/hip/effort"),
+    ],
+)
+def test_the_same_table_under_many_names(names):
+    header = read_header(names)
+    assert header.clock == Column(0)
+    assert header.joints == ("hip",)
+    assert header.columns == {("position", "hip"): Column(1), ("effort", "hip"): Column(2)}
+
+
+def test_units_in_brackets_are_read():
+    header = read_header(["time_ms", "hip.pos [deg]", "hip.vel (deg/s)", "slide_q [mm]"])
+    assert header.clock == Column(0, 1e-3)
+    factors = [header.columns[key].factor for key in header.columns]
+    np.testing.assert_allclose(factors, [np.pi / 180.0, np.pi / 180.0, 1e-3])
+
+
+@pytest.mark.parametrize("first", [0, 1])
+def test_numbered_joints(first):
+    names = ["t", *(f"{what}{first + i}" for what in ("q", "dq", "tau") for i in range(7))]
+    header = read_header(names)
+    assert header.joints == tuple(f"joint{i}" for i in range(1, 8))
+    assert header.columns["effort", "joint3"] == Column(17)
+
+
+def test_names_that_hold_such_words_are_left_whole():
+    header = read_header(["time", "position.left/q_elbow_pos", "effort.left/q_elbow_pos"])
+    assert header.joints == ("left/q_elbow_pos",)
+
+
+def test_what_is_no_joint_or_of_an_unknown_unit_is_passed_over():
+    header = read_header(["wall", "temperature_hip", "position.hip [turns]"])
+    assert header.clock is None and not header.joints

@@ -1,0 +1,72 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Animations show what a motion says, and refuse what does not go with it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from matplotlib import pyplot as plt
+from pictures import unseen
+
+import models
+from arm_dynamics import InvalidInput
+from arm_sim.figures import MOST_FRAMES, animation, frame_points, use_style
+
+TIME = np.linspace(0.0, 2.0, 401)  # [s]
+TIP = np.stack([np.cos(TIME), np.sin(TIME)], axis=1)
+ROD = np.stack([0.0 * TIP, TIP], axis=1)
+
+
+@pytest.fixture(autouse=True)
+def paper() -> Iterator[None]:
+    with unseen():
+        use_style()
+        yield
+
+
+def test_every_frame_shows_the_motion_at_its_time() -> None:
+    ground = np.array([[-1.0, 0.0], [1.0, 0.0]])
+    film = animation(TIME, [ROD, (ground, {"color": "k"})], trail=TIP, speed=0.5)
+    frames = list(film.new_frame_seq())
+    assert len(frames) == MOST_FRAMES and (frames[0], frames[-1]) == (0, 400)
+    assert film.event_source.interval == pytest.approx(2000.0 / (MOST_FRAMES - 1) / 0.5, abs=1.0)
+    for k in frames:
+        trail, rod, still, clock = film._func(k)
+        np.testing.assert_array_equal(rod.get_xydata(), ROD[k])
+        np.testing.assert_array_equal(still.get_xydata(), ground)
+        np.testing.assert_array_equal(trail.get_xydata(), TIP[: k + 1])
+        assert clock.get_text() == f"{TIME[k]:.2f} s"
+
+
+def test_everything_is_inside_the_picture() -> None:
+    animation(TIME, [ROD])
+    axes = plt.gca()
+    assert axes.get_xlim()[0] < TIP[:, 0].min() and axes.get_ylim()[1] > TIP[:, 1].max()
+    assert axes.get_aspect() == 1.0
+
+
+def test_a_trail_that_does_not_go_with_the_times_is_refused() -> None:
+    with pytest.raises(InvalidInput, match=r"\(400, 1, 2\) does not go with 401 times"):
+        animation(TIME, [ROD], trail=np.zeros((400, 2)))
+
+
+@pytest.mark.parametrize("shape", [(400, 2, 2), (401, 2, 3), (2,)])
+def test_a_polyline_that_does_not_go_with_the_times_is_refused(shape: tuple[int, ...]) -> None:
+    with pytest.raises(InvalidInput, match="does not go with 401 times"):
+        animation(TIME, [np.zeros(shape)])
+
+
+def test_a_film_that_stands_still_is_refused() -> None:
+    with pytest.raises(InvalidInput, match="speed = 0; allowed: more than 0"):
+        animation(TIME, [ROD], speed=0)
+
+
+def test_frames_of_an_arm_are_where_its_angles_put_them() -> None:
+    q = np.array([[0.3, 0.5], [-1.0, 2.0]])
+    points = frame_points(models.dynamics("two_link"), q, ["shoulder", "elbow", "tip"])
+    elbow = 0.5 * np.stack([np.cos(q[:, 0]), np.sin(q[:, 0])], axis=1)
+    tip = elbow + 0.4 * np.stack([np.cos(q.sum(1)), np.sin(q.sum(1))], axis=1)
+    expected = np.stack([0.0 * elbow, elbow, tip], axis=1)
+    np.testing.assert_allclose(points, expected, atol=1e-15)
