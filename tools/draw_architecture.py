@@ -27,6 +27,8 @@ SAYS = {
         "contact_history": "what contacts did in a recording",
         "compiled_scene": "one plant, one method, their compiled ticks",
         "recording": "states; energy account",
+        "identification": "a scene beside a recording",
+        "sweeps": "many closed loops, one table",
         "plan": "computed, skipped",
         "stepping": "ticks: smooth motion, events (the engine in C)",
         "integrators": "steps, which method to take",
@@ -43,6 +45,7 @@ SAYS = {
     "arm_dynamics": {
         "client": "services of running nodes as functions",
         "ros": "dynamics and controller nodes; what all nodes share",
+        "identification": "numbers of a scene from measured motions",
         "control": "torque(state, reference); wrappers; by name",
         "trajectory": "references, timing, Cartesian goals",
         "task_space": "the dynamics at a frame, inverse kinematics",
@@ -56,6 +59,7 @@ SAYS = {
         "cdr": "messages as bytes",
         "exceptions": "ArmError and its kinds",
         "lazy": "imports at first use",
+        "logs": "who hears them",
     },
 }
 KNOWS_ROS = {"cli", "ros", "client"}

@@ -125,7 +125,7 @@ make_environment() {
 
 pip_install() { # REQUIREMENTS: a complete list with hashes; the user's pip configuration holds
     env PIP_USER=0 "$env/bin/python" -m pip install --no-input --disable-pip-version-check \
-        --progress-bar off --no-deps --no-build-isolation --require-hashes --requirement "$1"
+        --progress-bar off --no-compile --no-deps --no-build-isolation --require-hashes --requirement "$1"
 }
 
 # Keeps the packages of a requirements file whose names satisfy an awk condition on `name`.
@@ -183,6 +183,7 @@ set_up_packages() {
     step "Creating ${env#"$root/"} with $base_python" make_environment
     step "Installing packages (0.5 GB to download, one to five minutes)" install_packages
     if [[ $kind == pypi ]]; then step "Fitting the ROS 2 packages to this machine" correct_wheels; fi
+    step "Saving space" "$env/bin/python" "$root/tools/save_space.py" "$env"
     wanted_packages >"$env/packages.stamp"
 }
 
@@ -220,7 +221,21 @@ build_workspace() (
         "-DPython3_EXECUTABLE=$env/bin/python" "-DPYTHON_EXECUTABLE=$env/bin/python"
 )
 
+# Python finds all of it too when something else than ./arm starts it: an editor, Jupyter, a script.
+write_environment() (
+    local packages=$env/lib/python3.12/site-packages name
+    unset LD_LIBRARY_PATH AMENT_PREFIX_PATH PYTHONPATH
+    enter
+    for name in LD_LIBRARY_PATH AMENT_PREFIX_PATH RMW_IMPLEMENTATION _ROS_WHEELS_BOOTSTRAP_COMPLETE; do
+        [[ -z ${!name:-} ]] || printf '%s=%s\n' "$name" "${!name}"
+    done >"$env/environment"
+    cp "$root/tools/arm_environment.py" "$packages/"
+    printf '%s\n' "$env/workspace/install/lib/python3.12/site-packages" "$root/src/arm_sim" \
+        "$root/src/arm_dynamics" "import arm_environment" >"$packages/arm.pth"
+)
+
 check_workspace() (
+    env -u LD_LIBRARY_PATH -u AMENT_PREFIX_PATH "$env/bin/python" -c "import arm_sim"
     enter
     python -c "
 import sys, casadi, numpy, pinocchio, pydantic, rclpy, arm_msgs.srv
@@ -276,6 +291,7 @@ set_up() {
         set_up_packages
     fi
     step "Building the workspace (about a minute)" build_workspace
+    write_environment
     step "Checking it" check_workspace
     printf '%s\n' "$wanted" >"$env/stamp.new"
     mv "$env/stamp.new" "$env/stamp"

@@ -1,22 +1,36 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Installs arm_dynamics as an ament_python package."""
+"""Installs arm_dynamics: by colcon as an ament_python package, by pip as a library.
+
+Name, version and the rest come from package.xml, what pip has to install from requirements.txt.
+"""
+
+from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
-PACKAGE = "arm_dynamics"
+HERE = Path(__file__).resolve().parent  # colcon may run a link to this file
+MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
+PACKAGE = MANIFEST.findtext("name")
+CODE = ("**/*.c", "**/*.h", "**/*.cpp", "**/*.hpp")
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
-    description="The equations of motion of a robot arm, as a library and as ROS 2 nodes.",
-    license="Apache-2.0",
-    maintainer="Arm dynamics suite maintainers",
-    maintainer_email="maintainers@example.org",
-    author="Arm dynamics suite maintainers",
+    version=MANIFEST.findtext("version"),
+    description=MANIFEST.findtext("description"),
+    license=MANIFEST.findtext("license"),
+    maintainer=MANIFEST.findtext("maintainer"),
+    maintainer_email=MANIFEST.find("maintainer").get("email"),
+    author=MANIFEST.findtext("author"),
     python_requires=">=3.12",
+    install_requires=[
+        line
+        for line in (HERE / "requirements.txt").read_text().splitlines()
+        if line and not line.startswith("#")
+    ],
     extras_require={"test": ["pytest"]},
-    packages=find_packages(),
-    package_data={"": ["**/*.c", "**/*.h", "**/*.cpp", "**/*.hpp", "**/*.xml", "py.typed"]},
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={"": [*CODE, "**/*.xml", "py.typed"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),

@@ -1,39 +1,47 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Installs arm_sim as an ament_python package."""
+"""Installs arm_sim: by colcon as an ament_python package, by pip as a library.
+
+Name, version and the rest come from package.xml, what pip has to install from requirements.txt.
+"""
 
 from glob import glob
+from pathlib import Path
+from xml.etree import ElementTree
 
 from setuptools import find_packages, setup
 
-PACKAGE = "arm_sim"
+HERE = Path(__file__).resolve().parent  # colcon may run a link to this file
+MANIFEST = ElementTree.parse(HERE / "package.xml").getroot()
+PACKAGE, VERSION = MANIFEST.findtext("name"), MANIFEST.findtext("version")
+CODE = ("**/*.c", "**/*.h", "**/*.cpp", "**/*.hpp")
 SHARED = ("config", "launch", "rviz")
 
 setup(
     name=PACKAGE,
-    version="0.1.0",
-    description="Simulates robot arms, as a library, as a ROS 2 node and on the command line.",
-    license="Apache-2.0",
-    maintainer="Arm dynamics suite maintainers",
-    maintainer_email="maintainers@example.org",
-    author="Arm dynamics suite maintainers",
+    version=VERSION,
+    description=MANIFEST.findtext("description"),
+    license=MANIFEST.findtext("license"),
+    maintainer=MANIFEST.findtext("maintainer"),
+    maintainer_email=MANIFEST.find("maintainer").get("email"),
+    author=MANIFEST.findtext("author"),
     python_requires=">=3.12",
+    install_requires=[
+        f"arm_dynamics=={VERSION}",
+        *(
+            line
+            for line in (HERE / "requirements.txt").read_text().splitlines()
+            if line and not line.startswith("#")
+        ),
+    ],
     extras_require={"test": ["pytest"]},
-    packages=find_packages(),
-    package_data={
-        "": [
-            "**/*.c",
-            "**/*.h",
-            "**/*.cpp",
-            "**/*.hpp",
-            "py.typed",
-            "scenes/**/*.yaml",
-            "scenes/**/*.urdf",
-        ]
-    },
+    packages=find_packages(include=[PACKAGE, f"{PACKAGE}.*"]),
+    package_data={"": [*CODE, "py.typed", "*.html", "scenes/**/*.yaml", "scenes/**/*.urdf"]},
     data_files=[
         ("share/ament_index/resource_index/packages", [f"resource/{PACKAGE}"]),
         (f"share/{PACKAGE}", ["package.xml"]),
-        (f"share/{PACKAGE}/scenes", sorted(glob(f"{PACKAGE}/scenes/*"))),  # package://arm_sim/…
+        # package://arm_sim/…
+        (f"share/{PACKAGE}/scenes", sorted(glob(f"{PACKAGE}/scenes/*.*"))),
+        (f"share/{PACKAGE}/scenes/lectures", sorted(glob(f"{PACKAGE}/scenes/lectures/*"))),
         *((f"share/{PACKAGE}/{folder}", sorted(glob(f"{folder}/*"))) for folder in SHARED),
     ],
     zip_safe=False,

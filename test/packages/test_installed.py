@@ -1,0 +1,152 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The libraries as pip installs them, without ROS and away from the sources."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+import sys
+import tarfile
+from pathlib import Path
+from zipfile import ZipFile
+
+import pytest
+from installed import ROOT, Run, built
+
+LIBRARIES = ("arm_dynamics", "arm_sim")
+
+
+def files(wheel: Path) -> set[str]:
+    """What a wheel brings into site-packages."""
+    inside = tuple(f"{library}/" for library in LIBRARIES)
+    return {name for name in ZipFile(wheel).namelist() if name.startswith(inside)}
+
+
+def test_wheels_hold_what_the_sources_hold(wheels: dict[str, Path]) -> None:
+    for library in LIBRARIES:
+        root = ROOT / "src" / library
+        there = {
+            str(path.relative_to(root))
+            for path in (root / library).rglob("*")
+            if path.is_file() and "__pycache__" not in path.parts
+        }
+        assert files(wheels[library]) == there
+        assert f"{library}/py.typed" in there
+
+
+def test_wheel_of_the_whole_holds_both_libraries(wheels: dict[str, Path]) -> None:
+    whole = files(wheels["arm_dynamics_suite"])
+    assert whole == files(wheels["arm_dynamics"]) | files(wheels["arm_sim"])
+
+
+@pytest.mark.parametrize("part", ["src/arm_dynamics", "src/arm_sim", "."])
+def test_a_source_distribution_gives_the_same_wheel(
+    part: str, project: Path, wheels: dict[str, Path], tmp_path: Path
+) -> None:
+    code = f"from setuptools import build_meta; print(build_meta.build_sdist({str(tmp_path)!r}))"
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=project / part, capture_output=True, text=True
+    )
+    assert done.returncode == 0, done.stderr
+    archive = tmp_path / done.stdout.splitlines()[-1]
+    with tarfile.open(archive) as packed:
+        packed.extractall(tmp_path, filter="data")
+    (unpacked,) = (path for path in tmp_path.iterdir() if path.is_dir())
+    ((name, again),) = built(unpacked, tmp_path / "wheels", ["."]).items()
+    assert files(again) == files(wheels[name])
+
+
+def test_simulates_and_answers_torques(user: Run) -> None:
+    said = user("python", "-c", """
+import importlib.util
+import numpy as np
+import arm_sim
+from arm_dynamics import Dynamics, Term
+from arm_sim import Simulator
+
+assert "site-packages" in arm_sim.__file__, arm_sim.__file__
+sim = Simulator("pendulum")
+weight = Dynamics("pendulum").inverse([0.5], [0.0], [0.0], terms=Term.GRAVITY)
+np.testing.assert_allclose(weight, sim.dynamics.gravity([0.5]))
+sim.reset([0.5], [0.0])
+motion = sim.run(0.05)
+np.testing.assert_allclose(motion.balance, 0.0, atol=1e-9)
+print(arm_sim.__version__, abs(weight[0]) > 0.1, abs(motion.q[-1, 0] - 0.5) > 1e-4)
+""")  # fmt: skip
+    assert said.split()[1:] == ["True", "True"]
+
+
+def test_command_line_works_without_ros(user: Run) -> None:
+    assert "continuous" in user("arm", "describe", "pendulum")
+    said = user("arm", "dynamics", "pendulum", code=1)
+    assert said.startswith("Error: Python finds no module") and "rclpy" in said
+    assert "needs ROS 2 Jazzy" in said
+
+
+USER_FILE = """\
+from arm_dynamics import Dynamics, Term, load_scene
+from arm_dynamics.control import ComputedTorque
+from arm_sim import Recording, Simulator, State
+
+dynamics = Dynamics(load_scene("panda"))
+sim = Simulator("panda", dt=1e-3)
+
+
+def control(state: State) -> list[float]:
+    reveal_type(state.q)
+    return [0.0] * sim.n
+
+
+motion: Recording = sim.run(0.1, control=control)
+reveal_type(dynamics.inverse(motion.q, motion.v, motion.v, terms=Term.GRAVITY))
+reveal_type(dynamics.joint_names)
+reveal_type(ComputedTorque(dynamics))
+reveal_type(sim.linearize(sim.state, [0.0] * sim.n))
+dynamics.inverse(motion.q)
+Simulator(3)
+sim.reset(speed=1.0)
+"""
+
+
+def test_strict_type_checking_sees_the_types(user: Run, tmp_path: Path) -> None:
+    (tmp_path / "mine.py").write_text(USER_FILE)
+    said = user(
+        "python", "-m", "mypy", "--strict", "--cache-dir", tmp_path / "cache", "mine.py",
+        cwd=tmp_path, code=1,
+    )  # fmt: skip
+    array = "numpy.ndarray[tuple[Any, ...], numpy.dtype[numpy.float64]]"
+    assert re.findall(r'Revealed type is "(.*)"', said) == [
+        array,
+        array,
+        "tuple[str, ...]",
+        "arm_dynamics.control.computed_torque.ComputedTorque",
+        f"tuple[{array}, {array}]",
+    ]
+    wrong = re.findall(r"mine.py:(\d+): error: .*\[([a-z-]+)\]", said)
+    assert wrong == [("19", "call-arg"), ("20", "arg-type"), ("21", "call-arg")]
+
+
+PLACES = (
+    "lib/arm_dynamics/controller",
+    "lib/arm_sim/sim",
+    "share/arm_dynamics/package.xml",
+    "share/arm_sim/launch",
+    "share/arm_sim/scenes/panda.yaml",
+)
+
+
+def test_colcon_builds_the_packages(project: Path, tmp_path: Path) -> None:
+    pytest.importorskip("colcon_ros", reason="colcon's modules belong to another Python here")
+    code = "import sys; from colcon_core.command import main; sys.exit(main())"
+    options = ["--build-base", tmp_path / "build", "--install-base", tmp_path / "install"]
+    done = subprocess.run(
+        [sys.executable, "-c", code, "--log-base", tmp_path / "log", "build", "--merge-install",
+         "--packages-select", *LIBRARIES, "--base-paths", project, *options],
+        cwd=project, capture_output=True, text=True, timeout=240,
+        env={**os.environ, "PYTHONPATH": "", "COLCON_HOME": str(tmp_path)},
+    )  # fmt: skip
+    assert done.returncode == 0, done.stdout + done.stderr
+    install = tmp_path / "install"
+    for place in PLACES:
+        assert (install / place).exists(), place

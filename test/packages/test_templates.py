@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Dockerfile and workflow work: what needs neither root nor network is run."""
+
+from __future__ import annotations
+
+import os
+import re
+import subprocess
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+from installed import ROOT, bare_environment, copied, runner
+
+DOCKERFILE = (ROOT / "Dockerfile").read_text()
+WORKFLOW: dict[Any, Any] = yaml.safe_load((ROOT / ".github/workflows/ci.yml").read_text())
+INSTRUCTIONS = {"FROM", "RUN", "WORKDIR", "COPY", "ENTRYPOINT", "CMD"}
+OF_ROOT = ("apt-get ", "rosdep ")
+
+
+def stages() -> dict[str, list[tuple[str, str]]]:
+    """Instructions and arguments by stage of the Dockerfile."""
+    found: dict[str, list[tuple[str, str]]] = {}
+    lines = re.sub(r"^#.*\n", "", DOCKERFILE, flags=re.MULTILINE).replace("\\\n", " ").splitlines()
+    for instruction, _, rest in (line.partition(" ") for line in lines if line.strip()):
+        if instruction == "FROM":
+            stage = found.setdefault(rest.rpartition(" AS ")[2], [])
+        stage.append((instruction, rest))
+    return found
+
+
+def steps(job: str) -> list[str]:
+    """Commands of a job of the workflow."""
+    return [step["run"] for step in WORKFLOW["jobs"][job]["steps"] if "run" in step]
+
+
+def everywhere() -> list[str]:
+    """Commands of all stages and jobs."""
+    of_images = [rest for found in stages().values() for name, rest in found if name == "RUN"]
+    return [*of_images, *(command for job in WORKFLOW["jobs"] for command in steps(job))]
+
+
+# Commands that are not run here: how they begin, and why, or what runs the same.
+ELSEWHERE = {
+    "apt-get ": "needs root",
+    "rosdep ": "needs root",
+    "pip install --break-system-packages": "changes the system's Python",
+    ".ci/run": "runs these tests",
+    ". /opt/ros/jazzy/setup.sh": "needs an installed ROS 2; ./arm sets up what runs these tests",
+    "source /opt/ros/jazzy/setup.bash": "needs an installed ROS 2; test_installed.py runs colcon",
+}
+IN_A_BARE_ENVIRONMENT = {
+    "image": [rest for instruction, rest in stages()["library"] if instruction == "RUN"],
+    "job": steps("library"),
+}
+
+
+@pytest.mark.parametrize("where", IN_A_BARE_ENVIRONMENT)
+def test_the_libraries_are_installed_and_work(where: str, tmp_path: Path) -> None:
+    project = copied(tmp_path)
+    run = runner(bare_environment(tmp_path / "environment"), project)
+    commands = [c for c in IN_A_BARE_ENVIRONMENT[where] if not c.startswith(OF_ROOT)]
+    assert "python -m pip install" in commands[0]
+    said = [run("bash", "-euc", command) for command in commands]
+    assert "pendulum" in said[-1] or "panda" in said[-1]
+    assert (tmp_path / "environment/bin/arm").exists()
+
+
+@pytest.mark.parametrize("command", everywhere(), ids=lambda command: command[:30])
+def test_every_command_is_run_or_said_not_to_be(command: str) -> None:
+    run = command in [c for commands in IN_A_BARE_ENVIRONMENT.values() for c in commands]
+    assert run or command.startswith(tuple(ELSEWHERE))
+    subprocess.run(["bash", "-n"], input=command, text=True, check=True)
+
+
+def test_stages_are_complete() -> None:
+    found = stages()
+    assert list(found) == ["library", "ros"]
+    for instructions in found.values():
+        names = [name for name, _ in instructions]
+        assert set(names) == INSTRUCTIONS and names[0] == "FROM"
+        (copy,) = (rest for name, rest in instructions if name == "COPY")
+        assert copy == ". ."  # all that is not in .dockerignore
+    ignored = (ROOT / ".dockerignore").read_text().split()
+    assert {".venv", ".venv-jazzy", "build", "install", "log"} <= set(ignored)
+
+
+def test_jobs_are_complete() -> None:
+    assert WORKFLOW[True].keys() == {"push", "pull_request"}  # YAML 1.1 reads "on" as true
+    for job in WORKFLOW["jobs"].values():
+        assert job["runs-on"] == "ubuntu-24.04"
+        assert job["steps"][0] == {"uses": "actions/checkout@v4"}
+        assert all(re.fullmatch(r"\S+@v\d+", s["uses"]) for s in job["steps"] if "uses" in s)
+
+
+@pytest.mark.parametrize("file", re.findall(r"(?:\./arm|\.ci/run)\b", DOCKERFILE + str(WORKFLOW)))
+def test_scripts_that_they_start_are_there(file: str) -> None:
+    assert os.access(ROOT / file, os.X_OK)

@@ -1,0 +1,53 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Builds the site from docs/, strictly: every warning is an error. Run by ``./arm docs``."""
+
+from __future__ import annotations
+
+import sys
+import webbrowser
+from pathlib import Path
+
+import click
+from sphinx.cmd.build import main as sphinx
+
+ROOT = Path(__file__).resolve().parents[1]
+
+
+@click.command(context_settings={"show_default": True})
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path, file_okay=False),
+    default=ROOT / "reports/site",
+    help="Folder to write the site into.",
+)
+@click.option("--gallery/--no-gallery", default=True, help="Run the scripts of the gallery.")
+@click.option("--open", "show", is_flag=True, help="Open the site in a browser.")
+def build(out: Path, gallery: bool, show: bool) -> None:
+    """Build the site: tutorials, how-to, concepts, reference, gallery and laboratory.
+
+    Pages that have not changed are kept from the last time. A warning, for example a link that
+    leads nowhere or a script of the gallery that fails, makes the build fail.
+    """
+    options = [
+        "-W",
+        "--keep-going",
+        "-n",
+        "-q",
+        "-j",
+        "auto",
+        "-d",
+        str(out.with_name(f"{out.name}-cache")),
+    ]
+    if not gallery:
+        options += ["-D", "plot_gallery=0"]
+    failed = sphinx([*options, str(ROOT / "docs"), str(out)])
+    if failed:
+        sys.exit(failed)
+    start = out / "index.html"
+    click.echo(f"site: {start}")
+    if show:
+        webbrowser.open(start.resolve().as_uri())
+
+
+if __name__ == "__main__":
+    build(prog_name="./arm docs")
