@@ -1,14 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the manifests of the packages declare is what their code imports."""
+"""What the packages declare, to ROS and to pip, is what their code imports and is tested with."""
 
 from __future__ import annotations
 
 import ast
 import re
+import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 from xml.etree import ElementTree
 
 import pytest
+from packaging.requirements import Requirement
+from packaging.specifiers import SpecifierSet
+from packaging.utils import canonicalize_name
 
 SRC = Path(__file__).parents[2] / "src"
 PACKAGES = sorted(path.parent.name for path in SRC.glob("*/package.xml"))
@@ -56,3 +61,49 @@ def test_a_manifest_is_complete(package: str) -> None:
     assert list((SRC / package / "test").glob("test_*.py"))
     names = [(part.tag, part.text) for part in root if part.tag.endswith("depend")]
     assert len(set(names)) == len(names)
+
+
+# --- what pip reads ----------------------------------------------------------------------------
+
+ROOT = SRC.parent
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text())
+# Groups that pip offers too, and what of a group pip has nothing to do with.
+EXTRAS = sorted(PROJECT["dependency-groups"].keys() & PROJECT["project"]["optional-dependencies"])
+
+
+def ranges(lines: Iterable[str]) -> dict[str, SpecifierSet]:
+    """Versions that are allowed, by name."""
+    wanted = [Requirement(line) for line in lines if line and not line.startswith("#")]
+    return {canonicalize_name(one.name): one.specifier for one in wanted}
+
+
+def pins(group: str) -> dict[str, str]:
+    """Versions that are tested."""
+    pinned = (line.split("==") for line in PROJECT["dependency-groups"][group])
+    return {canonicalize_name(name): version for name, version in pinned}
+
+
+def of_packages() -> dict[str, SpecifierSet]:
+    files = ((SRC / package / "requirements.txt").read_text() for package in PYTHON)
+    return ranges("\n".join(files).splitlines())
+
+
+def test_pip_installs_what_the_suite_is_tested_with() -> None:
+    wanted, tested = of_packages(), pins("run")
+    assert wanted.keys() == tested.keys()
+    assert [name for name, allowed in wanted.items() if tested[name] not in allowed] == []
+
+
+@pytest.mark.parametrize("extra", EXTRAS)
+def test_extras_admit_what_their_groups_pin(extra: str) -> None:
+    wanted, tested = ranges(PROJECT["project"]["optional-dependencies"][extra]), pins(extra)
+    assert wanted
+    assert [n for n, allowed in wanted.items() if tested.get(n, "none") not in allowed] == []
+
+
+def test_all_name_one_version() -> None:
+    said = {package: manifest(package).findtext("version") for package in PACKAGES}
+    for package in PYTHON:
+        text = (SRC / package / package / "__init__.py").read_text()
+        said[f"{package}.__version__"] = re.findall(r'^__version__ = "(.*)"$', text, re.M)[0]
+    assert len(set(said.values())) == 1, said

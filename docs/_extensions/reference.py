@@ -1,0 +1,68 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Directives for what pages take from the code: keys, parameters, commands, messages, names."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+from docutils import nodes
+from sphinx.application import Sphinx
+from sphinx.util.docutils import SphinxDirective
+
+from . import commands, interfaces, node_parameters, public_names, scene_keys
+
+
+def directive(markdown: Callable[..., str]) -> type[SphinxDirective]:
+    """A directive that stands for Markdown; its arguments are those of the function."""
+    count = len(inspect.signature(markdown).parameters)
+
+    class Generated(SphinxDirective):
+        required_arguments = count
+
+        def run(self) -> list[nodes.Node]:
+            return self.parse_text_to_nodes(markdown(*self.arguments), allow_section_headings=True)
+
+    return Generated
+
+
+def package(name: str) -> str:
+    """What a package says of itself, and its public names."""
+    words = (import_module(name).__doc__ or "").replace("``", "`")
+    return f"{words}\n```{{eval-rst}}\n{public_names.directives(name)}\n```\n"
+
+
+def without_aliases(
+    app: Sphinx, what: str, name: str, thing: Any, skip: bool, options: Any
+) -> bool | None:
+    """Leave away members of which Python itself wrote the words."""
+    if (inspect.getdoc(thing) or "").startswith("Alias for field number"):
+        return True
+    return None
+
+
+def with_bars(
+    app: Sphinx, what: str, name: str, thing: Any, options: Any, lines: list[str]
+) -> None:
+    """Keep |x| in docstrings an absolute value; reStructuredText reads a substitution."""
+    for place, line in enumerate(lines):
+        parts = line.split("``")
+        lines[place] = "``".join(
+            part if literal % 2 else part.replace("|", r"\|") for literal, part in enumerate(parts)
+        )
+
+
+def setup(app: Sphinx) -> dict[str, bool]:
+    """Called by Sphinx."""
+    app.add_directive("scene-keys", directive(scene_keys.markdown))
+    app.add_directive("study-keys", directive(scene_keys.of_study))
+    app.add_directive("node-parameters", directive(node_parameters.markdown))
+    app.add_directive("commands", directive(commands.markdown))
+    app.add_directive("commands-overview", directive(commands.overview))
+    app.add_directive("interfaces", directive(interfaces.markdown))
+    app.add_directive("package", directive(package))
+    app.connect("autodoc-skip-member", without_aliases)
+    app.connect("autodoc-process-docstring", with_bars)
+    return {"parallel_read_safe": True, "parallel_write_safe": True}

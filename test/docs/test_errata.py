@@ -1,0 +1,24 @@
+# SPDX-License-Identifier: Apache-2.0
+"""The tests that the table of misprints names exist, and its rows are whole."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+TEXT = (ROOT / "docs/concepts/errata.md").read_text()
+
+
+@pytest.mark.parametrize("shown", sorted(set(re.findall(r"`(test_\w+\.py[\w:]*)`", TEXT))))
+def test_tests_exist(shown: str) -> None:
+    file, _, name = shown.partition("::")
+    (found,) = (ROOT / "test").rglob(file)
+    assert f"def {name}(" in found.read_text()
+
+
+def test_rows_have_four_cells() -> None:
+    rows = [line for line in TEXT.splitlines() if line.startswith("|")]
+    assert {len(re.split(r"(?<!\\)\|", row)) for row in rows} == {6}

@@ -1,0 +1,81 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Every page of the gallery runs, and draws what it promises; what it claims it asserts itself.
+
+A build of the site runs the pages too. Where one has just done so, as in ``.ci/run``, the variable
+``ARM_GALLERY`` names what it made, and that is looked at instead.
+"""
+
+from __future__ import annotations
+
+import ast
+import os
+import re
+import runpy
+from collections.abc import Iterator
+from hashlib import md5
+from pathlib import Path
+
+import pytest
+from matplotlib import pyplot as plt
+from matplotlib.animation import FuncAnimation
+from pictures import unseen
+
+from arm_dynamics.scene import ready_scenes
+
+GALLERY = Path(__file__).parents[2] / "docs/gallery"
+PAGES = sorted(GALLERY.glob("*/plot_*.py"))
+BUILT = Path(os.environ.get("ARM_GALLERY", ""))
+
+
+@pytest.fixture
+def paper(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[None]:
+    """Figures that nobody sees, and an empty folder to be in."""
+    monkeypatch.chdir(tmp_path)
+    with unseen():
+        yield
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_page_runs(page: Path, paper: None, tmp_path: Path) -> None:
+    if BUILT.is_absolute():
+        it_was_built(page)
+        return
+    made = runpy.run_path(str(page), run_name="__main__")
+    moving = [value for value in made.values() if isinstance(value, FuncAnimation)]
+    assert len(moving) == 1
+    assert len(plt.get_fignums()) >= 2  # the animation is one
+    for number in plt.get_fignums():
+        plt.figure(number).canvas.draw()
+    assert list(tmp_path.iterdir()) == []
+
+
+def it_was_built(page: Path) -> None:
+    """The site ran this very script without an error, and drew its figures and its animation."""
+    folder = BUILT / page.parent.name
+    assert (folder / f"{page.name}.md5").read_text() == md5(page.read_bytes()).hexdigest()
+    text = (folder / f"{page.stem}.rst").read_text()
+    assert text.count("sphx-glr-animation") == 1
+    assert len(list((folder / "images").glob(f"sphx_glr_{page.stem}_0*.png"))) >= 2
+
+
+def test_pages_leave_nothing_in_their_folders() -> None:
+    kept = {".py", ".rst", ".urdf", ".yaml", ".csv"}
+    files = {path for path in GALLERY.rglob("*") if "__pycache__" not in path.parts}
+    assert {path.suffix for path in files if path.is_file()} <= kept
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda path: f"{path.parent.name}/{path.stem}")
+def test_page_has_its_parts(page: Path) -> None:
+    text = page.read_text()
+    title, line = (ast.get_docstring(ast.parse(text)) or "").splitlines()[:2]
+    assert set(line) == {"="} and len(line) == len(title)
+    assert re.search(r"^assert ", text, re.MULTILINE)
+    assert "# Questions\n# ---------\n" in text and "*Hint:*" in text
+
+
+def test_every_scene_of_the_lectures_is_on_a_page() -> None:
+    folder = GALLERY.parents[1] / "src/arm_sim/arm_sim/scenes/lectures"
+    names = {path.stem for path in folder.glob("*.yaml")}
+    text = "".join(page.read_text() for page in PAGES)
+    assert {name for name in names if f'"{name}"' not in text} == set()
+    assert names <= set(ready_scenes())

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What the pages show is done, from top to bottom, in a folder and a ROS domain of the page's own.
+
+A block whose first line is a comment with a file's name is that file. Python is run, all of a page
+in one process. Lines for a shell are typed, ``ros2`` included (``ros2.py`` stands in for it); what
+they print is compared with what the page shows. ``lines_elsewhere.yaml`` has the lines that are
+not typed as they stand, and why. Python after the comment ``<!-- not run: REASON -->`` is only
+read.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+import page_files
+import pages
+import pytest
+import yaml
+from terminal import Terminal, forging
+
+pytestmark = pytest.mark.ros
+
+PANDA = ("arm sim panda", "arm controller panda")
+OTHER = "arm sim panda --ros-args -r __node:=robot_state_publisher -r joint_states:=elsewhere"
+# What a reader has when a page begins: files by name, and nodes that run.
+GIVEN: dict[str, tuple[str, ...]] = {
+    "README": (*PANDA, "my_arm.urdf"),
+    "concepts/control": ("my_package/my_module.py", "my_arm.urdf"),
+    "how-to/compare": ("run.mcap", "bag_of_my_robot", "better.yaml"),
+    "how-to/compiled-scenes": ("my_scene.yaml",),
+    "how-to/excite": PANDA,
+    "how-to/identify": ("run.mcap", "held.mcap", "bag_1", "bag_2", "table.csv", "arm.urdf"),
+    "how-to/identify-drives": (
+        "held.csv", "run.csv", "off.csv", "knocked.csv", "small.csv", "wide.csv",
+    ),
+    "how-to/python-client": ("arm sim panda", "arm dynamics panda"),
+    "how-to/recordings": ("other.npz",),
+    "how-to/shell": ("arm dynamics panda",),
+    "how-to/stand-in": (OTHER,),
+    "how-to/view": (*PANDA, "my_arm.urdf", "run.mcap", "bags/my_robot"),
+    "reference/node-controller": ("arm sim panda",),
+    "reference/ros-interface": (OTHER,),
+    "tutorials/identify": (
+        "my_arm.urdf", "arm sim my_arm.urdf", "arm controller my_arm.urdf", "other_run.mcap",
+        "ur10_exciting_trajectory.db3", "panda_exciting_trajectory.db3",
+    ),
+}  # fmt: skip
+# Words that make a line quicker and change nothing else.
+SHORTER = {
+    r"arm excite\b": "--attempts 1 --period 4 --harmonics 3",
+    r"arm view .*--png\b": "--size 160x100",
+    r"arm view .*--gif\b": "--rate 1 --size 160x100",
+}
+# What is changed in the files of a page, for the same reason.
+SMALLER = {"how-to/sweep": (r"samples: \d+", "samples: 3")}
+# Exit statuses other than 0 that the pages explain: a replay by another method differs.
+STATUS = {r"arm replay .*--integrator\b": 1}
+ELSEWHERE = yaml.safe_load((Path(__file__).parent / "lines_elsewhere.yaml").read_text())
+HELP: dict[str, str] = {}  # what programs print about themselves
+DRAWN = re.compile(r"arm view .*--(?:png|gif|mp4)\b")
+# Numbers that differ from run to run: times, sizes, errors of a motion.
+MEASURED = re.compile(r"\([\d.]+ m?s\)|[\d.]+ MB|(?<=error )\S+ at \w+|(?<=in )[\d.]+(?= s)")
+
+
+def lines(page: Path) -> list[str]:
+    return [step.text for step in pages.steps(page) if step.kind == "line"]
+
+
+def elsewhere(line: str) -> dict[str, str | bool] | None:
+    """The entry of the list for a line."""
+    return next((entry for entry in ELSEWHERE if re.fullmatch(entry["lines"], line, re.S)), None)
+
+
+@pytest.fixture(scope="module")
+def shelf(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Where files that several pages are given are made once."""
+    return tmp_path_factory.mktemp("shelf")
+
+
+@pytest.fixture(scope="module")
+def forge(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Path]:
+    with forging(tmp_path_factory.mktemp("forge")) as made:
+        yield made
+
+
+@pytest.fixture
+def terminal(tmp_path: Path, forge: Path) -> Iterator[Terminal]:
+    made = Terminal(tmp_path, forge)
+    yield made
+    made.close()
+
+
+MOVES = re.compile(r"arm go\b|send_goal")  # an arm, by the clock
+RUN = [page for page in pages.PAGES if any(pages.steps(page))]
+ALONE = {True: (pytest.mark.alone,), False: ()}
+RUNS = [
+    pytest.param(page, id=pages.label(page), marks=ALONE[any(map(MOVES.search, lines(page)))])
+    for page in RUN
+]
+
+
+@pytest.mark.parametrize("page", RUNS)
+def test_a_page_does_what_it_shows(page: Path, terminal: Terminal, shelf: Path) -> None:
+    for given in GIVEN.get(pages.label(page), ()):
+        if given.startswith("arm "):
+            terminal.type(f"./{given}")
+        else:
+            page_files.put(given, terminal.folder, shelf)
+    for step in pages.steps(page):
+        if step.kind == "file":
+            text = re.sub(*SMALLER.get(pages.label(page), ("", "")), step.text)
+            (terminal.folder / step.name).write_text(text)
+        elif step.kind == "python":
+            terminal.python(step.text)
+        else:
+            typed(step, terminal)
+
+
+def typed(step: pages.Step, terminal: Terminal) -> None:
+    """Type a line, and compare what it printed with what the page shows."""
+    line, listed = step.text, elsewhere(step.text)
+    if listed:
+        if listed.get("help"):
+            has_its_options(line, terminal)
+        if module := re.search(r"-m (benchmarks[\w.]*)", line):
+            place = pages.ROOT / module[1].replace(".", "/")
+            assert place.is_dir() or place.with_suffix(".py").is_file()
+        return
+    if DRAWN.search(line):
+        pytest.importorskip("viser", reason="the view's packages are missing: ./arm setup view")
+    for found, more in SHORTER.items():
+        if re.search(found, line):
+            line += f" {more}"
+    status = next((end for found, end in STATUS.items() if re.search(found, line)), 0)
+    said = terminal.type(line, status)
+    if step.shown:
+        rest = iter(words(said))  # progress may stand in between
+        assert all(word in rest for word in words(step.shown)), f"$ {line}\n{said}"
+
+
+def has_its_options(line: str, terminal: Terminal) -> None:
+    """The help of a program, typed once for all pages, has the options of a line."""
+    program, *options = re.split(r" (?=-)", line)
+    if program not in HELP:
+        HELP[program] = terminal.type(f"{program} --help")
+    assert "Usage: " in HELP[program]
+    assert [option for option in options if option.split()[0] not in HELP[program]] == []
+
+
+def words(text: str) -> list[str]:
+    """Words without numbers that differ from run to run."""
+    return MEASURED.sub("…", text).split()
+
+
+@pytest.mark.parametrize("entry", ELSEWHERE, ids=lambda entry: entry["lines"][:30])
+def test_the_list_holds_nothing_else(entry: dict[str, str]) -> None:
+    """Every entry is of a line that a page has, has a reason, and something that is there."""
+    assert any(elsewhere(line) is entry for page in pages.PAGES for line in lines(page))
+    assert entry["why"] and (pages.ROOT / entry["elsewhere"]).exists()
+
+
+def test_what_pages_are_given_is_of_pages() -> None:
+    assert set(GIVEN) <= {pages.label(page) for page in RUN}
+    named = {name for given in GIVEN.values() for name in given if not name.startswith("arm ")}
+    assert named == set(page_files.MAKERS)

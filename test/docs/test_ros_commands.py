@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Commands of ROS 2 on the pages name executables, parameters, services and fields that exist.
+
+The ros2 command line is not on PyPI, so they are held against what the packages declare.
+"""
+
+from __future__ import annotations
+
+import re
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+import pytest
+import yaml
+
+from arm_dynamics.ros import interfaces
+from arm_dynamics.ros.common.params import listed
+from arm_sim.ros import interfaces as of_sim
+from docs._extensions.node_parameters import kinds
+
+ROOT = Path(__file__).parents[2]
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*/*.md"))]
+TEXT = "\n".join(re.sub(r"\\\n\s*", " ", page.read_text()) for page in PAGES)
+PARAMETERS = {node: {name for name, _, _ in listed(kind)} for node, kind in kinds().items()}
+NAMES = {
+    thing.name.replace("~/", "").lstrip("/")
+    for module in (interfaces, of_sim)
+    for thing in vars(module).values()
+    if isinstance(thing, interfaces.Topic | interfaces.Service | interfaces.Action)
+}
+REQUESTS = re.findall(
+    r"ros2 (?:service call|topic pub|action send_goal)(?: -+\w+(?: \d+)?)* (/\S+)"
+    r'\s+(\w+/\w+/\w+)\s+"(\{.*?\})"',
+    TEXT,
+    re.S,
+)
+
+
+def test_executables_exist() -> None:
+    named = set(re.findall(r"ros2 run (arm_\w+) (\w+)", TEXT))
+    assert len(named) >= 4
+    for package, executable in named:
+        text = (ROOT / f"src/{package}/setup.py").read_text()
+        assert re.search(rf'"{executable} = ', text), (package, executable)
+
+
+def test_launch_files_and_their_arguments_exist() -> None:
+    for file, arguments in re.findall(r"ros2 launch arm_sim (\S+\.xml)((?: \w+:=\S+)*)", TEXT):
+        text = (ROOT / f"src/arm_sim/launch/{file}").read_text()
+        for name in re.findall(r"(\w+):=", arguments):
+            assert f'<arg name="{name}"' in text, (file, name)
+
+
+def test_parameters_exist() -> None:
+    for node, name in re.findall(r"ros2 param set /(\w+) (\w+)", TEXT):
+        assert name in PARAMETERS[node]
+    for node, text in re.findall(
+        r"(?:\./arm|ros2 run \w+) (sim|dynamics|controller)\b([^\n]*)", TEXT
+    ):
+        for name in re.findall(r"-p (\w+):=", text.split("ros2 run")[0]):
+            assert name in PARAMETERS[node], (node, name)
+
+
+def test_there_are_requests() -> None:
+    assert len(REQUESTS) >= 8
+
+
+@pytest.mark.parametrize(("name", "kind", "text"), REQUESTS, ids=lambda part: part[:40])
+def test_requests_are_of_their_type(name: str, kind: str, text: str) -> None:
+    package, folder, word = kind.split("/")
+    module = pytest.importorskip(f"{package}.{folder}")
+    found = getattr(module, word)
+    request = {"srv": "Request", "action": "Goal"}.get(folder)
+    fill((getattr(found, request) if request else found)(), yaml.safe_load(text))
+    assert name.split("/")[-1] in NAMES or package == "simulation_interfaces"
+
+
+def fill(message: Any, values: dict[str, Any]) -> None:
+    """Every key must be a field, and every number of the field's type."""
+    for key, value in values.items():
+        kind = message.get_fields_and_field_types()[key]
+        inner = getattr(message, key)
+        if isinstance(value, dict):
+            fill(inner, value)
+        elif isinstance(value, list) and "/" in kind:
+            package, word = kind.removeprefix("sequence<").rstrip(">").split("/")
+            made = [getattr(import_module(f"{package}.msg"), word)() for _ in value]
+            for one, fields in zip(made, value, strict=True):
+                fill(one, fields)
+        elif isinstance(value, list) and any(isinstance(x, int | float) for x in value):
+            setattr(message, key, [float(x) for x in value])
+        else:
+            setattr(message, key, float(value) if isinstance(inner, float) else value)

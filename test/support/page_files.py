@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Files that a reader of a page has and the page does not make: an arm, recordings, records."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+from rosbags.rosbag2 import StoragePlugin, Writer
+from rosbags.typesys import Stores, get_typestore
+
+import models
+from arm_dynamics import Dynamics, load_scene
+from arm_dynamics.arrays import Array
+from arm_dynamics.control import ComputedTorque
+from arm_dynamics.trajectory import Reference
+from arm_sim import Simulator
+
+ROBOT = str(models.SCENES / "two_link.urdf")
+VISCOUS = {"joints": {"*": {"friction": {"viscous": 0.8, "coulomb": 0.6}}}}
+
+
+class Waves:
+    """Joints that swing about where a scene begins, from rest, each at frequencies of its own."""
+
+    def __init__(self, dynamics: Dynamics, q0: Array, seed: int) -> None:
+        rng = np.random.default_rng(seed)
+        room = np.minimum(1.0, np.nan_to_num(self._room(dynamics, q0), posinf=1.0))
+        self._q0, shape = q0, (3, len(q0))
+        self._w = rng.uniform(1.0, 5.0, shape)
+        self._A = 0.4 * room * rng.uniform(-1.0, 1.0, shape) / 3.0
+
+    @staticmethod
+    def _room(dynamics: Dynamics, q0: Array) -> Array:
+        model = dynamics.model
+        return np.minimum(q0 - model.position_lower, model.position_upper - q0)
+
+    def at(self, t: Array) -> tuple[Array, Array, Array]:
+        """Positions, velocities and accelerations at times ``(k,)``."""
+        wt = self._w * np.asarray(t)[:, None, None]
+        q = self._q0 + (self._A * (1.0 - np.cos(wt))).sum(axis=1)
+        v = (self._A * self._w * np.sin(wt)).sum(axis=1)
+        return q, v, (self._A * self._w**2 * np.cos(wt)).sum(axis=1)
+
+    def sample(self, t: float) -> Reference:
+        """The reference at one time."""
+        return Reference(*(x[0] for x in self.at(np.array([t]))))
+
+
+def simulated(
+    path: Path, scene: str = "panda", seed: int = 1, duration: float = 6.0, holding: float = 0.0
+) -> None:
+    """A recording of the sim; a Panda may hold a body of some [kg]."""
+    given = {**load_scene(scene).model_dump(exclude_unset=True), **VISCOUS}
+    if holding:
+        given["payloads"] = [{"frame": "panda_hand", "mass": holding, "com": [0.0, 0.0, 0.1]}]
+    sim = Simulator(given, dt=4e-3)
+    waves = Waves(sim.dynamics, sim.state.q, seed)
+    sim.run(duration, ComputedTorque(sim.dynamics), waves).save(path)
+
+
+def measured(scene: str, seed: int, rate: float = 100.0) -> tuple[tuple[str, ...], Array, Array]:
+    """Joint names, times, and columns of positions and efforts of an arm with friction."""
+    true = Dynamics({**load_scene(scene).model_dump(exclude_unset=True), **VISCOUS})
+    start = Simulator(scene, backend="vm").state.q
+    t = np.arange(0.0, 12.0, 1.0 / rate)
+    q, v, a = Waves(true, start, seed).at(t)
+    noise = 0.02 * np.random.default_rng(seed).normal(size=q.shape)
+    return true.joint_names, t, np.stack([q, v, true.inverse(q, v, a) + noise])
+
+
+def bag(path: Path, scene: str, seed: int = 1) -> None:
+    """A bag of a robot: a folder, or its one file if the name ends in ``.db3``."""
+    names, times, (q, v, tau) = measured(scene, seed)
+    store = get_typestore(Stores.ROS2_JAZZY)
+    kinds = {name.rpartition("/")[2]: kind for name, kind in store.types.items()}
+    JointState, Header, Time = (kinds[name] for name in ("JointState", "Header", "Time"))
+    folder = path.with_suffix("")
+    folder.parent.mkdir(parents=True, exist_ok=True)
+    with Writer(folder, version=9, storage_plugin=StoragePlugin.SQLITE3) as writer:
+        topic = writer.add_connection("/joint_states", JointState.__msgtype__, typestore=store)
+        for t, *columns in zip(times, q, v, tau, strict=True):
+            stamp = round(1e9 * (1000.0 + t))
+            header = Header(stamp=Time(sec=stamp // 10**9, nanosec=stamp % 10**9), frame_id="")
+            message = JointState(header, list(names), *columns)
+            data = store.serialize_cdr(message, JointState.__msgtype__)
+            writer.write(topic, stamp, data)
+    if path.suffix:
+        (folder / f"{folder.name}.db3").rename(path)
+        shutil.rmtree(folder)
+
+
+def table(path: Path, **columns: Array) -> None:
+    """A table with a heading; ``_`` in a name stands for a dot."""
+    heading = ",".join(columns)
+    rows = np.column_stack(list(columns.values()))
+    np.savetxt(path, rows, delimiter=",", header=heading, comments="")
+
+
+def joint_table(path: Path) -> None:
+    """Of an arm whose shoulder the table calls ``axis_1``."""
+    names, t, (q, _, tau) = measured(ROBOT, 1)
+    told = [{"shoulder": "axis_1"}.get(name, name) for name in names]
+    columns = {f"position.{name}": q[:, i] for i, name in enumerate(told)}
+    columns |= {f"effort.{name}": tau[:, i] for i, name in enumerate(told)}
+    table(path, time=t, **columns)
+
+
+# --- drives --------------------------------------------------------------------------------------
+
+_DT, _FINE = 1e-3, 20
+
+
+def stepped(slope: Callable[[Array, float], list[float]], x: list[float], u: Array) -> Array:
+    """States ``(k, n)`` at samples of inputs that are held, by small steps of Heun's method."""
+    state, out, h = np.array(x), [], _DT / _FINE
+    for held in u:
+        out.append(state)
+        for _ in range(_FINE):
+            first = np.array(slope(state, held))
+            state = state + 0.5 * h * (first + slope(state + h * first, held))
+    return np.array(out)
+
+
+def _held(low: float, high: float, count: int = 15, each: int = 20) -> Array:
+    return np.repeat(np.random.default_rng(0).uniform(low, high, count), each)
+
+
+def motor(path: Path) -> None:
+    """The motor of a test: ``held.csv`` blocked, ``run.csv`` free, ``off.csv`` coasting."""
+    R, L, K, J, B, C = 1.3, 1.1e-3, 0.052, 6.2e-5, 4e-5, 3e-3
+    if path.stem == "off":
+        x = stepped(lambda x, _: [(-B * x[0] - C) / J], [150.0], np.zeros(300))
+        table(path, time=_DT * np.arange(300), speed=x[:, 0])
+        return
+    blocked = path.stem == "held"
+    V = _held(-6.0, 6.0) if blocked else _held(4.0, 12.0)
+
+    def slope(x: Array, V: float) -> list[float]:
+        i, w = x
+        return [(V - R * i - K * w) / L, 0.0 if blocked else (K * i - B * w - C) / J]
+
+    x = stepped(slope, [0.0, 0.0] if blocked else [1.0, 40.0], V)
+    more = {} if blocked else {"speed": x[:, 1]}
+    table(path, time=_DT * np.arange(len(V)), voltage=V, current=x[:, 0], **more)
+
+
+def flexible(path: Path) -> None:
+    """A joint whose link and motor are free."""
+    k, d, Jm, dm, Jl, dl = 900.0, 0.8, 0.4, 0.5, 0.9, 0.2
+
+    def slope(x: Array, tau: float) -> list[float]:
+        m, l, vm, vl = x  # noqa: E741 - the link
+        twist = k * (m - l) + d * (vm - vl)
+        return [vm, vl, (tau - twist - dm * vm) / Jm, (twist - dl * vl) / Jl]
+
+    tau = _held(-20.0, 20.0, 15, 40)
+    x = stepped(slope, [0.0] * 4, tau)
+    table(path, time=_DT * np.arange(len(tau)), torque=tau, motor=x[:, 0], link=x[:, 1])
+
+
+def bristles(path: Path) -> None:
+    """LuGre friction below breakaway (``small.csv``) and above it (``wide.csv``)."""
+    J, s0, s1, Fc, Fs, vs, s2 = 0.1, 1e4, 20.0, 1.0, 1.4, 0.05, 0.4
+
+    def slope(x: Array, tau: float) -> list[float]:
+        _, v, z = x
+        g = (Fc + (Fs - Fc) * np.exp(-((v / vs) ** 2))) / s0
+        dz = v - abs(v) / g * z
+        return [v, (tau - s0 * z - s1 * dz - s2 * v) / J, dz]
+
+    tau = _held(-0.9, 0.9) if path.stem == "small" else _held(-4.0, 4.0)
+    x = stepped(slope, [0.0] * 3, tau)
+    table(path, time=_DT * np.arange(len(tau)), torque=tau, position=x[:, 0])
+
+
+# --- by name -------------------------------------------------------------------------------------
+
+
+def written(text: str) -> Callable[[Path], None]:
+    """A file of this text."""
+    return lambda path: None if path.write_text(text) else None
+
+
+MAKERS: dict[str, Callable[[Path], None]] = {
+    "run.mcap": simulated,
+    "held.mcap": partial(simulated, holding=1.2),
+    "other.npz": partial(simulated, duration=1.0),
+    "other_run.mcap": partial(simulated, scene=ROBOT, seed=2),
+    "bag_of_my_robot": partial(bag, scene="panda"),
+    "bags/my_robot": partial(bag, scene="ur10"),
+    "bag_1": partial(bag, scene="ur10"),
+    "bag_2": partial(bag, scene="ur10", seed=2),
+    "ur10_exciting_trajectory.db3": partial(bag, scene="ur10"),
+    "panda_exciting_trajectory.db3": partial(bag, scene="panda"),
+    "table.csv": joint_table,
+    "my_arm.urdf": written(Path(ROBOT).read_text()),
+    "arm.urdf": written(Path(ROBOT).read_text()),
+    "my_scene.yaml": written("robot: {urdf: package://arm_sim/scenes/pendulum.urdf}\n"),
+    "better.yaml": written(
+        (models.SCENES / "panda.yaml").read_text()
+        + 'joints: {"*": {friction: {viscous: 0.8, coulomb: 0.6}}}\n'
+    ),
+    **dict.fromkeys(("held.csv", "run.csv", "off.csv"), motor),
+    "knocked.csv": flexible,
+    **dict.fromkeys(("small.csv", "wide.csv"), bristles),
+}
+
+_MODULE = """
+class Gentle:
+    def __init__(self, dynamics):
+        self.dynamics = dynamics
+
+    def torque(self, state, reference):
+        e = reference.q - state.q
+        return self.dynamics.gravity(state.q) + 20.0 * e - 5.0 * state.v
+"""
+MAKERS["my_package/my_module.py"] = written(_MODULE)
+
+
+def put(name: str, folder: Path, shelf: Path) -> None:
+    """Put a file into a folder; it is made once, on the shelf."""
+    made, there = shelf / name, folder / name
+    if not made.exists():
+        made.parent.mkdir(parents=True, exist_ok=True)
+        MAKERS[name](made)
+    there.parent.mkdir(parents=True, exist_ok=True)
+    (shutil.copytree if made.is_dir() else shutil.copy)(made, there)

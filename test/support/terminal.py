@@ -1,0 +1,257 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Types lines of a shell as a reader of a page would, and ends what they have started.
+
+``arm`` and ``ros2`` are found on the PATH, ``./arm`` in the folder. Commands that go on until
+Ctrl-C are watched until they work. Nodes then go on, so that later lines find them; recorders go
+on until a line names their file; the others are interrupted at once.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import re
+import signal
+import subprocess
+import sys
+import time
+import urllib.request
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+
+from harness import Ros, surroundings
+from rcl_interfaces.srv import ListParameters
+
+from arm_dynamics import InvalidInput
+from arm_sim import Recording
+
+ROOT = Path(__file__).parents[2]
+PATIENCE = 200.0  # [s] for a line, on a machine that does other things
+_ASK = f"exec {sys.executable} -I -S {ROOT}/test/support/forge.py"
+_ARM = f"""#!/bin/sh
+if [ "$1" = python ]; then
+    shift
+    case "$*" in *benchmarks*) cd {ROOT} ;; esac
+    exec {sys.executable} "$@"
+fi
+if [ "$1" = compare-controllers ]; then set -- controllers "$@"; fi
+case $1 in
+    bench) shift; cd {ROOT}; exec {sys.executable} -m benchmarks "$@" ;;
+    stress) cd {ROOT}; exec {sys.executable} -m benchmarks."$@" ;;
+    controllers) shift 2; cd {ROOT}; exec {sys.executable} -m benchmarks.controllers "$@" ;;
+esac
+"""
+_PYTHON = """
+import json, sys
+page = {"__name__": "__main__"}
+for line in sys.stdin:
+    exec(compile(json.loads(line), "the page", "exec"), page)
+    print("\\0done", flush=True)
+"""
+
+_NODE = re.compile(r"(?:\./arm|ros2 run \w+) (sim|controller|dynamics)\b")
+_SHOWN = re.compile(r"arm (?:watch|view)\b|ros2 topic (?:echo|pub (?!--once|-1))")
+_PICTURES = re.compile(r"--(?:html|png|gif|mp4)\b")
+_RECORDER = re.compile(r"arm record\b.*--out (\S+)")
+
+
+@contextmanager
+def forging(folder: Path) -> Iterator[Path]:
+    """Something that runs commands; yields its socket."""
+    path = folder / "forge"
+    words = [sys.executable, "-P", ROOT / "test/support/forge.py", path]
+    environment = surroundings(
+        MPLBACKEND="Agg", PYTHONPATH=os.pathsep.join(sys.path), OPENBLAS_NUM_THREADS="1"
+    )
+    process = subprocess.Popen(words, env=environment, cwd=folder)
+    try:
+        while not path.exists():
+            assert process.poll() is None
+            time.sleep(0.02)
+        yield path
+    finally:
+        process.kill()
+        process.wait()
+
+
+def _has_states(file: Path) -> bool:
+    """Whether a recorder has heard an arm; what names the topics is in its file before that."""
+    try:
+        return file.is_file() and len(Recording.load(file)) > 1
+    except InvalidInput:
+        return False
+
+
+class Started:
+    """A process that goes on, and what it prints."""
+
+    def __init__(self, line: str, folder: Path, environment: dict[str, str]) -> None:
+        self.line = line
+        self._log = folder / ".log"
+        with self._log.open("w") as log:
+            self._process = subprocess.Popen(
+                ["bash", "-c", line], cwd=folder, env=environment, stdin=subprocess.DEVNULL,
+                stdout=log, stderr=subprocess.STDOUT, start_new_session=True,
+            )  # fmt: skip
+        self._log = self._log.rename(folder / f".log-{self._process.pid}")
+
+    @property
+    def said(self) -> str:
+        return self._log.read_text()
+
+    def fail(self, what: str) -> NoReturn:
+        raise AssertionError(f"$ {self.line}\n{what}:\n{self.said[-3000:]}")
+
+    def wait(self, done: Any) -> None:
+        """Wait until it works; it must not end before."""
+        end = time.monotonic() + PATIENCE
+        while not done():
+            if self._process.poll() is not None:
+                self.fail(f"ended with {self._process.returncode}")
+            if time.monotonic() > end:
+                self.fail("does not work in time")
+            time.sleep(0.02)
+
+    def interrupt(self) -> None:
+        """Press Ctrl-C, and wait for a clean end."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGINT)
+        try:
+            status = self._process.wait(timeout=20.0)
+        except subprocess.TimeoutExpired:
+            self.kill()
+            self.fail("does not end at Ctrl-C")
+        if status not in (0, 130):
+            self.fail(f"ended with {status}")
+
+    def kill(self) -> None:
+        """Make sure that nothing stays behind."""
+        if self._process.poll() is None:
+            os.killpg(self._process.pid, signal.SIGKILL)
+            self._process.wait()
+
+
+class Terminal:
+    """A folder with a shell, a Python that stays, and a ROS domain of its own.
+
+    Args:
+        folder: Where everything happens.
+        forge: Socket of what runs the commands.
+    """
+
+    def __init__(self, folder: Path, forge: Path) -> None:
+        self.folder = folder
+        tools = folder / ".tools"
+        tools.mkdir()
+        for tool, before in {"arm": _ARM, "ros2": "#!/bin/sh\n"}.items():
+            (tools / tool).write_text(f'{before}{_ASK} {forge} {tool} "$@"\n')
+            (tools / tool).chmod(0o755)
+        (folder / "arm").symlink_to(tools / "arm")
+        self._ros: Ros | None = None
+        self._python: subprocess.Popen[str] | None = None
+        self._running: dict[str, Started] = {}
+        self._recorders: list[str] = []
+        self._environment = surroundings(
+            MPLBACKEND="Agg", PATH=f"{tools}:{os.environ['PATH']}",
+            ROS_LOG_DIR=str(folder / ".ros"), COLUMNS="100",
+            PYTHONPATH=f"{folder}:{os.environ.get('PYTHONPATH', '')}",
+        )  # fmt: skip
+
+    def python(self, text: str) -> None:
+        """Run a block in the Python of the page."""
+        if self._python is None:
+            self._python = subprocess.Popen(
+                [sys.executable, "-c", _PYTHON], cwd=self.folder, env=self._in_domain(),
+                stdin=subprocess.PIPE, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+            )  # fmt: skip
+        assert self._python.stdin and self._python.stdout
+        self._python.stdin.write(json.dumps(text) + "\n")
+        self._python.stdin.flush()
+        said = []
+        while (line := self._python.stdout.readline()) != "\0done\n":
+            assert line, "".join(said)[-3000:]
+            said.append(line)
+
+    def type(self, line: str, status: int = 0) -> str:
+        """Type a line; returns what it printed until it ended, with a status, or worked."""
+        for file in [file for file in self._recorders if file in line.split()]:
+            self._recorders.remove(file)
+            self._running.pop(file).interrupt()  # the recording is to be read
+        if found := _NODE.search(line):
+            name = re.search(r"__node:=(\w+)", line) or found
+            return self._node(name[1], line)
+        if (found := _RECORDER.search(line)) and "--duration" not in line:
+            started = self._begin(found[1], line)
+            self._recorders.append(found[1])
+            started.wait(lambda: _has_states(self.folder / found[1]))
+            return started.said
+        if _SHOWN.search(line) and not _PICTURES.search(line):
+            return self._first_words(line)
+        return self._to_the_end(line, status)
+
+    def close(self) -> None:
+        """End everything, the last first."""
+        try:
+            for name in reversed(list(self._running)):
+                self._running[name].interrupt()
+            self._running.clear()
+        finally:
+            for started in self._running.values():
+                started.kill()
+            if self._python is not None:
+                self._python.communicate(timeout=PATIENCE)
+            if self._ros is not None:
+                self._ros.close()
+
+    # --- how lines are run ---------------------------------------------------------------------
+
+    def _in_domain(self) -> dict[str, str]:
+        if self._ros is None:
+            self._ros = Ros()
+        return self._environment | {"ROS_DOMAIN_ID": str(self._ros.domain)}
+
+    def _begin(self, name: str, line: str) -> Started:
+        self._running[name] = Started(line, self.folder, self._in_domain())
+        return self._running[name]
+
+    def _node(self, name: str, line: str) -> str:
+        """A node that goes on, in place of one of its name; it works when it answers."""
+        if name in self._running:
+            if self._running[name].line == line:
+                return self._running[name].said
+            self._running.pop(name).interrupt()
+        started = self._begin(name, line)
+        assert self._ros is not None
+        ros, known = self._ros, f"/{name}/list_parameters"
+        client = ros.peer.create_client(ListParameters, known)
+        future: list[Any] = []
+
+        def answers() -> bool:
+            ros.spin_once()
+            if client.service_is_ready() and not future:
+                future.append(client.call_async(ListParameters.Request()))
+            return bool(future) and future[0].done()
+
+        started.wait(answers)
+        ros.peer.destroy_client(client)
+        return started.said
+
+    def _first_words(self, line: str) -> str:
+        started = self._begin(line, line)
+        sign = "http://" if "arm view" in line else "\n"
+        started.wait(lambda: sign in started.said)
+        if page := re.search(r"http://\S+", started.said):
+            with urllib.request.urlopen(page[0], timeout=PATIENCE) as answer:
+                assert answer.status == 200
+        self._running.pop(line).interrupt()
+        return started.said
+
+    def _to_the_end(self, line: str, status: int) -> str:
+        done = subprocess.run(
+            ["bash", "-c", line], cwd=self.folder, env=self._in_domain(), timeout=PATIENCE,
+            stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True,
+        )  # fmt: skip
+        assert done.returncode == status, f"$ {line}\n{done.stdout[-3000:]}"
+        return done.stdout
