@@ -2,5 +2,5 @@
 """The error of every method, step and tolerance on motions that are known.
 
 ``./arm python -m benchmarks.accuracy`` measures, holds the gates of the tests and writes
-``docs/accuracy.md``.
+``docs/laboratory/accuracy.md``.
 """

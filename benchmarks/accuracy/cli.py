@@ -26,7 +26,7 @@ EXAMPLES = """\b
 Examples:
   ./arm python -m benchmarks.accuracy                   every problem; a minute or two
   ./arm python -m benchmarks.accuracy --only Panda      one problem and the checks
-  ./arm python -m benchmarks.accuracy --docs            also renew docs/accuracy.md
+  ./arm python -m benchmarks.accuracy --docs            also renew docs/laboratory/accuracy.md
 """
 
 KINDS = ("fixed", "controlled", "scipy", "orders", "gates")
@@ -41,7 +41,7 @@ KINDS = ("fixed", "controlled", "scipy", "orders", "gates")
     show_default="benchmarks/results",
     help="Folder for accuracy.md, accuracy.json and figures/accuracy.png.",
 )
-@click.option("--docs", is_flag=True, help="Also renew docs/accuracy.md and its figure.")
+@click.option("--docs", is_flag=True, help="Also renew the page in docs/laboratory.")
 def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
     """Measure the error of every method, step and tolerance on motions that are known.
 
@@ -52,7 +52,7 @@ def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
     gates = tolerances()
     problems = chosen(all_problems(gates.TRAJECTORY), only)
     results = run(problems, gates, Console(stderr=True))
-    path = write(results, out, ROOT / "docs" if docs else None)
+    path = write(results, out, ROOT / "docs/laboratory" if docs else None)
     Console().print(summary(results))
     click.echo(f"report: {path}")
     sys.exit(0 if all(gate["kept"] for gate in results["gates"]) else 1)

@@ -2,5 +2,6 @@
 """Run time against error, here and in the simulators people could pick instead, in one run.
 
 Runs the studies, holds the promises against what they found, and writes the report and
-``docs/performance.md``. ``python -m benchmarks --help`` from the project root, or ``./arm bench``.
+``docs/laboratory/performance.md``. ``python -m benchmarks --help`` from the project root, or
+``./arm bench``.
 """

@@ -3,18 +3,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 
 import numpy as np
 
 from benchmarks.comparison.targets import cheapest
+from benchmarks.measurement.intervals import of_median
 from benchmarks.peers.base import OURS
 from benchmarks.studies.bench import Record
 
-KEPT, BROKEN = "kept", "broken"
-TOO_NOISY, MISSING = "too noisy to judge", "not measured"
-NOISY = 0.15  # of the probe's time, from its 10th to its 90th percentile
+KEPT, BROKEN, OPEN, MISSING = "kept", "broken", "open", "not measured"
 PANDA, FREE = "Panda", "free motion"
 ADAPTIVE = "dop853, adaptive"
 
@@ -27,7 +26,7 @@ class Claim:
         text: what is promised. limit: the largest value that keeps it.
         value: what was measured, None where a peer or a study is missing.
         unit: of both.
-        between: quartiles of what was measured round by round, None where only one number was.
+        between: confidence interval of the value; None for what is the same in every run.
     """
 
     text: str
@@ -36,30 +35,49 @@ class Claim:
     unit: str
     between: tuple[float, float] | None = None
 
-    def verdict(self, noisy: bool) -> str:
-        """Whether the promise holds in this run, or that this cannot be told.
-
-        A time is judged only where the host does not decide: quartiles on both sides of the limit
-        say nothing, and neither does a time above it while the same arithmetic took now this long
-        and now that.
-        """
+    @property
+    def verdict(self) -> str:
+        """Kept or broken if the whole interval is on one side of the limit, else open."""
         if self.value is None:
             return MISSING
-        if self.unit != "rad":
-            low, high = self.between or (self.value, self.value)
-            if low <= self.limit < high or (noisy and high > self.limit):
-                return TOO_NOISY
-        return KEPT if self.value <= self.limit else BROKEN
+        low, high = self.between or (self.value, self.value)
+        if high <= self.limit:
+            return KEPT
+        return BROKEN if low > self.limit else OPEN
 
 
 def check(results: Record) -> list[Record]:
     """Every claim with its verdict, from the results of all studies that ran."""
-    noisy = results.get("about", {}).get("noise", {}).get("spread_10_90", 0.0) > NOISY
     claims = [
         *_steps(results), *_errors(results), *_targets(results), *_rollouts(results),
         *_closed_chain(results), *_starts(results),
     ]  # fmt: skip
-    return [asdict(c) | {"verdict": c.verdict(noisy)} for c in claims]
+    return [asdict(c) | {"verdict": c.verdict} for c in claims]
+
+
+# A number for each round of interleaved measurements. Ratios are taken round by round, as a slow
+# second slows both sides down.
+Rounds = Sequence[float]
+
+
+def _timed(text: str, value: float | None, rounds: Rounds, limit: float, unit: str = "×") -> Claim:
+    """A claim on times, whose value is the median of what the rounds gave."""
+    if value is None:
+        return Claim(text, None, limit, unit)
+    if rounds:
+        value = float(np.median(rounds))
+    return Claim(text, value, limit, unit, of_median(rounds))
+
+
+def _ratios(mine: Rounds, theirs: Rounds) -> Rounds:
+    return [a / b for a, b in zip(mine, theirs, strict=True)] if mine and theirs else ()
+
+
+def _per_round(rows: Sequence[Record], key: str, best: Callable[..., float]) -> Rounds:
+    """The best of some rows, round by round."""
+    if not rows or not all(key in row for row in rows):
+        return ()
+    return [best(taken) for taken in zip(*(row[key] for row in rows), strict=True)]
 
 
 def _steps(results: Record) -> list[Claim]:
@@ -76,14 +94,10 @@ def _steps(results: Record) -> list[Claim]:
 
 
 def _paired(text: str, mine: Record | None, theirs: Record | None, limit: float) -> Claim:
-    """A claim on a ratio, taken round by round, as a slow second slows both down."""
     if mine is None or theirs is None:
         return Claim(text, None, limit, "×")
-    if not (mine.get("rounds_ns") and theirs.get("rounds_ns")):  # of an earlier report
-        return Claim(text, _ratio(mine["ns"], theirs["ns"]), limit, "×")
-    ratios = np.divide(mine["rounds_ns"], theirs["rounds_ns"])
-    low, median, high = map(float, np.percentile(ratios, [25, 50, 75]))
-    return Claim(text, median, limit, "×", (low, high))
+    ratios = _ratios(mine.get("rounds_ns", ()), theirs.get("rounds_ns", ()))
+    return _timed(text, _ratio(mine["ns"], theirs["ns"]), ratios, limit)
 
 
 def _errors(results: Record) -> list[Claim]:
@@ -99,30 +113,47 @@ def _targets(results: Record) -> list[Claim]:
     points = results.get("work_precision", {}).get("points", [])
     here = [p for p in points if (p["robot"], p["scenario"]) == (PANDA, FREE)]
 
-    def least(family: Callable[[str], bool], target: float) -> float | None:
-        found = cheapest((p for p in here if family(p["family"])), target)
+    def least(family: Callable[[str], bool], target: float, k: int | None = None) -> float | None:
+        """Least time to an error, in all rounds or in one."""
+        found = cheapest((_in_round(p, k) for p in here if family(p["family"])), target)
         return found[0] if found else None
 
-    def against(peer: str, target: float) -> float | None:
-        return _ratio(least(OURS.__eq__, target), least(peer.__eq__, target))
+    def against(text: str, whose: Callable[[str], bool], target: float, limit: float) -> Claim:
+        def ratio(k: int | None = None) -> float | None:
+            return _ratio(least(OURS.__eq__, target, k), least(whose, target, k))
 
-    fastest = _ratio(least(OURS.__eq__, 1e-9), least(OURS.__ne__, 1e-9))
+        count = min((len(p.get("rounds_s", ())) for p in here), default=0)
+        rounds = [r for k in range(count) if (r := ratio(k)) is not None]
+        return _timed(text, ratio(), rounds, limit)
+
     return [
-        Claim("1 s of Panda to 2e-6 rad ÷ MuJoCo's best", against("MuJoCo", 2e-6), 1 / 12, "×"),
-        Claim("1 s of Panda to 2e-6 rad ÷ Drake's best", against("Drake", 2e-6), 1 / 100, "×"),
-        Claim("1 s of Panda to 1e-9 rad ÷ the fastest peer", fastest, 1.0, "×"),
+        against("1 s of Panda to 2e-6 rad ÷ MuJoCo's best", "MuJoCo".__eq__, 2e-6, 1 / 12),
+        against("1 s of Panda to 2e-6 rad ÷ Drake's best", "Drake".__eq__, 2e-6, 1 / 100),
+        against("1 s of Panda to 1e-9 rad ÷ the fastest peer", OURS.__ne__, 1e-9, 1.0),
     ]
+
+
+def _in_round(point: Record, k: int | None) -> Record:
+    return point if k is None else point | {"cpu_s": point["rounds_s"][k]}
 
 
 def _rollouts(results: Record) -> list[Claim]:
     rows = [r for r in results.get("rollouts", {}).get("rows", []) if r["robot"] == PANDA]
-    theirs = _best_rate(rows, "MuJoCo RK4")
-    widest, narrow = _best_rate(rows, f"{OURS} rk4"), _best_rate(rows, f"{OURS} rk4, 256 bits")
+
+    def least(who: str) -> Rounds:
+        return _per_round([r for r in rows if r["who"] == who], "rounds_s_per_core", min)
+
+    peer = "MuJoCo RK4"
     return [
-        Claim("MuJoCo's RK4 arm-steps/s/core ÷ ours, widest vectors",
-              _ratio(theirs, widest), 1 / 20, "×"),
-        Claim("MuJoCo's RK4 arm-steps/s/core ÷ ours, 256 bits",
-              _ratio(theirs, narrow), 1 / 15, "×"),
+        _timed(
+            f"MuJoCo's RK4 arm-steps/s/core ÷ ours, {text}",
+            _ratio(_best_rate(rows, peer), _best_rate(rows, who)),
+            _ratios(least(who), least(peer)), limit,
+        )
+        for text, who, limit in (
+            ("widest vectors", f"{OURS} rk4", 1 / 20),
+            ("256 bits", f"{OURS} rk4, 256 bits", 1 / 15),
+        )
     ]  # fmt: skip
 
 
@@ -131,16 +162,31 @@ def _closed_chain(results: Record) -> list[Claim]:
     rows = found.get("rows", [])
     mine = [r for r in rows if r["who"].startswith(OURS)]
     theirs = [r for r in rows if not r["who"].startswith(OURS)]
-    step = next((r["ns"] for r in mine if r["step"] == 1e-3), None)
+    step = next((r for r in mine if r["step"] == 1e-3), {})
     error = min((r["error"] for r in theirs), default=0.0)
-    cheap = min((_second(r) for r in mine if r["error"] <= error), default=None)
-    best = min((_second(r) for r in theirs if r["error"] <= 2.0 * error), default=None)
+    cheap = [r for r in mine if r["error"] <= error]
+    best = [r for r in theirs if r["error"] <= 2.0 * error]
     four = 4.0 * found["pinocchio_ns"] if found else None
+    fours = [4.0 * ns for ns in found.get("pinocchio_rounds_ns", ())]
     return [
-        Claim("RK4 step of a four-bar ÷ four of Pinocchio's constraintDynamics from C++",
-              _ratio(step, four), 1.0, "×"),
-        Claim("1 s of a four-bar to MuJoCo's least error ÷ MuJoCo", _ratio(cheap, best), 1.0, "×"),
+        _timed("RK4 step of a four-bar ÷ four of Pinocchio's constraintDynamics from C++",
+               _ratio(step.get("ns"), four), _ratios(step.get("rounds_ns", ()), fours), 1.0),
+        _timed("1 s of a four-bar to MuJoCo's least error ÷ MuJoCo",
+               _ratio(_least_second(cheap), _least_second(best)),
+               _ratios(_seconds(cheap), _seconds(best)), 1.0),
     ]  # fmt: skip
+
+
+def _least_second(rows: Sequence[Record]) -> float | None:
+    return min(map(_second, rows), default=None)
+
+
+def _seconds(rows: Sequence[Record]) -> Rounds:
+    """What a simulated second takes in the best row, round by round, in [ns]."""
+    scaled = [
+        {"rounds": [ns / r["step"] for ns in r["rounds_ns"]]} for r in rows if "rounds_ns" in r
+    ]
+    return _per_round(scaled, "rounds", min)
 
 
 def _second(row: Record) -> float:
@@ -156,18 +202,21 @@ def _starts(results: Record) -> list[Claim]:
     work = {r["joints"]: r["cold_s"]["processor"] - r["cached_s"]["processor"]
             for r in rows if "Chain" in r["robot"]}  # fmt: skip
     starts = {r["robot"]: r for r in rows}
-    large = [
-        Claim(f"{kind} start of {name}", starts.get(name, {}).get(key, {}).get(total), limit, "s")
-        for name, cold, cached in (("TIAGo", 30.0, 15.0), ("TIAGo with two arms", 60.0, 30.0))
-        for kind, key, limit in (("cold", "cold_s", cold), ("cached", "cached_s", cached))
-    ]
+    starts |= {PANDA: panda or {}}
+
+    def start(name: str, kind: str, limit: float) -> Claim:
+        row = starts.get(name, {})
+        rounds = row.get(f"{kind}_rounds_s", ())
+        return _timed(f"{kind} start of {name}", row.get(f"{kind}_s", {}).get(total), rounds,
+                      limit, "s")  # fmt: skip
+
     return [
-        *large,
-        Claim("cached start of Panda", panda and panda["cached_s"][total], 0.3, "s"),
-        Claim("cold start of Panda", panda and panda["cold_s"][total], 5.0, "s"),
-        Claim("compile time, 50 joints ÷ 10", _ratio(work.get(50), work.get(10)), 5.0, "×"),
+        start("TIAGo", "cold", 30.0), start("TIAGo", "cached", 15.0),
+        start("TIAGo with two arms", "cold", 60.0), start("TIAGo with two arms", "cached", 30.0),
+        start(PANDA, "cached", 0.3), start(PANDA, "cold", 5.0),
+        _timed("compile time, 50 joints ÷ 10", _ratio(work.get(50), work.get(10)), (), 5.0),
         Claim("code size, 50 joints ÷ 10", _ratio(code.get(50), code.get(10)), 5.0, "×"),
-    ]
+    ]  # fmt: skip
 
 
 def _row(results: Record, what: str, start: str) -> Record | None:

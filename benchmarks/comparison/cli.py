@@ -21,7 +21,7 @@ Examples:
   ./arm bench --quick                  under two minutes, Panda only
   ./arm bench --only cost --only rollouts
   ./arm bench --out /tmp/report        somewhere else than benchmarks/results
-  ./arm bench --docs                   also renew docs/performance.md
+  ./arm bench --docs                   also renew docs/laboratory/performance.md
   ./arm bench --again benchmarks/results/report.json --docs    the same without measuring
 """
 
@@ -41,7 +41,7 @@ Examples:
     show_default="benchmarks/results",
     help="Folder for report.md, report.json and the figures.",
 )
-@click.option("--docs", is_flag=True, help="Also renew docs/performance.md and its figures.")
+@click.option("--docs", is_flag=True, help="Also renew the page in docs/laboratory.")
 @click.option(
     "--again",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
@@ -65,7 +65,7 @@ def main(quick: bool, only: tuple[str, ...], out: Path, docs: bool, again: Path 
     console.print(summary(results))
     console.print(f"report: {path}")
     if docs:
-        console.print(f"page: {write_page(results, ROOT / 'docs')}")
+        console.print(f"page: {write_page(results, ROOT / 'docs/laboratory')}")
 
 
 def _earlier(path: Path, docs: bool) -> Record:

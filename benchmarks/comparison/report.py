@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The results as JSON, as Markdown for people with figures, and as ``docs/performance.md``."""
+"""The results as JSON, as Markdown with figures, and as ``docs/laboratory/performance.md``."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from pathlib import Path
 from rich.table import Table
 
 from benchmarks.comparison import figures, sections
-from benchmarks.comparison.claims import BROKEN, KEPT, TOO_NOISY
+from benchmarks.comparison.claims import BROKEN, KEPT, OPEN
 from benchmarks.reporting.markdown import quantity, wrapped
 from benchmarks.studies.bench import Record
 
 TEMPLATE = Path(__file__).with_name("page.md")
 FIGURES = "figures/"
-_COLOURS = {KEPT: "[green]", BROKEN: "[red]", TOO_NOISY: "[yellow]"}
+_COLOURS = {KEPT: "[green]", BROKEN: "[red]", OPEN: "[yellow]"}
 
 
 def write(results: Record, out: Path) -> Path:
@@ -49,18 +49,18 @@ def save(results: Record, out: Path) -> None:
 
 def summary(results: Record) -> Table:
     """The promises and what was measured, for the terminal."""
-    table = Table("promise", "measured", "allowed", "")
+    table = Table("promise", "measured", "95 % interval", "allowed", "")
     for claim in results["claims"]:
         verdict = _COLOURS.get(claim["verdict"], "") + claim["verdict"]
         table.add_row(
-            claim["text"], quantity(claim["value"], claim["unit"]),
+            claim["text"], quantity(claim["value"], claim["unit"]), sections.interval(claim),
             quantity(claim["limit"], claim["unit"]), verdict,
         )  # fmt: skip
     return table
 
 
 def write_page(results: Record, docs: Path) -> Path:
-    """Write ``docs/performance.md``: words from page.md, tables and figures from the results.
+    """Write performance.md: words from page.md, tables and figures from the results.
 
     Args:
         results: of all studies.

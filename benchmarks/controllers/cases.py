@@ -43,7 +43,7 @@ class Arm:
 
     Attributes:
         title: Its name for people.
-        scene: Name of its scene.
+        scene: Its scene, by name or path.
         frame: Frame that carries the payload and draws the line.
         axes: Axes of the task.
         payload: Mass in the hand in [kg].
@@ -60,6 +60,11 @@ class Arm:
     step: tuple[float, float, float]
     speeds: tuple[float, float]
     coulomb: tuple[float, ...]
+
+    @property
+    def key(self) -> str:
+        """Its name in files."""
+        return Path(self.scene).stem
 
     @cached_property
     def nominal(self) -> Dynamics:
@@ -124,21 +129,22 @@ class Arm:
         return led.sample, 1.5 + STAY
 
     def _scene(self, payload: float, joints: dict[str, Any] | None = None) -> Scene:
-        given = load_scene(SCENES / f"{self.scene}.yaml").model_dump(exclude_none=True)
+        given = load_scene(self.scene).model_dump(exclude_none=True)
         for name, settings in (joints or {}).items():
             mine = given["joints"].setdefault(name, {})
             for key, values in settings.items():
                 mine.setdefault(key, {}).update(values)
-        given["payloads"] = [{"frame": self.frame, "mass": payload}]
+        given["payloads"] = [*given["payloads"], {"frame": self.frame, "mass": payload}]
         return load_scene(given)
 
 
 ARMS = {
     "panda": Arm(
-        "Panda", "panda", "panda_hand_tcp", "pose", 1.5, (0.1, 0.35, -0.15), (0.15, 0.5),
-        (1.2, 1.2, 1.0, 1.0, 0.4, 0.4, 0.3),
+        "Panda", str(SCENES / "panda.yaml"), "panda_hand_tcp", "pose", 1.5,
+        (0.1, 0.35, -0.15), (0.15, 0.5), (1.2, 1.2, 1.0, 1.0, 0.4, 0.4, 0.3),
     ),
     "two_link": Arm(
-        "2R arm", "two_link", "tip", ("x", "z"), 0.8, (-0.3, 0.0, 0.35), (0.3, 1.0), (1.0, 0.4),
+        "2R arm", str(SCENES / "two_link.yaml"), "tip", ("x", "z"), 0.8,
+        (-0.3, 0.0, 0.35), (0.3, 1.0), (1.0, 0.4),
     ),
 }  # fmt: skip

@@ -4,55 +4,114 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict
 from pathlib import Path
 
 import click
+from rich.console import Console
 from rich.progress import Progress
 
+from arm_dynamics.control.custom import Maker
+from arm_dynamics.exceptions import ArmError
+from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import console, examples, show, table
-from benchmarks.controllers.cases import ARMS
+from arm_sim.cli.vectors import Vector, VectorType
+from benchmarks.controllers.cases import ARMS, Arm
+from benchmarks.controllers.contenders import contenders
 from benchmarks.controllers.figures import draw
 from benchmarks.controllers.measure import Result, compare, count
+from benchmarks.controllers.own import arm_of
 
 
 @click.command(
     epilog=examples(
         "./arm compare-controllers",
         "./arm compare-controllers --arm two_link --out /tmp/compared",
+        "./arm compare-controllers ur5e --frame tool0",
+        "./arm compare-controllers my_arm.urdf --controller my_package.control:Mine",
     ),
 )
+@click.argument("scenes", metavar="[SCENE]...", type=SCENE, nargs=-1)
 @click.option(
     "--arm", "arms", multiple=True, type=click.Choice(list(ARMS)),
-    help="Arm to compare on; may be repeated. All when omitted.",
+    help="One of the two arms of docs/concepts/control.md; both where nothing is said.",
 )  # fmt: skip
 @click.option(
-    "--out", type=click.Path(path_type=Path), default=Path("compare-controllers"),
+    "--controller", "own", multiple=True, metavar="PACKAGE.MODULE:CLASS",
+    help="A controller of your own, beside the nine; may be repeated.",
+)  # fmt: skip
+@click.option(
+    "--frame", help="Of SCENE: what draws the line; the last frame that moves if not said."
+)
+@click.option(
+    "--step", type=VectorType(), metavar='"X Y Z"',
+    help="Of SCENE: the line from the start, in m; one that the arm can follow if not said.",
+)  # fmt: skip
+@click.option(
+    "--payload", type=click.FloatRange(0.0, min_open=True),
+    help="Of SCENE: mass in the hand, in kg; 5 % of the moving mass if not said.",
+)  # fmt: skip
+@click.option(
+    "--out", type=click.Path(file_okay=False, path_type=Path),
+    default=Path("reports/compare-controllers"),
     show_default=True, help="Folder for the figures and the numbers.",
 )  # fmt: skip
-def main(arms: tuple[str, ...], out: Path) -> None:
+@click.option("--json", "as_json", is_flag=True, help="Print all numbers as JSON, and no tables.")
+def main(
+    scenes: tuple[str, ...],
+    arms: tuple[str, ...],
+    own: tuple[str, ...],
+    frame: str | None,
+    step: Vector | None,
+    payload: float | None,
+    out: Path,
+    as_json: bool,
+) -> None:
     """Compare nine controllers on an arm that matches their model, and on three that do not.
 
-    Every controller has the same bandwidth. Tables show, for each case, the errors of the hand,
-    overshoot, settling time, effort and energy; figures and all numbers go to a folder.
+    The arm is that of SCENE, or two that are known well. Every controller has the same bandwidth.
+    Tables show, for each case, the errors of the hand, overshoot, settling time, effort and
+    energy; figures and all numbers go to a folder.
     """
-    chosen = tuple(dict.fromkeys(arms)) or tuple(ARMS)
-    screen = console()
-    with Progress(console=screen, transient=True) as progress:
-        bar = progress.add_task("comparing", total=count(chosen))
-        results = compare(chosen, lambda text: progress.update(bar, advance=1, description=text))
+    try:
+        chosen = [ARMS[name] for name in dict.fromkeys(arms)]
+        chosen += [arm_of(scene, frame, _step(step), payload) for scene in scenes]
+        competing = contenders(own)
+        results = _compared(chosen or list(ARMS.values()), competing)
+    except ArmError as error:
+        raise click.ClickException(str(error)) from None
+    path = out / "compare_controllers.json"
+    files = [*draw(results, out), _write(results, path)]
+    if as_json:
+        click.echo(path.read_text(encoding="utf-8"))
+        return
     print_tables(results)
-    files = [*draw(results, out), _write(results, out / "compare_controllers.json")]
-    screen.print("written: " + ", ".join(str(path) for path in files))
+    console().print("written: " + ", ".join(str(path) for path in files))
+
+
+def _step(given: Vector | None) -> list[float] | None:
+    if given is None:
+        return None
+    if len(given.rows) != 1 or len(given.rows[0]) != 3:
+        raise click.UsageError("--step: 3 numbers are expected, x y z in m")
+    return list(given.rows[0])
+
+
+def _compared(arms: Sequence[Arm], competing: Mapping[str, str | Maker]) -> list[Result]:
+    with Progress(console=Console(stderr=True), transient=True) as progress:
+        bar = progress.add_task("comparing", total=count(arms, competing))
+        return compare(
+            arms, competing, lambda text: progress.update(bar, advance=1, description=text)
+        )
 
 
 def print_tables(results: Sequence[Result]) -> None:
     """Print a table for each arm, task and pace."""
     screen = console()
-    for arm, task, pace in dict.fromkeys((r.arm, r.task, r.pace) for r in results):
-        screen.print(f"\n{ARMS[arm].title}: {task}, {pace}", style="bold")
-        mine = [r for r in results if (r.arm, r.task, r.pace) == (arm, task, pace)]
+    for title, task, pace in dict.fromkeys((r.title, r.task, r.pace) for r in results):
+        screen.print(f"\n{title}: {task}, {pace}", style="bold")
+        mine = [r for r in results if (r.title, r.task, r.pace) == (title, task, pace)]
         order = list(dict.fromkeys(r.controller for r in mine))
         rows = [_row(r) for r in sorted(mine, key=lambda r: order.index(r.controller))]
         show(screen, table(_HEADS, _named_once(rows), text=(0, 1)))

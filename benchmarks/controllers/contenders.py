@@ -3,14 +3,17 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from arm_dynamics.arrays import Array
-from arm_dynamics.control import AnyController, Settings, make_controller
+from arm_dynamics.control import AnyController, Settings, load_controller, make_controller
+from arm_dynamics.control.custom import Maker
 from benchmarks.controllers.cases import Arm
 
 OMEGA = 15.0  # [rad/s], critically damped
 OBSERVER = 40.0  # [1/s]
 
-CONTENDERS = {
+CONTENDERS: dict[str, str | Maker] = {
     "PD": "pd",
     "PID": "pid",
     "PD + gravity": "pd_gravity",
@@ -23,18 +26,31 @@ CONTENDERS = {
 }
 
 
-def contender(title: str, arm: Arm, dt: float, limit: Array) -> AnyController:
-    """Make one of ``CONTENDERS``.
+def contenders(own: Sequence[str] = ()) -> dict[str, str | Maker]:
+    """Titles of all that compete, with their names or what makes them.
+
+    Args:
+        own: Further ones, as ``package.module:Class``.
+
+    Raises:
+        InvalidInput: If there is no such class.
+    """
+    return CONTENDERS | {name.partition(":")[2]: load_controller(name) for name in own}
+
+
+def contender(title: str, arm: Arm, dt: float, limit: Array, name: str | Maker) -> AnyController:
+    """Make one of ``contenders``.
 
     Args:
         title: Its title.
         arm: What it controls; the nominal model is what it knows.
         dt: Time between calls in [s].
         limit: The plant's torque limits in [N m], for what remembers, shape (n,).
+        name: Its name, or what makes it.
     """
-    feeds = CONTENDERS[title] in ("operational_space", "cartesian_impedance")
+    feeds = name in ("operational_space", "cartesian_impedance")
     settings = Settings(
         dt=dt, bandwidth=OMEGA, frame=arm.frame, axes=arm.axes, friction=feeds, limit=limit,
         observer=OBSERVER if title.endswith("observer") else 0.0,
     )  # fmt: skip
-    return make_controller(CONTENDERS[title], arm.nominal, settings)
+    return make_controller(name, arm.nominal, settings)

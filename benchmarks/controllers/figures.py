@@ -10,8 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from benchmarks.controllers.cases import ARMS, PACES, PLANTS
-from benchmarks.controllers.contenders import CONTENDERS
+from benchmarks.controllers.cases import PACES, PLANTS
 from benchmarks.controllers.measure import Result
 
 _COLOURS = ("#1b9e77", "#d95f02", "#7570b3", "#e7298a")  # colour-blind safe (ColorBrewer Dark2)
@@ -40,11 +39,15 @@ def draw(results: Sequence[Result], folder: Path) -> list[Path]:
     return written
 
 
+def _names(results: Sequence[Result]) -> list[str]:
+    return list(dict.fromkeys(result.controller for result in results))
+
+
 def _errors(results: Sequence[Result]) -> Figure:
     """Dots: every controller a row, every plant a colour."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     axes = figure.subplots(2, 2, sharey=True)
-    figure.suptitle(f"{ARMS[results[0].arm].title}: errors of the hand")
+    figure.suptitle(f"{results[0].title}: errors of the hand")
     for column, pace in enumerate(PACES):
         line = [r for r in results if r.pace == pace and r.task == "line"]
         _dots(axes[0, column], line, [r.error for r in line])
@@ -58,7 +61,7 @@ def _errors(results: Sequence[Result]) -> Figure:
 
 
 def _dots(axis: Axes, results: Sequence[Result], values: Sequence[float]) -> None:
-    names = list(CONTENDERS)
+    names = _names(results)
     for i, plant in enumerate(PLANTS):
         rows = [(names.index(r.controller), x) for r, x in zip(results, values, strict=True)
                 if r.plant == plant]  # fmt: skip
@@ -79,12 +82,11 @@ def _courses(results: Sequence[Result]) -> Figure:
     """Error over time of the fast line, one panel for each plant."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     axes = figure.subplots(2, 2, sharex=True, sharey=True)
-    figure.suptitle(
-        f"{ARMS[results[0].arm].title}: fast straight line, distance from the reference"
-    )
-    shades = [f"C{i}" for i in range(len(CONTENDERS))]
+    figure.suptitle(f"{results[0].title}: fast straight line, distance from the reference")
+    names = _names(results)
+    shades = [f"C{i % 10}" for i in range(len(names))]
     for axis, plant in zip(np.ravel(axes), PLANTS, strict=True):
-        for shade, controller in zip(shades, CONTENDERS, strict=True):
+        for shade, controller in zip(shades, names, strict=True):
             key = (plant, "line", "fast", controller)
             mine = next(r for r in results if (r.plant, r.task, r.pace, r.controller) == key)
             axis.plot(mine.time, np.maximum(mine.course, _LEAST), color=shade, label=controller)

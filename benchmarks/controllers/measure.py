@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -11,11 +11,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.control.custom import Maker
 from arm_dynamics.trajectory import Reference
 from arm_sim.exceptions import SimulationDiverged
 from arm_sim.recording.recording import Recording
 from arm_sim.simulator import Simulator
-from benchmarks.controllers.cases import ARMS, JUMP, PACES, PLANTS, STAY, TASKS, Arm
+from benchmarks.controllers.cases import JUMP, PACES, PLANTS, STAY, TASKS, Arm
 from benchmarks.controllers.contenders import CONTENDERS, contender
 
 _SETTLED = 0.02  # of the way
@@ -27,6 +28,7 @@ class Result:
 
     Attributes:
         arm: Key of the arm.
+        title: Its title.
         plant: Key of the plant.
         task: ``regulation`` or ``line``.
         pace: ``slow`` or ``fast``.
@@ -45,6 +47,7 @@ class Result:
     """
 
     arm: str
+    title: str
     plant: str
     task: str
     pace: str
@@ -61,48 +64,60 @@ class Result:
     course: Array
 
 
-def compare(arms: tuple[str, ...], advance: Callable[[str], None]) -> list[Result]:
+def compare(
+    arms: Sequence[Arm], competing: Mapping[str, str | Maker], advance: Callable[[str], None]
+) -> list[Result]:
     """Run everything.
 
     Args:
-        arms: Keys of ``ARMS``.
+        arms: What is compared on.
+        competing: The controllers, see ``contenders``.
         advance: Called with what was done after every run.
     """
     results = []
-    for key, plant, result in _runs(arms):
+    for result in _runs(arms, competing):
         results.append(result)
-        advance(f"{ARMS[key].title}, {plant}")
+        advance(f"{result.title}, {result.plant}")
     return results
 
 
-def count(arms: tuple[str, ...]) -> int:
+def count(arms: Sequence[Arm], competing: Mapping[str, str | Maker]) -> int:
     """Number of runs of ``compare``."""
-    return len(arms) * len(PLANTS) * len(TASKS) * len(PACES) * len(CONTENDERS)
+    return len(arms) * len(PLANTS) * len(TASKS) * len(PACES) * len(competing)
 
 
-def _runs(arms: tuple[str, ...]) -> Iterator[tuple[str, str, Result]]:
-    for key in arms:
+def _runs(arms: Sequence[Arm], competing: Mapping[str, str | Maker]) -> Iterator[Result]:
+    for arm in arms:
         for plant in PLANTS:
-            sim = Simulator(ARMS[key].plant(plant), dt=1e-3)
+            sim = Simulator(arm.plant(plant), dt=1e-3)
             for task in TASKS:
                 for pace in PACES:
-                    for controller in CONTENDERS:
-                        yield key, plant, run(key, sim, plant, task, pace, controller)
+                    for controller, name in competing.items():
+                        yield run(arm, sim, plant, task, pace, controller, name)
 
 
-def run(key: str, sim: Simulator, plant: str, task: str, pace: str, controller: str) -> Result:
+def run(
+    arm: Arm,
+    sim: Simulator,
+    plant: str,
+    task: str,
+    pace: str,
+    controller: str,
+    name: str | Maker | None = None,
+) -> Result:
     """Run one contender on one case.
 
     Args:
-        key: Key of the arm.
+        arm: What it controls.
         sim: Simulator of the plant.
         plant: Its key.
         task: One of ``TASKS``.
         pace: One of ``PACES``.
-        controller: One of ``CONTENDERS``.
+        controller: Title of a contender.
+        name: Its name, or what makes it; None for that of ``CONTENDERS``.
     """
-    arm, limit = ARMS[key], sim.model.effort_limit
-    control = contender(controller, arm, sim.dt, limit)
+    limit = sim.model.effort_limit
+    control = contender(controller, arm, sim.dt, limit, name or CONTENDERS[controller])
     sample, duration = arm.motion(task, pace)
     sim.reset()
     try:
@@ -114,7 +129,7 @@ def run(key: str, sim: Simulator, plant: str, task: str, pace: str, controller: 
         assert error.recording is not None
         done = error.recording
     numbers = _measured(arm, done, sample, task, pace, limit)
-    return Result(key, plant, task, pace, controller, **numbers)
+    return Result(arm.key, arm.title, plant, task, pace, controller, **numbers)
 
 
 def _measured(

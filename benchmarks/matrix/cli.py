@@ -31,7 +31,7 @@ EXAMPLES = """\b
 Examples:
   ./arm python -m benchmarks.matrix                   every pair on both arms; half an hour
   ./arm python -m benchmarks.matrix --arm planar      one arm
-  ./arm python -m benchmarks.matrix --docs            also renew docs/features-together.md
+  ./arm python -m benchmarks.matrix --docs            also renew the page in docs/
 """
 
 
@@ -46,7 +46,7 @@ Examples:
 )
 @click.option("--jobs", default=2, show_default=True, help="Processes.")
 @click.option("--resume", is_flag=True, help="Keep what an interrupted run has measured.")
-@click.option("--docs", is_flag=True, help="Also renew docs/features-together.md.")
+@click.option("--docs", is_flag=True, help="Also renew docs/laboratory/features-together.md.")
 def main(arms: tuple[str, ...], out: Path, jobs: int, resume: bool, docs: bool) -> None:
     """Compare every pair of features, and many at once, with independent solutions.
 
@@ -64,7 +64,7 @@ def main(arms: tuple[str, ...], out: Path, jobs: int, resume: bool, docs: bool) 
                 results[arm][name] = found
                 results["elapsed_s"] = time.perf_counter() - began
                 keep(results, out)
-    path = write(results, out, ROOT / "docs" if docs else None)
+    path = write(results, out, ROOT / "docs/laboratory" if docs else None)
     bad = complaints(results, known)
     for line in bad:
         console.print(line)

@@ -84,9 +84,9 @@ def _pairs(results: Results, arm: str) -> str:
                 _cell(found.get(solutions.label(pair)), "position" if i <= j else "account")
             )
         rows.append([f"**{one}**", *cells])
-    head = f"**{arm}**: above the diagonal and on it (the feature alone) the largest error of a" \
-        " position in rad, below it what is missing in the account of energy, as a part of what" \
-        " moved."  # fmt: skip
+    head = f"**{arm}**: above the diagonal and on it (the feature alone) the largest" \
+        " position error in rad, below it the error of the energy account relative to the energy" \
+        " that was exchanged."  # fmt: skip
     return f"{head}\n\n{table(['', *features.ALL], rows)}"
 
 

@@ -34,7 +34,7 @@ Examples:
   ./arm stress --seed 1000           others
   ./arm stress --only arms --seed 17 --runs 1        one arm again, with every method and step
   ./arm stress --only features --seed 17 --runs 5    one set of features again
-  ./arm stress --docs                also renews docs/stability.md
+  ./arm stress --docs                also renews docs/laboratory/stability.md
 """
 
 
@@ -64,7 +64,7 @@ Examples:
     show_default="benchmarks/results",
     help="Folder for stability.md, stability*.json and figures/stability.png.",
 )  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also renew docs/stability.md and its figure.")
+@click.option("--docs", is_flag=True, help="Also renew the page in docs/laboratory.")
 def main(
     wanted: int | None, only: str | None, seed: int, quick: bool, workers: int, backend: str,
     out: Path, docs: bool,
@@ -77,7 +77,7 @@ def main(
     it). Each run is compared with a run under tight error control. Ends with an error if a run is
     wrong without saying so.
     """
-    console, pages = Console(stderr=True), ROOT / "docs" if docs else None
+    console, pages = Console(stderr=True), ROOT / "docs/laboratory" if docs else None
     bad = False
     if only != "features":
         plan = Plan(backend=backend)

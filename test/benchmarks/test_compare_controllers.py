@@ -3,18 +3,25 @@
 
 from __future__ import annotations
 
+import json
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 from click.testing import CliRunner
 
+import models
+from arm_dynamics import ArmModel, load_scene
+from arm_dynamics.control import load_controller
 from arm_sim import Simulator
+from benchmarks.controllers import cli
 from benchmarks.controllers.cases import ARMS, PACES, PLANTS, TASKS
 from benchmarks.controllers.cli import main, print_tables
 from benchmarks.controllers.contenders import CONTENDERS
 from benchmarks.controllers.figures import draw
 from benchmarks.controllers.measure import Result, run
+from benchmarks.controllers.own import arm_of
 
 
 @pytest.fixture(scope="module")
@@ -23,7 +30,7 @@ def plants() -> dict[str, Simulator]:
 
 
 def measured(plants: dict[str, Simulator], plant: str, controller: str, *case: str) -> Result:
-    return run("two_link", plants[plant], plant, *case, controller)
+    return run(ARMS["two_link"], plants[plant], plant, *case, controller)
 
 
 def test_plants_differ_as_they_say() -> None:
@@ -77,8 +84,9 @@ def test_numbers_of_a_run(plants: dict[str, Simulator]) -> None:
 def invented(error: float) -> list[Result]:
     time = np.linspace(0.0, 1.0, 5)
     return [
-        Result("two_link", plant, task, pace, controller, error, None if task == "regulation"
-               else 1.0, 1e-9, 2.0, float("inf"), 3.0, 4.0, 5.0, time, error * time)
+        Result("two_link", "2R arm", plant, task, pace, controller, error,
+               None if task == "regulation" else 1.0, 1e-9, 2.0, float("inf"), 3.0, 4.0, 5.0,
+               time, error * time)
         for plant in PLANTS for task in TASKS for pace in PACES for controller in CONTENDERS
     ]  # fmt: skip
 
@@ -96,3 +104,70 @@ def test_an_unknown_arm_is_refused() -> None:
     answer = CliRunner().invoke(main, ["--arm", "octopus"])
     assert answer.exit_code == 2
     assert "octopus" in answer.output and "two_link" in answer.output
+
+
+# --- scenes and controllers of one's own -------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("scene", "axes"),
+    [("ur5e", "pose"), ("two_link", ("x", "z")), ("pp_robot", ("x", "z")),
+     ("double_pendulum", ("z",))],
+)  # fmt: skip
+def test_any_arm_gets_a_line_that_it_can_follow(scene: str, axes: object) -> None:
+    arm = arm_of(scene)
+    assert (arm.axes, arm.key) == (axes, scene)
+    _, q, _, _ = arm.lines["fast"].table(50)
+    hand = arm.task.pose(q).position
+    linear = [i for i, axis in enumerate("xyz") if axis in axes or axes == "pose"]
+    np.testing.assert_allclose((hand[-1] - hand[0])[linear], np.array(arm.step)[linear], atol=1e-6)
+    assert (q >= arm.nominal.model.position_lower).all()
+    assert (q <= arm.nominal.model.position_upper).all()
+    np.testing.assert_allclose(arm.payload, 0.05 * ArmModel(load_scene(scene)).total_mass)
+
+
+def test_payloads_of_a_scene_stay(tmp_path: Path) -> None:
+    scene = tmp_path / "laden.yaml"
+    robot = f"robot: {{urdf: {models.SCENES / 'two_link.urdf'}}}\n"
+    scene.write_text(robot + "payloads: [{frame: tip, mass: 0.5}]\n")
+    arm = replace(ARMS["two_link"], scene=str(scene))
+    np.testing.assert_allclose(arm.plant("exact").total_mass, 3.5 + 0.5 + arm.payload)
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["four_bar"], "four_bar has closed chains or contacts"),
+        (["motor_pendulum"], "motor_pendulum has motors or flexible joints"),
+        (["ur5e", "--frame", "tool"], "frame 'tool' does not move; allowed: "),
+        (["ur5"], "did you mean 'ur5e'?"),
+        (["two_link", "--step", "1 2"], "--step: 3 numbers are expected, x y z in m"),
+        (["two_link", "--controller", "nowhere:Mine"], "controller = 'nowhere:Mine': "),
+        (["two_link", "--controller", "pd"], "expected the form package.module:Class"),
+    ],
+)
+def test_what_cannot_be_compared_is_refused(words: list[str], said: str) -> None:
+    answer = CliRunner().invoke(main, words)
+    assert answer.exit_code in (1, 2)
+    assert said in answer.output and "Traceback" not in answer.output
+
+
+def test_a_scene_and_a_controller_of_ones_own(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(cli, "contenders", lambda own: {"PD": "pd"} | {
+        name.partition(":")[2]: load_controller(name) for name in own
+    })  # fmt: skip
+    monkeypatch.chdir(tmp_path)
+    words = ["two_link", "--controller", "own_controllers:Springs", "--json"]
+    answer = CliRunner().invoke(main, words)
+    assert answer.exit_code == 0, answer.output
+    rows = json.loads(answer.stdout)
+    assert {row["controller"] for row in rows} == {"PD", "Springs"}
+    assert len(rows) == 2 * len(PLANTS) * len(TASKS) * len(PACES)
+    made = sorted(path.name for path in (tmp_path / "reports/compare-controllers").iterdir())
+    assert made == [
+        "compare_controllers.json",
+        "compare_controllers_two_link_courses.png",
+        "compare_controllers_two_link_errors.png",
+    ]

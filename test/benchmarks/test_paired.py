@@ -71,8 +71,13 @@ def test_two_processes_measure_by_turns(tmp_path: Path) -> None:
 
 
 def test_only_what_is_slower_by_more_than_allowed_is_told() -> None:
-    ratios = {"slow": (1.06, 1.07, 1.08), "noisy": (2.0, 1.0, 1.0), "well": (1.0, 1.04, 1.04)}
-    rounds = [{name: [r[k], 1.0] for name, r in ratios.items()} | {"gone": "no"} for k in range(3)]
-    shown, failed = table(rounds, "older")
+    ratios = {
+        "slow": (1.06, 1.07, 1.08, 1.06, 1.09, 1.06),
+        "noisy": (2.0, 1.0, 1.0, 1.0, 1.0, 1.0),
+        "well": (1.0, 1.04, 1.04, 1.0, 1.01, 1.03),
+    }
+    rounds = [{name: [r[k], 1.0] for name, r in ratios.items()} | {"gone": "no"} for k in range(6)]
+    shown, failed, undecided = table(rounds, "older")
     assert failed == ["slow", "gone"]
+    assert undecided == ["noisy"]
     assert shown.row_count == 4
