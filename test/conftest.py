@@ -15,8 +15,9 @@ import models
 
 
 def pytest_addoption(parser: pytest.Parser) -> None:
-    """Let a failing random test be repeated with its seed."""
+    """Let a failing random test be repeated with its seed, and tests that bend input be long."""
     parser.addoption("--seed", type=int, default=None, help="seed of the random generators")
+    parser.addoption("--fuzz", type=int, default=1, help="how many times as many bent inputs")
 
 
 @pytest.hookimpl(optionalhook=True)
@@ -52,6 +53,12 @@ def rng(request: pytest.FixtureRequest) -> np.random.Generator:
     seed = crc32(name.encode()) if given is None else given
     print(f"random numbers: repeat with --seed={seed}")
     return np.random.default_rng(seed)
+
+
+@pytest.fixture
+def fuzz(request: pytest.FixtureRequest) -> int:
+    """How many times as long tests that bend input at random shall be."""
+    return int(request.config.getoption("--fuzz"))
 
 
 @pytest.fixture(params=models.ROBOTS)

@@ -218,8 +218,8 @@ def test_a_start_at_zero_beyond_the_range_is_at_the_nearer_stop() -> None:
     [
         ({"damping": 1.0}, "needs its stiffness"),
         ({"stiffness": 1.0, "restitution": 0.1}, "rigid, with restitution, or compliant"),
-        ({"restitution": 1.5}, "less than or equal to 1"),
-        ({"stiffness": 0.0}, "greater than 0"),
+        ({"restitution": 1.5}, "at most 1"),
+        ({"stiffness": 0.0}, "more than 0"),
     ],
 )
 def test_impossible_stops_are_refused(stop: dict[str, float], said: str) -> None:

@@ -190,6 +190,6 @@ def test_a_four_bar_comes_to_rest_on_the_floor() -> None:
     rest = np.flatnonzero((run.v == 0.0).all(axis=1))[-1]
     moving = np.flatnonzero((run.v != 0.0).any(axis=1))[-1]
     assert moving < 2500 < rest
-    assert (run.q[moving + 2 :] == run.q[-1]).all()
+    assert (run.q[moving + 5 :] == run.q[-1]).all()  # soon: rounding is brought back first
     assert abs(sim.contact_forces()[0].gap) < 1e-14
     assert_close(run.balance / run.lost[-1], np.zeros(len(run)), 1e-8)

@@ -129,7 +129,7 @@ def holding(dt: float, factor: float = 1.0) -> Simulator:
 
 
 def test_an_arm_that_holds_does_not_move_by_a_bit() -> None:
-    """A minute here; an hour of 3.6 million ticks is in docs/friction-and-actuation.md."""
+    """A minute; docs/concepts/friction.md tells of an hour, 3.6 million ticks."""
     sim = holding(1e-3)
     start = sim.state
     for _ in range(6):

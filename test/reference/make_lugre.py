@@ -27,7 +27,7 @@ COURSES = {
 
 @dataclass(frozen=True)
 class Wheel:
-    """Inertia [kg m²] and coefficients as in docs/equations.md."""
+    """Inertia [kg m²] and coefficients as in docs/concepts/equations.md."""
 
     J: float
     sigma0: float

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the equations of motion of a robot arm are: M(q) q̈ + C(q, q̇) q̇ + G(q) + F(q, q̇) = τ.
+"""Dynamics of robot arms: M(q) q̈ + C(q, q̇) q̇ + G(q) + S(q, q̇) + F(q, q̇) = τ.
 
-Names are looked up when they are first used: Pinocchio and CasADi take half a second to import,
-and a command that only reads a scene, or only asks a running node, needs neither.
+Names are imported when they are first used: Pinocchio and CasADi take half a second to import,
+and commands that only read a scene or call a running node need neither.
 """
 
 from typing import TYPE_CHECKING
@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from arm_dynamics.scene.load import load_scene
     from arm_dynamics.scene.schema import Scene
 
+__version__ = "0.1.0"
 __all__ = [
     "ArmError",
     "ArmModel",

@@ -107,9 +107,15 @@ def did_you_mean(name: object, names: Iterable[str]) -> str:
     """
     if not isinstance(name, str):
         return ""
-    others = [other for other in names if _bare(other) != _bare(name)]
-    near = get_close_matches(name, others, n=1)
-    return f"; did you mean '{near[0]}'?" if near else ""
+    others = {other.casefold(): other for other in names if _bare(other) != _bare(name)}
+    near = get_close_matches(name.casefold(), others, n=1)
+    return f"; did you mean '{others[near[0]]}'?" if near else ""
+
+
+def choices(name: object, names: Iterable[str], limit: int = 30) -> str:
+    """What to write after ``allowed:``: the names, and the one that was possibly meant."""
+    listed = list(names)
+    return known_names(listed, limit) + did_you_mean(name, listed)
 
 
 def _bare(name: str) -> str:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Simulates robot arms: M q̈ + C q̇ + G + F = τ, tick by tick.
 
-Names are looked up when they are first used, since CasADi and Pinocchio take half a second to
+Names are imported when they are first used, since CasADi and Pinocchio take half a second to
 import.
 """
 
@@ -20,6 +20,7 @@ if TYPE_CHECKING:
     from arm_sim.simulator import Simulator
     from arm_sim.state import State
 
+__version__ = "0.1.0"
 __all__ = [
     "ClosedLoop",
     "CompiledControl",

@@ -15,6 +15,7 @@ from arm_dynamics.control.computed_torque import Measured
 from arm_dynamics.control.custom import Maker, is_own, load_controller
 from arm_dynamics.control.factory import Settings, make_controller
 from arm_dynamics.control.wrappers import Switch
+from arm_dynamics.scene.load import SceneSource
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
 from arm_sim.recording.recording import Recording
@@ -36,11 +37,11 @@ class ClosedLoop:
 
     def __init__(
         self,
-        scene: Any,
+        scene: SceneSource,
         controller: str | Maker = "computed_torque",
         settings: Settings | None = None,
         *,
-        controller_scene: Any = None,
+        controller_scene: SceneSource | None = None,
         acceleration_limit: float = float("inf"),
         **simulator: Any,
     ) -> None:

@@ -13,6 +13,7 @@ from arm_sim.plant.plant import Plant
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.servo import Servo
+from arm_sim.stepping.gradient import Gradients
 from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import Rollouts
 from arm_sim.stepping.stepper import Stepper
@@ -88,7 +89,12 @@ class CompiledScene:
     @cached_property
     def linearizer(self) -> Linearizer:
         """Exact derivatives of ticks."""
-        return Linearizer(self.plant, self.choice, self.stepper)
+        return Linearizer(self.plant, self.choice, self.stepper, self.backend)
+
+    @cached_property
+    def gradients(self) -> Gradients:
+        """Gradients of functions of many arms' states."""
+        return Gradients(self.plant, self.choice, self.linearizer, self.backend)
 
     @cached_property
     def rollouts(self) -> Rollouts:

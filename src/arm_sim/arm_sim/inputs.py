@@ -14,7 +14,6 @@ import numpy as np
 from arm_dynamics import ArmModel, Dynamics, InvalidInput
 from arm_dynamics.actuation.command_map import gravity_compensated
 from arm_dynamics.arrays import Array, Joints, count, finite_numbers, real_array, vector
-from arm_dynamics.control.wrappers import AnyController
 from arm_dynamics.trajectory.reference import Motion, hold
 
 if TYPE_CHECKING:
@@ -36,7 +35,7 @@ def torque(tau: Any, joints: Joints) -> list[float]:
 
 
 def answers(
-    control: AnyController, reference: Motion | None, dynamics: Dynamics, begin: State
+    control: Any, reference: Motion | None, dynamics: Dynamics, begin: State
 ) -> Callable[[State], Any]:
     """Commands of a controller as a function of the state.
 
@@ -61,6 +60,12 @@ def answers(
 
 def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
     """Check torques for a run: None for zero, held ones of shape (n,), or a row for each tick."""
+    if control is not None and np.ndim(control) == 0:
+        n = count(joints)
+        raise InvalidInput(
+            f"control = {control!r}: a function of the state, a controller, or numbers of shape "
+            f"({n},) or (ticks, {n}) are expected"
+        )
     table = vector("control", np.zeros(count(joints)) if control is None else control, joints)
     if table.ndim == 2 and len(table) != ticks:
         raise InvalidInput(f"control has {len(table)} rows; the run has {ticks} ticks of {dt} s")
@@ -103,17 +108,21 @@ def tick_count(duration: Any, dt: float) -> int:
 
 
 class SaturationNotice:
-    """Says once that a command was cut at its limit."""
+    """Says once that a command was cut at its limit.
+
+    Attributes:
+        said: Whether it was said, or there are no limits.
+    """
 
     def __init__(self, model: ArmModel) -> None:
         self._model = model
-        self._said = not np.isfinite(model.command_limit).any()
+        self.said = not np.isfinite(model.command_limit).any()
         self._compensated = gravity_compensated(model.scene)
 
     def look(self, command: Array, effort: Array) -> None:
         """Compare commands with what acted, both of shape (n,) or (k, n)."""
         # Bytes of a single row are compared in a tenth of the time; -0.0 is looked at again.
-        if self._said or command.tobytes() == effort.tobytes():
+        if self.said or command.tobytes() == effort.tobytes():
             return
         cut = np.atleast_2d(command) != effort
         if self._compensated:  # by itself the arm adds to commands, too
@@ -125,4 +134,4 @@ class SaturationNotice:
         name, limit = self._model.joint_names[joint], self._model.command_limit[joint]
         text = "command %.6g at joint '%s' is beyond its limit of %.6g and was cut; said once"
         _log.warning(text, asked[np.argmax(abs(asked))], name, limit)
-        self._said = True
+        self.said = True

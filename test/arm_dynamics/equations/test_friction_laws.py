@@ -143,7 +143,7 @@ def test_the_direction_decides_where_a_joint_stands_still() -> None:
 
 
 REFUSED: dict[str, tuple[dict[str, Any], str]] = {
-    "negative": ({"viscous": -0.1}, r"friction\.viscous' = -0\.1: .*greater than or equal to 0"),
+    "negative": ({"viscous": -0.1}, r"friction\.viscous' = -0\.1: .*at least 0 is expected"),
     "one side negative": ({"coulomb": {"positive": 1.0, "negative": -1.0}}, "coulomb.negative"),
     "one side only": ({"viscous": {"positive": 1.0}}, "viscous.negative"),
     "static below coulomb": ({"coulomb": 1.0, "static": 0.9}, "at least coulomb"),
@@ -153,7 +153,7 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "NaN in LuGre": ({"coulomb": 1.0, "lugre": {"sigma0": float("nan")}}, "finite"),
     "table that turns back": ({"position": {"at": [0, 0], "factor": [1, 1]}}, "must increase"),
     "table of two lengths": ({"position": {"at": [0, 1], "factor": [1, 1, 1]}}, "2 points"),
-    "table of a zero": ({"position": {"at": [0, 1], "factor": [1, 0]}}, "greater than 0"),
+    "table of a zero": ({"position": {"at": [0, 1], "factor": [1, 0]}}, "more than 0"),
     "table that locks": ({"coulomb": 9.0, "load": BY_LOAD}, "could lock itself"),
     "table that locks on one side": (
         {"coulomb": {"positive": 1.0, "negative": 9.0}, "load": BY_LOAD},

@@ -196,7 +196,7 @@ def test_the_rotors_inertia_makes_at_most_this_difference(
     torque: float, load: float, way: float
 ) -> None:
     """The loss is 1/η - 1 of what passes at most, and J N² |q̈| of that is not seen; see
-    docs/friction-and-actuation.md.
+    docs/concepts/drives.md.
     """
     scene = wheel(LINK, rotor_inertia=ROTOR, **GEAR) | {"tunable": ["external"]}
     sim = Simulator(scene)

@@ -12,6 +12,7 @@ import pytest
 import models
 from arm_dynamics import ModelError, SceneError, load_scene
 from arm_dynamics.exceptions import did_you_mean
+from arm_dynamics.scene.lines import line_of
 
 PLAIN = models.scene("two_link").model_dump(exclude_unset=True)
 
@@ -68,14 +69,40 @@ def test_what_is_said(case: str) -> None:
         assert leak not in str(caught.value)
 
 
-def test_every_line_names_the_file(tmp_path: Path) -> None:
+def test_every_line_names_the_file_and_the_line(tmp_path: Path) -> None:
     path = tmp_path / "arm.yaml"
     path.write_text("robot: {urdf: x}\ngravty: 1\nsim: 3\n")
     with pytest.raises(SceneError) as caught:
         load_scene(path)
-    lines = str(caught.value).splitlines()
+    lines = sorted(str(caught.value).splitlines())
+    assert lines[0].startswith(f"{path}:2: scene: unknown key 'gravty' = 1; ")
+    assert lines[1].startswith(f"{path}:3: scene: 'sim' = 3: a mapping ")
     assert len(lines) == 2
-    assert all(line.startswith(f"{path}: scene: ") for line in lines)
+
+
+LINED = """\
+robot: {urdf: x}
+joints:
+  elbow:
+    friction:
+      viscous: 1
+  a.b:
+    armature: 1
+payloads:
+- {frame: tip}
+- frame: tip
+  mass: 1
+"""
+PLACES = {
+    "robot.urdf": 1, "joints": 2, "joints.elbow": 3, "joints.elbow.friction.viscous": 5,
+    "joints.elbow.spring": 3, "joints.a.b.armature": 7, "payloads.0": 9, "payloads.1.frame": 10,
+    "payloads.1.mass": 11, "payloads.1.com": 10, "payloads.5": 8, "gravity": None,
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("place", PLACES)
+def test_keys_are_found_in_their_lines(place: str) -> None:
+    assert line_of(LINED, place) == PLACES[place]
 
 
 def test_what_is_wrong_in_a_description_names_both_files(tmp_path: Path) -> None:

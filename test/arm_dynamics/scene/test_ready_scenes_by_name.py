@@ -34,7 +34,8 @@ def test_a_ready_scene_is_found_from_any_folder(name: str) -> None:
 
 
 def test_all_scenes_that_come_along_are_listed() -> None:
-    assert ready_scenes() == sorted(path.stem for path in models.SCENES.glob("*.yaml"))
+    names = [path.stem for path in models.SCENES.rglob("*.yaml")]
+    assert ready_scenes() == sorted(names) and len(set(names)) == len(names)
 
 
 def own(folder: Path, name: str, mass: float) -> Path:
@@ -64,7 +65,7 @@ def test_a_file_of_the_name_comes_first_and_folders_of_ones_own_second(
 @pytest.mark.parametrize(
     ("name", "said"),
     [
-        ("pandda", "no file 'pandda' .* did you mean 'panda'\\? Ready scenes: bricard, .* z1"),
+        ("pandda", "no file 'pandda' .* did you mean 'panda'\\? Ready scenes: .*bricard, .* z1"),
         ("two_lnk.yaml", "did you mean 'two_link'\\?"),
         ("qqqqqqq", "no ready scene of that name\\. Ready scenes"),
         ("./two_link", "no file './two_link'; looked at"),
@@ -91,15 +92,18 @@ def test_installed_scenes_are_found(elsewhere: Path) -> None:
         cwd=ROOT / "src/arm_sim", check=True, timeout=60,
     )  # fmt: skip
     share = elsewhere / "share/arm_sim/scenes"
-    assert {path.name for path in share.iterdir()} == {
-        path.name for path in models.SCENES.iterdir() if path.suffix in (".yaml", ".urdf")
+    assert {path.relative_to(share) for path in share.rglob("*.*")} == {
+        path.relative_to(models.SCENES)
+        for path in models.SCENES.rglob("*")
+        if path.suffix in (".yaml", ".urdf")
     }
     code = (
         "from arm_dynamics.scene.files import find_file, find_scene; from pathlib import Path\n"
         "print(find_scene('panda', Path()), find_file('package://arm_sim/scenes/z1.yaml', Path()))"
     )
     path = os.pathsep.join(map(str, (elsewhere / "lib", ROOT / "src/arm_dynamics")))
-    environment = os.environ | {"PYTHONPATH": path, "AMENT_PREFIX_PATH": str(elsewhere)}
+    prefixes = os.pathsep.join([str(elsewhere), os.environ.get("AMENT_PREFIX_PATH", "")])
+    environment = os.environ | {"PYTHONPATH": path, "AMENT_PREFIX_PATH": prefixes}
     said = subprocess.run(
         [sys.executable, "-P", "-c", code], env=environment, capture_output=True, text=True,
         timeout=60, check=True,

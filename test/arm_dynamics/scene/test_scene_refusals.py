@@ -107,7 +107,7 @@ BAD_KEYS: dict[str, tuple[dict[str, Any], tuple[str, ...]]] = {
     "effort limit NaN": ({"joints": {"joint1": {"limits": {"effort": NAN}}}}, ("effort", "nan")),
     "negative speed limit": (
         {"joints": {"joint1": {"limits": {"velocity": -1e-300}}}},
-        ("joint1.limits.velocity", "-1e-300", "greater than or equal to 0"),
+        ("joint1.limits.velocity", "-1e-300", "at least 0 is expected"),
     ),
     "effort limit a truth value": (
         {"joints": {"joint1": {"limits": {"effort": True}}}},

@@ -51,6 +51,27 @@ def test_jacobian_and_its_rate(task: TaskSpace, states: list) -> None:
         assert_close(task.jacobian_rate(q, v), rate, ALGEBRA)
 
 
+def test_axes_are_those_of_the_second_link(task: TaskSpace, states: list) -> None:
+    """Not of the first one, as the index 1 of lecture notes says: there J is another matrix."""
+    for q, _ in states:
+        s2, c2 = np.sin(q[1]), np.cos(q[1])
+        in_second = np.array([[L1 * s2, 0], [L1 * c2 + L2, L2]])
+        in_first = np.array([[-L2 * s2, -L2 * s2], [L1 + L2 * c2, L2 * c2]])
+        assert_close(np.array([[c2, -s2], [s2, c2]]) @ task.jacobian(q), in_first, ALGEBRA)
+        assert not np.allclose(in_first, in_second, atol=0.05)
+
+
+def test_rates_of_the_components_are_no_acceleration(task: TaskSpace, states: list) -> None:
+    """J θ̈ + J̇ θ̇ lacks ω × ẋ, since the axes turn with the second link."""
+    fixed = TaskSpace(task.model, "tip", "local_world_aligned", ("x", "y"))
+    for q, v in states:
+        c12, s12 = np.cos(q.sum()), np.sin(q.sum())
+        acceleration = np.array([[c12, s12], [-s12, c12]]) @ (fixed.jacobian_rate(q, v) @ v)
+        x, y = task.jacobian(q) @ v
+        turning = v.sum() * np.array([-y, x])
+        assert_close(task.jacobian_rate(q, v) @ v + turning, acceleration, ALGEBRA)
+
+
 def test_inertia_is_diagonal(task: TaskSpace, states: list) -> None:
     for q, _ in states:
         wanted = np.diag([M2 + M1 / np.sin(q[1]) ** 2, M2])

@@ -8,6 +8,7 @@ import math
 import re
 import time
 from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
 from typing import Any
 
 import click
@@ -19,6 +20,7 @@ from typist import Result
 
 import models
 from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.trajectory import JointTrajectory, Waypoint, quintic
 from arm_sim.cli.main import main
 from arm_sim.cli.robot import goal
 from arm_sim.cli.robot.listener import Listener
@@ -68,6 +70,7 @@ def test_no_joint_hurries_when_no_duration_is_given() -> None:
         (["go"], "give goals of joints"),
         (["go", "elbow=1", "--pose", "0 0 0 0 0 0 1"], "give goals of joints"),
         (["go", "elbow=1", "--frame", "tip"], "--frame goes with --pose"),
+        (["go", "--trajectory", "a.yaml", "elbow=1"], "give goals of joints"),
         (["go", "--pose", "0 0 0 1"], "7 numbers are expected"),
         (["go", "--pose", "0 0 0 0 0 0 1", "--duration", "2"], "--duration is for goals"),
         (["go", "elbow=1", "--duration", "0"], "not in the range"),
@@ -130,13 +133,29 @@ def test_joints_go_where_they_are_sent(shell: Shell, domain: int) -> None:
 
 
 @ros
+def test_joints_go_to_the_start_of_a_file_and_along_it(
+    shell: Shell, domain: int, tmp_path: Path
+) -> None:
+    points = [Waypoint(0.0, [0.1, 0.4]), Waypoint(0.3, [0.3, 0.5]), Waypoint(0.6, [0.15, 0.7])]
+    path = JointTrajectory.of(quintic(points), ["shoulder", "elbow"]).save(tmp_path / "a.yaml")
+    done = shell(domain, "go", "--trajectory", str(path))
+    assert done.exit_code == 0, done.output
+    assert "3 points in 0.6 s" in done.output and done.output.count("arrived") == 2
+    there = positions(shell, domain)
+    assert there == pytest.approx({"shoulder": 0.15, "elbow": 0.7}, abs=1e-3)
+    path = JointTrajectory.of(quintic(points), ["wrist", "elbow"]).save(tmp_path / "b.yaml")
+    done = shell(domain, "go", "--trajectory", str(path))
+    assert done.exit_code == 1 and "is for joint 'wrist'; the controller has" in done.output
+
+
+@ros
 def test_what_the_arm_cannot_do_is_refused(shell: Shell, domain: int) -> None:
     before = positions(shell, domain)
     done = shell(domain, "go", "elbow=9", "--duration", "0.2")
     assert done.exit_code == 1 and "refused" in done.output and "elbow to 9" in done.output
     done = shell(domain, "go", "elbo=0.1")
     assert done.exit_code == 1
-    assert "unknown joint 'elbo'; did you mean 'elbow'? allowed: shoulder, elbow" in done.output
+    assert "unknown joint 'elbo'; allowed: shoulder, elbow; did you mean 'elbow'?" in done.output
     assert positions(shell, domain) == pytest.approx(before, abs=1e-4)
 
 

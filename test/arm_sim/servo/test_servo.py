@@ -213,7 +213,7 @@ def test_commands_of_another_shape_are_refused(shape: tuple[int, ...]) -> None:
 @pytest.mark.parametrize(
     ("servo", "complaint"),
     [
-        ({"bandwidth": -1.0}, "greater than 0"),
+        ({"bandwidth": -1.0}, "more than 0"),
         ({"bandwidth": 10.0, "stiffness": 5.0}, "a bandwidth or a stiffness"),
         ({"damping": 5.0}, "damping belongs to a stiffness"),
         ({"gain": 5.0}, "unknown key"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""LuGre friction (docs/friction-and-actuation.md, LuGre)."""
+"""LuGre friction (docs/concepts/friction.md, LuGre)."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motors and transmissions (docs/friction-and-actuation.md, Actuation)."""
+"""Motors and transmissions (docs/concepts/drives.md, Actuation)."""
 
 from __future__ import annotations
 

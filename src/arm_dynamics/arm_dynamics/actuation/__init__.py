@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands between a command and the torque at a joint: drives, and friction with states.
+"""Actuation: drives, and friction models with internal states.
 
-A law says what its states are, how they change, and what it stores, takes in and loses; it knows
-equations and the model, and no integrator.
+A model defines its states, their derivatives, and the energy that it stores, receives and
+dissipates. The package depends on the equations and the model, and on no integrator.
 """
 
 from arm_dynamics.actuation.command_map import CommandMap, rigid_twin

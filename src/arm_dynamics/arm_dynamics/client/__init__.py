@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services of running nodes as functions of Python.
+"""Services of running nodes as Python functions.
 
-Knows the interfaces and the service caller of ``ros``, so importing it needs ROS 2 and the built
-workspace. It knows no equations: numbers go out and come in.
+Depends on the interfaces and the service caller of ``ros``, so importing it needs ROS 2 and the
+built workspace. It contains no equations.
 """
 
 from arm_dynamics.client.client import (

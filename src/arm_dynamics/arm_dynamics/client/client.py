@@ -431,7 +431,12 @@ class ArmClient:
         )  # fmt: skip
 
     def set_friction(self, viscous: ArrayLike, joint_names: Sequence[str] = ()) -> None:
-        """Change viscous friction that the scene declares tunable, in [N m s/rad] or [N s/m]."""
+        """Change viscous friction that the scene declares tunable.
+
+        Args:
+            viscous: Coefficients in [N m s/rad] or [N s/m], shape (n,).
+            joint_names: Joints that they belong to; empty: all, in model order.
+        """
         self._ask(self._sim, interfaces.SET_FRICTION, **motion(joint_names, viscous=viscous))
 
     def reset_counters(self) -> None:

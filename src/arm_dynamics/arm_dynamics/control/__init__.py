@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers: objects with one method, ``torque(state, reference)``, and what wraps them.
+"""Controllers: objects with one method, ``torque(state, reference)``, and wrappers around them.
 
-They know the model of the arm and references, and nothing of what carries out their torques.
+They depend on the model of the arm and on references, and not on what applies their torques.
 """
 
 from arm_dynamics.control.computed_torque import (

@@ -18,7 +18,7 @@ import numpy as np
 from arm_dynamics.arrays import Array, all_finite, read_only
 from arm_dynamics.control.computed_torque import Checked, Controller, Moving, checked
 from arm_dynamics.control.wrappers import restart
-from arm_dynamics.exceptions import ControllerFailed, InvalidInput, known_names
+from arm_dynamics.exceptions import ControllerFailed, InvalidInput, choices, known_names
 from arm_dynamics.trajectory.reference import Reference
 
 Maker = Callable[..., Any]
@@ -56,7 +56,8 @@ def load_controller(name: str) -> Maker:
     if maker is None or not callable(maker):
         there = [n for n, x in vars(module).items() if inspect.isclass(x) and n[0] != "_"]
         raise InvalidInput(
-            f"controller = {name!r}: '{where}' has no class '{what}'; it has {known_names(there)}"
+            f"controller = {name!r}: '{where}' has no class '{what}'; "
+            f"it has {choices(what, there)}"
         )
     return maker
 

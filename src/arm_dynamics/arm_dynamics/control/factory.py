@@ -16,7 +16,7 @@ from arm_dynamics.control import computed_torque, custom, joint_space, task_spac
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
+from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.model.sampling import postures
 from arm_dynamics.task_space import compiled as task_kernel
 from arm_dynamics.task_space.axes import chosen_axes
@@ -158,7 +158,7 @@ def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> 
         offered |= {key: getattr(settings, key) for key in OFFERED}
         return custom.made(name, offered, dynamics.n)
     if name not in _BUILDERS:
-        allowed = known_names(_BUILDERS) + did_you_mean(name, _BUILDERS)
+        allowed = choices(name, _BUILDERS)
         raise InvalidInput(f"controller = {name!r}; allowed: {allowed}")
     if name not in IN_TASK_SPACE:  # those have axes instead of joints
         for key in ("bandwidth", "damping_ratio"):
@@ -260,6 +260,7 @@ _FRICTION = {
     "feed_forward": "dry", "joint_impedance": "dry",
 }  # fmt: skip
 NAMES: tuple[str, ...] = tuple(_BUILDERS)
+"""Names of the controllers that come with the suite."""
 IN_TASK_SPACE = ("operational_space", "motion_force", "cartesian_impedance")
 
 

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene: one description of the physics, read from YAML or URDF and checked.
 
-Knows names, numbers and files, and neither Pinocchio nor CasADi: a command that only reads a scene
-starts at once.
+Depends on neither Pinocchio nor CasADi, so commands that only read a scene start at once.
 """
 
 from arm_dynamics.scene.constraint import (
@@ -21,7 +20,7 @@ from arm_dynamics.scene.drive import Actuator, Transmission
 from arm_dynamics.scene.files import ready_scenes
 from arm_dynamics.scene.friction import Friction, Lugre
 from arm_dynamics.scene.imperfections import Commands, Line, Sensors
-from arm_dynamics.scene.load import load_scene, scene_from_urdf
+from arm_dynamics.scene.load import SceneSource, load_scene, scene_from_urdf
 from arm_dynamics.scene.schema import Initial, Joint, Limits, Payload, Scene, Sim, validated
 from arm_dynamics.scene.spring import JointSpring, PointSpring
 from arm_dynamics.scene.text import scene_of, scene_text
@@ -30,6 +29,7 @@ __all__ = [
     "Actuator", "Bilateral", "Commands", "Constraint", "Contact", "CouplingConstraint",
     "DistanceConstraint", "FrameConstraint", "Friction", "Initial", "Joint", "JointSpring",
     "Limits", "Line", "LineConstraint", "Lugre", "Payload", "PlaneConstraint", "PointConstraint",
-    "PointSpring", "RollingConstraint", "Scene", "Sensors", "Sim", "Transmission", "load_scene",
-    "ready_scenes", "scene_from_urdf", "scene_of", "scene_text", "validated",
+    "PointSpring", "RollingConstraint", "Scene", "SceneSource", "Sensors", "Sim",
+    "Transmission", "load_scene", "ready_scenes", "scene_from_urdf", "scene_of", "scene_text",
+    "validated",
 ]  # fmt: skip

@@ -3,30 +3,60 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Mapping, Sequence
 from typing import get_args
 
 from pydantic_core import ErrorDetails
 
-from arm_dynamics.exceptions import did_you_mean, known_names
+from arm_dynamics.exceptions import choices, known_names
+from arm_dynamics.scene.imperfections import ALL
 from arm_dynamics.scene.types import Part
 
 # What the checking library says of types, in the words of a scene file.
+_ENDS = {
+    "greater_than_equal": ("ge", "at least {:g} is expected"),
+    "greater_than": ("gt", "more than {:g} is expected"),
+    "less_than_equal": ("le", "at most {:g} is expected"),
+    "less_than": ("lt", "less than {:g} is expected"),
+}
 _KINDS = {
     "string_type": "text is expected",
     "bool_type": "true or false is expected",
     "int_type": "a whole number is expected",
     "float_type": "a number is expected",
     "float_parsing": "a number is expected",
-    "missing": "is missing",
-    "too_short": "has too few numbers",
-    "too_long": "has too many numbers",
 }
 _MAPPINGS = ("dict_type", "model_type", "model_attributes_type", "dataclass_type")
 
 
+def complaints(
+    errors: Sequence[ErrorDetails],
+    whole: type[Part],
+    tagged: Mapping[str, type[Part]],
+    hidden: Sequence[str],
+    file: str = "scene",
+) -> list[str]:
+    """A line for everything that is wrong; see ``complaint``."""
+    told: dict[str, None] = {}
+    for error in errors:
+        if error["type"] == "missing" and isinstance(error["loc"][-1], int):
+            place = error["loc"][:-1]  # a list that is too short, of which every end is missing
+            ends = [e["loc"][-1] for e in errors if e["loc"][:-1] == place]
+            length = 1 + max(end for end in ends if isinstance(end, int))
+            error = ErrorDetails(
+                type="too_short", loc=place, msg="", input=error["input"], ctx={"length": length}
+            )
+        told[complaint(error, whole, tagged, hidden, file)] = None
+    return list(told)
+
+
 def complaint(
-    error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Part]], hidden: Sequence[str]
+    error: ErrorDetails,
+    whole: type[Part],
+    tagged: Mapping[str, type[Part]],
+    hidden: Sequence[str],
+    file: str = "scene",
 ) -> str:
     """One line for one thing that is wrong: the key, its value and what is allowed.
 
@@ -35,19 +65,21 @@ def complaint(
         whole: The schema.
         tagged: Parts that go by the word for their type.
         hidden: Names in the places of errors that no scene has.
+        file: What the file is called.
     """
     place = [key for key in error["loc"] if key not in hidden and not _internal(key)]
-    where = ".".join(map(str, place)) or "scene"
+    if place[:1] == ["sensors"] and place[-1] == ALL:
+        place.pop()  # one number for all joints is written without it
+    where = ".".join(map(str, place)) or file
     fields = fields_at(error["loc"][:-1], whole, tagged)
     if error["type"] == "extra_forbidden":
-        guess = did_you_mean(str(place[-1]), fields)
         return (
-            f"scene: unknown key '{where}' = {error['input']!r}; "
-            f"allowed here: {known_names(fields)}{guess}"
+            f"{file}: unknown key '{where}' = {error['input']!r}; "
+            f"allowed here: {choices(place[-1], fields)}"
         )
     if error["type"] == "missing":
-        return f"scene: '{where}' is missing; it is required"
-    return f"scene: '{where}' = {error['input']!r}: {_said(error, whole, tagged)}"
+        return f"{file}: '{where}' is missing; it is required"
+    return f"{file}: '{where}' = {error['input']!r}: {_said(error, whole, tagged)}"
 
 
 def _internal(key: int | str) -> bool:
@@ -64,19 +96,26 @@ def _said(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Part
     if kind == "union_tag_invalid":
         allowed = [tag.strip().strip("'") for tag in context["expected_tags"].split(",")]
         tag = str(context["tag"])
-        return f"no type is called '{tag}'; allowed: {known_names(allowed)}" + did_you_mean(
-            tag, allowed
-        )
+        return f"no type is called '{tag}'; allowed: {choices(tag, allowed)}"
     if kind == "union_tag_not_found":
         return "'type' is missing; it is required"
-    if kind == "literal_error" and isinstance(error["input"], str):
-        said = error["msg"]
-        allowed = [word.strip() for word in said.split("'")[1::2]]
-        return said + did_you_mean(error["input"], allowed)
+    if kind == "literal_error":
+        allowed = [word.strip("' ") for word in re.split(r",| or ", context["expected"])]
+        return f"allowed: {choices(error['input'], allowed)}"
+    if kind in ("too_short", "too_long"):
+        length = context.get("length") or context.get("max_length") or context.get("min_length")
+        given = len(error["input"])
+        return f"{given} {'entry' if given == 1 else 'entries'}; {length} are expected"
+    if kind in _ENDS:
+        end, words = _ENDS[kind]
+        return words.format(context[end])
     if kind == "tuple_type":
         value = error["input"]
-        example = f", such as [{value}]" if isinstance(value, str) else ", such as [0, 0, 1]"
-        return "a list is expected" + ("" if isinstance(value, Mapping) else example)
+        scalar = isinstance(value, str | int | float) and not isinstance(value, bool)
+        example = value if isinstance(value, str) else f"0, 0, {value if scalar else 1}"
+        return "a list is expected" + (
+            "" if isinstance(value, Mapping) else f", such as [{example}]"
+        )
     return _KINDS.get(kind, error["msg"].removeprefix("Value error, "))
 
 

@@ -14,7 +14,7 @@ import numpy as np
 from pydantic import AfterValidator, Field, model_validator
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.exceptions import SceneError, did_you_mean, known_names
+from arm_dynamics.exceptions import SceneError, choices, known_names
 from arm_dynamics.scene.types import Direction, Finite, NonNegative, Part, Positive, Vector3
 from arm_dynamics.scene.urdf import Urdf
 
@@ -51,9 +51,10 @@ class _Constraint(Part):
     """What all constraints have.
 
     Attributes:
-        name: What messages and ``set_constraint`` call it; by default type and place in the list.
-        switchable: Whether it can be switched on and off while the simulator runs.
-        active: Whether it holds at the start; false only for a switchable one.
+        name: Name in messages and in ``Simulator.set_constraint``; by default type and place, as
+            ``point_0``.
+        switchable: Whether ``Simulator.set_constraint`` may switch it while the simulator runs.
+        active: Whether it holds at the start; only a switchable one may be off.
     """
 
     name: str | None = Field(default=None, min_length=1)
@@ -71,8 +72,8 @@ class _BetweenFrames(_Constraint):
     """A constraint between two frames.
 
     Attributes:
-        frames: The two, first and second.
-        points: A point of each, in its own axes, in [m].
+        frames: The first and the second frame: links or joints of the URDF, or ``world``.
+        points: A point of each frame, in its own axes, in [m].
     """
 
     frames: Pair
@@ -112,7 +113,7 @@ class LineConstraint(_BetweenFrames):
     """The first point stays on a line through the second one.
 
     Attributes:
-        direction: Of the line, in the second frame.
+        direction: Direction of the line in the second frame; any length but zero.
     """
 
     type: Literal["line"]
@@ -123,8 +124,8 @@ class PlaneConstraint(_BetweenFrames):
     """The first point stays on a plane through the second one.
 
     Attributes:
-        normal: Of the plane, in the second frame.
-        height: Of the first point above the plane in [m].
+        normal: Normal of the plane in the second frame; any length but zero.
+        height: Height of the first point above the plane in [m].
     """
 
     type: Literal["plane"]
@@ -136,7 +137,7 @@ class DistanceConstraint(_BetweenFrames):
     """The points keep their distance, as if a massless rod held them.
 
     Attributes:
-        distance: In [m].
+        distance: Distance of the points in [m].
     """
 
     type: Literal["distance"]
@@ -150,9 +151,9 @@ class RollingConstraint(_BetweenFrames):
     height; a ``plane`` constraint does that.
 
     Attributes:
-        radius: In [m].
-        normal: Of the plane, in the second frame, towards the wheel.
-        axle: Axis of a wheel, in the first frame; a ball if absent.
+        radius: Radius in [m].
+        normal: Normal of the plane in the second frame, towards the wheel.
+        axle: Axis of the wheel in the first frame; without one it is a ball.
     """
 
     type: Literal["rolling"]
@@ -165,9 +166,10 @@ class CouplingConstraint(_Constraint):
     """Two joints move together: position of the first = ratio * that of the second + offset.
 
     Attributes:
-        joints: The two.
-        ratio: A gear's is negative where the joints turn against each other.
-        offset: In [rad] or [m].
+        joints: The first and the second joint.
+        ratio: Position of the first over that of the second; negative where they turn in opposite
+            directions.
+        offset: Offset of the first in [rad] or [m].
     """
 
     type: Literal["coupling"]
@@ -189,7 +191,7 @@ class Plane(Part):
     Attributes:
         frame: ``world``, or the link or joint frame of the URDF that carries it.
         point: Any point of it, in that frame, in [m].
-        normal: Its direction in that frame; any length but zero.
+        normal: Its normal in that frame, towards what may touch it; any length but zero.
     """
 
     frame: str = WORLD
@@ -201,14 +203,15 @@ class Contact(Part):
     """A point or ball of the arm that a plane stops, with Coulomb friction and restitution.
 
     Attributes:
-        frame: Link or joint frame of the URDF that carries the point.
-        point: Where it, or the ball's centre, is in that frame in [m].
-        radius: Of the ball in [m]; 0: a point.
-        plane: What it may touch.
-        friction: Coulomb's coefficient µ of sliding: tangential force over the normal one.
-        static_friction: The coefficient up to which a contact at rest sticks, µ or more; None: µ.
-        restitution: Newton's coefficient e: speed of rebound over speed of approach, 0 to 1.
-        name: What messages call it; by default type and place in the list.
+        frame: Link or joint of the URDF that carries the point or ball.
+        point: The point, or the centre of the ball, in that frame in [m].
+        radius: Radius of the ball in [m]; 0 for a point.
+        plane: The plane that it may touch.
+        friction: Coefficient µ of sliding friction.
+        static_friction: Coefficient up to which a contact at rest sticks, at least µ; by default
+            µ.
+        restitution: Newton's coefficient of restitution: speed of rebound over speed of approach.
+        name: Name in messages; by default type and place, as ``contact_0``.
     """
 
     switchable: ClassVar[bool] = False
@@ -262,7 +265,9 @@ FrameBased = (
     | RollingConstraint
 )
 Bilateral = FrameBased | CouplingConstraint
+"""A constraint that holds in both directions."""
 Constraint = Annotated[Bilateral | Contact, Field(discriminator="type")]
+"""A constraint of any type; the key ``type`` says which."""
 SCHEMAS: dict[str, type[Part]] = {
     get_args(kind.model_fields["type"].annotation)[0]: kind
     for kind in get_args(Bilateral | Contact)
@@ -321,9 +326,8 @@ def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:
         SceneError: Naming the key, the frame and what is allowed.
     """
     if frame not in urdf.frames:
-        allowed = known_names([*others, *urdf.frames])
-        guess = did_you_mean(frame, [*others, *urdf.frames])
-        raise SceneError(f"scene: '{key}' = '{frame}' does not exist; allowed: {allowed}{guess}")
+        allowed = choices(frame, [*others, *urdf.frames])
+        raise SceneError(f"scene: '{key}' = '{frame}' does not exist; allowed: {allowed}")
 
 
 def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
@@ -332,8 +336,7 @@ def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
         if frame != WORLD and frame not in urdf.frames:
             raise SceneError(
                 f"scene: '{key}' names '{frame}', which does not exist; "
-                f"allowed: {known_names([WORLD, *urdf.frames])}"
-                f"{did_you_mean(frame, [WORLD, *urdf.frames])}"
+                f"allowed: {choices(frame, [WORLD, *urdf.frames])}"
             )
 
 
@@ -353,8 +356,8 @@ def check_joints(
             if name in urdf.joints
             else "does not exist"
         )
-        guess = "" if name in urdf.joints else did_you_mean(name, allowed)
+        there = name in urdf.joints
         raise SceneError(
             f"scene: '{key}' names joint '{name}', which {trouble}; "
-            f"allowed: {known_names(allowed)}{guess}"
+            f"allowed: {known_names(allowed) if there else choices(name, allowed)}"
         )

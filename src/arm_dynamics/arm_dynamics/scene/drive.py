@@ -18,9 +18,9 @@ class Wave(Part):
     """Something that repeats with the motor's angle: amplitude · sin(order · angle + phase).
 
     Attributes:
-        amplitude: In the unit of what it is a part of.
-        order: How often it repeats in one turn of the motor.
-        phase: In [rad].
+        amplitude: Amplitude, in the unit of the quantity that it is part of.
+        order: Periods in one turn of the motor.
+        phase: Phase in [rad].
     """
 
     amplitude: NonNegative
@@ -32,20 +32,26 @@ class Actuator(Part):
     """A motor and its rigid gear. A gear of ratio N turns the motor N times as far as the joint.
 
     Attributes:
-        command: What u is for this joint: the torque of the motor as it is at the joint in [N m]
-            or [N], the motor's current in [A], or its voltage in [V].
-        resistance: R of the winding in [Ω].
-        inductance: L of the winding in [H]; none or 0: the current follows at once.
-        torque_constant: K_t in [N m/A].
-        back_emf_constant: K_e in [V s/rad]; in SI units the number is that of ``torque_constant``,
-            which it is unless given.
-        rotor_inertia: Of what turns with the motor in [kg m²].
-        rotor_damping: Viscous friction of the motor's shaft in [N m s/rad].
-        gear_ratio: N, in [rad/rad] or [rad/m]; negative where joint and motor turn opposite ways.
-        efficiency: Part of the power that arrives, whichever way it flows through the gear.
+        command: What the command of this joint is: the torque of the motor as seen at the joint in
+            [N m] or [N], its current in [A], or its voltage in [V].
+        resistance: Resistance R of the winding in [Ω]; needed where a voltage is commanded or
+            limited.
+        inductance: Inductance L of the winding in [H]; without one, the current follows the
+            voltage at once.
+        torque_constant: Torque constant K_t in [N m/A]; needed where a current or a voltage is
+            commanded or limited.
+        back_emf_constant: Back-EMF constant K_e in [V s/rad]; by default equal to
+            ``torque_constant``.
+        rotor_inertia: Inertia of the rotor in [kg m²]; on a rigid gear the joint sees it times the
+            gear ratio squared.
+        rotor_damping: Viscous friction of the rotor in [N m s/rad], seen at the joint likewise.
+        gear_ratio: Gear ratio N, motor over joint, in [rad/rad] or [rad/m]; negative where they
+            turn in opposite directions. Not zero.
+        efficiency: Share of the power that the gear passes on, in both directions.
         current_limit: Largest current in [A].
-        voltage_limit: Largest voltage in [V].
-        cogging: Torque on the rotor in [N m] from its poles.
+        voltage_limit: Largest voltage in [V]; with a current limit, it gives the torque–speed
+            curve.
+        cogging: Cogging torque on the rotor in [N m].
     """
 
     command: Literal["torque", "current", "voltage"] = "torque"
@@ -75,7 +81,7 @@ class Hysteresis(Part):
     Attributes:
         torque: Largest hysteretic torque in [N m] or [N].
         deflection: Twist in [rad] or [m] over which it builds up.
-        sharpness: Exponent of the law; the larger, the sharper the bend.
+        sharpness: Exponent of the Bouc–Wen law; the larger, the sharper the bend.
     """
 
     torque: NonNegative
@@ -87,12 +93,12 @@ class Transmission(Part):
     """A flexible shaft, belt or harmonic drive between gear and link, seen at the joint.
 
     Attributes:
-        stiffness: In [N m/rad] or [N/m].
-        damping: In [N m s/rad] or [N s/m].
+        stiffness: Stiffness in [N m/rad] or [N/m]; required.
+        damping: Damping in [N m s/rad] or [N s/m].
         stiffening: Cubic stiffness in [N m/rad³] or [N/m³].
-        backlash: Width of the play in [rad] or [m].
-        hysteresis: Torque that lags behind the twist.
-        kinematic_error: Of the gear, at the joint, in [rad] or [m].
+        backlash: Width of the backlash in [rad] or [m]; not together with ``hysteresis``.
+        hysteresis: Hysteresis of the torque over the twist, by Bouc and Wen.
+        kinematic_error: How far the output runs ahead, at the joint, in [rad] or [m].
     """
 
     stiffness: Positive | None = None

@@ -2,8 +2,9 @@
 """Where scenes and robot descriptions are found: paths, ``package://`` URIs, ready scenes.
 
 A ready scene has a bare name, such as ``panda``. The folders of ready scenes are those of the
-variable ``ARM_SCENES``, and ``scenes`` of the package ``arm_sim``, which ships them. That package
-is looked for, and not imported: this one knows nothing of it but where its data are.
+variable ``ARM_SCENES``, then ``scenes`` and ``scenes/lectures`` of the package ``arm_sim``, which
+ships them. That package is looked for, and not imported: this one knows nothing of it but where
+its data are.
 """
 
 from __future__ import annotations
@@ -11,16 +12,16 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterator
-from difflib import get_close_matches
 from importlib.util import find_spec
 from pathlib import Path
 
-from arm_dynamics.exceptions import SceneError, known_names
+from arm_dynamics.exceptions import SceneError, did_you_mean, known_names
 
 VARIABLE = "ARM_SCENES"
 """Environment variable with folders of one's own ready scenes, separated by colons."""
 _SUFFIX = ".yaml"
-_SHIPPED = "arm_sim", "scenes"  # the package with the ready scenes, and their folder in it
+_PACKAGE = "arm_sim"
+_SHIPPED = "scenes", "scenes/lectures"  # the folders in that package with ready scenes
 
 
 def find_scene(name: str, folder: Path) -> Path:
@@ -45,8 +46,8 @@ def find_scene(name: str, folder: Path) -> Path:
         if place.is_file():
             return place
     known = ready_scenes()
-    meant = get_close_matches(name.removesuffix(_SUFFIX), known, n=1)
-    guess = f"; did you mean '{meant[0]}'?" if meant else "."
+    files = [path.name for path in folder.glob("*") if path.suffix in (".yaml", ".urdf")]
+    guess = did_you_mean(name, [*files, *known]) or did_you_mean(Path(name).stem, known) or "."
     raise SceneError(
         f"scene: no file '{name}' in {folder}, and no ready scene of that name{guess} "
         f"Ready scenes: {known_names(known, 60)}"
@@ -78,16 +79,17 @@ def find_file(name: str, folder: Path) -> Path:
     for place in places:
         if place.is_file():
             return place
+    beside = places[0].parent.glob("*") if places and places[0].parent.is_dir() else ()
+    guess = did_you_mean(Path(name).name, [path.name for path in beside if path.is_file()])
     raise SceneError(
-        f"scene: no file '{name}'; looked at {known_names(map(str, places), 4) or 'no place'}"
+        f"scene: no file '{name}'; looked at {known_names(map(str, places), 4)}{guess}"
     )
 
 
 def scene_folders() -> list[Path]:
     """The folders of ready scenes, in the order in which they are searched."""
     listed = os.environ.get(VARIABLE, "").split(os.pathsep)
-    package, inside = _SHIPPED
-    shipped = [root / package / inside for root in _beside(package)]
+    shipped = [root / _PACKAGE / inside for root in _beside(_PACKAGE) for inside in _SHIPPED]
     return [*(Path(entry).expanduser() for entry in listed if entry), *shipped]
 
 

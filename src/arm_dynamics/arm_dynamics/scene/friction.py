@@ -20,8 +20,9 @@ class Sides(Part):
     """A coefficient for each direction of motion.
 
     Attributes:
-        positive: Where the joint moves, or is about to move, in its positive direction.
-        negative: In the other one.
+        positive: Coefficient while the joint moves, or is about to move, in its positive
+            direction.
+        negative: Coefficient in the negative direction.
     """
 
     positive: NonNegative
@@ -50,7 +51,7 @@ class Table(Part):
     Attributes:
         at: Where the points are, increasing: the joint's position in [rad] or [m], or the load in
             [N m] or [N].
-        factor: The factor there.
+        factor: The factor at each of these points.
         period: Length after which the table repeats, in the unit of ``at``; if absent it does not.
     """
 
@@ -70,13 +71,14 @@ class Table(Part):
 
 
 class Lugre(Part):
-    """Bristles that carry the dry friction of a joint.
+    """LuGre bristles, which carry the dry friction of a joint in place of stick and slip.
 
     Attributes:
         sigma0: Stiffness of the bristles in [N m/rad] or [N/m].
-        sigma1: Their damping in [N m s/rad] or [N s/m].
-        sigma1_velocity: Speed at which that damping has faded to 37 % in [rad/s] or [m/s]; if
-            absent it does not fade.
+        sigma1: Damping of the bristles in [N m s/rad] or [N s/m]; only passive sets of parameters
+            are allowed.
+        sigma1_velocity: Speed in [rad/s] or [m/s] at which that damping has faded to 37 %; without
+            it, it does not fade.
     """
 
     sigma0: Positive
@@ -85,17 +87,19 @@ class Lugre(Part):
 
 
 class Friction(Part):
-    """Friction of one joint; a number that is not given comes from the URDF's ``<dynamics>``.
+    """Friction of one joint; by default that of the URDF's ``<dynamics>``.
 
     Attributes:
-        viscous: Torque per speed in [N m s/rad] or [N s/m].
-        coulomb: Dry friction of a joint that slides, in [N m] or [N].
-        static: Dry friction that a joint at rest withstands in [N m] or [N], at least ``coulomb``.
-        stribeck_velocity: Speed at which friction has fallen to 37 % of the way from static to
-            coulomb, in [rad/s] or [m/s]; if absent it falls at once.
-        position: Factor of the dry friction by the joint's position.
-        load: Factor of the dry friction by the size of the torque of the drive at the joint.
-        lugre: Bristles in place of stick and slip.
+        viscous: Torque per speed in [N m s/rad] or [N s/m]; one number, or one for each direction.
+        coulomb: Dry friction of a sliding joint in [N m] or [N], likewise.
+        static: Largest dry friction of a joint at rest in [N m] or [N], at least ``coulomb``,
+            likewise.
+        stribeck_velocity: Speed in [rad/s] or [m/s] at which friction has fallen by 63 % of the
+            way from ``static`` to ``coulomb``; without it, friction falls at once.
+        position: Factor of the dry friction over the position of the joint.
+        load: Factor of the dry friction over the size of the drive's torque at the joint.
+        lugre: LuGre bristles in place of stick and slip; needs ``coulomb``, and
+            ``stribeck_velocity`` where ``static`` is larger.
     """
 
     viscous: Sided | None = None

@@ -39,10 +39,10 @@ class PositionSensor(Part):
     """An encoder at each joint.
 
     Attributes:
-        resolution: Step between two values that it tells in [rad] or [m]; 0: none.
-        counts: The same for turning joints, as steps in a turn.
-        noise: Standard deviation of each sample in [rad] or [m], before it is rounded.
-        offset: What it tells too much in [rad] or [m], before it is rounded.
+        resolution: Step of the encoder in [rad] or [m]; 0 for none.
+        counts: The same for joints that turn, as steps in a turn; not both for one joint.
+        noise: Standard deviation of each sample in [rad] or [m], before rounding.
+        offset: Offset in [rad] or [m], before rounding.
     """
 
     resolution: ByJoint = {}
@@ -58,15 +58,16 @@ class PositionSensor(Part):
 
 
 class VelocitySensor(Part):
-    """What tells velocities.
+    """The measurement of velocities.
 
     Attributes:
-        source: ``from`` in a scene: ``position``, differences of what the encoder tells from tick
-            to tick, or ``motion``, the velocity itself.
-        cutoff: Frequency in [Hz] at which a low-pass filter lets 71 % pass; absent: no filter.
-        order: Of that filter, 1 or 2 (Butterworth).
-        noise: Standard deviation of each sample in [rad/s] or [m/s], behind the filter.
-        offset: What it tells too much in [rad/s] or [m/s], likewise.
+        source: ``motion``: the exact velocity. ``position``: differences of the encoder from tick
+            to tick.
+        cutoff: Cutoff frequency in [Hz] of a Butterworth low-pass filter, below half the rate of
+            the ticks; without it there is no filter.
+        order: Order of that filter.
+        noise: Standard deviation of each sample in [rad/s] or [m/s], after the filter.
+        offset: Offset in [rad/s] or [m/s], after the filter.
     """
 
     model_config = ConfigDict(serialize_by_alias=True)
@@ -79,11 +80,11 @@ class VelocitySensor(Part):
 
 
 class EffortSensor(Part):
-    """What tells torques.
+    """The measurement of torques.
 
     Attributes:
         noise: Standard deviation of each sample in [N m] or [N].
-        offset: What it tells too much in [N m] or [N].
+        offset: Offset in [N m] or [N].
     """
 
     noise: ByJoint = {}
@@ -94,9 +95,9 @@ class Line(Part):
     """How messages get from one end to the other; what is overtaken counts as lost.
 
     Attributes:
-        delay: Time that every one takes in [s].
-        jitter: Most that one takes longer in [s]; how much is drawn evenly from zero to this.
-        loss: Part of them that never arrives.
+        delay: Delay of each message in [s].
+        jitter: Largest additional delay in [s], drawn evenly from zero to this.
+        loss: Share of the messages that is lost.
     """
 
     delay: Delay = 0.0
@@ -110,13 +111,13 @@ class Line(Part):
 
 
 class Sensors(Line):
-    """What a controller is told of the motion, and the line on which states come.
+    """What a controller is told of the motion, and the line that states travel on.
 
     Attributes:
-        seed: What all chance in sensors and lines is drawn from.
+        seed: Seed of all random numbers of sensors and lines.
         position: The encoders.
-        velocity: What tells velocities.
-        effort: What tells torques.
+        velocity: The measurement of velocities.
+        effort: The measurement of torques.
     """
 
     seed: Annotated[StrictInt, Field(ge=0, lt=2**63)] = 0
@@ -126,10 +127,10 @@ class Sensors(Line):
 
 
 class Commands(Line):
-    """What commands mean, and the line on which they come.
+    """What commands mean, and the line that they travel on.
 
     Attributes:
-        gravity_compensated: Whether efforts come on top of what carries the arm's own weight.
+        gravity_compensated: Whether efforts come on top of those that carry the arm's own weight.
     """
 
     gravity_compensated: StrictBool = False

@@ -11,22 +11,24 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from arm_dynamics.exceptions import SceneError, known_names
 from arm_dynamics.scene.constraint import check_constraints, check_frame, check_joints
 from arm_dynamics.scene.files import find_file, find_scene
 from arm_dynamics.scene.imperfections import check_sensors
+from arm_dynamics.scene.lines import in_file, parsed
 from arm_dynamics.scene.schema import Joint, Scene, validated
 from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.urdf import Urdf, read_urdf
+
+type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
+"""What a scene is made of; see ``load_scene``."""
 
 _FAR = 10.0  # [m]
 _MANY_TURNS = 4.0 * math.pi  # [rad]
 _log = logging.getLogger(__name__)
 
 
-def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Scene:
+def load_scene(source: SceneSource) -> Scene:
     """Load and check a scene.
 
     Args:
@@ -58,10 +60,24 @@ def load_scene(source: str | os.PathLike[str] | Mapping[str, Any] | Scene) -> Sc
         return scene_from_urdf(text)
     path = find_scene(text, Path.cwd())
     content = _read(path)
-    with _in_file(path):
+    with in_file(path):
         if _is_urdf(content):
             return scene_from_urdf(content)
-        return _complete(_yaml(content), path.parent)
+        return _complete(parsed(content), path.parent)
+
+
+@contextmanager
+def naming(source: object) -> Iterator[None]:
+    """Say in which file something is wrong that is found only when a scene is made use of.
+
+    Args:
+        source: What ``load_scene`` was given; only files are named.
+    """
+    if not isinstance(source, str | os.PathLike) or _is_urdf(os.fspath(source)):
+        yield
+        return
+    with in_file(find_scene(os.fspath(source), Path.cwd())):
+        yield
 
 
 def scene_from_urdf(text: str) -> Scene:
@@ -91,29 +107,6 @@ def _read(path: Path) -> str:
         raise SceneError(f"scene: cannot read '{path}': {error}") from None
 
 
-@contextmanager
-def _in_file(path: Path) -> Iterator[None]:
-    """Say in which file something is wrong, in every line."""
-    try:
-        yield
-    except SceneError as error:
-        lines = str(error).split("\n")
-        raise type(error)("\n".join(f"{path}: {line}" for line in lines)) from None
-
-
-def _yaml(content: str) -> dict[str, Any]:
-    try:
-        data = yaml.safe_load(content)
-    except yaml.YAMLError as error:
-        said = " ".join(str(error).split())
-        raise SceneError(f"scene: this is not well-formed YAML: {said}") from None
-    if not isinstance(data, dict):
-        raise SceneError(
-            f"scene: the file holds {type(data).__name__}, a mapping with 'robot' is expected"
-        )
-    return data
-
-
 def _complete(data: dict[str, Any], folder: Path) -> Scene:
     scene = validated(data)
     text = scene.robot.urdf
@@ -122,7 +115,7 @@ def _complete(data: dict[str, Any], folder: Path) -> Scene:
     else:
         path = find_file(text, folder)
         text = _read(path)
-        with _in_file(path):
+        with in_file(path):
             urdf = read_urdf(text)
     _check_names(scene, urdf)
     _tell(urdf)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene: one validated description of the physics, shared by every node.
 
-The schema below is the scene file (see ``docs/scene-reference.md``). Physics
+The schema below is the scene file (see ``docs/reference/scene.md``). Physics
 that is absent from it is not computed.
 """
 
@@ -19,7 +19,7 @@ from pydantic import (
 )
 
 from arm_dynamics.exceptions import SceneError
-from arm_dynamics.scene.complaints import complaint
+from arm_dynamics.scene.complaints import complaints
 from arm_dynamics.scene.constraint import (
     SCHEMAS,
     Bilateral,
@@ -46,11 +46,12 @@ from arm_dynamics.scene.types import (
 
 
 class RobotChoice(Part):
-    """Which robot, and which of its joints are held fast.
+    """The robot, and the joints of it that do not move.
 
     Attributes:
-        urdf: Path (relative to the scene file), ``package://`` URI, or the URDF text itself.
-        lock: Names of joints that do not move; each stays at its initial position, else at zero.
+        urdf: Path (relative to the scene file), ``package://`` or ``file://`` URI, or the URDF
+            text itself.
+        lock: Joints that do not move; each stays at its initial position, or at zero.
     """
 
     urdf: str = Field(min_length=1)
@@ -61,9 +62,11 @@ class Stop(Part):
     """What happens where a joint meets its position limits: a rigid stop, or a compliant one.
 
     Attributes:
-        restitution: Speed of rebound from a rigid stop over speed of approach, 0 to 1.
-        stiffness: Of a compliant stop in [N m/rad] or [N/m]; absent for a rigid one.
-        damping: Of a compliant stop in [N m s/rad] or [N s/m].
+        restitution: Speed of rebound over speed of approach at a rigid stop, 0 to 1; 0 unless
+            given.
+        stiffness: Stiffness of a compliant stop in [N m/rad] or [N/m]; without it the stop is
+            rigid.
+        damping: Damping of a compliant stop in [N m s/rad] or [N s/m].
     """
 
     restitution: Fraction | None = None
@@ -85,12 +88,15 @@ class Limits(Part):
     """Limits of one joint that replace the URDF's ``<limit>``.
 
     Attributes:
-        effort: Largest torque in [N m] or force in [N]; commands beyond it are saturated.
-        velocity: Largest speed in [rad/s] or [m/s], for planning.
-        lower: Lower position in [rad] or [m], for planning, and where a stop is.
-        upper: Upper position in [rad] or [m], likewise.
-        stop: What the stops at both are; absent or true: rigid, without rebound; false: there are
-            none, and the limits are for planning only.
+        effort: Largest torque in [N m] or force in [N], or ``inf``; commands beyond it are cut,
+            with a warning. Default: the URDF's.
+        velocity: Largest speed in [rad/s] or [m/s], or ``inf``: for planning, and for servos. The
+            simulation itself does not enforce it. Default: the URDF's.
+        lower: Lower position limit in [rad] or [m]: for planning, and where the stop is. Default:
+            the URDF's.
+        upper: Upper position limit in [rad] or [m], likewise.
+        stop: The stops at both limits. ``true``, the default: rigid, without rebound. ``false``:
+            none; the limits are for planning only.
     """
 
     effort: Limit | None = None
@@ -110,16 +116,18 @@ class Limits(Part):
 
 
 class Joint(Part):
-    """What the scene says of one joint, or of all (``"*"``).
+    """Settings of one joint, or of all joints (``"*"``).
 
     Attributes:
-        friction: Friction coefficients.
-        armature: Inertia of the drive seen at the joint in [kg m²] or [kg].
-        actuator: Motor and gear; without one the command is the torque at the joint.
-        transmission: What is flexible between gear and link.
-        spring: A spring and a damper that act on the link.
-        limits: Limits in place of the URDF's.
-        servo: How it takes positions and velocities as commands.
+        friction: Friction.
+        armature: Inertia of the drive as seen at the joint in [kg m²] or [kg]; the rotor of an
+            actuator is added to it.
+        actuator: Motor and gear; without one, the command is the torque at the joint.
+        transmission: A flexible element between gear and link; needs an actuator with
+            ``rotor_inertia``.
+        spring: A spring and damper beside the joint, acting on the link.
+        limits: Limits in place of those of the URDF.
+        servo: How the joint follows commanded positions and velocities.
     """
 
     friction: Friction = Friction()
@@ -135,11 +143,12 @@ class Payload(Part):
     """A rigid body welded to a frame.
 
     Attributes:
-        frame: Link or joint frame of the URDF that carries it.
+        frame: Link or joint of the URDF that carries the body.
         mass: Mass in [kg].
-        com: Centre of mass in the frame in [m].
-        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, frame axes, in [kg m²]: as
-            a rigid body can have them, see ``scene.inertia``.
+        com: Centre of mass in the frame, in [m].
+        inertia: ixx, ixy, ixz, iyy, iyz, izz about the centre of mass, along the axes of the
+            frame, in [kg m²]. No principal moment may be negative, or larger than the sum of the
+            other two.
     """
 
     frame: str
@@ -157,15 +166,16 @@ class Payload(Part):
 
 
 class Initial(Part):
-    """Where the robot starts; a joint that is not named starts at zero, at rest.
+    """Where the robot starts; joints that are not named start at zero, at rest.
 
     Where zero is beyond a joint's stops, it starts at the nearer one.
 
     Attributes:
-        position: Joint positions by name in [rad] or [m].
+        position: Joint positions by name in [rad] or [m], also of locked joints. With constraints
+            they are a guess, from which loops are closed.
         velocity: Joint velocities by name in [rad/s] or [m/s].
-        hold: Names of joints that keep position and velocity when loops are closed at the start;
-            the others give way.
+        hold: Joints that keep their position and velocity exactly when loops are closed at the
+            start; the others give way.
     """
 
     position: dict[str, Finite] = {}
@@ -177,9 +187,11 @@ class Sim(Part):
     """How the scene is integrated unless the caller says otherwise.
 
     Attributes:
-        integrator: Name of the integration method, or ``auto``.
-        dt: Length of one tick in [s].
-        tolerance: Scaled error that a sub-step may have; turns on error control inside each tick.
+        integrator: ``euler``, ``semi_implicit_euler``, ``midpoint``, ``heun``, ``rk4``,
+            ``dopri5``, ``dop853``, ``implicit``, or ``auto``, the default.
+        dt: Length of a tick in [s], 1e-9 to 10; a command is held for a tick.
+        tolerance: Scaled error |e| / (1 + |x|) allowed in each sub-step, 1e-14 to 0.1. Turns on
+            error control inside each tick; needs ``dopri5``, ``dop853``, ``implicit`` or ``auto``.
     """
 
     integrator: str | None = None
@@ -188,21 +200,23 @@ class Sim(Part):
 
 
 class Scene(Part):
-    """A whole scene, checked.
+    """A scene; everything but the robot is optional, and what is absent is not computed.
 
     Attributes:
         robot: The robot.
         gravity: Gravity in the world frame in [m/s²].
-        joints: Joint settings by name; ``"*"`` speaks for all and gives way to a name.
-        payloads: Bodies welded to frames.
+        joints: Settings of joints by name; ``"*"`` applies to all, and a joint's own entry
+            overrides it, number by number.
+        payloads: Rigid bodies attached to frames.
         springs: Springs between points of two frames.
-        constraints: What ties the robot to itself or to the world.
-        initial: Start of the motion.
+        constraints: Closed loops, ties to the world, couplings, and contacts.
+        initial: The state at the start.
         sim: Integration.
-        sensors: What a controller is told of the motion; absent: the motion itself, at once.
-        commands: How commands get to the arm; absent: all of them, at once.
-        tunable: What may differ between arms of a rollout or change while the simulator runs;
-            costs a little. ``external`` are joint torques from outside, zero at first.
+        sensors: What a controller is told of the motion; by default the exact state, at once.
+        commands: How commands reach the arm; by default all of them, at once.
+        tunable: Quantities that may change while the simulator runs, or differ between the arms of
+            a rollout: ``friction`` is the viscous one, ``external`` are joint torques from
+            outside, zero at first.
     """
 
     robot: RobotChoice
@@ -271,5 +285,5 @@ def validated(data: dict[str, Any], context: dict[str, Any] | None = None) -> Sc
     try:
         return Scene.model_validate(data, context=context)
     except ValidationError as error:
-        said = [complaint(e, Scene, SCHEMAS, KINDS) for e in error.errors()]
-        raise SceneError("\n".join(dict.fromkeys(said))) from None
+        said = complaints(error.errors(), Scene, SCHEMAS, KINDS)
+        raise SceneError("\n".join(said)) from None

@@ -12,12 +12,12 @@ class Servo(Part):
     """The servo of one joint, used where the joint is commanded a position or velocity.
 
     Attributes:
-        bandwidth: ω in [rad/s]: errors obey ë + 2 ζ ω ė + ω² e = 0; absent: as fast as the tick
-            and a flexible transmission allow, at most 100.
-        damping_ratio: ζ; 1 is critical.
-        stiffness: In [N m/rad] or [N/m], in place of a bandwidth.
-        damping: In [N m s/rad] or [N s/m], with a stiffness; absent: as the damping ratio says
-            for the joint's inertia where the arm starts.
+        bandwidth: ω in [rad/s] of ë + 2 ζ ω ė + ω² e = 0, which errors obey; by default 100, less
+            for long ticks and flexible transmissions.
+        damping_ratio: Damping ratio ζ; 1 is critical.
+        stiffness: Stiffness in [N m/rad] or [N/m], in place of a bandwidth.
+        damping: Damping in [N m s/rad] or [N s/m], with a stiffness; by default by the damping
+            ratio and the inertia of the joint at the start.
     """
 
     bandwidth: Positive | None = None

@@ -14,9 +14,10 @@ class JointSpring(Part):
     """A spring and a damper beside a joint, on the side of the link.
 
     Attributes:
-        stiffness: In [N m/rad] or [N/m]; must be given, for the joint or for all.
+        stiffness: Stiffness in [N m/rad] or [N/m]; required. 0 takes that of ``"*"`` away from a
+            joint.
         rest: Position in [rad] or [m] at which it does not push.
-        damping: In [N m s/rad] or [N s/m].
+        damping: Damping in [N m s/rad] or [N s/m].
     """
 
     stiffness: NonNegative | None = None
@@ -28,14 +29,14 @@ class PointSpring(Part):
     """A massless spring and damper between a point of one frame and one of another.
 
     Attributes:
-        frames: The two: links or joints of the URDF, or ``world``.
-        points: A point of each, in its own axes, in [m].
-        stiffness: In [N/m].
+        frames: The two frames: links or joints of the URDF, or ``world``.
+        points: A point of each frame, in its own axes, in [m].
+        stiffness: Stiffness in [N/m].
         rest_length: Length in [m] at which it does not pull; 0 is allowed.
-        damping: In [N s/m].
-        force: Tension in [N] that it has besides, negative if it pushes, as a gas spring does.
-        tension_only: Whether it is a cord that only pulls; slack, it does nothing.
-        name: What messages call it; by default ``spring`` and its place in the list.
+        damping: Damping along the line in [N s/m].
+        force: Additional tension in [N]; negative where it pushes, as a gas spring does.
+        tension_only: A cord: it pulls, or hangs slack.
+        name: Name in messages; by default ``spring_`` and its place in the list.
     """
 
     frames: Pair

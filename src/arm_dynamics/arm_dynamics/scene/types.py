@@ -21,7 +21,10 @@ def _number(value: object) -> object:
     if isinstance(value, bool):
         raise ValueError("a number is expected, not true or false")
     if isinstance(value, str):
-        return float(value)
+        try:
+            return float(value)
+        except ValueError:
+            raise ValueError("a number is expected") from None
     return value
 
 

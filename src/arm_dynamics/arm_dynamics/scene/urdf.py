@@ -15,7 +15,7 @@ from xml.etree import ElementTree
 
 import numpy as np
 
-from arm_dynamics.exceptions import ModelError, known_names
+from arm_dynamics.exceptions import ModelError, choices, did_you_mean, known_names
 from arm_dynamics.scene.inertia import ROUNDING, fault, moments
 
 MOVING = ("revolute", "continuous", "prismatic")
@@ -183,14 +183,14 @@ def _check_joint(name: str, joint: ElementTree.Element, links: set[str]) -> None
     kind = joint.get("type")
     if kind not in SUPPORTED:
         raise ModelError(
-            f"joint '{name}': type {kind!r} is not supported; allowed: {', '.join(SUPPORTED)}"
+            f"joint '{name}': type {kind!r} is not supported; allowed: {choices(kind, SUPPORTED)}"
         )
     for end in ("parent", "child"):
         link = _link_name(joint, end)
         if link not in links:
             raise ModelError(
                 f"joint '{name}': {end} link {link!r} does not exist; "
-                f"links: {known_names(sorted(links))}"
+                f"links: {choices(link, sorted(links))}"
             )
     axis = joint.find("axis")
     if (
@@ -246,14 +246,14 @@ def _check_tree(
         if child in parent_of:
             raise ModelError(
                 f"joint '{name}': link '{child}' already hangs on another joint; "
-                "URDF knows trees only"
+                "URDF describes trees only"
             )
         parent_of[str(child)] = str(_link_name(joint, "parent"))
     ringed = [name for name in links if _in_ring(name, parent_of)]
     if ringed:
         raise ModelError(
             f"robot description: links {known_names(ringed)} hang on each other in a ring; "
-            "URDF knows trees only"
+            "URDF describes trees only"
         )
     roots = [name for name in links if name not in parent_of]
     if len(roots) != 1:
@@ -280,7 +280,10 @@ def _mimics(joints: dict[str, ElementTree.Element], kinds: dict[str, str]) -> di
             continue
         leader = element.get("joint")
         if leader not in kinds or kinds[leader] == "fixed" or leader == name:
-            allowed = known_names(n for n, kind in kinds.items() if kind in MOVING and n != name)
+            others = [n for n, kind in kinds.items() if kind in MOVING and n != name]
+            allowed = known_names(others) + (
+                "" if leader in kinds else did_you_mean(leader, others)
+            )
             raise ModelError(
                 f"joint '{name}': mimics {leader!r}, which does not move; allowed: {allowed}"
             )

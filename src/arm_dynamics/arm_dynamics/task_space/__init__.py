@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm as seen at one of its frames: kinematics, inertia and forces in the task's axes.
+"""Task space: kinematics, inertia and forces of an arm at one of its frames.
 
-Knows the dynamics of the joints, and no controller.
+Depends on the dynamics of the joints, and on no controller.
 """
 
 from arm_dynamics.task_space.axes import AXES, chosen_axes

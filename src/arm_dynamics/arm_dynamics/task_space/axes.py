@@ -7,9 +7,10 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from arm_dynamics.exceptions import InvalidInput, known_names
+from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 
 AXES = ("x", "y", "z", "rx", "ry", "rz")
+"""Axes of a frame: along x, y, z and about them."""
 _GROUPS = {"pose": AXES, "position": AXES[:3], "orientation": AXES[3:]}
 
 
@@ -31,7 +32,8 @@ def chosen_axes(selection: str | Iterable[str]) -> tuple[str, ...]:
     listed = selection.replace(",", " ").split() if isinstance(selection, str) else selection
     names = tuple(listed)
     if not names or len(set(names)) < len(names) or not set(names) <= set(AXES):
-        allowed = f"{known_names(_GROUPS)}, or different names out of {known_names(AXES)}"
+        meant = did_you_mean(selection, _GROUPS)
+        allowed = f"{known_names(_GROUPS)}, or different names out of {known_names(AXES)}{meant}"
         raise InvalidInput(f"selection = {selection!r}; allowed: {allowed}")
     return tuple(axis for axis in AXES if axis in names)
 

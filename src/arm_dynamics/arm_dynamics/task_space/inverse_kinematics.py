@@ -122,7 +122,7 @@ class InverseKinematics:
         )
 
     def correct(self, pose: Pose, q: Array) -> Array:
-        """A few steps towards a pose that is near, limits not looked at; for paths."""
+        """A few steps from joint positions q, shape (n,), to a pose nearby; without limits."""
         for _ in range(4):
             error, J = self._error(pose, q)
             if np.max(abs(error)) < 1e-13:

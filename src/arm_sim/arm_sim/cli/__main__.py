@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """``python -m arm_sim.cli``, which is what ``./arm`` runs."""
 
+from arm_sim.cli.completion import VARIABLE
 from arm_sim.cli.main import main
 
-main(prog_name="./arm")
+main(prog_name="./arm", complete_var=VARIABLE)

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -12,6 +13,7 @@ from typing import TYPE_CHECKING
 import click
 
 from arm_dynamics.codegen.processor import NATIVE, TARGETS
+from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import examples
 
 if TYPE_CHECKING:
@@ -26,7 +28,7 @@ if TYPE_CHECKING:
         "ARM_CACHE=compiled ./arm sim my_scene.yaml",
     )
 )
-@click.argument("scenes", metavar="SCENE...", nargs=-1, required=True)
+@click.argument("scenes", metavar="SCENE...", type=SCENE, nargs=-1, required=True)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR",
               help="Folder for the compiled code; made if it is not there.")  # fmt: skip
 @click.option("--integrator", help="Integration method instead of the scene's, e.g. rk4, dop853.")
@@ -35,6 +37,7 @@ if TYPE_CHECKING:
 @click.option("--processor", type=click.Choice(TARGETS), default=NATIVE, show_default=True,
               help="Compile for processors like this one, or for all of a level.")  # fmt: skip
 @click.option("--batches", is_flag=True, help="Also code for batches and rollouts of many arms.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON at the end.")
 def build(
     scenes: tuple[str, ...],
     out: Path,
@@ -43,6 +46,7 @@ def build(
     tolerance: float | None,
     processor: str,
     batches: bool,
+    as_json: bool,
 ) -> None:
     """Compile what SCENEs need into DIR, for machines without a compiler.
 
@@ -62,22 +66,25 @@ def build(
             with _into(out, name, part, processor):
                 work()
     entries = list(out.glob("*.so"))
-    size = sum(entry.stat().st_size for entry in entries) / 1e6
-    click.echo(f"{out}: {len(entries)} libraries, {size:.1f} MB")
+    size = sum(entry.stat().st_size for entry in entries)
+    if as_json:
+        click.echo(json.dumps({"folder": str(out), "libraries": len(entries), "bytes": size}))
+    else:
+        click.echo(f"{out}: {len(entries)} libraries, {size / 1e6:.1f} MB")
 
 
 @contextmanager
 def _into(out: Path, scene: str, part: str, processor: str) -> Iterator[None]:
     from arm_dynamics.codegen.compiler import Destination, building_into
 
-    click.echo(f"{scene}: {part} ", nl=False)
+    click.echo(f"{scene}: {part} ", nl=False, err=True)
     start, outcome = perf_counter(), "failed"
     try:
         with building_into(Destination(out, scene, part, processor)):
             yield
         outcome = f"{perf_counter() - start:.1f} s"
     finally:
-        click.echo(f"({outcome})")
+        click.echo(f"({outcome})", err=True)
 
 
 def _other_parts(

@@ -3,10 +3,13 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+import json
+import math
+from typing import TYPE_CHECKING, Any
 
 import click
 
+from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import (
     console,
     examples,
@@ -15,7 +18,7 @@ from arm_sim.cli.output import (
     number,
     show,
     table,
-    told_meanwhile,
+    waiting,
 )
 
 if TYPE_CHECKING:
@@ -34,27 +37,68 @@ if TYPE_CHECKING:
         "./arm describe my_scene.yaml --tolerance 1e-8",
     )
 )
-@click.argument("scene")
+@click.argument("scene", type=SCENE)
 @click.option("--integrator", help="Integration method instead of the scene's, e.g. rk4, dop853.")
 @click.option("--dt", type=float, help="Length of a tick in s instead of the scene's.")
 @click.option("--tolerance", type=float, help="Control the error inside each tick, e.g. 1e-8.")
+@click.option("--details", is_flag=True, help="Also say why each part is skipped.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def describe(
-    scene: str, integrator: str | None, dt: float | None, tolerance: float | None
+    scene: str,
+    integrator: str | None,
+    dt: float | None,
+    tolerance: float | None,
+    details: bool,
+    as_json: bool,
 ) -> None:
-    """Show the joints of SCENE, what a tick of it computes and skips, and what that costs.
+    """Show the joints of SCENE, what is computed and what is skipped, and the cost of a tick.
 
     SCENE is the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
     The time is measured now, on this machine.
     """
     from arm_sim import Simulator
 
-    with told_meanwhile():
+    with waiting(f"building {scene}"):
         simulator = Simulator(scene, integrator=integrator, dt=dt, tolerance=tolerance)
+        facts_of(simulator)  # of which the time of a tick is measured now
+    if as_json:
+        click.echo(json.dumps(facts_of(simulator), indent=1))
+        return
     out = console()
     _show_robot(out, simulator.model)
     _show_joints(out, simulator.model)
-    _show_physics(out, simulator)
+    _show_physics(out, simulator, details)
     _show_cost(out, simulator)
+
+
+def facts_of(simulator: Simulator) -> dict[str, Any]:
+    """The same for scripts; what has no limit is null."""
+    model, plan = simulator.model, simulator.plan
+    columns = {
+        "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
+        "velocity_limit": model.velocity_limit, "effort_limit": model.effort_limit,
+        "viscous": model.viscous, "coulomb": model.friction.coulomb.mean,
+        "static": model.friction.static.mean, "armature": model.armature,
+    }  # fmt: skip
+    joints = [
+        {"name": name, "type": model.joint_types[i], "command_unit": model.command_unit[i],
+         **{key: _finite(values[i]) for key, values in columns.items()}}
+        for i, name in enumerate(model.joint_names)
+    ]  # fmt: skip
+    return {
+        "robot": model.pin.name, "mass": model.total_mass, "gravity": list(model.scene.gravity),
+        "locked": list(model.scene.robot.lock), "joints": joints, "dt": simulator.dt,
+        "frames": list(model.frame_names),
+        "integrator": simulator.choice.method.name, "tolerance": simulator.choice.tolerance,
+        "reason": plan.reason, "algorithm": plan.algorithm, "backend": plan.backend,
+        "operations": plan.operations, "nanoseconds": plan.nanoseconds,
+        "computed": {part.name: part.why for part in plan.parts if part.on},
+        "skipped": {part.name: part.why for part in plan.parts if not part.on},
+    }  # fmt: skip
+
+
+def _finite(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
 
 
 def _show_robot(out: Console, model: ArmModel) -> None:
@@ -169,10 +213,14 @@ def _units(types: set[str]) -> str:
     return f"units: {turning}" + (f"; sliding joints: {sliding}" if "prismatic" in types else "")
 
 
-def _show_physics(out: Console, simulator: Simulator) -> None:
+def _show_physics(out: Console, simulator: Simulator, details: bool) -> None:
     parts = sorted(simulator.plan.parts, key=lambda part: not part.on)
-    rows = [("computed" if p.on else "skipped", p.name, p.why) for p in parts]
+    rows = [("computed" if p.on else "skipped", p.name, p.why) for p in parts if p.on or details]
     show(out, table(("in a tick", "", ""), rows, text=(0, 1, 2)))
+    if not details:
+        skipped = ", ".join(part.name for part in parts if not part.on)
+        out.print(f" skipped    {skipped}; --details says why", style="dim")
+        out.print()
 
 
 def _show_cost(out: Console, simulator: Simulator) -> None:

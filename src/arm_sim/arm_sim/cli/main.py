@@ -8,31 +8,41 @@ from typing import Any
 import click
 
 from arm_dynamics.exceptions import ArmError
+from arm_sim import __version__
 from arm_sim.cli.build import build
 from arm_sim.cli.call import call
+from arm_sim.cli.completion import Commands, completion
 from arm_sim.cli.demo import demo
 from arm_sim.cli.describe import describe
+from arm_sim.cli.identification import compare, excite, identify, identify_drive
 from arm_sim.cli.nodes import controller, dynamics, sim
-from arm_sim.cli.output import examples
+from arm_sim.cli.output import examples, told_meanwhile
 from arm_sim.cli.recordings import plot, record, replay
 from arm_sim.cli.robot import get, go, set_, watch
+from arm_sim.cli.sweep import sweep
 from arm_sim.cli.urdf import urdf
 from arm_sim.cli.view import view
 
 
-class Suite(click.Group):
+class Suite(Commands):
     """A group whose commands end with one line when something is not as it should be."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; errors of the suite become a message and exit status 1."""
         try:
-            return super().invoke(ctx)
+            with told_meanwhile():
+                return super().invoke(ctx)
         except ModuleNotFoundError as error:
             raise _explained(error) from error
         except OSError as error:
-            raise click.ClickException(str(error)) from error
+            raise click.ClickException(_of_system(error)) from error
         except ArmError as error:
             raise click.ClickException(str(error)) from None
+
+
+def _of_system(error: OSError) -> str:
+    """What the system says, without the number of its error."""
+    return f"'{error.filename}': {error.strerror}" if error.filename else str(error)
 
 
 def _explained(error: ModuleNotFoundError) -> Exception:
@@ -52,13 +62,16 @@ def _explained(error: ModuleNotFoundError) -> Exception:
         "./arm describe panda",
     ),
 )
+@click.version_option(__version__, message="%(version)s")
 def main() -> None:
     """Dynamics, simulation and control of robot arms on ROS 2 Jazzy."""
 
 
 COMMANDS = (
     demo, describe, build, call, view, plot, record, replay, dynamics, sim,
-    controller, go, set_, get, watch, urdf,
+    controller, go, set_, get, watch, urdf, excite,
+    compare, identify, identify_drive, sweep,
+    completion,
 )  # fmt: skip
 for command in COMMANDS:
     main.add_command(command)

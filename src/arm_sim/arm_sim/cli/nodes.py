@@ -16,6 +16,7 @@ from typing import Any
 import click
 
 from arm_dynamics import InvalidInput
+from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import examples
 
 _PR_SET_PDEATHSIG = 1
@@ -29,7 +30,7 @@ def _node(*lines: str) -> Callable[[Command], click.Command]:
         for part in (
             click.option("--with-parent", is_flag=True, hidden=True, help="End with the parent."),
             click.argument("rest", metavar="[--ros-args …]", nargs=-1, type=click.UNPROCESSED),
-            click.argument("scene", required=False),
+            click.argument("scene", type=SCENE, required=False),
         ):
             command = part(command)
         settings = {"ignore_unknown_options": True}

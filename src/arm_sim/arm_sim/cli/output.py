@@ -6,14 +6,17 @@ from __future__ import annotations
 import logging
 import sys
 from collections.abc import Iterable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
+from threading import Timer
 from typing import TYPE_CHECKING, Any
+
+from arm_dynamics.logs import heard_by
 
 if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-CORES = ("arm_dynamics", "arm_sim")
+PATIENCE = 2.0  # [s] without a word
 _WIDE = 200  # columns where no window sets them, so that a pipe gets whole lines
 
 
@@ -32,19 +35,42 @@ def console() -> Console:
     return Console(width=width, highlight=False, emoji=False)
 
 
-@contextmanager
-def told_meanwhile() -> Iterator[None]:
+def told_meanwhile() -> AbstractContextManager[None]:
     """Say on stderr what the cores are busy with, as they log it, while the context lasts."""
-    handler, log = logging.StreamHandler(), [logging.getLogger(name) for name in CORES]
-    for logger in log:
-        logger.addHandler(handler)
-        logger.setLevel(logging.INFO)
+    return heard_by(_Said())
+
+
+class _Said(logging.Handler):
+    """Writes to what is stderr at the time, so that lines go above a bar."""
+
+    def emit(self, record: logging.LogRecord) -> None:
+        """Write a line; where it cannot be written, as on a full disk, go on without."""
+        try:
+            print(self.format(record), file=sys.stderr)
+        except OSError:
+            self.handleError(record)
+
+
+@contextmanager
+def waiting(what: str) -> Iterator[None]:
+    """Show on a terminal what is waited for, and for how long, once that is two seconds."""
+    if not sys.stderr.isatty():
+        yield
+        return
+    from rich.console import Console
+    from rich.progress import Progress, SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(), TextColumn("{task.description}"), TimeElapsedColumn()
+    progress = Progress(*columns, console=Console(stderr=True), transient=True)
+    progress.add_task(what, total=None)
+    begin = Timer(PATIENCE, progress.start)
+    begin.start()
     try:
         yield
     finally:
-        for logger in log:
-            logger.removeHandler(handler)
-            logger.setLevel(logging.NOTSET)
+        begin.cancel()
+        begin.join()
+        progress.stop()
 
 
 def table(

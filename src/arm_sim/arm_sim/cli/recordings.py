@@ -3,16 +3,24 @@
 
 from __future__ import annotations
 
+import json
 import sys
 from datetime import datetime
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from arm_sim.cli.output import console, examples
+from arm_dynamics.exceptions import choices
+from arm_sim.cli.completion import SCENE
+from arm_sim.cli.output import console, examples, waiting
+
+if TYPE_CHECKING:
+    from arm_sim import Recording
+    from arm_sim.replay import Replay
 
 _PATH = click.Path(path_type=Path)
+FIGURES = (".png", ".pdf", ".svg", ".jpg")
 
 
 @click.command(
@@ -25,10 +33,10 @@ _PATH = click.Path(path_type=Path)
 @click.argument("recording", type=_PATH)
 @click.argument("others", type=_PATH, nargs=-1, metavar="[OTHER…]")
 @click.option("--out", type=_PATH, help="The figure; .png, .pdf or .svg.  [default: NAME.png]")
-@click.option("--joint", "joints", multiple=True, help="Only this one; may be given again.")
-@click.option("--scene", help="For recordings of a robot, which bring none.")
-@click.option("--topic", help="Of the joint states, where a bag has several.")
-@click.option("--show", is_flag=True, help="Open a window too.")
+@click.option("--joint", "joints", multiple=True, help="Joint to draw; may be repeated.")
+@click.option("--scene", type=SCENE, help="Scene of a recording of a robot, which has none.")
+@click.option("--topic", help="Topic of the joint states, if a bag has several.")
+@click.option("--show", is_flag=True, help="Also open a window.")
 def plot(
     recording: Path, others: tuple[Path, ...], out: Path | None, joints: tuple[str, ...],
     scene: str | None, topic: str | None, show: bool,
@@ -42,17 +50,19 @@ def plot(
 
     from arm_sim import Recording
 
+    if out is not None and out.suffix not in FIGURES:
+        raise click.ClickException(
+            f"'{out}' ends in '{out.suffix}'; allowed: {choices(out.suffix, FIGURES)}"
+        )
     if not show:
         pyplot.switch_backend("agg")  # where there is no screen
-    loaded = [Recording.load(path, topic=topic) for path in (recording, *others)]
-    if scene:
-        loaded = [made if made.origin else made.of(scene) for made in loaded]
-    figure = loaded[0].plot(*loaded[1:], joints=joints)
+    with waiting(f"reading {recording}"):
+        loaded = [Recording.load(path, topic=topic) for path in (recording, *others)]
+        if scene:
+            loaded = [made if made.origin else made.of(scene) for made in loaded]
+        figure = loaded[0].plot(*loaded[1:], joints=joints)
     out = out or Path(f"{recording.stem or recording.name}.png")
-    try:
-        figure.savefig(out, dpi=150)
-    except ValueError as error:
-        raise click.ClickException(f"'{out}': {error}") from None
+    figure.savefig(out, dpi=150)
     for made in loaded:
         console().print(repr(made), markup=False)
     console().print(f"{out}", markup=False)
@@ -68,7 +78,9 @@ def plot(
 )
 @click.argument("topics", nargs=-1, metavar="[TOPIC…]")
 @click.option("--out", type=_PATH, help="File (.mcap) or folder of a bag.  [default: by the time]")
-@click.option("--duration", type=click.FloatRange(min=0.0, min_open=True), help="In seconds.")
+@click.option(
+    "--duration", type=click.FloatRange(min=0.0, min_open=True), help="How long to record, in s."
+)
 def record(topics: tuple[str, ...], out: Path | None, duration: float | None) -> None:
     """Record TOPICs of a running system until Ctrl-C, all of them if none is named.
 
@@ -93,7 +105,7 @@ def record(topics: tuple[str, ...], out: Path | None, duration: float | None) ->
         for topic, count in node.count.items():
             click.echo(f"{count:9d}  {topic}")
         for topic in node.missing:
-            click.echo(f"        -  {topic}: nobody publishes it")
+            click.echo(f"        -  {topic}: no publisher")
         if node.thread.lost:
             click.echo(f"{node.thread.lost} messages lost: the disk could not follow", err=True)
         click.echo(str(path))
@@ -109,22 +121,22 @@ def record(topics: tuple[str, ...], out: Path | None, duration: float | None) ->
     )
 )
 @click.argument("recording", type=_PATH)
-@click.option("--scene", help="Another scene with the same joints.")
-@click.option("--integrator", help="Another method.")
-@click.option("--tolerance", type=float, help="Another tolerance.")
-@click.option("--out", type=_PATH, help="Keep the motion as it came out this time.")
-@click.option("--topics", is_flag=True, help="Play it into topics instead, in its own time.")
-@click.option("--topic", "names", multiple=True, help="With --topics: only this one.")
+@click.option("--scene", type=SCENE, help="Run another scene with the same joints.")
+@click.option("--integrator", help="Use another method.")
+@click.option("--tolerance", type=float, help="Use another tolerance.")
+@click.option("--out", type=_PATH, help="Save the new motion.")
+@click.option("--topics", is_flag=True, help="Publish it on topics instead, at its own pace.")
+@click.option("--topic", "names", multiple=True, help="With --topics: publish only this one.")
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.0),
-    default=1.0,
-    show_default=True,
-    help="With --topics: recorded time per time of the clock; 0: as fast as possible.",
+    help="With --topics: recorded time per time of the clock, 1 if not said; 0: as fast as "
+    "possible.",
 )
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def replay(
     recording: Path, scene: str | None, integrator: str | None, tolerance: float | None,
-    out: Path | None, topics: bool, names: tuple[str, ...], rate: float,
+    out: Path | None, topics: bool, names: tuple[str, ...], rate: float | None, as_json: bool,
 ) -> None:  # fmt: skip
     """Run the scene of a RECORDING again from its commands, and compare every state.
 
@@ -132,17 +144,24 @@ def replay(
     state is another one, by as little as a bit.
     """
     if topics:
-        if scene or integrator or tolerance or out:
+        if scene or integrator or tolerance or out or as_json:
             raise click.UsageError("--topics plays what is there; no other option but --rate")
-        _play(recording, names, rate)
+        _play(recording, names, 1.0 if rate is None else rate)
         return
-    if names:
-        raise click.UsageError("--topic belongs to --topics")
+    if names or rate is not None:
+        which = "--topic" if names else "--rate"
+        raise click.UsageError(f"{which} belongs to --topics, which plays the recording")
     from arm_sim import Recording
     from arm_sim.replay import replay as again
 
-    loaded = Recording.load(recording)
-    found = again(loaded, scene, integrator, tolerance)
+    with waiting(f"replaying {recording}"):
+        loaded = Recording.load(recording)
+        found = again(loaded, scene, integrator, tolerance)
+    if as_json:
+        if out is not None:
+            found.recording.save(out)
+        click.echo(json.dumps(_facts(loaded, found)))
+        sys.exit(0 if found.equal else 1)
     screen = console()
     screen.print(repr(loaded), markup=False)
     for name in found.other_versions:
@@ -157,6 +176,16 @@ def replay(
     if out is not None:
         screen.print(str(found.recording.save(out)), markup=False)
     sys.exit(0 if found.equal else 1)
+
+
+def _facts(loaded: Recording, found: Replay) -> dict[str, Any]:
+    """What a replay found, for scripts."""
+    return {
+        "equal": found.equal, "ticks": len(loaded) - 1,
+        "first_difference": None if found.first is None else str(found.first),
+        "largest": _largest(found.apart), "failure": found.failure or None,
+        "other_versions": list(found.other_versions),
+    }  # fmt: skip
 
 
 def _largest(apart: Any) -> float:

@@ -8,6 +8,7 @@ from xml.etree import ElementTree
 
 import click
 
+from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import examples
 
 if TYPE_CHECKING:
@@ -24,7 +25,7 @@ STATES = ("position", "velocity", "effort")
         "./arm urdf panda --ros2-control position",
     )
 )
-@click.argument("scene")
+@click.argument("scene", type=SCENE)
 @click.option("--ros2-control", "command", type=click.Choice(COMMANDS),
               help="Add the tag of ros2_control's JointState-topic hardware, with joints "
               "commanded by this.")  # fmt: skip

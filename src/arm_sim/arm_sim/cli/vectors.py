@@ -10,6 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from arm_dynamics.exceptions import choices
+
 if TYPE_CHECKING:
     import numpy as np
 
@@ -41,7 +43,8 @@ class Vector:
         unknown = [name for name in self.named if name not in names]
         if unknown:
             raise click.ClickException(
-                f"unknown joint {', '.join(map(repr, unknown))}; allowed: {', '.join(names)}"
+                f"unknown joint {', '.join(map(repr, unknown))}; "
+                f"allowed: {choices(unknown[0], names)}"
             )
         if self.named:
             return [self.named.get(name, 0.0) for name in names]
@@ -61,7 +64,9 @@ class VectorType(click.ParamType):
             return value
         try:
             return parse(value)
-        except (ValueError, OSError) as error:
+        except OSError as error:
+            self.fail(f"'{error.filename}': {error.strerror}; {HOW}", param, ctx)
+        except ValueError as error:
             self.fail(f"{error}; {HOW}", param, ctx)
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What lies between an arm and who controls it: sensors, and lines that delay and lose.
+"""Imperfections between an arm and its controller: sensors, delays and lost messages.
 
-Knows numbers, ticks and what a scene says of sensors and lines; knows no equation of motion and no
-ROS. A scene without the keys ``sensors`` and ``commands`` builds nothing of it.
+Depends on numbers, ticks and the keys of the scene for sensors and lines, and on no equation of
+motion and no ROS. For a scene without the keys ``sensors`` and ``commands`` nothing is built.
 """
 
 from arm_sim.imperfections.lines import Line, command_line, delivered

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Positions, velocities and efforts as commands, as robots take them: a servo at every joint.
+"""Commands by position, velocity and effort: a servo at every joint.
 
-Holds what a command is, the reference that a stream of commands means, and the servo that turns it
-into what the drives take. Knows models, the actuation of drives and which quantities are tunable;
-nothing of who integrates.
+Contains the command, the reference that follows from a stream of commands, and the servo that
+computes the commands of the drives. Depends on models, the actuation of drives and the tunable
+quantities; not on integration.
 """
 
 from arm_sim.servo.command import JointCommand

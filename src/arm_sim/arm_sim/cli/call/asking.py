@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from arm_sim.cli.completion import Commands
 from arm_sim.cli.output import console, examples, number, show, table, units
 from arm_sim.cli.vectors import HOW, Vector, VectorType
 
@@ -30,11 +31,12 @@ _Command = Callable[..., Any]
 
 
 @click.group(
+    cls=Commands,
     epilog=examples(
         './arm call inverse-dynamics --position "0 -0.8 0 -2.4 0 1.6 0.8"',
         './arm call inverse-dynamics --position "panda_joint4=-2.4" --terms gravity',
         "./arm call model-info --json",
-    )
+    ),
 )
 def call() -> None:
     """Call a service of a running node.

@@ -15,9 +15,7 @@ if TYPE_CHECKING:
     from arm_dynamics.client import ArmClient
 
 
-@call.command(
-    short_help="Put the simulation back to its start.", epilog=examples("./arm call reset")
-)
+@call.command(short_help="Reset the simulation to its start.", epilog=examples("./arm call reset"))
 @asks(SIM)
 def reset(client: ArmClient, as_json: bool) -> None:
     """Put the simulation back to its initial state and time zero."""
@@ -28,7 +26,7 @@ def reset(client: ArmClient, as_json: bool) -> None:
 @call.command(epilog=examples("./arm call pause"))
 @asks(SIM)
 def pause(client: ArmClient, as_json: bool) -> None:
-    """Stop the simulation's time."""
+    """Pause the simulation."""
     client.pause()
     _print_done("paused", as_json)
 
@@ -36,7 +34,7 @@ def pause(client: ArmClient, as_json: bool) -> None:
 @call.command(epilog=examples("./arm call resume"))
 @asks(SIM)
 def resume(client: ArmClient, as_json: bool) -> None:
-    """Let the simulation's time go on."""
+    """Resume a paused simulation."""
     client.resume()
     _print_done("running", as_json)
 
@@ -67,7 +65,7 @@ def _something_to_set(position: Vector | None, velocity: Vector | None, **_: Any
 def set_joint_state(
     client: ArmClient, as_json: bool, joints: list[str], **vectors: Vector | None
 ) -> None:
-    """Put joints of the simulation somewhere at once; those not named stay."""
+    """Place joints of the simulation at once; joints that are not named stay."""
     names, rows = _named_rows(joints, vectors)
     client.set_joint_state(rows.get("position"), rows.get("velocity"), names)
     _print_done(f"{', '.join(names) if names else 'all joints'} set", as_json)

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from arm_dynamics.exceptions import choices
 from arm_sim.cli.call.asking import (
     DYNAMICS,
     SHOWN,
@@ -45,7 +46,8 @@ def _terms(context: click.Context, option: click.Parameter, text: str) -> int:
     if chosen == {"all"}:
         return sum(TERMS.values())
     if not chosen or not chosen <= set(TERMS):
-        raise click.BadParameter(f"{text!r}; allowed: all, or some of {', '.join(TERMS)}")
+        unknown = min(chosen - {*TERMS}, default="")
+        raise click.BadParameter(f"{text!r}; allowed: all, or some of {choices(unknown, TERMS)}")
     return sum(TERMS[term] for term in chosen)
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm demo``: the whole loop on a real arm, in three processes.
+"""``./arm demo``: the control loop of an arm in three processes.
 
-``course`` plans, starts, watches, stops and reports; ROS and plotting are imported when it runs.
+``course`` plans, starts, monitors, stops and reports; ROS and plotting are imported when it runs.
 """
 
 from __future__ import annotations
@@ -11,6 +11,7 @@ from pathlib import Path
 
 import click
 
+from arm_sim.cli.completion import SCENE
 from arm_sim.cli.output import examples
 
 __all__ = ["demo"]
@@ -25,7 +26,7 @@ PANDA = Path(__file__).parents[2] / "scenes/panda.yaml"
         "./arm demo --robot my_arm.urdf --duration 5 --output /tmp/my_arm",
     )
 )
-@click.option("--robot", default=None, metavar="URDF|SCENE",
+@click.option("--robot", type=SCENE, default=None, metavar="URDF|SCENE",
               help="Arm to move: a URDF or scene file; the Panda when omitted.")  # fmt: skip
 @click.option("--duration", default=10.0, show_default=True, type=click.FloatRange(1.0, 3600.0),
               help="How long the motion takes, in s.")  # fmt: skip

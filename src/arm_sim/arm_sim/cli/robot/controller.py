@@ -19,6 +19,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_TRAJECTORY,
     Topic,
 )
+from arm_dynamics.trajectory import files
 from arm_sim.cli.robot.listener import Listener, full
 from arm_sim.cli.robot.parameters import Parameters
 
@@ -33,6 +34,15 @@ class Outcome:
 
     accepted: bool
     words: str
+
+
+def _after(seconds: float) -> Duration:
+    whole, part = divmod(round(1e9 * seconds), 1_000_000_000)
+    return Duration(sec=whole, nanosec=part)
+
+
+def _numbers(values: Any) -> list[float]:
+    return [] if values is None else [float(x) for x in values]
 
 
 class Controller:
@@ -115,11 +125,21 @@ class Controller:
 
     def send_joints(self, there: Mapping[str, float], duration: float) -> None:
         """Send joints to positions in [rad] or [m] within a duration in [s]."""
-        seconds, part = divmod(round(1e9 * duration), 1_000_000_000)
         point = JointTrajectoryPoint(positions=list(there.values()))
-        point.time_from_start = Duration(sec=seconds, nanosec=part)
+        point.time_from_start = _after(duration)
         self._target = there
         self._send(JOINT_TRAJECTORY, JointTrajectory(joint_names=list(there), points=[point]))
+
+    def send_points(self, trajectory: files.JointTrajectory) -> None:
+        """Send joints along a trajectory; they are at its first point."""
+        message = JointTrajectory(joint_names=list(trajectory.joint_names))
+        for given in trajectory.points[1:]:
+            point = JointTrajectoryPoint(time_from_start=_after(given.time))
+            point.positions = _numbers(given.q)
+            point.velocities, point.accelerations = _numbers(given.v), _numbers(given.a)
+            message.points.append(point)
+        self._target = dict(zip(trajectory.joint_names, message.points[-1].positions, strict=True))
+        self._send(JOINT_TRAJECTORY, message)
 
     def send_pose(self, numbers: Sequence[float]) -> None:
         """Send the task's frame to x y z in [m] and a quaternion x y z w, in the world."""
@@ -132,7 +152,7 @@ class Controller:
         name = self._topic(topic)
         publisher = self._listener.publisher(topic, name)
         if not self._listener.until(lambda: publisher.get_subscription_count() > 0, self._timeout):
-            raise click.ClickException(f"nobody listens to {name} (waited {self._timeout:g} s)")
+            raise click.ClickException(f"{name} has no subscriber (waited {self._timeout:g} s)")
         publisher.publish(message)
 
     def begin(self, send: Callable[[], None]) -> Outcome:

@@ -6,6 +6,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -15,8 +16,10 @@ from arm_sim.cli.robot.goal import JointGoal, parse, targets, unhurried
 from arm_sim.cli.vectors import Vector, VectorType
 
 if TYPE_CHECKING:
+    from arm_dynamics.trajectory.files import JointTrajectory
     from arm_sim.cli.robot.controller import Controller
 
+_THERE = 1e-6  # [rad] or [m] between a reference and a start that need not be gone to
 _SETTLING = 2.0  # [s] for the last errors to vanish once the reference stands still
 
 
@@ -30,34 +33,39 @@ class Missed(click.ClickException):
         "./arm go panda_joint1+=0.3 panda_joint4=-2.0 --duration 4",
         './arm go --frame panda_hand --pose "0.4 0.2 0.5 1 0 0 0"',
         "./arm go shoulder=0.5 --controller left/controller",
+        "./arm go --trajectory exciting.yaml",
     ),
 )
 @click.argument("goals", metavar="JOINT=POSITION…", nargs=-1)
 @click.option("--duration", type=click.FloatRange(0.0, 3600.0, min_open=True),
-              help="How long the motion takes, in s; else so that no joint is faster than 1 rad/s "
+              help="Duration of the motion, in s; by default, no joint is faster than 1 rad/s "
               "or 1 m/s. The controller takes longer where limits ask for it.")  # fmt: skip
 @click.option("--pose", type=VectorType(), metavar='"X Y Z QX QY QZ QW"',
               help="Lead a frame straight to a pose instead, in m; the quaternion has length "
               "1.")  # fmt: skip
 @click.option("--frame", help="Frame that --pose is of; else the controller's task_frame.")
+@click.option("--trajectory", type=click.Path(dir_okay=False, path_type=Path),
+              help="File of ./arm excite, or any JointTrajectory as YAML: lead the joints to its "
+              "start, then along it.")  # fmt: skip
 @click.option("--tolerance", default=0.01, show_default=True, type=click.FloatRange(0.0),
               help="Error of a joint with which the arm has arrived, in rad or m.")  # fmt: skip
 @click.option("--controller", "node", default="controller", show_default=True,
               help="Controller node, with its namespace.")  # fmt: skip
 @click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
               help="How long to wait for the controller and its states, in s.")  # fmt: skip
-@click.option("--no-wait", is_flag=True, help="End when the motion has begun.")
+@click.option("--no-wait", is_flag=True, help="Return when the motion has begun.")
 def go(
     goals: tuple[str, ...],
     duration: float | None,
     pose: Vector | None,
     frame: str | None,
+    trajectory: Path | None,
     tolerance: float,
     node: str,
     timeout: float,
     no_wait: bool,
 ) -> None:
-    """Lead the arm of a running controller to joint positions, or a frame to a pose.
+    """Move the arm of a running controller to joint positions, or a frame to a pose.
 
     Joints that are not named stay; JOINT+=X and JOINT-=X count from where the joint is to be now.
     The controller must be running (./arm controller SCENE), and a robot that it moves (./arm sim
@@ -65,8 +73,9 @@ def go(
     """
     wanted = parse(goals)
     numbers = _pose(pose)
-    if bool(wanted) == (numbers is not None):
-        raise click.UsageError("give goals of joints (JOINT=POSITION), or --pose")
+    if bool(wanted) + (numbers is not None) + (trajectory is not None) != 1:
+        raise click.UsageError("give goals of joints (JOINT=POSITION), or --pose, or --trajectory")
+    points = None if trajectory is None else _loaded(trajectory)
     if numbers is None and frame:
         raise click.UsageError("--frame goes with --pose")
     if numbers is not None and duration:
@@ -78,6 +87,9 @@ def go(
 
     with Controller(node, timeout) as controller:
         controller.meet()
+        if points is not None:
+            _along(controller, points, duration, tolerance, no_wait)
+            return
         if numbers is None:
             send = _joint_motion(controller, wanted, duration)
         else:
@@ -115,6 +127,33 @@ def _straight_line(
     console().print(f"{chosen} straight to {', '.join(number(x, 4) for x in numbers[:3])} m",
                     markup=False)  # fmt: skip
     return lambda: controller.send_pose(numbers)
+
+
+def _loaded(path: Path) -> JointTrajectory:
+    from arm_dynamics.trajectory.files import JointTrajectory
+
+    return JointTrajectory.load(path)
+
+
+def _along(
+    controller: Controller,
+    points: JointTrajectory,
+    duration: float | None,
+    tolerance: float,
+    no_wait: bool,
+) -> None:
+    """Lead the joints to the start of a trajectory, and then along it."""
+    here, there = controller.reference, points.start
+    if strangers := [name for name in there if name not in here]:
+        raise click.ClickException(
+            f"the trajectory is for joint '{strangers[0]}'; the controller has {', '.join(here)}"
+        )
+    if any(abs(there[name] - here[name]) > _THERE for name in there):
+        start = tuple(JointGoal(name, x, relative=False) for name, x in there.items())
+        _lead(controller, _joint_motion(controller, start, duration), tolerance, no_wait=False)
+    seconds = number(points.points[-1].time, 4)
+    console().print(f"{len(points.points)} points in {seconds} s", markup=False)
+    _lead(controller, lambda: controller.send_points(points), tolerance, no_wait)
 
 
 def _lead(

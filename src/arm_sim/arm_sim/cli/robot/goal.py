@@ -7,9 +7,10 @@ import math
 import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from difflib import get_close_matches
 
 import click
+
+from arm_dynamics.exceptions import choices
 
 _WORD = re.compile(r"(?P<name>[^=+]+?)(?P<how>\+=|-=|=)(?P<number>.+)", re.DOTALL)
 PEAK = 1.875  # of a quintic's speed to its mean
@@ -68,10 +69,8 @@ def targets(goals: Sequence[JointGoal], here: Mapping[str, float]) -> dict[str, 
     """
     for goal in goals:
         if goal.name not in here:
-            meant = get_close_matches(goal.name, here, n=1)
-            guess = f"; did you mean '{meant[0]}'?" if meant else ";"
             raise click.ClickException(
-                f"unknown joint '{goal.name}'{guess} allowed: {', '.join(here)}"
+                f"unknown joint '{goal.name}'; allowed: {choices(goal.name, here)}"
             )
     return {g.name: g.value + (here[g.name] if g.relative else 0.0) for g in goals}
 

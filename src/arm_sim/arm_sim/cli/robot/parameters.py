@@ -5,12 +5,12 @@ from __future__ import annotations
 
 import json
 from collections.abc import Mapping, Sequence
-from difflib import get_close_matches
 from typing import TYPE_CHECKING, Any, Self
 
 import click
 import yaml
 
+from arm_dynamics.exceptions import choices
 from arm_sim.cli.output import console, examples, table
 
 if TYPE_CHECKING:
@@ -85,10 +85,8 @@ class Parameters:
         known = self.names()
         for name in names:
             if name not in known:
-                meant = get_close_matches(name, known, n=1)
-                guess = f"; did you mean '{meant[0]}'?" if meant else ";"
                 raise click.ClickException(
-                    f"{self._node} has no parameter '{name}'{guess} allowed: {', '.join(known)}"
+                    f"{self._node} has no parameter '{name}'; allowed: {choices(name, known, 100)}"
                 )
 
     def _ask(self, service: str, kind: Any, **fields: Any) -> Any:

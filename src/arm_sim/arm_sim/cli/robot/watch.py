@@ -38,7 +38,7 @@ _COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N
     )
 )  # fmt: skip
 @click.option("--topic", default="joint_states", show_default=True, help="Joint states to show.")
-@click.option("--once", is_flag=True, help="Show them once.")
+@click.option("--once", is_flag=True, help="Show them once and end.")
 @click.option("--rate", default=5.0, show_default=True, type=click.FloatRange(0.1, 60.0),
               help="How often to show them, per s.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print JSON, a line each time.")

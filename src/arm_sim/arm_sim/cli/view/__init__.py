@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING
 
 import click
 
-from arm_sim.cli.output import examples, told_meanwhile
+from arm_sim.cli.completion import SCENE
+from arm_sim.cli.output import examples
 from arm_sim.cli.view.wish import Wish
 
 if TYPE_CHECKING:
@@ -51,33 +52,35 @@ class Size(click.ParamType):
         "./arm view my_arm.urdf --png my_arm.png --size 1200x800",
     )
 )
-@click.argument("what", nargs=-1)
+@click.argument("what", type=SCENE, nargs=-1)
 @click.option("--live", is_flag=False, flag_value="", multiple=True, metavar="[NAMESPACE]",
               help="Follow a running robot over its topics, in a namespace by --live=NAMESPACE. "
-              "WHAT is its scene then, and may be left out where robot_description tells.",
+              "WHAT is then its scene, and may be omitted where robot_description is published.",
 )  # fmt: skip
 @click.option("--host", default="127.0.0.1", show_default=True,
-              help="Address to listen at; 0.0.0.0 lets the network look and steer.")  # fmt: skip
+              help="Address to listen on; 0.0.0.0 for the whole network.")  # fmt: skip
 @click.option("--port", type=click.IntRange(0, 65535),
               help="Port; 8080 or the next one that is free when omitted.")  # fmt: skip
 @click.option("--html", type=FILE, help="Write a page that plays without a server.")
 @click.option("--png", type=FILE, help="Write a picture; a browser draws it without a window.")
 @click.option("--gif", type=FILE, help="Write a film, likewise.")
 @click.option("--mp4", type=FILE, help="Write a film, likewise; needs ffmpeg.")
-@click.option("--size", type=Size(), default=(960, 600), help="Of pictures; 960x600 by default.")
-@click.option("--time", type=float, help="For --png: at which time in s.")
+@click.option(
+    "--size", type=Size(), default=(960, 600), help="Size of pictures; 960x600 by default."
+)
+@click.option("--time", type=float, help="Time of the picture of --png, in s.")
 @click.option("--duration", type=click.FloatRange(0.0, min_open=True), default=5.0,
-              show_default=True, help="For scenes: how long a film or page is, in s.")  # fmt: skip
+              show_default=True, help="Length of films and pages of a scene, in s.")  # fmt: skip
 @click.option("--control", type=click.Choice(["nothing", "weight"]), default="nothing",
               show_default=True,
               help="For scenes: what holds the arm in pictures and pages; weight: its weight is "
               "carried.")  # fmt: skip
-@click.option("--scene", help="For recordings of a robot, which bring none.")
+@click.option("--scene", type=SCENE, help="Scene of a recording of a robot, which has none.")
 @click.option("--topic", help="Of the joint states, where a bag has several.")
 @click.option("--speed", type=click.FloatRange(0.01, 100.0), default=1.0, show_default=True,
-              help="Of films and pages.")  # fmt: skip
+              help="Speed of films and pages.")  # fmt: skip
 @click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True,
-              help="Of films and pages: pictures in a second.")  # fmt: skip
+              help="Pictures a second in films and pages.")  # fmt: skip
 def view(
     what: tuple[str, ...],
     live: tuple[str, ...],
@@ -108,7 +111,6 @@ def view(
     pictures = {kind: path for kind, path in written.items() if path is not None}
     port = 0 if pictures else port
     with ExitStack() as stack:
-        stack.enter_context(told_meanwhile())
         if live:
             page = _followed(stack, what, live, host, port)
         else:

@@ -112,8 +112,8 @@ class Heard:
         if not self._listener.until(lambda: bool(self._description), _WAIT):
             topic = self._name(ROBOT_DESCRIPTION.name)
             raise ViewError(
-                f"nobody tells on {topic} which robot moves on {self.topic}; name its scene: "
-                "./arm view SCENE --live"
+                f"no robot description on {topic} for the joint states on {self.topic}; name the "
+                "scene: ./arm view SCENE --live"
             )
         described = scene_from_urdf(self._description)
         names = ArmModel(described).joint_names

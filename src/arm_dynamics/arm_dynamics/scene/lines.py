@@ -1,0 +1,131 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Scene files as text: what they hold, and in which line a key stands."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import yaml
+
+from arm_dynamics.exceptions import SceneError
+
+_PLACE = re.compile(r"'([^' ]+)'")
+_KINDS = {list: "a list", str: "text", int: "a number", float: "a number", bool: "a truth value"}
+
+
+def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str, Any]:
+    """The content of a scene file in YAML, or of another such file.
+
+    Args:
+        content: Its text.
+        file: What such a file is called.
+        keys: What it must have, for a message.
+
+    Raises:
+        SceneError: If it is not well-formed, no mapping, or has a key twice, with the line.
+    """
+    loader = yaml.SafeLoader(content)
+    try:
+        node = loader.get_single_node()
+        _refuse_twins(node, file)
+        data = None if node is None else loader.construct_document(node)
+    except yaml.MarkedYAMLError as error:
+        mark = error.problem_mark or error.context_mark
+        line = f" in line {mark.line + 1}" if mark else ""
+        said = "; ".join(x for x in (error.context, error.problem) if x)
+        raise SceneError(f"{file}: this is not well-formed YAML{line}: {said}") from None
+    except (yaml.YAMLError, ValueError) as error:
+        said = " ".join(str(error).split())
+        raise SceneError(f"{file}: this is not well-formed YAML: {said}") from None
+    finally:
+        loader.dispose()
+    if isinstance(data, dict):
+        return data
+    held = "the file is empty" if data is None else f"the file holds {_KINDS.get(type(data), '?')}"
+    raise SceneError(f"{file}: {held}; a mapping with {keys} is expected")
+
+
+def _refuse_twins(node: yaml.Node | None, file: str, place: str = "") -> None:
+    """Refuse a key that stands twice: YAML would silently take the last one."""
+    seen: dict[str, int] = {}
+    for key, child in _children(node):
+        line = key.start_mark.line + 1
+        where = f"{place}{key.value}"
+        if isinstance(node, yaml.MappingNode) and key.value != "<<":
+            if key.value in seen:
+                lines = f"in lines {seen[key.value]} and {line}"
+                raise SceneError(f"{file}: '{where}' is given twice, {lines}; once is expected")
+            seen[key.value] = line
+        _refuse_twins(child, file, f"{where}.")
+
+
+def _children(node: yaml.Node | None) -> list[tuple[yaml.Node, yaml.Node]]:
+    """Keys and values of a mapping; for a list its items, each twice."""
+    if isinstance(node, yaml.MappingNode):
+        return list(node.value)
+    return [(item, item) for item in node.value] if isinstance(node, yaml.SequenceNode) else []
+
+
+def line_of(content: str, place: str) -> int | None:
+    """The line in which a key stands, or the nearest above it that is there.
+
+    Args:
+        content: A scene file.
+        place: Keys from the top with dots between them, as in messages.
+
+    Returns:
+        Its number from 1; None if not even the first key is there.
+    """
+    try:
+        node, found = yaml.compose(content, yaml.SafeLoader), None
+    except yaml.YAMLError:
+        return None
+    keys = place.split(".")
+    while keys:
+        step = _step(node, keys)
+        if step is None:
+            break
+        found, node, keys = step
+    return found
+
+
+def _step(node: yaml.Node | None, keys: list[str]) -> tuple[int, yaml.Node, list[str]] | None:
+    """One key further: its line, what it holds, and the keys that are left."""
+    if isinstance(node, yaml.SequenceNode) and keys[0].isdecimal():
+        if (i := int(keys[0])) < len(node.value):
+            return node.value[i].start_mark.line + 1, node.value[i], keys[1:]
+        return None
+    if isinstance(node, yaml.MappingNode):
+        for size in range(len(keys), 0, -1):  # names of joints may have dots
+            for key, child in node.value:
+                if key.value == ".".join(keys[:size]):
+                    return key.start_mark.line + 1, child, keys[size:]
+    return None
+
+
+@contextmanager
+def in_file(path: Path) -> Iterator[None]:
+    """Say in which file something is wrong, and where it can be told, in which line.
+
+    Every line of the message gets the file in front, once.
+    """
+    try:
+        yield
+    except SceneError as error:
+        said = str(error)
+        if not said.startswith(f"{path}:"):
+            error.args = ("\n".join(_located(path, line) for line in said.split("\n")),)
+        raise
+
+
+def _located(path: Path, message: str) -> str:
+    found = _PLACE.search(message) if message.startswith(("scene: ", "study: ")) else None
+    try:
+        line = line_of(path.read_text(encoding="utf-8"), found[1]) if found else None
+    except (OSError, UnicodeDecodeError):
+        line = None
+    return f"{path}:{line}: {message}" if line else f"{path}: {message}"

@@ -1,0 +1,167 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Mistakes that people make, each with what they are told; none is passed over in silence.
+
+The table is ``mistakes.yaml``: scenes, robot descriptions, commands and calls from Python.
+"""
+
+from __future__ import annotations
+
+import re
+import shlex
+import shutil
+import signal
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import yaml
+from click.testing import CliRunner
+
+import arm_sim
+import models
+from arm_dynamics import ArmError, Dynamics, load_scene
+from arm_dynamics.control import ComputedTorque, Settings, make_controller
+from arm_dynamics.task_space import TaskSpace
+from arm_dynamics.trajectory import Reference, Waypoint, quintic
+from arm_sim import ClosedLoop, Recording, Simulator
+from arm_sim.cli.main import main
+
+TABLE: dict[str, list[dict[str, str]]] = yaml.safe_load(
+    Path(__file__).with_name("mistakes.yaml").read_text()
+)
+ROBOT = "robot: {urdf: two_link.urdf}\n"
+URDF = (models.SCENES / "two_link.urdf").read_text()
+STARTS_ROS = ("sim", "dynamics", "controller")
+LEAKS = re.compile(
+    r"pydantic|Input should|valid (tuple|dict|list|string)|broadcast|ufunc|could not convert|"
+    r"ndarray|Traceback|\[Errno|<unicode string>|lexer|NoneType' object|positional argument"
+)
+
+
+def prepare(folder: Path) -> None:
+    """What a user has: a robot, a scene and a recording."""
+    (folder / "two_link.urdf").write_text(URDF)
+    (folder / "scene.yaml").write_text(ROBOT)
+    Simulator("scene.yaml", backend="vm").run(0.01).save("run.npz")
+
+
+@pytest.fixture(scope="module")
+def at_home(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with these files."""
+    folder = tmp_path_factory.mktemp("home")
+    with pytest.MonkeyPatch.context() as here:
+        here.chdir(folder)
+        prepare(folder)
+    return folder
+
+
+@pytest.fixture(autouse=True)
+def there(at_home: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Each mistake is made in a copy of it."""
+    shutil.copytree(at_home, tmp_path, dirs_exist_ok=True)
+    monkeypatch.chdir(tmp_path)
+
+
+@pytest.fixture
+def signals() -> Iterator[None]:
+    """Nodes take over the signals of their process."""
+    before = {number: signal.getsignal(number) for number in (signal.SIGINT, signal.SIGTERM)}
+    yield
+    for number, handler in before.items():
+        signal.signal(number, handler)
+
+
+def told(error: Exception) -> str:
+    return str(error).replace(f"{Path.cwd()}/", "").replace(str(Path.cwd()), "FOLDER")
+
+
+def of_scene(text: str) -> str:
+    """What is said of a scene file."""
+    Path("my.yaml").write_text(text)
+    with pytest.raises(ArmError) as caught:
+        Simulator("my.yaml", backend="vm")
+    return told(caught.value)
+
+
+def of_robot(before: str, after: str) -> str:
+    """What is said of a description in which a part is another one."""
+    assert before == "WHOLE" or before in URDF
+    text = after if before == "WHOLE" else URDF.replace(before, after, 1)
+    Path("my.urdf").write_text(text)
+    with pytest.raises(ArmError) as caught:
+        Simulator("my.urdf", backend="vm")
+    return told(caught.value)
+
+
+def of_command(line: str) -> str:
+    """The last thing that a command says, which must not succeed."""
+    done = CliRunner().invoke(main, shlex.split(line), prog_name="./arm")
+    assert done.exit_code in (1, 2), done.output
+    assert isinstance(done.exception, SystemExit)
+    said = re.split(r"^(?:Error|error): ", done.output, flags=re.MULTILINE)
+    assert len(said) == 2, done.output
+    return said[1].strip().replace(str(Path.cwd()), "FOLDER")
+
+
+def of_python(call: str) -> str:
+    """What is said of a call."""
+    sim = Simulator("two_link", backend="vm")
+    names: dict[str, Any] = {
+        "ClosedLoop": ClosedLoop, "ComputedTorque": ComputedTorque, "Recording": Recording,
+        "Reference": Reference, "Settings": Settings, "Simulator": Simulator, "Waypoint": Waypoint,
+        "TaskSpace": TaskSpace, "arm_sim": arm_sim, "load_scene": load_scene,
+        "make_controller": make_controller, "np": np, "quintic": quintic, "sim": sim,
+        "dynamics": sim.dynamics, "control": ComputedTorque(sim.dynamics), "Dynamics": Dynamics,
+    }  # fmt: skip
+    if "motion" in call:
+        names["motion"] = sim.run(0.005)
+    with pytest.raises((ArmError, OSError)) as caught:
+        eval(call, names)
+    return told(caught.value)
+
+
+def agrees(said: str, wanted: str) -> None:
+    """Word for word, but for what … leaves open; and in our words, not those of libraries."""
+    assert re.fullmatch(".*".join(map(re.escape, wanted.strip().split("…"))), said.strip()), said
+    assert not LEAKS.search(said), said
+
+
+def cases(kind: str, name: str) -> Any:
+    return pytest.mark.parametrize("case", TABLE[kind], ids=lambda case: case[name])
+
+
+@cases("scenes", "mistake")
+def test_scene(case: dict[str, str]) -> None:
+    agrees(of_scene(case["written"]), case["said"])
+
+
+@cases("robots", "mistake")
+def test_robot(case: dict[str, str]) -> None:
+    agrees(of_robot(case["instead of"], case["written"]), case["said"])
+
+
+WITHOUT_ROS = [c for c in TABLE["commands"] if not c["typed"].startswith(STARTS_ROS)]
+WITH_ROS = [c for c in TABLE["commands"] if c["typed"].startswith(STARTS_ROS)]
+
+
+@pytest.mark.parametrize("case", WITHOUT_ROS, ids=lambda case: case["typed"])
+def test_command(case: dict[str, str]) -> None:
+    agrees(of_command(case["typed"]), case["said"])
+
+
+@pytest.mark.ros
+@pytest.mark.usefixtures("signals")
+@pytest.mark.parametrize("case", WITH_ROS, ids=lambda case: case["typed"])
+def test_node(case: dict[str, str]) -> None:
+    agrees(of_command(case["typed"]), case["said"])
+
+
+@cases("python", "called")
+def test_call(case: dict[str, str]) -> None:
+    agrees(of_python(case["called"]), case["said"])
+
+
+def test_there_are_many() -> None:
+    assert sum(map(len, TABLE.values())) >= 80
