@@ -241,7 +241,7 @@ def test_lanes_give_what_single_arms_do() -> None:
 def test_without_a_compiler_a_scene_runs_until_a_stop_is_met() -> None:
     sim = Simulator(rail(), backend="vm")
     assert_close(sim.run(0.3).q[-1], [DROP - 0.5 * G * 0.09], CLOSED_FORM)
-    with pytest.raises(SimulationDiverged, match="a joint meets its stop"):
+    with pytest.raises(SimulationDiverged, match="a joint reaches its stop"):
         sim.run(0.1)
     assert 0.0 < sim.state.q[0] < 0.02
 

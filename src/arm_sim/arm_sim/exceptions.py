@@ -9,7 +9,7 @@ from arm_dynamics import ArmError, InvalidInput
 
 
 class SimulationDiverged(ArmError):
-    """A step gave numbers that are not finite; the simulator keeps the last good state.
+    """A step produced numbers that are not finite; the simulator keeps the last good state.
 
     Attributes:
         recording: The ``Recording`` up to that state, if a run was recorded.
@@ -19,12 +19,12 @@ class SimulationDiverged(ArmError):
 
 
 class NotDifferentiable(InvalidInput):
-    """A tick has no derivative at a state: the least change of it would change the events.
+    """A tick has no derivative at a state, because any small change of it changes the events.
 
-    A state on the edge between two modes, events at the same instant or at the very beginning or
-    end of the tick, a contact that is grazed.
+    Examples are a state on the boundary between two modes, events at the same instant or exactly
+    at the beginning or end of the tick, and a contact that is grazed.
     """
 
 
 class ViewError(ArmError):
-    """Something cannot be shown: a library, a browser or a port is missing, or a file is bad."""
+    """Something cannot be shown: a library, browser or port is missing, or a file is invalid."""

@@ -111,9 +111,9 @@ def test_a_clock_that_does_not_go_on_is_refused(times, said):
 
 
 def test_what_is_missing_is_named():
-    with pytest.raises(InvalidInput, match="no joint c in it, but a, b"):
+    with pytest.raises(InvalidInput, match="no joint c; it has a, b"):
         record().joints(["a", "c"])
-    with pytest.raises(InvalidInput, match="no row with a position of every joint"):
+    with pytest.raises(InvalidInput, match="no row has a position of every joint"):
         prepare(record(q=np.full((len(T), 2), np.nan)))
     with pytest.raises(InvalidInput, match="no stretch of 100 samples"):
         prepare(record(T[:40]))

@@ -91,7 +91,7 @@ def test_useless_recordings_are_refused(changes: dict[str, Any], said: str) -> N
 
 
 def test_loops_and_odd_arguments_are_refused() -> None:
-    with pytest.raises(InvalidInput, match="closes loops"):
+    with pytest.raises(InvalidInput, match="the scene has closed loops"):
         compare("four_bar", record())
     with pytest.raises(InvalidInput, match="window"):
         compare(NOMINAL, record(), window=0.0)

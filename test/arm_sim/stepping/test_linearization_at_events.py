@@ -300,7 +300,7 @@ H = 0.1
 STUCK = {"coulomb": 1.0, "static": 1.5}
 REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
     "grazed": (rail(stop={}), [0.00125], [-0.05 * (1 + 1e-10)], [2 * (G + 1)], "grazed"),
-    "hit at the beginning": (rail(stop={}), [0.0], [-1.0], [0.0], "begins with a blow"),
+    "hit at the beginning": (rail(stop={}), [0.0], [-1.0], [0.0], "begins with an impact"),
     "left at the beginning": (rail(stop={}), [0.0], [1.0], [0.0], "beginning"),
     "hit at the end": (rail(stop={}), [H], [-1.0], [2 * G], "end"),
     "at a compliant stop": (rail(stop={"stiffness": 1e3}), [0.0], [1.0], [0.0], "beginning"),
@@ -311,7 +311,7 @@ REFUSED: dict[str, tuple[dict[str, Any], Any, Any, Any, str]] = {
             name: {"limits": {"lower": 0.0, "upper": 1.0}} for name in "xz"}},
         [0.05, 0.05], [-1.0, -1.0], [-1.0, -1.0], "same instant",
     ),
-    "piles up": (rail(stop={"restitution": 0.99}), [1e-8], [0.0], [0.0], "pile up"),
+    "piles up": (rail(stop={"restitution": 0.99}), [1e-8], [0.0], [0.0], "accumulate"),
     "straight on": (
         touching(rails("xyz"), friction=0.3), [0, 0, 0], [0.03, 0.01, 0], [0, 0, 0], "straight",
     ),

@@ -143,7 +143,7 @@ def test_many_name_the_arm_without_a_derivative() -> None:
     place = sim.model.stops.place[1]
     q = np.array([[0.1, 0.2], [place[0], 0.2]])
     v = np.array([[0.0, 0.0], [0.3, 0.0]])
-    with pytest.raises(NotDifferentiable, match="arm 1: .* begins with a blow"):
+    with pytest.raises(NotDifferentiable, match="arm 1: .* begins with an impact"):
         sim.linearize_many(q, v, np.zeros(2))
 
 

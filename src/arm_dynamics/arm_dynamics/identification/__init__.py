@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From measured motions to the numbers of a scene: masses, inertias, friction, drives.
+"""Identification of a scene from measured motions: masses, inertias, friction, drives.
 
-Knows models of arms and their laws, and arrays; neither files nor ROS, nor what simulates.
-Public are ``identify`` and what it returns, an ``Identification``; ``identify_payload``;
-``JointRecord`` (joint states as a robot told them); ``mapped``, which finds a scene's joints in
-it; ``prepare``, which makes a ``MeasuredMotion`` of it (even times, no lag, with accelerations);
-``excite``, which finds a motion worth measuring within a ``Room``;
+Depends on models of arms and on arrays; neither on files, nor on ROS, nor on simulators.
+Public are ``identify`` and its result, an ``Identification``; ``identify_payload``;
+``JointRecord`` (joint states as measured); ``mapped``, which matches its joints with those of a
+scene; ``prepare``, which resamples and filters it into a ``MeasuredMotion`` with accelerations;
+``excite``, which computes an exciting motion within a ``Room``;
 ``identify_motor``, ``identify_joint`` and ``identify_bristles``, for drives from simple tests.
 """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings that nothing can be learnt from: what is missing, in a word, before a scene lies."""
+"""Checks that refuse recordings from which no trustworthy scene can be identified."""
 
 from __future__ import annotations
 
@@ -14,41 +14,41 @@ from arm_dynamics.identification.regression.rows import Rows
 from arm_dynamics.model.arm import ArmModel
 
 BEYOND = 0.2
-"""How far in [rad] or [m] positions may be beyond the limits of the description."""
+"""How far in [rad] or [m] positions may be beyond the limits of the URDF."""
 MOVED = 1e-3
-"""Range in [rad] or [m] in which a joint has not moved."""
+"""Range in [rad] or [m] below which a joint counts as not moved."""
 UNEXPLAINED = 0.6
-"""Part of the torques that a fit leaves at most: beyond it is no model of this robot."""
+"""Largest residual of a fit relative to the torques; above it the model is of another robot."""
 OUT_OF_SCALE = 5.0
-"""Times by which the masses found may differ from the nominal ones, in the median."""
+"""Largest factor between identified and nominal masses, in the median."""
 SLOWEST = 0.2
-"""Time between samples in [s] beyond which nothing of a motion is told."""
+"""Largest sampling interval in [s] from which a motion can be identified."""
 LEAST_ROWS = 50
-"""Independent rows in which a joint has to have been measured."""
+"""Smallest number of independent measurements of each joint."""
 
 
 def check_model(model: ArmModel) -> None:
-    """Refuse scenes whose torques are no function of the joints' motion.
+    """Refuse scenes whose joint torques do not follow from the joints' motion.
 
     Raises:
-        InvalidInput: Naming what it is.
+        InvalidInput: With the feature that prevents it.
     """
     if model.scene.bilateral:
         raise InvalidInput(
-            "the scene has closed loops: forces within them are not measured, so that torques "
-            "alone do not tell the bodies; take the constraints out and lock what they drive"
+            "the scene has closed loops: forces within them are not measured, so torques do not "
+            "determine the inertias; remove the constraints and lock the joints that they drive"
         )
     for name, drive in zip(model.joint_names, model.drives, strict=True):
         if drive is not None and drive.coupling is not None:
             raise InvalidInput(
                 f"joint '{name}' has a flexible transmission: the motion of its link does not "
-                "tell that of its rotor; take the 'transmission' out, and find it by tests of "
-                "the drive"
+                "determine that of its rotor; remove 'transmission' from the scene and identify "
+                "it by tests of the drive"
             )
         if model.scene.joint(name).friction.position is not None:
             raise InvalidInput(
-                f"joint '{name}' has friction by position, which is not identified; take "
-                "'friction.position' out of the scene"
+                f"joint '{name}' has friction by position, which cannot be identified; remove "
+                "'friction.position' from the scene"
             )
 
 
@@ -61,29 +61,29 @@ def check_record(record: JointRecord, model: ArmModel) -> None:
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else 0.0
     if step > SLOWEST:
         raise InvalidInput(
-            f"{record.name}: samples are {step:.3g} s apart, at most {SLOWEST} s is expected: are "
-            "the times in milliseconds or nanoseconds?"
+            f"{record.name}: samples are {step:.3g} s apart; at most {SLOWEST} s is allowed (are "
+            "the times in milliseconds or nanoseconds?)"
         )
     for j, name in enumerate(record.joint_names):
         effort, q = record.effort[:, j], record.q[:, j]
         known = effort[np.isfinite(effort)]
         if not known.size:
             raise InvalidInput(
-                f"{record.name}: there is no effort of joint '{name}': without torques there is "
-                "nothing to learn masses and friction from"
+                f"{record.name}: no effort of joint '{name}'; masses and friction cannot be "
+                "identified without torques"
             )
         if np.ptp(known) == 0.0:
             raise InvalidInput(
-                f"{record.name}: the effort of joint '{name}' is {known[0]:g} all the time: it is "
+                f"{record.name}: the effort of joint '{name}' is constantly {known[0]:g}: it is "
                 "not measured, or the drive is off"
             )
         reach = q[np.isfinite(q)]
         lower, upper = model.position_lower[j], model.position_upper[j]
         if reach.size and (reach.min() < lower - BEYOND or reach.max() > upper + BEYOND):
             raise InvalidInput(
-                f"{record.name}: positions of joint '{name}' go from {reach.min():.4g} to "
-                f"{reach.max():.4g}, its limits from {lower:.4g} to {upper:.4g}: is it another "
-                "robot, or are they in degrees?"
+                f"{record.name}: positions of joint '{name}' range from {reach.min():.4g} to "
+                f"{reach.max():.4g}, but its limits are {lower:.4g} to {upper:.4g} (another "
+                "robot, or degrees?)"
             )
 
 
@@ -96,39 +96,39 @@ def moved(motions: Sequence[MeasuredMotion]) -> Array:
     ranges = np.max([np.ptp(motion.q, axis=0) for motion in motions], axis=0)
     if (ranges < MOVED).all():
         raise InvalidInput(
-            f"nothing moves: the largest range of a joint is {ranges.max():.3g} rad or m; a "
+            f"no joint moves: the largest range of a joint is {ranges.max():.3g} rad or m; a "
             "motion of all joints is expected, fast and slow, over much of their ranges"
         )
     return np.asarray(ranges)
 
 
 def check_rows(rows: Rows, names: Sequence[str]) -> None:
-    """Refuse what is too short, or saturated most of the time.
+    """Refuse recordings that are too short, or saturated most of the time.
 
     Raises:
-        InvalidInput: Naming the joint.
+        InvalidInput: With the joint.
     """
     counts = rows.valid[rows.train].sum(axis=0) * rows.independent
     for name, count, share in zip(names, counts, rows.valid.mean(axis=0), strict=True):
         if count < LEAST_ROWS:
             raise InvalidInput(
-                f"joint '{name}': only {share:.0%} of the rows can be used, worth {count:.0f} "
-                f"independent measurements; at least {LEAST_ROWS} are expected: its effort is "
-                "saturated or missing, or the recording is too short"
+                f"joint '{name}': {share:.0%} of the samples can be used, which is {count:.0f} "
+                f"independent measurements; at least {LEAST_ROWS} are expected (its effort is "
+                "saturated or missing, or the recording is too short)"
             )
 
 
 def check_explained(error: float, nominal: float, names: Sequence[str], scales: Array) -> None:
-    """Refuse a fit that predicts next to nothing of what it was not fitted to.
+    """Refuse a fit that hardly predicts the data it was not fitted to.
 
     Args:
-        error: What is left of the torques held out, relative.
-        nominal: What the nominal scene leaves of them.
-        names: Joints.
-        scales: Of each joint: efforts over the torques of the nominal scene, 1 where unknown.
+        error: Relative residual of the held-out torques.
+        nominal: That of the nominal scene.
+        names: Joint names.
+        scales: Efforts over the torques of the nominal scene, by joint; 1 where unknown.
 
     Raises:
-        InvalidInput: With what may be the cause.
+        InvalidInput: With possible causes.
     """
     if error < UNEXPLAINED:
         return
@@ -136,8 +136,8 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
     hint = f"; efforts over nominal torques: {known_names(odd)}" if odd else ""
     raise InvalidInput(
         f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal scene "
-        f"{nominal:.0%}), at most {UNEXPLAINED:.0%} is allowed: another robot, joints under wrong "
-        f"names, efforts that are no torques, or contact{hint}"
+        f"{nominal:.0%}); at most {UNEXPLAINED:.0%} is allowed (another robot, wrong joint names, "
+        f"efforts that are not torques, or contact?){hint}"
     )
 
 
@@ -147,18 +147,18 @@ def check_masses(found: Array, nominal: Array, scaled: bool) -> None:
     Args:
         found: Masses in [kg], shape (bodies,).
         nominal: Those of the nominal scene.
-        scaled: Whether scales of efforts were found, so that their unit is none.
+        scaled: Whether scales of the efforts were identified, so that their unit is unknown.
 
     Raises:
-        InvalidInput: With what may be the cause.
+        InvalidInput: With possible causes.
     """
     there = nominal > 0.0
     ratio = float(np.median(found[there] / nominal[there])) if there.any() else 1.0
     if scaled or 1.0 / OUT_OF_SCALE < ratio < OUT_OF_SCALE:
         return
     raise InvalidInput(
-        f"the links would have {ratio:.3g} times their nominal mass (in the median), where "
-        f"{1.0 / OUT_OF_SCALE:g} to {OUT_OF_SCALE:g} is allowed: efforts are in another unit than "
-        "N m, such as amperes or per mille of a rated torque; give the torque per unit of each "
-        "joint, or let scales be found (effort scale)"
+        f"the links would have {ratio:.3g} times their nominal mass (median); allowed is "
+        f"{1.0 / OUT_OF_SCALE:g} to {OUT_OF_SCALE:g}: the efforts are not in N m, but for example "
+        "in amperes or per mille of a rated torque; give the torque per unit of each joint, or "
+        "let scales be identified (effort scale)"
     )

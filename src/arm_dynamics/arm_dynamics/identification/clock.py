@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Time stamps that are off: found from what all joints have in common."""
+"""Correction of time stamps, from the errors that all joints have in common."""
 
 from __future__ import annotations
 
@@ -13,26 +13,26 @@ from arm_dynamics.identification.filtering import ABOVE, WIDEST, ZeroPhase, chos
 
 ROUNDS = 4
 EXPLAINED = 0.75
-"""Part of the positions' noise power that late stamps must explain to be believed."""
+"""Fraction of the positions' noise power that late stamps must explain to be corrected."""
 LEAST = 1e-2
-"""Part of the time between samples below which stamps are left as they are."""
+"""Errors below this fraction of the sampling interval are not corrected."""
 MOTION = 30.0
-"""Times the noise that the power of a position must be to be of the motion alone."""
+"""Ratio to the noise above which the power of a position counts as motion."""
 
 
 def repaired(record: JointRecord) -> JointRecord:
-    """The recording with its time stamps put right, where they are to blame for its noise.
+    """The recording with corrected time stamps, if they cause most of its noise.
 
-    A stamp that is late by δ moves the position of *every* joint by q̇ δ. So of n positions at one
-    time, one number is the stamp's and n - 1 are left to show whether that is what happened: δ is
-    the weighted mean of the joints' deviations over their velocities, and it is believed only if
-    it takes away ``EXPLAINED`` of their power. Efforts are taken to be of the same instants.
+    A stamp that is late by δ shifts the position of *every* joint by q̇ δ. So n positions at one
+    time determine δ and leave n - 1 numbers to check it: δ is the weighted mean of the joints'
+    deviations over their velocities, and is applied only if it removes ``EXPLAINED`` of their
+    power. Efforts are assumed to be sampled at the same instants.
 
     Args:
-        record: Joint states of one stretch, without holes.
+        record: Joint states without gaps.
 
     Returns:
-        The recording, with a note where its stamps were changed.
+        The recording, with a note if its stamps were changed.
     """
     if record.q.shape[1] < 3 or len(record.time) < 100:
         return record
@@ -53,13 +53,13 @@ def repaired(record: JointRecord) -> JointRecord:
         return record
     note = (
         f"time stamps were off by {1e3 * late.std():.2g} ms (standard deviation), which explains "
-        f"{1.0 - left:.0%} of the positions' noise; they are put right"
+        f"{1.0 - left:.0%} of the positions' noise; they are corrected"
     )
     return replace(record, time=read_only(time), notes=(*record.notes, note))
 
 
 def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tuple[Array, Array]:
-    """What positions are off the smooth motion at their times, and its velocities, (k, n)."""
+    """Deviations of positions from the smoothed motion, and its velocities, shapes (k, n)."""
     low_pass, time = ZeroPhase(band, dt), record.time - late
     grid = time[0] + dt * np.arange(round(float(time[-1] - time[0]) / dt) + 1)
     even = np.column_stack([np.interp(grid, time, column) for column in record.q.T])
@@ -71,9 +71,9 @@ def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tup
 
 
 def _lateness(deviation: Array, velocity: Array, dt: float) -> Array:
-    """δ of each time in [s]; small where nothing moves, which would tell it."""
-    # The stamp is later than the sample: the arm stands where it will be only later, and so the
-    # position lags what belongs to the stamp by q̇ δ.
+    """δ of each time in [s]; near zero where no joint moves, since nothing determines it."""
+    # The stamp is later than the sample, so the sampled position lags the motion at the time of
+    # the stamp by q̇ δ.
     noise = np.var(deviation, axis=0) / 10.0 + 1e-30
-    told = (velocity**2 / noise).sum(axis=1)
-    return np.asarray(-(velocity * deviation / noise).sum(axis=1) / (told + 1.0 / (0.1 * dt) ** 2))
+    info = (velocity**2 / noise).sum(axis=1)
+    return np.asarray(-(velocity * deviation / noise).sum(axis=1) / (info + 1.0 / (0.1 * dt) ** 2))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What was measured of a robot in motion: as it came, and as it is computed with."""
+"""Measured motions of a robot: joint states as recorded, and resampled and filtered."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 
 
 class Recorded(Protocol):
-    """What a recording has, whoever made it."""
+    """A recording of any source."""
 
     @property
     def joint_names(self) -> tuple[str, ...]: ...  # noqa: D102 - see JointRecord, as below
@@ -31,18 +31,18 @@ class Recorded(Protocol):
 
 @dataclass(frozen=True)
 class JointRecord:
-    """Joint states as a robot told them, in the order of time; arrays are read-only.
+    """Joint states as a robot reported them, in order of time; arrays are read-only.
 
     Attributes:
         joint_names: Order of the joints in each row.
         time: In [s], increasing, shape (k,).
-        q: Positions in [rad] or [m], shape (k, n); NaN where none was told.
+        q: Positions in [rad] or [m], shape (k, n); NaN where missing.
         effort: What the robot calls effort: torques in [N m] or forces in [N], currents in [A], or
-            something in proportion to them, shape (k, n); NaN where none was told.
-        v: Velocities in [rad/s] or [m/s], shape (k, n); NaN where none was told.
-        a: Accelerations in [rad/s²] or [m/s²], shape (k, n); NaN where none was told.
-        name: Where it is from, for messages.
-        notes: What was odd about it when it was read.
+            values proportional to them, shape (k, n); NaN where missing.
+        v: Velocities in [rad/s] or [m/s], shape (k, n); NaN where missing.
+        a: Accelerations in [rad/s²] or [m/s²], shape (k, n); NaN where missing.
+        name: Its source, for messages.
+        notes: Irregularities found when it was read.
     """
 
     joint_names: tuple[str, ...]
@@ -60,10 +60,10 @@ class JointRecord:
         v: ArrayLike | None = None, a: ArrayLike | None = None, *, name: str = "recording",
         notes: Sequence[str] = (),
     ) -> JointRecord:  # fmt: skip
-        """From arrays; see the attributes. ``None`` stands for what was not told.
+        """From arrays; see the attributes. ``None`` stands for what was not measured.
 
         Raises:
-            InvalidInput: If shapes do not go together, or time does not increase.
+            InvalidInput: If shapes do not match, or time does not increase.
         """
         names = tuple(joint_names)
         t = real_array("time", time)
@@ -74,24 +74,25 @@ class JointRecord:
         parts = {"q": q, "effort": effort, "v": v, "a": a}
         arrays = {key: _column_block(name, key, part, shape) for key, part in parts.items()}
         if len(set(names)) != len(names):
-            raise InvalidInput(f"{name}: joints are named twice: {known_names(names)}")
+            raise InvalidInput(f"{name}: a joint name is repeated: {known_names(names)}")
         return cls(names, read_only(t), **arrays, name=name, notes=tuple(notes))
 
     @classmethod
     def from_recording(cls, recording: Recorded, name: str = "recording") -> JointRecord:
-        """Of a recording of a robot or of a simulation.
+        """From a recording of a robot or of a simulation.
 
-        Of a simulation it is what its sensors told, where it has any; else the state at each time,
-        and the torque that acted about it: the mean of the ticks before and after. Ticks in which
-        something held the arm tell no torque.
+        From a simulation it takes the measurements of its sensors, if it has any; else the state
+        at each time, and the mean of the torques of the ticks before and after. Torques of ticks
+        in which the arm was held are NaN.
 
         Raises:
-            InvalidInput: If it has no two rows, or its time does not increase.
+            InvalidInput: If it has fewer than two rows, or its time does not increase.
         """
-        told, of_robot = getattr(recording, "measured", None), getattr(recording, "of_robot", True)
+        sensed = getattr(recording, "measured", None)
+        of_robot = getattr(recording, "of_robot", True)
         q, v, effort = recording.q, recording.v, recording.tau
-        if told is not None:
-            q, v, effort = told.q, told.v, told.effort
+        if sensed is not None:
+            q, v, effort = sensed.q, sensed.v, sensed.effort
         elif not of_robot:
             effort = 0.5 * (effort + np.vstack([effort[:1], effort[:-1]]))
         if (hold := getattr(recording, "hold", None)) is not None:
@@ -101,14 +102,14 @@ class JointRecord:
         return cls.of(names, recording.time, q, effort, v, name=name, notes=notes)
 
     def joints(self, names: Sequence[str]) -> JointRecord:
-        """The same of some joints, in this order.
+        """The record of some joints, in this order.
 
         Raises:
             InvalidInput: If one of them is missing.
         """
         if missing := [joint for joint in names if joint not in self.joint_names]:
             raise InvalidInput(
-                f"{self.name}: no joint {known_names(missing)} in it, but "
+                f"{self.name}: no joint {known_names(missing)}; it has "
                 f"{known_names(self.joint_names)}"
             )
         place = [self.joint_names.index(joint) for joint in names]
@@ -129,8 +130,8 @@ def _check_time(name: str, time: Array) -> None:
     if (back := np.flatnonzero(np.diff(time) <= 0.0)).size:
         i = int(back[0]) + 1
         raise InvalidInput(
-            f"{name}: time[{i}] = {time[i]:.9g} s after {time[i - 1]:.9g} s: the clock stands or "
-            "jumps back; times that increase are expected"
+            f"{name}: time[{i}] = {time[i]:.9g} s after {time[i - 1]:.9g} s: the clock stops or "
+            "jumps back; increasing times are expected"
         )
 
 
@@ -145,26 +146,26 @@ def _column_block(name: str, key: str, part: ArrayLike | None, shape: tuple[int,
 
 @dataclass(frozen=True)
 class MeasuredMotion:
-    """A motion at even steps of time, with velocities and accelerations; arrays are read-only.
+    """A motion at a constant sampling rate, with velocities and accelerations.
 
-    A recording with gaps becomes several stretches, each of them even in itself; the rows of all
-    of them follow one another.
+    A recording with gaps becomes several stretches without gaps, whose rows follow one another.
+    Arrays are read-only.
 
     Attributes:
         joint_names: Order of the joints in each row.
         time: In [s], shape (k,).
-        q: Positions in [rad] or [m], low-passed, shape (k, n).
-        v: Velocities in [rad/s] or [m/s], low-passed, shape (k, n).
-        a: Accelerations in [rad/s²] or [m/s²], low-passed, shape (k, n).
-        effort: What the robot calls effort, *not* low-passed, shape (k, n).
+        q: Positions in [rad] or [m], low-pass filtered, shape (k, n).
+        v: Velocities in [rad/s] or [m/s], low-pass filtered, shape (k, n).
+        a: Accelerations in [rad/s²] or [m/s²], low-pass filtered, shape (k, n).
+        effort: What the robot calls effort, *not* filtered, shape (k, n).
         valid: Which efforts may be used, shape (k, n): neither interpolated over a hole, nor
             saturated, nor so near an end that the filter has not settled.
-        dt: Time from row to row within a stretch in [s].
+        dt: Sampling interval within a stretch in [s].
         stretches: The rows of each stretch.
-        band: Cut-off frequency of the low-pass in [Hz]; infinite if it is not filtered.
-        low_pass: The zero-phase filter, which takes and returns a stretch, shape (m, …).
-        name: Where it is from, for messages.
-        notes: What was odd about it.
+        band: Cut-off frequency of the low-pass filter in [Hz]; infinite if it is not filtered.
+        low_pass: The zero-phase filter of one stretch, shape (m, …) to the same shape.
+        name: Its source, for messages.
+        notes: Irregularities of the recording.
     """
 
     joint_names: tuple[str, ...]
@@ -188,18 +189,18 @@ class MeasuredMotion:
 
     @property
     def every(self) -> int:
-        """Each how many rows low-passed values carry all there is to know: twice the band."""
+        """Stride of rows that keeps all information of filtered values (sampling theorem)."""
         if not np.isfinite(self.band):
             return 1
         return max(1, int(0.5 / (self.band * self.dt) * (1.0 + 1e-9)))
 
     @property
     def independent(self) -> float:
-        """How many numbers low-passed noise has in a row: at most one."""
+        """Independent values of low-pass filtered noise per row, at most one."""
         return min(1.0, 2.0 * self.band * self.dt)
 
     def filtered(self, values: Array) -> Array:
-        """Low-pass what has one row for each time, stretch by stretch; shape (k, …)."""
+        """Low-pass filter values with one row for each time, stretch by stretch; shape (k, …)."""
         found = np.empty_like(values, dtype=float)
         for stretch in self.stretches:
             found[stretch] = self.low_pass(values[stretch])
@@ -211,7 +212,7 @@ class MeasuredMotion:
             yield self.span(stretch)
 
     def span(self, rows: slice) -> MeasuredMotion:
-        """Some rows that follow one another, as a motion of its own.
+        """Consecutive rows as a motion of its own.
 
         Args:
             rows: First and end; without a step.
@@ -238,5 +239,5 @@ def records_of(recordings: Any) -> list[JointRecord]:
         for r in (recordings if several else [recordings])
     ]
     if not found:
-        raise InvalidInput("no recording is given; one is expected at least")
+        raise InvalidInput("no recording is given; at least one is expected")
     return found

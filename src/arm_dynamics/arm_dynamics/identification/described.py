@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Identified numbers as a scene: inertias in the robot description, friction in its joints."""
+"""The identified scene: inertias written into the URDF, friction into the joints."""
 
 from __future__ import annotations
 
@@ -26,14 +26,15 @@ from arm_dynamics.scene.schema import Scene, validated
 
 
 def urdf_with(model: ArmModel, theta: Array) -> str:
-    """The robot description with other bodies.
+    """The URDF with other inertias.
 
-    What is fixed to the link of a joint, or held fast by a locked one, is part of that link's
-    body: the link gets the inertia of all of it, the others get none.
+    Links that are fixed to the link of a joint, or that a locked joint holds, belong to its body:
+    that link gets the inertia of all of them, the others get none.
 
     Args:
         model: The arm.
-        theta: Ten numbers of each moving body, about its joint's frame, shape (10 bodies,).
+        theta: Ten inertial parameters of each moving body in its joint's frame, shape
+            (10 bodies,).
     """
     root = ElementTree.fromstring(model.scene.robot.urdf.encode())
     links = {link.get("name"): link for link in root.findall("link")}
@@ -64,7 +65,7 @@ def _child(joint: ElementTree.Element) -> str:
 def _rigidly_behind(
     link: str, below: Mapping[str | None, Sequence[ElementTree.Element]], moving: set[str]
 ) -> list[str]:
-    """Links that move with a link and are not it."""
+    """The other links that move rigidly with a link."""
     found = []
     for joint in below.get(link, ()):
         if joint.get("name") not in moving:
@@ -86,7 +87,7 @@ def _set_inertial(link: ElementTree.Element, numbers: Array) -> None:
 
 
 def central_inertia(numbers: Array) -> tuple[float, Array, Array]:
-    """Mass, centre of mass and inertia about it, from ten numbers."""
+    """Mass, center of mass and inertia about it, from ten inertial parameters."""
     mass = float(numbers[0])
     com = numbers[1:4] / mass
     about_origin = numbers[4:][[[0, 1, 3], [1, 2, 4], [3, 4, 5]]]
@@ -97,14 +98,14 @@ def scene_with(
     model: ArmModel, theta: Array, armature: Array, friction: Sequence[JointFit | None],
     notes: list[str],
 ) -> Scene:  # fmt: skip
-    """The nominal scene with what was identified in it.
+    """The nominal scene with the identified parameters.
 
     Args:
         model: Of the nominal scene.
-        theta: Ten numbers of each moving body, without payloads.
-        armature: Of each joint in [kg m²] or [kg], nan for what stays as it is, shape (n,).
-        friction: Of each joint; None for what stays as it is.
-        notes: Gets a line for what the scene cannot say.
+        theta: Ten inertial parameters of each moving body, without payloads.
+        armature: Of each joint in [kg m²] or [kg], nan to leave it unchanged, shape (n,).
+        friction: Of each joint; None to leave it unchanged.
+        notes: Receives a line for each result that a scene cannot express.
     """
     scene = model.scene
     content = scene.model_dump(exclude_unset=True, mode="json")
@@ -124,9 +125,9 @@ def scene_with(
         gear = entry.get("actuator", {})
         if fit is not None and gear.get("efficiency", 1.0) != 1.0:
             entry["actuator"] = {**gear, "efficiency": 1.0}
-            notes.append(f"'{name}': the gear's losses are part of the friction that was found")
+            notes.append(f"'{name}': the identified friction includes the losses of the gear")
     for name in list(model.pin.names)[1:]:
-        if name not in model.joint_names:  # its leader has it all
+        if name not in model.joint_names:  # a mimic joint: its leader has all of it
             plain = {"friction": {"viscous": 0.0, "coulomb": 0.0}, "armature": 0.0}
             content["joints"][name] = {**content["joints"].get(name, {}), **plain}
     return validated(content)
@@ -140,14 +141,14 @@ def _of_drive(model: ArmModel, j: int, what: str) -> float:
 def _friction(
     name: str, model: ArmModel, j: int, fit: JointFit, said: Mapping[str, Any], notes: list[str]
 ) -> dict[str, Any]:
-    """A joint's friction as the scene says it."""
+    """A joint's friction by the keys of a scene."""
     c = {kind: fit.coefficients.get(kind, 0.0) for kind in fit.kinds}
     viscous = max(c.get(VISCOUS, 0.0) - _of_drive(model, j, "viscous"), 0.0)
     coulomb, offset = c.get(COULOMB, 0.0), c.get(COULOMB_SKEW, 0.0)
     if abs(offset) > coulomb:
         notes.append(
-            f"'{name}': a constant torque of {offset:.3g} is more than its Coulomb friction of "
-            f"{coulomb:.3g}, an offset of the sensor or of gravity; the scene has so much of it"
+            f"'{name}': a constant torque of {offset:.3g} exceeds its Coulomb friction of "
+            f"{coulomb:.3g} (an offset of the sensor, or gravity?); the scene limits it to that"
         )
         offset = float(np.clip(offset, -coulomb, coulomb))
     found: dict[str, Any] = {

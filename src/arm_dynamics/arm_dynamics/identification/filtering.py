@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A low-pass without lag, derivatives with it, and the choice of its band."""
+"""A zero-phase low-pass filter, derivatives by it, and the choice of its cut-off frequency."""
 
 from __future__ import annotations
 
@@ -12,42 +12,43 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 
 ORDER = 4
-"""Of the Butterworth filter whose squared gain is applied: within 1.6e-4 of one below a third of
-the cut-off frequency, within 1e-8 below a tenth."""
+"""Order of the Butterworth filter whose squared gain is applied: within 1.6e-4 of one below a
+third of the cut-off frequency, within 1e-8 below a tenth."""
 SETTLED = 4.0
-"""Periods of the cut-off frequency after which what happened at an end has died down to 1e-4: the
-slowest pole fades by exp(-2π sin(π/4p)) in each."""
+"""Periods of the cut-off frequency after which the transient of an end has decayed to 1e-4: the
+slowest pole decays by exp(-2π sin(π/4p)) in each."""
 MOST_LEFT_OUT = 0.06
-"""Part of a stretch that is left out at each end at most."""
+"""Largest fraction of a stretch that is discarded at each end."""
 FADED = 12.0
-"""Periods of the cut-off frequency after which it has died down to rounding."""
+"""Periods of the cut-off frequency after which the transient has decayed to rounding."""
 FEWEST = 25
-"""Samples to be left out at least, so that at wide bands it has died down to rounding."""
+"""Samples that are always discarded, so that at wide bands it has decayed to rounding."""
 ABOVE = 3.0
-"""Times the noise that the smoothed power must be for a motion's own part to be seen in it."""
+"""Ratio to the noise above which the smoothed power counts as motion."""
 FLAT = 2.0
-"""Times the highest frequency at which the motion stands out of the noise: there the gain is
-within 4e-3 of one."""
+"""Cut-off frequency over the highest frequency at which the motion exceeds the noise: there the
+gain is within 4e-3 of one."""
 SLOWEST = 20.0
-"""Periods of the band that have to be in a recording."""
+"""Smallest number of periods of the cut-off frequency in a recording."""
 RATIO = 1.15
-"""By which bins of the spectrum widen."""
+"""Growth of the bins of the spectrum."""
 HELD, ENOUGH = 0.999, 10.0
-"""The band need not be wider than ``ENOUGH`` times what holds ``HELD`` of accelerations' power."""
+"""The cut-off is at most ``ENOUGH`` times the frequency below which ``HELD`` of accelerations'
+power lies."""
 WIDEST = 0.4
-"""Largest cut-off frequency, as a part of the sampling frequency."""
+"""Largest cut-off frequency as a fraction of the sampling frequency."""
 
 
 @dataclass(frozen=True)
 class ZeroPhase:
-    """A Butterworth filter that runs forwards and backwards over samples at even times.
+    """A forward-backward Butterworth filter over samples at a constant rate.
 
-    Its gain 1/(1 + (f/f_c)^(2p)) is applied to the spectrum, which also yields derivatives of what
-    is left (Oppenheim, Schafer, Discrete-Time Signal Processing, 2010, sections 5.7 and 8.7). At
-    both ends the samples are reflected at the end's point, so that value and slope go on.
+    Its gain 1/(1 + (f/f_c)^(2p)) is applied to the spectrum, which also yields derivatives
+    (Oppenheim, Schafer, Discrete-Time Signal Processing, 2010, sections 5.7 and 8.7). At both ends
+    the samples are extended by point reflection, so that value and slope are continuous.
 
     Attributes:
-        band: Cut-off frequency f_c in [Hz], where half of the amplitude is left; inf for none.
+        band: Cut-off frequency f_c in [Hz], where the gain is one half; inf for no filter.
         dt: Time between samples in [s].
         order: Order p.
     """
@@ -57,11 +58,11 @@ class ZeroPhase:
     order: int = ORDER
 
     def __call__(self, x: Array, derivative: int = 0) -> Array:
-        """Low-pass, and differentiate.
+        """Low-pass filter, and differentiate.
 
         Args:
             x: Samples, shape (k, …), k > 1.
-            derivative: How many times to differentiate by time.
+            derivative: How many times to differentiate with respect to time.
 
         Returns:
             Of the shape of ``x``.
@@ -75,7 +76,7 @@ class ZeroPhase:
         before, after = 2.0 * x[0] - x[pad:0:-1], 2.0 * x[-1] - x[-2 : -pad - 2 : -1]
         rest = np.broadcast_to(after[-1:], (count - k - 2 * pad, *x.shape[1:]))
         long = np.concatenate([before, x, after, rest])
-        # Without the line through both ends it begins and ends at zero, and may be repeated.
+        # Without the line through both ends it begins and ends at zero, as if it were periodic.
         slope = (long[-1] - long[0]) / (count - 1)
         line = long[0] + np.arange(count).reshape(shape) * slope
         frequency = np.fft.rfftfreq(count, self.dt)
@@ -87,7 +88,7 @@ class ZeroPhase:
         return np.asarray(found[pad : pad + k])
 
     def margin(self, count: int) -> int:
-        """Samples at each end of a stretch of ``count`` that are to be left out."""
+        """Number of samples to discard at each end of a stretch of ``count``."""
         if not np.isfinite(self.band):
             return 1
         settled = math.ceil(SETTLED / (self.band * self.dt))
@@ -126,17 +127,17 @@ def spectrum(x: Array, dt: float) -> tuple[Array, Array]:
 
 
 def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:
-    """The cut-off frequency at which the least is lost of accelerations, and the least noise left.
+    """The cut-off frequency that balances loss of acceleration against noise.
 
-    Noise of a position sensor is white, so what the spectrum of a position has near half the
-    sampling frequency, it has everywhere. Where the motion's own part falls below it, a wider band
-    would bring more noise into the acceleration than motion, and a narrower one would lose motion
-    (Wiener's argument; both are weighed by the same power of the frequency).
+    The noise of a position sensor is white, so the power near half the sampling frequency is its
+    level at all frequencies. Above the frequency where the motion falls below it, a wider band
+    adds more noise than motion to the acceleration; a narrower band loses motion (Wiener's
+    argument; both are weighted by the same power of the frequency).
 
     Args:
         q: Positions, shape (k, n).
         dt: Time between samples in [s].
-        factor: How many times clearer than needed the motion must stand out of the noise.
+        factor: Additional factor by which the motion must exceed the noise.
 
     Returns:
         In [Hz], at most ``WIDEST`` of the sampling frequency.
@@ -154,7 +155,7 @@ def chosen_band(q: Array, dt: float, factor: float = 1.0) -> float:
 
 
 def _octaves(frequency: Array) -> NDArray[np.int_]:
-    """Where bins begin that widen with the frequency, and hold three samples at least."""
+    """Starts of bins that widen with frequency and have at least three samples each."""
     found, at = [0], 2
     while at < len(frequency):
         found.append(at)
@@ -163,7 +164,7 @@ def _octaves(frequency: Array) -> NDArray[np.int_]:
 
 
 def _left(starts: Array, power: Array, level: float) -> float:
-    """The lowest frequency at which the power has been left by the motion, in three bins."""
+    """The lowest frequency from which the power of three bins is below the noise level."""
     below = power <= level
     first = int(np.argmax(power))
     for i in range(first, len(below) - 2):
@@ -173,7 +174,7 @@ def _left(starts: Array, power: Array, level: float) -> float:
 
 
 def _holding(frequency: Array, power: Array) -> float:
-    """The frequency below which ``HELD`` of the accelerations' power is, of the fastest joint."""
+    """The frequency below which ``HELD`` of accelerations' power lies, for the fastest joint."""
     sums = np.cumsum(power * frequency[:, None] ** 4, axis=0)
     moving = sums[-1] > 0.0
     if not moving.any():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joints of a recording under the names of a scene."""
+"""Matching the joint names of a recording with those of a scene."""
 
 from __future__ import annotations
 
@@ -17,46 +17,46 @@ from arm_dynamics.identification.data import JointRecord
 def mapped(
     record: JointRecord, joints: Sequence[str], names: Mapping[str, str] | None = None
 ) -> JointRecord:
-    """The joints of a scene in a recording that may call them something else.
+    """Select the joints of a scene from a recording that may use other names.
 
-    A joint is found under its own name, under one that ends in it or that it ends in, as with a
-    prefix of the robot's, or under one that is the same but for the part before the first ``_`` or
-    ``/``, as ``fer_joint1`` is ``panda_joint1``.
+    A joint matches its own name, a name of which one ends in the other, as with a prefix of the
+    robot, or a name that differs only before the first ``_`` or ``/``, as ``fer_joint1`` and
+    ``panda_joint1``.
 
     Args:
         record: The recording.
-        joints: Of the scene.
-        names: What the recording calls them, by the scene's names, where that says it all.
+        joints: Joint names of the scene.
+        names: Joint names of the recording by those of the scene, where they do not match.
 
     Returns:
-        The recording with these joints under these names, in this order, and with a note where
-        they had others.
+        The recording with these joints under these names, in this order, and with a note if they
+        were renamed.
 
     Raises:
-        InvalidInput: If one of them is not to be found, or might be several.
+        InvalidInput: If a joint is missing or ambiguous.
     """
     given = dict(names or {})
     if unknown := [name for name in given if name not in joints]:
         raise InvalidInput(
-            f"the scene has no joint '{unknown[0]}' to be called '{given[unknown[0]]}'"
-            f"{did_you_mean(unknown[0], joints)}; its joints: {known_names(joints)}"
+            f"names: '{unknown[0]}' = '{given[unknown[0]]}', but the scene has no joint "
+            f"'{unknown[0]}'{did_you_mean(unknown[0], joints)}; its joints: {known_names(joints)}"
         )
     found = {joint: given.get(joint) or _found(record, joint) for joint in joints}
     if missing := [joint for joint in joints if found[joint] is None]:
         raise InvalidInput(
-            f"{record.name}: it has no joint {known_names(missing)}, which the scene has, but "
-            f"{known_names(record.joint_names)}; lock joints that do not move in the scene, or "
-            "say what they are called"
+            f"{record.name}: no joint matches {known_names(missing)} of the scene; it has "
+            f"{known_names(record.joint_names)}: lock joints of the scene that do not move, or "
+            "map their names"
         )
     called = [str(found[joint]) for joint in joints]
     if len(set(called)) < len(called):
         raise InvalidInput(
-            f"{record.name}: two joints of the scene would be the same one of the recording: "
-            f"{known_names(called)}; say which is which"
+            f"{record.name}: two joints of the scene match the same joint of the recording: "
+            f"{known_names(called)}; map their names"
         )
     notes = record.notes
     if called != list(joints):
-        notes = (*notes, f"its joints {known_names(called)} are taken for {known_names(joints)}")
+        notes = (*notes, f"joints {known_names(called)} are matched with {known_names(joints)}")
     return replace(record.joints(called), joint_names=tuple(joints), notes=notes)
 
 
@@ -75,18 +75,18 @@ def _without_prefix(name: str) -> str:
 
 
 def unwrapped(record: JointRecord, turning: Sequence[bool]) -> JointRecord:
-    """The same where joints that turn do not jump by whole turns, as some encoders tell.
+    """The recording without jumps by whole turns, as some encoders report them.
 
     Args:
         record: The recording.
-        turning: Of each joint, whether it turns.
+        turning: For each joint, whether it is revolute.
     """
     q = np.array(record.q)
     for column, turns in zip(q.T, turning, strict=True):
-        told = np.isfinite(column)
-        if turns and told.any():
-            column[told] = np.unwrap(column[told])
+        measured = np.isfinite(column)
+        if turns and measured.any():
+            column[measured] = np.unwrap(column[measured])
     if np.array_equal(q, record.q, equal_nan=True):
         return record
-    note = "positions that jump by whole turns are put together"
+    note = "positions that jump by whole turns are unwrapped"
     return replace(record, q=read_only(q), notes=(*record.notes, note))

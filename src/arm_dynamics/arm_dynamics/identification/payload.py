@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A payload alone: the body in the hand of an arm that is known."""
+"""Identification of the payload of a known arm."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from arm_dynamics.scene.load import load_scene
 from arm_dynamics.scene.schema import Payload
 
 GUESS = 0.1
-"""Radius in [m] of the ball of 1 kg that a payload is believed to be near, loosely."""
+"""Radius in [m] of the ball of 1 kg that is the weak prior of a payload."""
 LOOSE = 10.0
 
 
@@ -38,21 +38,21 @@ def identify_payload(
     scene: Any, recordings: Any, frame: str, *, band: float | None = None,
     names: Mapping[str, str] | None = None,
 ) -> Payload:  # fmt: skip
-    """Find the body that an arm carries, whose own bodies and friction are known.
+    """Identify the payload of an arm whose own inertias and friction are known.
 
     Args:
-        scene: The arm without it, anything ``load_scene`` takes.
-        recordings: Of the arm with it; see ``identify``.
-        frame: That carries it, and in which it is told.
-        band: Cut-off frequency of the low-pass in [Hz]; None for the one that fits the noise.
-        names: What the recordings call the scene's joints, where that cannot be guessed.
+        scene: The arm without the payload, anything ``load_scene`` accepts.
+        recordings: Of the arm with the payload; see ``identify``.
+        frame: The frame that carries the payload and in which the result is expressed.
+        band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
+        names: Joint names of the recordings by those of the scene, where they cannot be matched.
 
     Returns:
-        The payload, for ``payloads`` of a scene; a body that there can be.
+        The payload, for ``payloads`` of a scene; physically consistent.
 
     Raises:
         SceneError: If the scene cannot be used.
-        InvalidInput: If the frame is unknown or fixed, or nothing is to be learnt.
+        InvalidInput: If the frame is unknown or fixed, or the recordings do not determine it.
     """
     model = ArmModel(load_scene(scene))
     checks.check_model(model)
@@ -82,20 +82,20 @@ def identify_payload(
 
 
 def _carried(model: ArmModel, frame: str) -> tuple[pin.SE3, int]:
-    """Where a frame is in the body that carries it, and which one that is."""
+    """The placement of a frame in the body that carries it, and the index of that body."""
     if frame not in model.frame_names:
         raise InvalidInput(
-            f"frame is '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
+            f"unknown frame '{frame}'{did_you_mean(frame, model.frame_names)}; the arm has "
             f"{known_names(model.frame_names)}"
         )
     found = model.pin.frames[model.pin.getFrameId(frame)]
     if found.parentJoint == 0:
-        raise InvalidInput(f"frame is '{frame}', which no joint moves")
+        raise InvalidInput(f"frame '{frame}' is fixed to the base; a moving frame is expected")
     return found.placement, found.parentJoint - 1
 
 
 def _moved(place: pin.SE3) -> Array:
-    """Ten numbers about the body's joint from those about a frame in it, shape (10, 10)."""
+    """Map from inertial parameters in a frame to those in its body's joint, shape (10, 10)."""
     G = np.block(
         [[place.rotation, place.translation[:, None]], [np.zeros((1, 3)), np.ones((1, 1))]]
     )
@@ -108,7 +108,7 @@ def _ball() -> Array:
 
 
 def _weight(columns: Array, left: Array, use: Any) -> float:
-    """1 over what a joint's torque has that no payload makes."""
+    """Inverse of the part of a joint's torque that no payload explains."""
     if not use.any():
         return 0.0
     x = np.linalg.lstsq(columns[use], left[use], rcond=1e-10)[0]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From joint states as they came to a motion at even times with accelerations."""
+"""Resampling and filtering of joint states into a motion with accelerations."""
 
 from __future__ import annotations
 
@@ -19,26 +19,26 @@ from arm_dynamics.identification.filtering import WIDEST, ZeroPhase, chosen_band
 GAP = 4.5
 """Steps without a sample that split a recording; shorter holes are interpolated."""
 SHORTEST = 100
-"""Samples that a stretch needs."""
+"""Smallest number of samples of a stretch."""
 PER_BAND = 10.0
-"""Rows in each period of the band that ``thinned`` leaves."""
+"""Rows per period of the band that ``thinned`` keeps."""
 UNEVEN = 1e-3
-"""Part of a step by which samples may be off an even grid without being interpolated."""
+"""Fraction of a step by which samples may be off an even grid without being interpolated."""
 SATURATED = 8
-"""Samples in a row at the same extreme effort that are taken for a saturated sensor or drive."""
+"""Consecutive samples at the same extreme effort that count as saturation."""
 
 
 def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
-    """Bring a recording to even times, low-pass it without lag and differentiate it.
+    """Resample a recording at a constant rate, filter it with zero phase and differentiate it.
 
-    Velocities and accelerations come from the positions: those that robots tell are filtered with
-    a lag of their own. Where accelerations are told, as by a computation, positions, velocities
-    and accelerations are taken as they are.
+    Velocities and accelerations are derived from positions, since those that robots report are
+    filtered with a lag. If a recording has accelerations, as from a computation, its positions,
+    velocities and accelerations are used unchanged.
 
     Args:
         record: Joint states.
-        band: Cut-off frequency in [Hz]; None for the one that fits the noise, see
-            ``filtering.chosen_band``; inf for no filter but in differentiating.
+        band: Cut-off frequency in [Hz]; None: chosen from the noise, see
+            ``filtering.chosen_band``; inf for no filter except in differentiation.
 
     Returns:
         The motion.
@@ -49,18 +49,18 @@ def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
     notes = list(record.notes)
     whole = np.isfinite(record.q).all(axis=1)
     if not whole.any():
-        raise InvalidInput(f"{record.name}: there is no row with a position of every joint")
+        raise InvalidInput(f"{record.name}: no row has a position of every joint")
     if not whole.all():
-        notes.append(f"{np.count_nonzero(~whole)} rows without a position of every joint")
+        notes.append(f"{np.count_nonzero(~whole)} rows lack a position of some joint")
         record = record.rows(whole)
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else np.inf
     pieces, short = _pieces(record, step)
     if short:
-        notes.append(f"{short} rows in stretches of less than {SHORTEST} samples are left out")
+        notes.append(f"{short} rows in stretches of fewer than {SHORTEST} samples are not used")
     if not pieces:
         raise InvalidInput(
             f"{record.name}: no stretch of {SHORTEST} samples without a gap of more than "
-            f"{GAP * step:.3g} s; {len(record.time)} samples are in it, {step:.3g} s apart"
+            f"{GAP * step:.3g} s; it has {len(record.time)} samples, {step:.3g} s apart"
         )
     if len(pieces) > 1:
         notes.append(f"{len(pieces) - 1} gaps")
@@ -69,19 +69,19 @@ def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
     step = _exact_step(pieces, step)
     grids = [_even(piece, step) for piece in pieces]
     band = _band(record.name, grids, step, band)
-    told = all(np.isfinite(grid.a).all() and np.isfinite(grid.v).all() for grid in grids)
-    low_pass = ZeroPhase(np.inf if told else band, step)
+    exact = all(np.isfinite(grid.a).all() and np.isfinite(grid.v).all() for grid in grids)
+    low_pass = ZeroPhase(np.inf if exact else band, step)
     motions = [_motion(grid, low_pass, notes) for grid in grids]
     return joined(motions, notes)
 
 
 def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
-    """The same with as few rows as its band needs, ``PER_BAND`` in each of its periods.
+    """The motion with only as many rows as its band needs, ``PER_BAND`` per period.
 
-    Efforts are what happens to be there at these times: they have to be low-passed before.
+    Efforts are sampled at these times: they must be low-pass filtered before.
 
     Returns:
-        The motion, and each how many rows of a stretch it keeps.
+        The motion, and the stride of the rows that it keeps.
     """
     stride = max(1, int(1.0 / (PER_BAND * motion.band * motion.dt) + 1e-9))
     if stride == 1:
@@ -101,7 +101,7 @@ def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
 
 
 def joined(motions: Sequence[MeasuredMotion], notes: Sequence[str] = ()) -> MeasuredMotion:
-    """Motions of one rate and filter as one, each of them stretches of its own."""
+    """Concatenate motions of the same rate and filter, each as stretches of its own."""
     first = motions[0]
     starts = np.cumsum([0, *(len(motion.time) for motion in motions)])
     stretches = tuple(
@@ -118,7 +118,7 @@ def joined(motions: Sequence[MeasuredMotion], notes: Sequence[str] = ()) -> Meas
 
 
 def _pieces(record: JointRecord, step: float) -> tuple[list[JointRecord], int]:
-    """Stretches without a gap, and how many rows are in those that are too short."""
+    """Stretches without a gap, and the number of rows in those that are too short."""
     cuts = np.flatnonzero(np.diff(record.time) > GAP * step) + 1
     edges = [0, *cuts.tolist(), len(record.time)]
     spans = [slice(a, b) for a, b in zip(edges, edges[1:], strict=False)]
@@ -170,8 +170,8 @@ def _band(name: str, grids: Sequence[JointRecord], step: float, band: float | No
         raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
     if np.isfinite(band) and band > WIDEST / step:
         raise InvalidInput(
-            f"{name}: band is {band:g} Hz; at {1.0 / step:.5g} samples a second, at most "
-            f"{WIDEST / step:.4g} Hz is expected"
+            f"{name}: band is {band:g} Hz; at {1.0 / step:.5g} samples per second at most "
+            f"{WIDEST / step:.4g} Hz is allowed"
         )
     return band
 
@@ -209,12 +209,12 @@ def saturated(effort: Array) -> NDArray[np.bool_]:
             for start, end in edges.reshape(-1, 2):
                 found[start:end, i] |= end - start >= SATURATED
         if np.nanmin(column, initial=np.inf) >= np.nanmax(column, initial=-np.inf):
-            found[:, i] = False  # it is constant: another matter, and told elsewhere
+            found[:, i] = False  # a constant effort is refused in ``checks``
     return found
 
 
 def _filled(values: Array, there: NDArray[np.bool_]) -> Array:
-    """Holes bridged by straight lines; zeros where there is nothing at all."""
+    """Values with holes interpolated linearly; zeros if a column has no value."""
     found, rows = np.array(values), np.arange(len(values))
     for i, known in enumerate(there.T):
         column = values[known, i]
@@ -223,7 +223,7 @@ def _filled(values: Array, there: NDArray[np.bool_]) -> Array:
 
 
 def _eroded(valid: NDArray[np.bool_], margin: int) -> NDArray[np.bool_]:
-    """Only what is valid with all that is within ``margin`` rows."""
+    """The rows that are valid together with all rows within ``margin``."""
     bad = np.cumsum(np.vstack([np.zeros_like(valid[:1]), ~valid]), axis=0, dtype=np.int64)
     rows = np.arange(len(valid))
     upper, lower = np.minimum(rows + margin + 1, len(valid)), np.maximum(rows - margin, 0)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an identification found, how sure it is, and what it did not find."""
+"""Result of an identification: parameters, their intervals, and what was not identified."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from arm_dynamics.scene.schema import Scene
 
 @dataclass(frozen=True)
 class Torques:
-    """Measured and predicted torques at the times that were computed with; NaN where not used.
+    """Measured and predicted torques at the times of the regression; NaN where not used.
 
     Attributes:
         time: In [s], shape (k,).
-        measured: Low-passed efforts in [N m] or [N], shape (k, n).
-        predicted: By what was identified, on the part held out by what was identified without it.
+        measured: Low-pass filtered efforts in [N m] or [N], shape (k, n).
+        predicted: By the identified model; on held-out rows by the model identified without them.
         nominal: By the nominal scene.
         v: Velocities, shape (k, n).
-        friction: Measured torques less those of bodies and drives, shape (k, n).
+        friction: Measured torques minus those of bodies and drives, shape (k, n).
         held_out: Rows that are held out, shape (k,).
     """
 
@@ -42,28 +42,28 @@ class Identification:
     """A scene from measured motions.
 
     Attributes:
-        scene: The nominal scene with what was found in it; it loads and simulates.
-        joint_names: Of the scene.
-        parameters: What the motions show, by name: base parameters (groups of numbers of bodies
-            and armatures, such as ``elbow.Izz + elbow.armature``), and of each joint
+        scene: The nominal scene with the identified parameters; it loads and simulates.
+        joint_names: Joints of the scene.
+        parameters: Identified values by name: base parameters (combinations of inertial
+            parameters and armatures, such as ``elbow.Izz + elbow.armature``), and of each joint
             ``NAME.viscous``, ``NAME.coulomb`` and so on, in SI units.
-        intervals: 95 % intervals of them.
-        nominal: What the nominal scene says of base parameters.
-        missing: What was not found, and why, by name.
-        torque_error: Of each joint: root mean square of what the prediction leaves of the torque,
-            over that of the torque, on the part held out.
+        intervals: Their 95 % confidence intervals.
+        nominal: Base parameters of the nominal scene.
+        missing: Reasons of what was not identified, by name.
+        torque_error: Root mean square residual of each joint over that of its torque, on held-out
+            data.
         nominal_error: The same of the nominal scene.
-        error: Of all joints together: of the prediction, and of the nominal scene.
-        torque_residual: What is left of each joint in [N m] or [N].
-        friction: Of each joint; None where it stays as it is in the nominal scene.
-        bodies: Ten numbers of each moving body, shape (bodies, 10).
-        body_names: Their names.
-        scales: Torque per unit of effort of each joint, 1 where efforts are torques, shape (n,).
-        band: Cut-off frequency of the low-pass in [Hz].
-        effort_band: That of predictions in [Hz], where efforts show nothing of the motion above;
-            None where it is the same.
+        error: Relative residual of all joints together: of the prediction, of the nominal scene.
+        torque_residual: Root mean square residual of each joint in [N m] or [N].
+        friction: Of each joint; None if it is unchanged from the nominal scene.
+        bodies: Ten inertial parameters of each moving body, shape (bodies, 10).
+        body_names: Names of the bodies.
+        scales: Torque per unit of effort of each joint, 1 if efforts are torques, shape (n,).
+        band: Cut-off frequency of the low-pass filter in [Hz].
+        effort_band: Cut-off frequency of predictions in [Hz], if efforts contain less of the
+            motion than ``band``; else None.
         condition: Condition number of the scaled regression.
-        notes: What was odd, and what was done about it.
+        notes: Irregularities of the data, and how they were handled.
         torques: For figures.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A whole arm from recordings of its motion and torques: bodies, armatures and friction."""
+"""Identification of a whole arm from its motion and torques: inertias, armatures and friction."""
 
 from __future__ import annotations
 
@@ -42,35 +42,35 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.load import load_scene
 
 CERTAIN = 1.96
-"""Standard deviations on either side that hold 95 %."""
+"""Standard deviations on either side of a 95 % interval."""
 VAGUE = 0.5
-"""Part of its value by which a number may be uncertain (one standard deviation) to be found."""
+"""Largest relative standard deviation of a parameter that counts as identified."""
 NOTHING = 1e-9
-"""Uncertainty (one standard deviation) below which even zero is found."""
+"""Standard deviation below which even a zero counts as identified."""
 MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
-"""How far bodies may be from nominal: of density and of all else; chosen by the evidence."""
+"""Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
 PARTS = (0.6, 0.4, 0.3)
-"""Parts of the band above which efforts are tried to show nothing of the motion."""
+"""Fractions of the band that are tried as the bandwidth of the efforts."""
 BETTER = 0.95
-"""Part to which the best of them must bring the residual to be believed."""
+"""Relative residual that the best of them must reach to be accepted."""
 MOST_ROWS = 6_000
-"""Rows beyond which a narrower band is taken, so that long recordings are done in seconds."""
+"""Rows beyond which the band is narrowed, so that long recordings take seconds."""
 SHOWN = 0.7
-"""Part of what friction leaves of a joint's efforts that bodies must explain to tell its scale."""
+"""Fraction of a joint's frictionless efforts that bodies must explain to identify its scale."""
 HEAVY = 0.5
-"""Part of the deviation of a joint's efforts that bodies must make to tell its scale: where
-friction makes most, an error of its law or of the nominal bodies is taken for one of the scale."""
+"""Fraction of the deviation of a joint's efforts that bodies must cause to identify its scale: if
+friction dominates, an error of its law or of the nominal bodies would be taken for the scale."""
 NEAR = 0.03, 0.05
-"""How far bodies may be from nominal while scales of efforts are found: of density, of all else.
-Were they held, what is wrong with the last bodies would be taken for a scale of their joints."""
+"""Prior deviations of bodies while scales are identified: of density, of all else. If bodies were
+fixed, an error of the last bodies would be taken for a scale of their joints."""
 DOUBT = 0.12, 0.2
-"""How far off nominal bodies may be, likewise, which is how uncertain scales of efforts are."""
+"""Assumed errors of the nominal bodies, likewise, which limit the accuracy of scales."""
 TILT, SURELY = 0.01, 5.0
-"""Angle in [rad], and standard deviations, from which a tilt of the base is told."""
+"""Angle in [rad], and standard deviations, above which a tilt of the base is reported."""
 BLOCKS, DRIFT = 10, 0.1
-"""Parts of a recording, and part of the friction, by which its drift is judged."""
+"""Blocks of a recording, and relative change of friction, from which a drift is reported."""
 FAR_OFF = 5.0
-"""Robust standard deviations beyond which a residual follows no law: contact, or stiction."""
+"""Robust standard deviations beyond which a residual is an outlier: contact, or stiction."""
 
 
 def identify(
@@ -85,29 +85,29 @@ def identify(
     held_out: float = HELD_OUT,
     told: Callable[[str], None] | None = None,
 ) -> Identification:
-    """Find bodies, armatures and friction of an arm from its motion and its torques.
+    """Identify inertias, armatures and friction of an arm from its motion and its torques.
 
     Args:
-        scene: Nominal scene, anything ``load_scene`` takes: its geometry is taken for true, its
-            bodies for what the real ones are near to.
+        scene: Nominal scene, anything ``load_scene`` accepts: its geometry is taken as exact, its
+            inertias as a first guess.
         recordings: One or several: a ``JointRecord`` or a recording with ``time``, ``q``, ``v``,
             ``tau`` and ``joint_names``.
-        band: Cut-off frequency of the low-pass in [Hz]; None for the one that fits the noise.
-        effort: What efforts are: ``torque`` in [N m] or [N]; ``scale``: in an unknown proportion
-            to it, one for each joint, which is found where bodies tell it; or the torque per unit
-            of effort by joint, as of currents.
-        names: What the recordings call the scene's joints, where that cannot be guessed.
-        total_mass: Mass of all that moves in [kg], where it is known; without payloads.
-        masses: Masses of bodies in [kg], by the joint that moves them, where they are known.
-        held_out: Part of each recording, at its end, on which errors are told.
-        told: Is told what is being done.
+        band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
+        effort: Meaning of efforts: ``torque`` in [N m] or [N]; ``scale``: proportional to torque
+            with an unknown scale per joint, which is identified where the motion determines it;
+            or the torque per unit of effort by joint, for example per ampere.
+        names: Joint names of the recordings by those of the scene, where they cannot be matched.
+        total_mass: Known mass of all moving bodies in [kg], without payloads.
+        masses: Known masses of bodies in [kg], by the joint that moves them.
+        held_out: Fraction of each recording, at its end, that is held out to measure errors.
+        told: Called with the name of each step as it begins.
 
     Returns:
-        The scene and how sure it is.
+        The scene, its parameters and their intervals.
 
     Raises:
         SceneError: If the nominal scene cannot be used.
-        InvalidInput: If there is nothing to be learnt from the recordings, and what is missing.
+        InvalidInput: If the recordings do not determine the parameters; says what is missing.
     """
     say = told or (lambda text: None)
     model = ArmModel(load_scene(scene))
@@ -127,17 +127,20 @@ def _in_torques(record: JointRecord, effort: str | Mapping[str, float]) -> Joint
     if isinstance(effort, str):
         if effort not in ("torque", "scale"):
             raise InvalidInput(
-                f"effort is '{effort}'; allowed are torque, scale, or numbers by joint"
+                f"effort is '{effort}'; allowed: torque, scale, or a number for each joint"
             )
         return record
     if missing := [name for name in record.joint_names if name not in effort]:
-        raise InvalidInput(f"effort says no torque per unit of joint {known_names(missing)}")
+        raise InvalidInput(
+            f"effort has no torque per unit for joint {known_names(missing)}; one for each joint "
+            "is expected"
+        )
     factors = np.array([effort[name] for name in record.joint_names])
     return replace(record, effort=record.effort * factors)
 
 
 def _motions(records: Sequence[JointRecord], band: float | None) -> list[MeasuredMotion]:
-    """All at one band: the narrowest that one of them needs."""
+    """All motions filtered at the same band: the narrowest that any of them needs."""
     motions = [prepare(record, band) for record in records]
     common = min(motion.band for motion in motions)
     if band is None and np.isfinite(common):
@@ -168,7 +171,7 @@ class _Run:
         self.scaled, self.scales = scaled, np.ones(model.n)
         self.measured = self.rows.effort.copy()
 
-    # --- what is believed ----------------------------------------------------------------------
+    # --- prior ---------------------------------------------------------------------------------
 
     def _mass_rows(
         self, total: float | None, masses: Mapping[str, float]
@@ -180,13 +183,13 @@ class _Run:
         for name, mass in masses.items():
             if name not in self.regressor.bodies:
                 raise InvalidInput(
-                    f"masses names '{name}'; allowed are {known_names(self.regressor.bodies)}"
+                    f"masses: unknown '{name}'; allowed: {known_names(self.regressor.bodies)}"
                 )
             found.append(({EACH * self.regressor.bodies.index(name): 1.0}, float(mass)))
         return found
 
     def belief(self, size: int) -> Belief:
-        """What is believed of ``size`` unknowns."""
+        """The prior of ``size`` unknowns."""
         plain = belief_of(self.regressor.nominal, size, *self.sigmas)
         x0, rows = plain.x0.copy(), [plain.rows]
         for places, mass in self.known_masses:
@@ -203,7 +206,7 @@ class _Run:
     # --- steps ---------------------------------------------------------------------------------
 
     def done(self) -> Identification:
-        """All of them."""
+        """Run all steps."""
         rows = self.rows
         train = rows.use & rows.train[:, None]
         simple = [JointFit((VISCOUS, COULOMB, COULOMB_SKEW)) for _ in self.names]
@@ -214,7 +217,7 @@ class _Run:
         first = self._effort_band(train, simple, first)
         rows = self.rows
         self._believe(first)
-        self.say("choosing laws of friction by what they predict")
+        self.say("selecting friction laws by cross-validation")
         laws = self._chosen(train, first)
         trial = fitted(rows, train, self.belief, laws)
         if (kept := self._without_outliers(train, trial)) is not None:
@@ -223,7 +226,7 @@ class _Run:
             trial = fitted(rows, train, self.belief, laws)
         trial = tabled(rows, train, self.belief, trial)
         self._believe(trial)
-        self.say("fitting all of it")
+        self.say("fitting all parameters")
         trial = fitted(rows, train, self.belief, list(trial.friction), possible=True)
         whole = train | (rows.use & ~rows.train[:, None])
         if (kept := self._without_outliers(whole, trial, note=False)) is not None:
@@ -238,7 +241,7 @@ class _Run:
         return Choice(rows, train, common_columns(rows, train), self.belief(size), load).run()
 
     def _effort_band(self, train: Mask, laws: list[JointFit], plain: Fit) -> Fit:
-        """Low-pass predictions more than efforts, where that explains these better."""
+        """Low-pass filter predictions more than efforts, where that explains these better."""
         best, chosen, band = plain, self.rows, self.motions[0].band
         error = BETTER * self._left(plain, train)
         for part in PARTS if np.isfinite(band) else ():
@@ -249,20 +252,20 @@ class _Run:
                 best, chosen, error = fit, rows, now
         if chosen is not self.rows:
             self.notes.append(
-                f"efforts show nothing of the motion above about {chosen.effort_band:.3g} Hz: "
-                "they were low-passed before, or noise of positions is all that predictions "
-                "have there; predictions are low-passed likewise"
+                f"efforts do not follow the motion above about {chosen.effort_band:.3g} Hz: "
+                "they were filtered before, or predictions are only position noise there; "
+                "predictions are filtered likewise"
             )
             self.rows = chosen
         return best
 
     def _left(self, fit: Fit, use: Mask) -> float:
-        """Mean over joints of what a fit leaves, relative, as a geometric one."""
+        """Geometric mean over joints of the residual of a fit."""
         left = deviations(fit.residual, np.zeros_like(fit.residual), use)
         return float(np.exp(np.log(left).mean()))
 
     def _without_outliers(self, use: Mask, fit: Fit, note: bool = True) -> Mask | None:
-        """Rows without those that follow no law; None if there are none."""
+        """Rows without outliers; None if there are none."""
         found, reach = use.copy(), max(1, self.rows.lag // 8)
         for j, name in enumerate(self.names):
             mine = use[:, j]
@@ -278,13 +281,13 @@ class _Run:
                 found[:, j] &= ~wide
                 if note and share > 0.002:
                     self.notes.append(
-                        f"'{name}': {share:.1%} of the rows follow no law (stiction, contact, or "
-                        "a sensor's fault) and are left out of the fit"
+                        f"'{name}': {share:.1%} of the rows are outliers (stiction, contact, or "
+                        "a sensor fault) and are not used in the fit"
                     )
         return None if np.array_equal(found, use) else found
 
     def _believe(self, fit: Fit) -> None:
-        """Choose how far bodies may be from nominal by the evidence of the data.
+        """Select the prior deviations of bodies from nominal by the evidence of the data.
 
         The logarithm of the marginal likelihood of a linear model with a normal prior (MacKay,
         "Bayesian interpolation", Neural Computation 4(3), 1992).
@@ -313,10 +316,10 @@ class _Run:
     # --- scales of efforts ---------------------------------------------------------------------
 
     def _find_scales(self, train: Mask, laws: list[JointFit]) -> None:
-        """Torque per unit of effort, in turn with friction, until they stand.
+        """Identify the torque per unit of effort, alternating with friction, until it converges.
 
-        Meanwhile bodies stay near the nominal ones: torques and bodies that may all shrink
-        together would do so, as far as friction and noise gain by it.
+        Bodies stay near nominal meanwhile: otherwise scales and bodies would shrink together,
+        which reduces the residual of friction and noise.
         """
         rows, sigmas = self.rows, self.sigmas
         self.sigmas = NEAR
@@ -332,8 +335,8 @@ class _Run:
                 self.scales[j] = 1.0 / slope
             else:
                 self.notes.append(
-                    f"'{name}': the scale of its efforts is not found, for bodies make too small "
-                    "a part of them beside friction; they are taken for torques"
+                    f"'{name}': the scale of its efforts cannot be identified, because friction "
+                    "dominates them; they are taken as torques"
                 )
         for _ in range(30):
             rows.effort = self.measured * self.scales
@@ -351,39 +354,38 @@ class _Run:
         """Note intervals of scales.
 
         Args:
-            shown: Which ones were found, shape (n,).
-            doubt: Their standard deviations, as parts of them, shape (n,).
+            shown: Which ones were identified, shape (n,).
+            doubt: Their relative standard deviations, shape (n,).
         """
-        told = [
+        lines = [
             f"{name} {k:.3g} ({k * np.exp(-CERTAIN * sd):.3g} to {k * np.exp(CERTAIN * sd):.3g})"
             for name, k, sd, there in zip(self.names, self.scales, doubt, shown, strict=True)
             if there
         ]
-        if told:
+        if lines:
             self.notes.append(
-                f"scales of efforts rest on the bodies of the nominal scene, which may be off by "
-                f"{DOUBT[0]:.0%} of their densities and {DOUBT[1]:.0%} of their shapes: "
-                + ", ".join(told)
+                f"scales of efforts assume that densities of the nominal bodies are accurate to "
+                f"{DOUBT[0]:.0%} and their shapes to {DOUBT[1]:.0%}: " + ", ".join(lines)
             )
 
     def _rescaled(self, fit: Fit) -> tuple[Array, Array]:
-        """By which part scales are too small, all unknowns free to follow, and its deviation.
+        """Relative corrections of scales, with all unknowns free, and their deviations.
 
-        Efforts over scales are what is measured, so that a scale that makes all torques small
-        gains nothing: e - A x / k is linear in x and in the change of k.
+        The residual is that of the measured efforts, so that small scales do not reduce it:
+        e - A x / k is linear in x and in the change of k.
         """
         predicted = fit.columns.predicted(fit.x) + self.rows.known
         return self._besides(fit, -predicted[:, :, None] * np.eye(self.rows.n))
 
     def _besides(self, fit: Fit, more: Array) -> tuple[Array, Array]:
-        """Coefficients of columns beside those of a fit, and their standard deviations.
+        """Coefficients of additional columns of a fit, and their standard deviations.
 
         Args:
-            fit: All of whose unknowns are free to follow.
+            fit: Its unknowns are all free.
             more: The columns, shape (k, n, m).
 
         Returns:
-            Shapes (m,) and (m,); deviations are inf where nothing shows a column.
+            Shapes (m,) and (m,); deviations are inf where the data do not determine a column.
         """
         rows, columns, new = self.rows, fit.columns, np.arange(more.shape[2])
         own = [np.column_stack([c, more[:, j]]) for j, c in enumerate(columns.own)]
@@ -401,7 +403,7 @@ class _Run:
         doubt[seen] = np.linalg.norm(inverse, axis=1) / size[seen]
         return solved(R, z)[columns.size :], doubt[columns.size :]
 
-    # --- what is told --------------------------------------------------------------------------
+    # --- result --------------------------------------------------------------------------------
 
     def _told(self, trial: Fit, final: Fit, used: Mask) -> Identification:
         rows, n = self.rows, self.rows.n
@@ -430,7 +432,7 @@ class _Run:
         self._check(scene, theta)
         if final.changed:
             self.notes.append(
-                "the best fit was of bodies that cannot be; the best of those that can is taken"
+                "the unconstrained fit is physically inconsistent; the best consistent one is used"
             )
         torques = self._torques(
             predicted=np.where(rows.train[:, None], after, predicted), nominal=nominal,
@@ -450,7 +452,7 @@ class _Run:
         )  # fmt: skip
 
     def _torques(self, predicted: Array, nominal: Array, friction: Array) -> Torques:
-        """Measured torques beside others, of shape (k, n), where samples are valid."""
+        """Measured and other torques, shapes (k, n), NaN where samples are not valid."""
         rows = self.rows
 
         def valid(values: Array) -> Array:
@@ -463,7 +465,7 @@ class _Run:
         )  # fmt: skip
 
     def _nominal(self) -> Array:
-        """Torques of the nominal scene, low-passed, shape (k, n)."""
+        """Torques of the nominal scene, low-pass filtered, shape (k, n)."""
         rows, model = self.rows, self.model
         load = rows.rigid @ self.regressor.nominal + rows.known + rows.inertia * model.armature
         return np.asarray(load + steady_friction(rows, load))
@@ -477,10 +479,10 @@ class _Run:
         return np.array([a / b if b > 0.0 else 1.0 for a, b in sums])
 
     def _tell_tilt(self, fit: Fit) -> None:
-        """Note a base that does not stand as the scene's gravity says.
+        """Note a base whose orientation does not agree with the scene's gravity.
 
-        Gravity that is turned a little has parts along two directions across it, whose torques are
-        columns beside all others.
+        A small rotation of gravity adds components along two perpendicular directions, whose
+        torques are additional columns.
         """
         rows, gravity = self.rows, np.array(self.model.scene.gravity)
         size = float(np.linalg.norm(gravity))
@@ -497,15 +499,15 @@ class _Run:
         better *= size / np.linalg.norm(better)
         angle = np.degrees(np.arctan(np.linalg.norm(found)))
         self.notes.append(
-            f"the base seems to be tilted by some {angle:.1f}°; to try it, set gravity to "
+            f"the base seems to be tilted by about {angle:.1f}°; to check, set gravity to "
             f"[{', '.join(f'{x:.3g}' for x in better)}] in the nominal scene"
         )
 
     def _tell_drift(self, fit: Fit, used: Mask) -> None:
         """Note joints whose friction changes over the recording, as with temperature.
 
-        The residual along the motion, in mean of each of ``BLOCKS`` parts, is a line over time
-        whose slope stands out of its scatter.
+        It does if the residual along the motion, averaged over each of ``BLOCKS`` blocks, has a
+        slope over time that is significant against its scatter.
         """
         rows = self.rows
         for j, name in enumerate(self.names):
@@ -526,23 +528,23 @@ class _Run:
                 )
 
     def _check(self, scene: Any, theta: Array) -> None:
-        """The scene that comes out has the bodies that were found."""
+        """Check that the scene that is returned has the identified bodies."""
         again = RigidRegressor(ArmModel(scene)).nominal
         if not np.allclose(again, theta, rtol=1e-6, atol=1e-9 * abs(theta).max()):
-            raise InvalidInput("the robot description could not be written with the bodies found")
+            raise InvalidInput("the identified inertias could not be written into the URDF")
 
     def _parameters(
         self, fit: Fit, used: Mask
     ) -> tuple[
         dict[str, float], dict[str, float], dict[str, tuple[float, float]], dict[str, str], float
     ]:
-        """Base parameters, values and intervals of what was found, and what was not."""
+        """Base parameters, identified values and their intervals, and what was not identified."""
         n, numbers = self.rows.n, fit.bodies
         base = self._base()
         order = [
             *range(numbers, numbers + n),
             *range(numbers),
-        ]  # armatures lead no group if bodies do
+        ]  # armatures lead a group only if no body does
         size = fit.columns.size
         lead = [order[k] for k in base.independent]
         directions = np.zeros((size, len(lead) + size - numbers - n))
@@ -562,14 +564,14 @@ class _Run:
                 intervals[name] = (float(value - CERTAIN * sd), float(value + CERTAIN * sd))
             else:
                 missing[name] = (
-                    "the motion does not show it" if not np.isfinite(sd)
-                    else f"{value:.3g} ± {CERTAIN * sd:.2g}: too uncertain to tell it from zero"
+                    "the motion does not determine it" if not np.isfinite(sd)
+                    else f"{value:.3g} ± {CERTAIN * sd:.2g}: not significantly different from zero"
                 )  # fmt: skip
         shapes, unseen = self._shapes(fit)
         return nominal, parameters | shapes, intervals, missing | unseen, condition
 
     def _shapes(self, fit: Fit) -> tuple[dict[str, float], dict[str, str]]:
-        """Numbers of the chosen laws of friction beside their coefficients; laws not seen."""
+        """Nonlinear parameters of the selected friction laws; laws that were not identified."""
         parameters, missing = dict[str, float](), dict[str, str]()
         for joint, own, way in zip(self.names, fit.friction, self.ranges, strict=True):
             if own.shape.stribeck_velocity is not None:
@@ -577,9 +579,9 @@ class _Run:
             if own.shape.load is not None:
                 parameters[f"{joint}.load"] = own.shape.load
             if not own.kinds:
-                missing[f"{joint}.friction"] = f"it moved {way:.2g} rad or m in all"
+                missing[f"{joint}.friction"] = f"it moved only {way:.2g} rad or m"
             elif "excess" not in own.kinds:
-                missing[f"{joint}.static"] = "no fall of friction with speed is to be seen"
+                missing[f"{joint}.static"] = "friction does not visibly fall with speed"
         return parameters, missing
 
     def _base(self) -> BaseParameters:
@@ -592,7 +594,7 @@ class _Run:
         return base_parameters(columns, n, [*armatures, *regressor.names()])
 
     def _deviations(self, fit: Fit, used: Mask, directions: Array) -> tuple[Array, float]:
-        """Standard deviations along directions, inf where nothing shows one; the condition."""
+        """Standard deviations along directions, inf if undetermined; the condition number."""
         R, _ = fit.columns.whitened(
             self.rows.effort - self.rows.known, fit.weights, self.rows.independent
         )
@@ -612,7 +614,7 @@ class _Run:
 
 
 def _explained(y: Array, columns: Array, more: Array) -> tuple[float, float]:
-    """Part of what columns leave of y that one more column explains, and its coefficient."""
+    """Fraction of the residual of y that one more column explains, and its coefficient."""
     both = np.column_stack([columns, more])
     alone = y - columns @ np.linalg.lstsq(columns, y, rcond=1e-10)[0]
     x = np.linalg.lstsq(both, y, rcond=1e-10)[0]
@@ -621,7 +623,7 @@ def _explained(y: Array, columns: Array, more: Array) -> tuple[float, float]:
 
 
 def _relative(measured: Array, predicted: Array, use: Mask) -> tuple[float, list[float]]:
-    """What is left over what there was: of all joints, and of each."""
+    """Relative residual of all joints together, and of each."""
     left = np.where(use, (measured - predicted) ** 2, 0.0).sum(axis=0)
     size = np.where(use, measured**2, 0.0).sum(axis=0)
     size = np.maximum(size, 1e-300)

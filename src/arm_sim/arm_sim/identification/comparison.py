@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene beside a recording: the torques that it says, and where it goes by itself."""
+"""Comparison of a scene with a recording: errors of its torques and of free simulation."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _MOVES = 1e-6  # [rad] or [m] of a joint in all windows that count as a motion
 
 @dataclass(frozen=True)
 class FreeRun:
-    """How far simulated motions end from measured ones that began at the same state.
+    """Position errors at the end of short simulations that start at measured states.
 
     Attributes:
-        window: How long each of them takes in [s].
-        count: How many there are.
-        lost: How many of them diverged; they are not in the errors.
-        error: Root mean square at the end of each joint in [rad] or [m], shape (n,).
-        moved: Root mean square way of each joint in a window, likewise.
+        window: Duration of each simulation in [s].
+        count: Number of simulations.
+        lost: How many of them diverged; they do not enter the errors.
+        error: Root mean square error of each joint at the end in [rad] or [m], shape (n,).
+        moved: Root mean square displacement of each joint in a window, likewise.
     """
 
     window: float
@@ -41,26 +41,26 @@ class FreeRun:
 
     @property
     def relative(self) -> Array:
-        """Error over way, NaN for joints that do not move, shape (n,)."""
+        """Error over displacement, NaN for joints that do not move, shape (n,)."""
         moves = self.moved > _MOVES
         return np.where(moves, self.error / np.where(moves, self.moved, 1.0), np.nan)
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """A scene beside a recording; arrays are read-only.
+    """Result of ``compare``; arrays are read-only.
 
     Attributes:
         joint_names: Order of every vector.
-        error: Root mean square of measured less computed torque in [N m] or [N], shape (n,).
+        error: Root mean square of measured minus computed torque in [N m] or [N], shape (n,).
         torque: Root mean square of the measured torque, likewise.
-        free_run: None where it cannot be made.
-        why_not: Why not, then.
+        free_run: None if the scene cannot be simulated from the recording.
+        why_not: The reason, if ``free_run`` is None; else empty.
         time: For figures, in [s], shape (k,).
         measured: Measured torques, low-passed; NaN where they are not used, shape (k, n).
         computed: Torques of the scene, likewise.
-        band: Cut-off frequency of the low-pass in [Hz].
-        notes: What was odd about the recording.
+        band: Cut-off frequency of the low-pass filter in [Hz].
+        notes: Irregularities of the recording.
     """
 
     joint_names: tuple[str, ...]
@@ -94,31 +94,31 @@ def compare(
     last: float = 1.0,
     names: Mapping[str, str] | None = None,
 ) -> Comparison:
-    """Set the torques of a scene, and its motion by itself, beside measured ones.
+    """Compare the inverse dynamics and the simulated motion of a scene with measurements.
 
-    Torques are those of inverse dynamics for the measured motion; both are low-passed alike. For
-    the free run the recording is cut into windows; in each the simulator begins at the measured
-    position and velocity and is given the measured torques.
+    Computed torques are the inverse dynamics of the measured motion; both torques are filtered by
+    the same low-pass. For the free run the recording is cut into windows; in each the simulator
+    starts at the measured position and velocity and applies the measured torques.
 
     Args:
-        scene: Anything ``load_scene`` takes; efforts of the recording are its torques.
+        scene: Anything ``load_scene`` accepts; efforts of the recording are its torques.
         recording: Joint states, or a recording of them.
-        band: Of the low-pass in [Hz]; None for the one that fits the noise.
-        window: Of the free run in [s].
-        last: Share of the recording that is looked at, counted from its end.
-        names: What the recording calls the scene's joints, where that cannot be guessed.
+        band: Cut-off frequency of the low-pass filter in [Hz]; None: chosen from the noise.
+        window: Duration of each simulated window in [s].
+        last: Fraction of the recording that is used, counted from its end.
+        names: Joint names of the recording by those of the scene, where they cannot be matched.
 
     Raises:
-        InvalidInput: If the recording is of another arm, brings no torques or does not move, or an
+        InvalidInput: If the recording is of another arm, has no torques or no motion, or an
             argument is not allowed.
     """
     positive("window", window)
     if not 0.0 < last <= 1.0:
-        raise InvalidInput(f"last = {last}; a share above 0, at most 1, is expected")
+        raise InvalidInput(f"last = {last}; a fraction above 0 and at most 1 is expected")
     model = ArmModel(load_scene(scene))
     if model.scene.bilateral:
         raise InvalidInput(
-            "the scene closes loops: torques of its joints do not follow from the motion alone; "
+            "the scene has closed loops: its joint torques do not follow from the motion alone; "
             "an open chain is expected"
         )
     record = recording if isinstance(recording, JointRecord) else joint_record(recording)
@@ -152,29 +152,29 @@ def _rms(values: Array, used: NDArray[np.bool_]) -> Array:
 
 
 def _usable(motion: MeasuredMotion) -> NDArray[np.bool_]:
-    """Which torques may be used, or the word that says what is missing."""
+    """The torques that can be used; raises InvalidInput if there are too few."""
     few = np.count_nonzero(motion.valid, axis=0) < _FEWEST
     if few.any():
         names = [motion.joint_names[i] for i in np.flatnonzero(few)]
         raise InvalidInput(
-            f"{motion.name}: efforts of {', '.join(names)} are missing or saturated: fewer than "
-            f"{_FEWEST} samples can be used"
+            f"{motion.name}: efforts of {', '.join(names)} are missing or saturated; at least "
+            f"{_FEWEST} valid samples are expected"
         )
     if not np.any(motion.effort[motion.valid]):
-        raise InvalidInput(f"{motion.name}: all efforts are zero; torques are expected")
+        raise InvalidInput(f"{motion.name}: all efforts are zero; measured torques are expected")
     return motion.valid
 
 
 def _why_not(model: ArmModel) -> str:
     if any(model.drives):
-        return "the scene has drives, whose commands are not in the recording"
+        return "the scene has drives, and the recording does not have their commands"
     return ""
 
 
 def _free_run(
     sim: Simulator, motion: MeasuredMotion, used: NDArray[np.bool_], window: float
 ) -> FreeRun:
-    """Simulated windows; torques are those at the middle of each tick."""
+    """Simulate the windows, with torques taken at the middle of each tick."""
     rows = max(1, round(window / motion.dt))
     ticks = max(1, round(rows * motion.dt / sim.dt))
     whole = used.all(axis=1)

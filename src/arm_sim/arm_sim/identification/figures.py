@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of an identification: torques beside predictions, and friction over speed."""
+"""Figures of an identification: measured and predicted torques, and friction over speed."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ _POINTS = 2500  # of a curve
 
 
 def draw_torques(found: Identification, path: Path) -> None:
-    """Measured and predicted torques of each joint, and below what is left over.
+    """Draw measured and predicted torques of each joint, and the residuals.
 
     Args:
         found: The identification.
-        path: The figure; what suffix it has is up to Matplotlib.
+        path: The figure, in any format of Matplotlib.
     """
     shown, n = found.torques, len(found.joint_names)
     rows = np.unique(np.linspace(0, len(shown.time) - 1, _POINTS).astype(int))
@@ -35,19 +35,17 @@ def draw_torques(found: Identification, path: Path) -> None:
             left.set_ylabel(f"{name}\n[N m] or [N]", fontsize=8)
             residual = shown.measured[rows, j] - shown.predicted[rows, j]
             right.plot(t, residual, color="C3", linewidth=0.8)
-            right.set_ylabel("left over", fontsize=8)
-            right.set_title(
-                f"error {found.torque_error[name]:.1%} on the part held out", fontsize=8
-            )
+            right.set_ylabel("residual", fontsize=8)
+            right.set_title(f"error {found.torque_error[name]:.1%} on held-out data", fontsize=8)
             for at in (left, right):
                 _shade(at, order, shown.held_out)
         axes[0, 0].legend(ncols=3, fontsize=8, loc="lower right", bbox_to_anchor=(1, 0.98))
         for at in axes[-1]:
-            at.set_xlabel("time [s], gaps closed; shaded: held out")
+            at.set_xlabel("time [s], gaps removed; shaded: held out")
 
 
 def draw_friction(found: Identification, path: Path) -> None:
-    """What bodies and drives leave of the torques, over speed, and the law that was chosen.
+    """Draw torques minus those of links and drives over speed, and the identified friction law.
 
     Args:
         found: The identification.
@@ -72,7 +70,7 @@ def draw_friction(found: Identification, path: Path) -> None:
 
 
 def _law(found: Identification, j: int) -> tuple[Array, Array]:
-    """Friction over velocity under the joint's typical load, apart at rest."""
+    """Friction over velocity under the joint's typical load, with a gap at rest."""
     fit, shown = found.friction[j], found.torques
     assert fit is not None
     most = float(np.nanmax(abs(shown.v[:, j])))

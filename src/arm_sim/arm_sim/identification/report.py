@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an identification leaves in files: scene, robot description, report and figures."""
+"""Files of an identification: scene, URDF, report and figures."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ _KINDS = {
     "coulomb": "Coulomb",
     "coulomb_skew": "Coulomb, half the difference by direction, or an offset",
     "excess": "static beyond Coulomb", "stribeck_velocity": "Stribeck velocity",
-    "load": "part of the dry friction that grows with the load",
+    "load": "fraction of the dry friction that grows with the load",
 }  # fmt: skip
 
 
 def write(found: Identification, out: Path, sources: Sequence[str]) -> list[Path]:
-    """Write the scene that was found, and what there is to say of it.
+    """Write the identified scene with a report and figures.
 
     Args:
         found: The identification.
@@ -31,14 +31,14 @@ def write(found: Identification, out: Path, sources: Sequence[str]) -> list[Path
         sources: Names of the recordings.
 
     Returns:
-        Files: the scene, its robot description, the report, and two figures.
+        The files written: the scene, its URDF, the report, and two figures.
 
     Raises:
         OSError: If one cannot be written.
     """
     report = out.with_suffix(".md")
     torques, friction = (out.with_name(f"{out.stem}_{x}.png") for x in ("torques", "friction"))
-    head = f"# Identified from {', '.join(sources)}; {report.name} says how sure it is.\n"
+    head = f"# Identified from {', '.join(sources)}; intervals and errors: {report.name}.\n"
     scene = write_scene(found.scene, out, head)
     draw_torques(found, torques)
     draw_friction(found, friction)
@@ -47,7 +47,7 @@ def write(found: Identification, out: Path, sources: Sequence[str]) -> list[Path
 
 
 def write_scene(scene: Scene, out: Path, head: str = "") -> list[Path]:
-    """Write a scene and, beside it, its robot description; see ``write``."""
+    """Write a scene and, beside it, its URDF; see ``write``."""
     out.parent.mkdir(parents=True, exist_ok=True)
     urdf = out.with_suffix(".urdf")
     urdf.write_text(scene.robot.urdf, encoding="utf-8")
@@ -61,12 +61,12 @@ def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequ
     lines = [f"# {out.stem}: identified from {', '.join(sources)}", ""]
     error, nominal = found.error
     lines += [
-        f"Torque error on the part held out: **{error:.2%}**, of the nominal scene {nominal:.2%}. "
-        f"Low-passed at {found.band:.3g} Hz without lag. Condition of the motion: "
+        f"Torque error on held-out data: **{error:.2%}**, of the nominal scene {nominal:.2%}. "
+        f"Zero-phase low-pass filter: {found.band:.3g} Hz. Condition number of the motion: "
         f"{found.condition:.3g}.", "",
     ]  # fmt: skip
     if found.effort_band is not None:
-        lines += [f"Predictions are low-passed at {found.effort_band:.3g} Hz.", ""]
+        lines += [f"Predictions are low-pass filtered at {found.effort_band:.3g} Hz.", ""]
     rows = [
         [name, f"{found.nominal_error[name]:.2%}", f"{found.torque_error[name]:.2%}",
          f"{found.torque_residual[name]:.3g}", friction_words(found, j)]
@@ -78,17 +78,18 @@ def text(found: Identification, out: Path, sources: Sequence[str], figures: Sequ
         pairs = zip(found.joint_names, found.scales, strict=True)
         lines += ["Torque per unit of effort: " + ", ".join(f"{n} {s:.4g}" for n, s in pairs), ""]
     lines += [f"![Torques]({figures[0].name})", "", f"![Friction]({figures[1].name})", ""]
-    lines += ["## What was found", "", "95 % intervals, in SI units.", ""]
+    lines += ["## Identified parameters", "", "95 % confidence intervals, in SI units.", ""]
     rows = [
         [_spoken(name), f"{value:.5g}", _interval(found, name),
          f"{found.nominal[name]:.5g}" if name in found.nominal else ""]
         for name, value in found.parameters.items()
     ]  # fmt: skip
-    lines += [*_table(["number", "value", "interval", "nominal"], rows), ""]
-    lines += ["## What was not found", ""]
+    lines += [*_table(["parameter", "value", "interval", "nominal"], rows), ""]
+    lines += ["## Not identified", ""]
     rows = [[_spoken(name), why] for name, why in found.missing.items()]
-    lines += [*_table(["number", "why"], rows), ""]
-    lines += ["## Bodies", "", "Near the nominal ones where the motion does not tell.", ""]
+    lines += [*_table(["parameter", "reason"], rows), ""]
+    lines += ["## Bodies", "", "Near the nominal values where the motion does not determine them.",
+              ""]  # fmt: skip
     rows = [
         [name, f"{body[0]:.4g}", ", ".join(f"{x:.4g}" for x in body[1:4] / max(body[0], 1e-12))]
         for name, body in zip(found.body_names, found.bodies, strict=True)
@@ -119,7 +120,7 @@ def friction_words(found: Identification, j: int) -> str:
     """The friction of a joint in a few words."""
     fit = found.friction[j]
     if fit is None or not fit.kinds:
-        return "as it was: the joint did not move"
+        return "unchanged: the joint did not move"
     words = [f"{kind} {fit.coefficients[kind]:.3g}" for kind in fit.kinds]
     if fit.shape.stribeck_velocity is not None:
         words.append(f"stribeck_velocity {fit.shape.stribeck_velocity:.2g}")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Error control inside a tick: what it remembers, and the loop for CasADi's virtual machine.
+"""Error control inside a tick: its state, and the loop for CasADi's virtual machine.
 
 Compiled code has its own loop in ``native/flow.c``.
 """
@@ -11,19 +11,19 @@ import ctypes
 from arm_dynamics.arrays import Array
 from arm_dynamics.codegen.kernel import Call
 
-# A tick that needs more sub-steps than this has met a stiff or singular motion: better an error
-# than a frozen program.
+# A tick that needs more sub-steps than this is stiff or singular: better an error than a program
+# that hangs.
 MAX_SUBSTEPS = 100_000
-# Near the instant at which a sliding contact comes to rest its direction turns ever faster. A
-# search for that instant, which looks beyond it, need not follow.
+# Near the instant at which a sliding contact comes to rest its direction turns ever faster. The
+# search for that instant looks beyond it and need not resolve this.
 MAX_SUBSTEPS_TOUCHING = 250
 
 
 class SubstepControl(ctypes.Structure):
-    """What is remembered from one sub-step to the next; ``control_t`` in ``native/flow.c``.
+    """State of the error control between sub-steps; ``control_t`` in ``native/flow.c``.
 
     Attributes:
-        tolerance: Scaled error that a sub-step may have.
+        tolerance: Largest scaled error of a sub-step.
         step: Length to try next in [s]; 0 if it is not known yet.
         error: Sum of the estimated errors of q in [rad] or [m].
         attempts: Sub-steps tried so far.

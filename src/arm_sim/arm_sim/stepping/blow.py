@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivative of a blow: the velocities after it, by positions and velocities before it.
+"""Derivative of an impact: velocities after it by positions and velocities before it.
 
-Who takes part, who rebounds, which contacts stick and which slide is as it was; the impulses
-follow from Newton's law for the normal and Coulomb's for the tangents, and so do their
-derivatives, by the theorem of implicit functions.
+Which joints and contacts take part, rebound, stick or slide does not change; the impulses follow
+from Newton's law in the normal direction and Coulomb's law in the tangential ones, and their
+derivatives from the implicit function theorem.
 """
 
 from __future__ import annotations
@@ -16,12 +16,12 @@ from arm_dynamics.equations.contact import AT_REST
 from arm_sim.exceptions import NotDifferentiable
 from arm_sim.plant.plant import Plant
 
-# Part of its cone that an impulse may lack and still be on the edge.
+# Relative distance to the friction cone below which an impulse is on its boundary.
 EDGE = 1e-9
 
 
 class Blow:
-    """Blows of a scene with events.
+    """Impacts of a scene with events.
 
     Args:
         plant: The scene's equations.
@@ -62,17 +62,19 @@ class Blow:
         self._speeds = ca.Function("speeds", [x, p, e, r], [after, speed])
 
     def slope(self, record: np.void) -> Array:
-        """Derivative of the velocities after a blow by (q, v) before it, shape (n, 2n).
+        """Derivative of the velocities after an impact by (q, v) before it, shape (n, 2n).
 
         Args:
-            record: The segment that begins with the blow, see ``segment_type``.
+            record: The segment that begins with the impact, see ``segment_type``.
 
         Raises:
-            NotDifferentiable: If it has none.
+            NotDifferentiable: If the impact has no derivative.
         """
         n, nc = self._plant.model.n, len(self._plant.points)
         if record["part"] < 1.0:
-            raise NotDifferentiable("linearize: a blow rebounds less, lest it add energy")
+            raise NotDifferentiable(
+                "linearize: the restitution of an impact is reduced so that it adds no energy"
+            )
         x, p, r = record["before"][: 2 * n], record["p"].copy(), record["impulse"]
         place = len(self._plant.parameters.nominal)
         p[place : place + len(record["meets"])] = record["meets"]
@@ -93,7 +95,7 @@ class Blow:
         return slope
 
     def _parts(self, x: Array, p: Array, e: Array, r: Array) -> tuple[Array, Array]:
-        """1 for contacts that bear an impulse, and for those of them that stick."""
+        """1 for contacts that carry an impulse, and for those of them that stick."""
         _, speed = (np.array(value).ravel() for value in self._speeds(x, p, e, r))
         normal = r[::3]
         friction = np.array([point.friction for point in self._plant.points])
@@ -103,5 +105,7 @@ class Blow:
         edge = carries & ~sticks & (slip <= AT_REST) & (friction > 0.0)
         if edge.any():
             name = self._plant.points[int(np.flatnonzero(edge)[0])].name
-            raise NotDifferentiable(f"linearize: contact '{name}' is hit between stick and slip")
+            raise NotDifferentiable(
+                f"linearize: the impact at contact '{name}' is on the boundary of stick and slip"
+            )
         return carries.astype(float), sticks.astype(float)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What contacts do at a state, and why a tick failed."""
+"""Contact forces at a state, and the reasons of failed ticks."""
 
 from __future__ import annotations
 
@@ -16,31 +16,31 @@ from arm_sim.stepping.stepper import Stepper
 
 _WHY = {
     Trouble.UNDETERMINED: (
-        "; no single motion of its contacts obeys all laws: friction presses a sliding contact "
-        "together faster than the normal force opens it (Painlevé's paradox), or contacts jam"
+        "; no motion of its contacts satisfies all laws: friction closes a sliding contact faster "
+        "than the normal force opens it (Painlevé's paradox), or contacts jam"
     ),
     Trouble.INSIDE: "; a contact point is inside its plane",
     Trouble.STOP: (
-        f"; a joint meets its stop, and events need compiled code: {HOW_TO_GET_CODE}; "
-        "limits.stop: false takes a stop away"
+        f"; a joint reaches its stop, and events need compiled code: {HOW_TO_GET_CODE}; "
+        "'limits.stop: false' removes a stop"
     ),
 }
 
 
 @dataclass(frozen=True)
 class ContactForce:
-    """Force of a plane on what touches it.
+    """Force of a plane on the point or ball of a contact.
 
     Attributes:
-        name: Of the contact.
-        state: ``apart``, ``slides`` or ``sticks``; a contact without friction that carries slides.
+        name: Name of the contact.
+        state: ``apart``, ``slides`` or ``sticks``; a closed contact without friction slides.
         gap: Distance from the plane in [m].
         normal: Normal force in [N], never negative.
         tangential: Force of friction in the world frame in [N], shape (3,).
-        force: Both together in the world frame in [N], shape (3,). The opposite acts on the link
+        force: Their sum in the world frame in [N], shape (3,). The opposite force acts on the link
             that carries the plane.
-        point: Where it acts, in the world frame in [m], shape (3,): the point, or that of the ball
-            which is nearest to the plane.
+        point: Where it acts, in the world frame in [m], shape (3,): the point of the contact, or
+            the point of its ball nearest to the plane.
     """
 
     name: str
@@ -68,7 +68,9 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
         InvalidInput: If the scene has no contact.
     """
     if plant.contact is None:
-        raise InvalidInput("the scene has no contact; its 'constraints' may name some")
+        raise InvalidInput(
+            "the scene has no contact; a scene with 'constraints' of type contact is expected"
+        )
     modes = stepper.modes_at(x, u)
     call = stepper.kernel.call
     gaps = call("contact_geometry")(x[: 2 * plant.model.n])[0][::3]
@@ -88,5 +90,5 @@ def contact_forces(plant: Plant, stepper: Stepper, x: Array, u: Array) -> tuple[
 
 
 def trouble(stepper: Stepper) -> str:
-    """What contacts had to do with a tick that could not be computed; else nothing."""
+    """Why contacts or stops made a tick fail, as the end of a message; empty if they did not."""
     return _WHY.get(Trouble(stepper.report.trouble), "")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the compiled engine shares with Python where joints stick or points touch.
+"""Data that the compiled engine shares with Python in scenes with friction or contacts.
 
-The logic of events itself, the choice of modes, impacts and the search for the instants, stands in
+The logic of events, the choice of modes, impacts and the search for the instants, is in
 ``native/``.
 """
 
@@ -18,7 +18,7 @@ from arm_sim.plant.plant import Plant
 CONTACT_MODE = np.dtype(
     [("closed", float), ("sticks", float), ("along", float, (2,)), ("fixed", float)]
 )
-"""What a contact does, as ``contact_mode_t`` in ``native/modes.c`` says."""
+"""Mode of a contact, as ``contact_mode_t`` in ``native/modes.c``."""
 
 
 class Trouble(IntEnum):
@@ -32,13 +32,13 @@ class Trouble(IntEnum):
 
 
 class EventReport(ctypes.Structure):
-    """What adds up over ticks; ``report_t`` in ``native/modes.c``.
+    """Sums over ticks; ``report_t`` in ``native/modes.c``.
 
     Attributes:
         impact_loss: Energy lost in impacts in [J].
-        impacts: How many there were.
+        impacts: Number of impacts.
         trouble: Why the last tick failed, see ``Trouble``.
-        time_stepped: In how many ticks events piled up.
+        time_stepped: Number of ticks in which events accumulated.
     """
 
     _fields_ = [
@@ -54,10 +54,10 @@ class EventReport(ctypes.Structure):
 
 
 class Modes:
-    """The vector p of a plant's functions with names: what every joint and contact does.
+    """The vector p of a plant's functions by name: parameters and modes of joints and contacts.
 
     Attributes:
-        p: The vector, shape (np,) with all that follows the tunable numbers.
+        p: The vector, shape (np,): tunable numbers, then the modes.
         tunable: Its tunable numbers, a view.
         direction: Of joints, -1 and 1 slide, 0 sticks or is held by a rigid stop; a view, empty
             without dry friction and rigid stops.
@@ -67,7 +67,7 @@ class Modes:
     """
 
     def __init__(self, plant: Plant, tunable: Array) -> None:
-        """Take over tunable numbers; every joint and contact is still to be determined."""
+        """Copy the tunable numbers; the modes of joints and contacts are not determined yet."""
         layout = np.dtype(
             [
                 ("tunable", float, (len(tunable),)),

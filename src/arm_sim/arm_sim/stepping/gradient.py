@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Gradients of functions of a rollout's states, by initial state, torques and parameters.
 
-The motion is computed once and kept at the ticks, then λ = ∂L/∂x is taken back tick by tick by the
-transposed derivative of the very step (``integrators.adjoints``). That takes the work of some four
-rollouts, however many torques there are. Ticks with events are taken back by their A and B.
+The motion is computed once and stored at the ticks, then λ = ∂L/∂x is propagated backwards tick by
+tick by the transposed derivative of the same step (``integrators.adjoints``). That costs about as
+much as four rollouts, for any number of torques. Ticks with events use their A and B.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ from arm_sim.stepping.tangents import LONGEST
 
 @dataclass(frozen=True)
 class RolloutGradient:
-    """Gradient of a function L of a rollout's states; shapes are those of what was given.
+    """Gradient of a function L of a rollout's states; shapes are those of the arguments.
 
     Attributes:
         q0: ∂L/∂q0, shape (b, n).
         v0: ∂L/∂v0, shape (b, n).
-        tau: ∂L/∂τ; of torques that are shared, the sum over arms or ticks.
+        tau: ∂L/∂τ; for shared torques, the sum over arms or ticks.
     """
 
     q0: Array
@@ -55,12 +55,12 @@ class RolloutGradient:
         """∂L/∂p of every tunable quantity by its name, a row for each arm, shape (b, size).
 
         Raises:
-            NotDifferentiable: If an arm's motion had events: derivatives by parameters stop there.
+            NotDifferentiable: If an arm's motion had events, across which they are not computed.
         """
         if self._across_events and self._known.items:
             raise NotDifferentiable(
                 f"rollout_gradient: the motion of arm {self._across_events[0]} has events, across "
-                "which there is no derivative by parameters; allowed: q0, v0 and tau"
+                "which derivatives by parameters are not computed; available: q0, v0 and tau"
             )
         ends = np.cumsum([item.nominal.size for item in self._known.items])
         parts = np.split(self._by_p, ends, axis=1)[:-1]
@@ -69,13 +69,13 @@ class RolloutGradient:
 
 @dataclass(frozen=True)
 class Found:
-    """Gradients by all that is continuous in a batch.
+    """Gradients of a batch by initial states, torques and parameters.
 
     Attributes:
         by_x: By initial states (q, v, z), shape (b, nx).
         by_tau: By the torques of all ticks, shape (b, ticks, n).
         by_p: By parameters, shape (b, np).
-        eventful: Arms whose motion has events; theirs by parameters are no numbers.
+        eventful: Arms whose motion has events; their ``by_p`` is NaN.
     """
 
     by_x: Array
@@ -87,7 +87,7 @@ class Found:
 def gradient_of(
     plant: Plant, batch: Batch, found: Found, shape: tuple[int, ...]
 ) -> RolloutGradient:
-    """Gradients by what a rollout was given, from those by its initial states and all torques.
+    """Gradients by the arguments of a rollout, from those by initial states and all torques.
 
     Args:
         plant: The scene's equations.
@@ -110,7 +110,7 @@ def gradient_of(
 def _initial_slope(plant: Plant, x: Array) -> Array:
     """Derivative of the laws' states at the beginning by (q, v), shape (nz, 2n).
 
-    They are what they are without motion, all but linear: differences of fourth order.
+    They are those at rest and nearly linear, so fourth-order differences are accurate.
     """
     n, h = plant.model.n, 2.0**-10
 
@@ -168,7 +168,7 @@ class Gradients:
         self, library: ctypes.CDLL, width: int, batch: Batch, g: Array, found: Found,
         threads: int | None,
     ) -> list[int]:  # fmt: skip
-        """Gradients of all arms; those that are returned meet stops, or diverge."""
+        """Gradients of all arms; returns the arms that meet stops or diverge."""
         met = (ctypes.c_byte * len(batch.x0))()
         length = np.array([self._choice.dt])
         arm, tick = (ctypes.c_longlong(stride // 8) for stride in batch.tau.strides[:2])

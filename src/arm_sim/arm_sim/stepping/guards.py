@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Guards: the functions of the state whose zeros are the instants of events.
+"""Guards: functions of the state whose zeros are the instants of events.
 
-The engine (``native/segments.c``) watches them to find the instants; here they are expressions,
-for derivatives. Each belongs to what a joint or contact does.
+The engine (``native/segments.c``) monitors them to find the instants; here they are expressions,
+for derivatives. Each belongs to a mode of a joint or contact.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from arm_dynamics.equations.contact import AT_REST, MODE
 from arm_sim.plant.plant import Plant
 from arm_sim.stepping.events import Modes
 
-# A guard that reaches zero within this part of a tick counts as zero; likewise one that is smaller
-# than this part of what it is made of.
+# A guard that reaches zero within this fraction of a tick counts as zero; likewise one that is
+# smaller than this fraction of its terms.
 INSTANT, ROUNDING = 1e-9, 1e-12
 # A guard that approaches zero this much more slowly than it did at the beginning grazes it.
 GRAZING = 1e-4
 
 
 NONE = (ca.MX(1), ca.MX(0))
-"""Stands for what is never watched."""
+"""A guard that is never active."""
 
 
 class Guards:
@@ -36,7 +36,7 @@ class Guards:
         plant: The scene's equations.
 
     Attributes:
-        names: What each guard watches, for messages.
+        names: The joint, contact or stop of each guard, for messages.
     """
 
     def __init__(self, plant: Plant) -> None:
@@ -58,13 +58,13 @@ class Guards:
         self._slopes = ca.Function("slopes", arguments, list(slopes), {"cse": True})
 
     def zero(self, x: Array, u: Array, modes: Modes, limit: Array, h: float) -> list[int]:
-        """Watched guards that are zero, or will be or were within an instant, of a tick ``h``.
+        """Active guards that are zero, or pass zero within an instant, in a tick ``h``.
 
         Args:
             x: State, shape (nx,).
-            u: What acts, shape (n,).
-            modes: What joints and contacts do.
-            limit: Part of its normal force up to which each contact sticks.
+            u: Command that acts, shape (n,).
+            modes: Modes of joints and contacts.
+            limit: Fraction of its normal force up to which each contact sticks.
             h: Length of a tick in [s].
         """
         value, size, rate = self._at(x, u, modes, limit)
@@ -74,7 +74,7 @@ class Guards:
         return found
 
     def _carried(self, x: Array, u: Array, modes: Modes) -> NDArray[np.bool_]:
-        """Joints that would slide, but that a loop holds at rest with others that stick."""
+        """Joints in a sliding mode that a loop holds at rest because other joints stick."""
         n, plant = self._plant.model.n, self._plant
         if plant.project is None or not plant.directions:
             return np.zeros(n, dtype=bool)
@@ -86,7 +86,7 @@ class Guards:
     def grazes(
         self, guard: int, begin: Array, end: Array, u: Array, modes: Modes, limit: Array
     ) -> bool:
-        """Whether a guard reaches zero at ``end`` without speed, against that at ``begin``."""
+        """Whether a guard reaches zero at ``end`` with no rate, relative to that at ``begin``."""
         before, after = (abs(self._at(x, u, modes, limit)[2][guard]) for x in (begin, end))
         return not after > GRAZING * before
 
@@ -98,7 +98,7 @@ class Guards:
         return [np.array(found).ravel() for found in self._values(x, u, modes.p, limit)]
 
     def _watched(self, modes: Modes) -> NDArray[np.bool_]:
-        """Which guards the modes have."""
+        """The guards that are active in the modes."""
         plant, contact = self._plant, modes.contact
         n, friction, stops = plant.model.n, plant.model.friction, plant.model.stops
         holds = np.array([point.static_friction > 0.0 for point in plant.points], dtype=bool)
@@ -116,11 +116,11 @@ class Guards:
 
 
 Guard = tuple[ca.MX, ca.MX]
-"""Value, and size of what it is made of."""
+"""Value of a guard, and the magnitude of its terms."""
 
 
 def _guards(plant: Plant, x: ca.MX, u: ca.MX, p: ca.MX, limit: ca.MX) -> Guard:
-    """All guards; the values of those that the modes do not have are without meaning."""
+    """All guards; values of those that are not active in the modes are meaningless."""
     n, function = plant.model.n, {event.name(): event for event in plant.events}
     ends = np.cumsum([0, len(plant.parameters.nominal), plant.directions, plant.pressed])
     _, direction, pressed, contacts = ca.vertsplit(p, [*ends.tolist(), p.shape[0]])
@@ -144,7 +144,7 @@ def _fastest(x: ca.MX, n: int) -> ca.MX:
 def _contact_guards(
     force: ca.MX, geometry: Sequence[ca.MX], contacts: ca.MX, limit: ca.MX, fastest: ca.MX
 ) -> list[Guard]:
-    """Gaps or normal forces; what friction could bear more, or speeds ahead."""
+    """Gaps or normal forces; friction reserves, or velocities in the direction of sliding."""
     normal, tangential = [], []
     heaviest = 1.0 + ca.norm_1(force)
     for k in range(limit.shape[0]):
@@ -160,7 +160,7 @@ def _contact_guards(
 
 
 def _joint_guards(plant: Plant, x: ca.MX, load: ca.MX, direction: ca.MX) -> list[Guard]:
-    """What friction at rest could hold more, or speeds."""
+    """Reserves of static friction, or velocities."""
     n = plant.model.n
     if not plant.directions:
         return [NONE] * n
@@ -174,7 +174,7 @@ def _joint_guards(plant: Plant, x: ca.MX, load: ca.MX, direction: ca.MX) -> list
 
 
 def _stop_guards(plant: Plant, x: ca.MX, push: ca.MX, pressed: ca.MX) -> list[Guard]:
-    """Ways to stops, the lower ones first; what compliant ones push with that are met."""
+    """Distances to stops, the lower ones first; forces of compliant stops in contact."""
     guards, n, stops = [], plant.model.n, plant.model.stops
     for side, sign in ((0, -1.0), (1, 1.0)):
         for i in range(n):

@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: Apache-2.0
 """Exact derivatives of ticks, across the events in them.
 
-Smooth motion is differentiated in compiled code (``tangents``), the very step that is integrated.
-Where an event ends a motion, the instant moves with the state: with a guard g that is zero there,
-and the step Φ of length h, the instant moves by dh = −(g_x Φ_x dx)/(g_x Φ_h), the state that is
-reached by Φ_x dx + Φ_h dh, a blow by its own derivative, and what is left of the tick is that much
-shorter. Together these are the saltation matrix (Leine, Nijmeijer, Dynamics and Bifurcations of
-Non-Smooth Mechanical Systems, 2004, chapter 7; Kong, Payne, Zhu, Johnson, "Saltation matrices: the
-essential tool for linearizing hybrid dynamical systems", Proc. IEEE 112, 2024), of the method's
-step instead of the exact motion.
+Smooth motion is differentiated in compiled code (``tangents``): the derivative is that of the step
+that is integrated. Where an event ends a motion, its instant depends on the state: with a guard g
+that is zero there, and the step Φ of length h, the instant changes by
+dh = −(g_x Φ_x dx)/(g_x Φ_h), the state by Φ_x dx + Φ_h dh, an impact by its own derivative, and
+the remaining tick is shorter by dh. Together these are the saltation matrix (Leine, Nijmeijer,
+Dynamics and Bifurcations of Non-Smooth Mechanical Systems, 2004, chapter 7; Kong, Payne, Zhu,
+Johnson, "Saltation matrices: the essential tool for linearizing hybrid dynamical systems",
+Proc. IEEE 112, 2024), of the method's step instead of the exact motion.
 """
 
 from __future__ import annotations
@@ -21,6 +21,7 @@ import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.codegen.compiler import HOW_TO_GET_CODE
 from arm_dynamics.codegen.kernel import Kernel
 from arm_dynamics.equations.contact import AT_REST
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
@@ -39,18 +40,18 @@ from arm_sim.stepping.tangents import Arms, Tangents
 from arm_sim.stepping.trace import segment_type, trace_tick
 from arm_sim.stepping.turning import Turning
 
-# Derivatives of instants that differ by less than this part are of one instant.
+# Derivatives of instants that differ by less than this fraction belong to the same instant.
 SAME = 1e-9
 
 
 @dataclass
 class Motion:
-    """A motion on its way, with derivatives by the state x and the command u at its beginning.
+    """A motion and its derivatives by the state x and the command u at its beginning.
 
     Attributes:
         x: State, shape (nx,).
         slope: Its derivative by (x, u), shape (nx, nx + n).
-        delay: That of the time that has passed, shape (nx + n,).
+        delay: Derivative of the elapsed time, shape (nx + n,).
     """
 
     x: Array
@@ -64,7 +65,7 @@ class Linearizer:
     Args:
         plant: The scene's equations.
         choice: Method, tick and tolerance.
-        stepper: What runs its ticks, and knows the modes of joints and contacts.
+        stepper: Runs its ticks and determines the modes of joints and contacts.
         backend: As for ``Kernel``.
     """
 
@@ -215,7 +216,9 @@ class Linearizer:
         if self._eventful:
             return trace_tick(stepper.kernel, plant, choice, x, u, p, control)
         if plant.model.stops.touched(x[: plant.model.n]).any():
-            raise NotDifferentiable("linearize: a joint at a stop needs compiled code")
+            raise NotDifferentiable(
+                f"linearize: a joint is at its stop, which needs compiled code: {HOW_TO_GET_CODE}"
+            )
         segment = np.zeros(1, segment_type(plant))
         segment["begin"], segment["p"] = x, stepper.modes_at(x, u).p
         segment["p"][0, : len(p)] = p
@@ -224,7 +227,7 @@ class Linearizer:
         return segment, None
 
     def _advance(self, motion: Motion, segment: np.void, u: Array, last: bool) -> None:
-        """Take a motion along a segment, and what begins and ends it."""
+        """Advance a motion over a segment, including the events that begin and end it."""
         nx, p = len(motion.x), segment["p"]
         if self._eventful:
             motion.slope = self._events.begun(segment, u, motion.slope)
@@ -249,7 +252,7 @@ class Linearizer:
             motion.slope = self._events.closed(segment, motion.slope, begin)
 
     def _lengths(self, segment: np.void, u: Array) -> list[float]:
-        """Lengths of the sub-steps that a segment takes; all but the last stay as they are."""
+        """Lengths of the sub-steps of a segment; only the last depends on the state."""
         choice, length = self._choice, float(segment["length"])
         if choice.tolerance is None:
             return [length]
@@ -269,7 +272,7 @@ class Linearizer:
 
 
 class Events:
-    """What events do to the derivatives of a motion.
+    """Effect of events on the derivatives of a motion.
 
     Args:
         plant: Equations of a scene with events.
@@ -289,14 +292,14 @@ class Events:
         return Turning(self._plant)
 
     def check_ends(self, segments: np.ndarray, u: Array) -> None:
-        """Refuse a tick that begins or ends with an event, or on the edge of a mode."""
+        """Refuse a tick that begins or ends with an event, or on the boundary of a mode."""
         first, last = segments[0], segments[-1]
         if first["hit"]:
-            raise NotDifferentiable("linearize: the tick begins with a blow")
+            raise NotDifferentiable("linearize: the tick begins with an impact")
         for segment, state, where in ((first, "begin", "beginning"), (last, "end", "end")):
             if zero := self._zero(segment, segment[state], u):
                 raise NotDifferentiable(
-                    f"linearize: {self._names(zero)} is on the edge between two modes at the "
+                    f"linearize: {self._names(zero)} is on the boundary between two modes at the "
                     f"{where} of the tick"
                 )
         if self._plant.points:
@@ -304,7 +307,7 @@ class Events:
                 self._check_sliding(segment, following, u)
 
     def begun(self, segment: np.void, u: Array, slope: Array) -> Array:
-        """Derivative of the state with which a segment begins, after its blow."""
+        """Derivative of the state with which a segment begins, after its impact."""
         if segment["hit"]:
             n = self._plant.model.n
             slope = slope.copy()
@@ -326,12 +329,14 @@ class Events:
 
         Args:
             segment: The segment.
-            u: What acts.
-            slope: Derivative of its end while the length stays, shape (nx, nx + n).
+            u: Command that acts.
+            slope: Derivative of its end at constant length, shape (nx, nx + n).
             speed: Derivative of its end by the length, shape (nx,).
         """
         if segment["length"] <= INSTANT * self._h:
-            raise NotDifferentiable("linearize: two events at the same instant, or at the start")
+            raise NotDifferentiable(
+                "linearize: two events occur at the same instant, or one at the start of the tick"
+            )
         begin, end, modes, limit = (segment["begin"], segment["end"], self._modes(segment),
                                     segment["limit"])  # fmt: skip
         zero = self._zero(segment, end, u)
@@ -345,7 +350,7 @@ class Events:
             delays.append(-moved / (by_x @ speed))
         # Joints of a loop come to rest together: that is one event.
         if np.ptp(delays, axis=0).max() > SAME * np.abs(delays).max():
-            raise NotDifferentiable(f"linearize: {self._names(zero)} at the same instant")
+            raise NotDifferentiable(f"linearize: {self._names(zero)}: events at the same instant")
         delay: Array = delays[0]
         return delay
 
@@ -361,10 +366,10 @@ class Events:
         return ", ".join(self._guards.names[i] for i in guards)
 
     def _check_sliding(self, segment: np.void, following: np.void | None, u: Array) -> None:
-        """Refuse a contact whose direction of sliding no step follows where it could turn.
+        """Refuse a contact at an instant where its direction of sliding is not differentiable.
 
-        That is one which starts to slide, or comes to rest straight on: there the least push
-        across turns it as much as one likes.
+        That is one which starts to slide, or comes to rest without turning: there a small lateral
+        force changes the direction arbitrarily fast.
         """
         modes, n = self._modes(segment), self._plant.model.n
         sticks = self._modes(segment if following is None else following).contact["sticks"]
@@ -376,8 +381,8 @@ class Events:
             if not (slides and (contact["fixed"] or rests)):
                 continue
             if self._turning.can_turn(segment["begin"], u, modes, k):
-                what = "comes to rest straight on" if rests else "starts to slide"
+                what = "comes to rest in a straight line" if rests else "starts to slide"
                 raise NotDifferentiable(
-                    f"linearize: contact '{point.name}' {what}, where its direction may change "
-                    "faster than any step follows"
+                    f"linearize: contact '{point.name}' {what}, where its direction of sliding is "
+                    "not differentiable"
                 )

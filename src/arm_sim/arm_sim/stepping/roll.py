@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The compiled tick of a simulation, for compiled code of others."""
+"""The compiled tick of a simulation as a C function, for other compiled code."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ class Roll(Structure):
 
     @classmethod
     def of(cls, tick: Callable[[], int]) -> Roll | None:
-        """What ``Stepper.bound`` has made; None on the virtual machine.
+        """The function that ``Stepper.bound`` returned; None on the virtual machine.
 
-        It does not keep what the arguments point at.
+        It does not keep the arrays alive that the arguments point at.
         """
         arguments = vars(tick).get("arguments")
         if arguments is None or not isinstance(tick, partial):

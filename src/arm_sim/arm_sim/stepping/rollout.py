@@ -92,11 +92,11 @@ class Rollouts:
         return batch.out[..., : 2 * n] if self._plant.nz else batch.out
 
     def side_by_side(self, batch: Batch) -> list[int] | None:
-        """Advance arms in vector registers on this thread, to the bit as one alone would.
+        """Advance arms in vector registers on this thread, bit for bit as each alone.
 
         Returns:
-            Arms that come near a stop, whose motion is still to be made; None if all are: the
-            scene has events or error control, or there is no compiler.
+            Arms that come near a stop and must be advanced one by one; None if that holds for all:
+            the scene has events or error control, or there is no compiler.
         """
         library = self._lanes_here()
         return None if library is None else self._in_lanes(library, batch, 0, len(batch.x0))
@@ -135,7 +135,7 @@ class Rollouts:
             allowed = f"({n},), ({arms}, {n}) or ({arms}, {steps}, {n})"
             raise InvalidInput(f"tau has shape {array.shape}; expected {allowed}")
         if not np.isfinite(array).all():
-            raise InvalidInput("tau holds numbers that are not finite")
+            raise InvalidInput("tau has values that are not finite; finite torques are expected")
         by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
         return np.broadcast_to(by_tick, (arms, max(1, steps), n))
 
@@ -170,7 +170,7 @@ class Rollouts:
         self._resting.append(stepper)
 
     def _at_rest(self) -> Stepper:
-        """A stepper that no thread uses: to build one takes longer than thousands of ticks."""
+        """A stepper that no thread uses: building one takes longer than thousands of ticks."""
         try:
             return self._resting.pop()
         except IndexError:
@@ -212,14 +212,14 @@ def alike(plant: Plant, choice: Choice) -> bool:
 
 
 def stop_defines(plant: Plant) -> tuple[dict[str, str], list[str]]:
-    """What drivers of many arms are told of a plant's stops, and the file that they need."""
+    """Definitions of a plant's stops for drivers of many arms, and the file that they need."""
     if not plant.model.stops:
         return {}, []
     return stop_places(plant) | {"STOPS": "1"}, ["stops.c"]
 
 
 def of_lanes(code: str, width: int) -> str:
-    """Generated C for so many arms side by side, with what it needs before it."""
+    """Generated C for ``width`` arms side by side, with the headers it needs."""
     if width == 1:
         return '#include "scalar.h"\n' + code
     code = _CHOICE.sub(r"if_else_zero(\1,\2)", code)
@@ -227,10 +227,10 @@ def of_lanes(code: str, width: int) -> str:
 
 
 def widths(lanes: int | None) -> tuple[int, ...]:
-    """Arms side by side to try in turn: as many as asked for, else as the processor can; and one.
+    """Numbers of lanes to try in turn: as requested, else the processor's; then one.
 
     Raises:
-        InvalidInput: If so many cannot be.
+        InvalidInput: If ``lanes`` is not one of ``WIDTHS``.
     """
     if lanes is not None and (isinstance(lanes, bool) or lanes not in WIDTHS):
         allowed = ", ".join(map(str, WIDTHS))
@@ -245,12 +245,12 @@ def natural_width() -> int:
 
 
 def share(arms: int, width: int, threads: int | None, work: Callable[[int, int], None]) -> None:
-    """Share arms out to threads in whole groups; compiled code does not hold the interpreter lock.
+    """Distribute arms over threads in whole groups; compiled code releases the interpreter lock.
 
     Args:
-        arms: How many.
+        arms: Number of arms.
         width: Arms in a group.
-        threads: How many threads, None for one a core.
+        threads: Number of threads; None for one per core.
         work: Called with the first arm and the one after the last.
 
     Raises:

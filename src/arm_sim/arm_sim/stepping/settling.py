@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How changes of a state settle where joints are held and contacts closed.
+"""Projection of state changes onto the motions that held joints and closed contacts allow.
 
-A held joint that is given a little speed is at rest again at once; what its friction or stop then
-bears, the other joints feel as an impulse. That is the projection onto the motions that the modes
+A held joint that is given a small velocity stops at once; the reaction of its friction or stop
+acts on the other joints as an impulse. That is the projection onto the motions that the modes
 allow, along the forces that hold.
 """
 
@@ -43,13 +43,13 @@ class Settling:
         self._loads = next(f for f in plant.events if f.name() == "loads")
 
     def begun(self, x: Array, u: Array, modes: Modes, slope: Array) -> Array:
-        """Derivative of a state in which motion begins, held joints at rest, contacts settled.
+        """Derivative of a state in which motion begins, with held joints at rest.
 
         Args:
             x: The state, shape (nx,).
-            u: What acts, shape (n,).
-            modes: What joints and contacts do from there on.
-            slope: Derivative of the state without that, shape (nx, …).
+            u: Command that acts, shape (n,).
+            modes: Modes of joints and contacts from there on.
+            slope: Derivative of the state before the projection, shape (nx, …).
         """
         n, slope = self._plant.model.n, slope.copy()
         q, v, whole = slice(n), slice(n, 2 * n), slice(2 * n)
@@ -64,7 +64,7 @@ class Settling:
         return slope
 
     def _leans(self, x: Array, u: Array, modes: Modes) -> NDArray[np.bool_]:
-        """Joints at rigid stops that friction alone would not hold there: they would come back."""
+        """Joints at rigid stops that friction alone would not hold there."""
         n = self._plant.model.n
         q, (lower, upper) = x[:n], self._plant.model.stops.bounds
         load = np.array(self._loads(x, u, modes.p)[0]).ravel()
@@ -73,13 +73,13 @@ class Settling:
         return leans
 
     def closed(self, begin: Array, end: Array, modes: Modes, slope: Array, begun: Array) -> Array:
-        """Derivative of the end of a segment, back at the closed contacts and to anchors.
+        """Derivative of the end of a segment, projected onto closed contacts and anchors.
 
         Args:
             begin: State at its beginning, shape (nx,).
             end: State at its end.
-            modes: What joints and contacts do.
-            slope: Derivative of the end without that, shape (nx, …).
+            modes: Modes of joints and contacts.
+            slope: Derivative of the end before the projection, shape (nx, …).
             begun: Derivative of the beginning.
         """
         if not (self._plant.contact and (modes.contact["closed"] > 0.0).any()):

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The machinery under the simulator: a compiled tick.
+"""The compiled tick of the simulator.
 
 A tick is a smooth motion, one step of fixed length or sub-steps under error control, or several of
-them between the events of joints that stick and points that touch (``native/``). A scene without
-events also runs on CasADi's virtual machine.
+them between the events of joints that stick and contacts (``native/``). A scene without events
+also runs on CasADi's virtual machine.
 """
 
 from __future__ import annotations
@@ -42,13 +42,13 @@ from arm_sim.stepping.events import EventReport, Modes, Trouble
 
 NATIVE = Path(__file__).parent / "native"
 FREE = "free_"
-"""What names of functions begin with that are those of joints away from their stops."""
+"""Prefix of the functions for joints away from their stops."""
 NOWHERE = sys.float_info.max
-"""Place of a stop that is not there: beyond every position."""
+"""Position of a stop that does not exist: beyond every position."""
 MOST_OPERATIONS, LEAST_WORK, PATIENCE, OVERHEAD = 800_000, 20, 50, 100
-"""Arithmetic operations of a tick with events, less than a millisecond, and smooth motions that it
-may take in any case, before it is time-stepped; who asks for error control waits longer. Each call
-costs some operations besides its own."""
+"""Budget of a tick with events before it is time-stepped: arithmetic operations (less than a
+millisecond), smooth motions that it may always take, a factor with error control, and the overhead
+of a call in operations."""
 WEIGHTS = {
     ca.OP_EXP: 20, ca.OP_LOG: 20, ca.OP_POW: 50, ca.OP_TANH: 30, ca.OP_SQRT: 5, ca.OP_DIV: 4
 }  # fmt: skip
@@ -65,7 +65,7 @@ class Stepper:
         choice: Method, tick and tolerance.
         backend: As for ``Kernel``.
         control: Controller to compile in, if any.
-        acted: Whether commands are what acted, of a tick that is made again.
+        acted: Whether commands are torques that acted, for a tick that is replayed.
 
     Attributes:
         kernel: The functions it runs.
@@ -109,22 +109,23 @@ class Stepper:
     def bound(
         self, x: Array, command: Array, trace: Array, effort: Array, notes: Array
     ) -> Callable[[], int]:
-        """Make a function of k ticks, to be called as often as one likes.
+        """Return a function that advances by k ticks and can be called repeatedly.
 
-        Looking up where arrays are takes longer than a tick. All must be contiguous.
+        It avoids looking up array addresses, which takes longer than a tick. Arrays must be
+        contiguous.
 
         Args:
             x: State of shape (nx,), overwritten by the last good one.
-            command: What is commanded, held, or a row for each tick: torques of shape (n,), or a
-                compiled controller's references.
+            command: Command, constant or a row for each tick: torques of shape (n,), or references
+                of a compiled controller.
             trace: Receives the state after each tick, shape (k, nx).
             effort: Receives the torque that acted in each tick, shape (k, n).
             notes: Receives the estimated error of q after each tick, zero without estimate, and
-                how many ticks were time-stepped since the last restart, shape (k, 2).
+                the number of ticks time-stepped since the last restart, shape (k, 2).
 
         Returns:
-            Function that advances by k ticks, or fewer if a number stops being finite, and says
-            how many were good.
+            Function that advances by k ticks, or fewer if the state becomes non-finite, and
+            returns the number of good ticks.
         """
         if self.kernel.library is None:
             return partial(self._by_call, x, command, trace, effort, notes)
@@ -141,16 +142,16 @@ class Stepper:
         return self.bound(x, command, trace, effort, notes)()
 
     def restart(self) -> None:
-        """Forget what was learned from earlier steps."""
+        """Reset the report and the error control."""
         self.report.restart()
         if self._control is not None:
             self._control.restart()
 
     @property
     def substep(self) -> float:
-        """Length of the sub-step to try next in [s]; 0 if it is not known, or always the tick's.
+        """Length of the sub-step to try next in [s]; 0 if unknown or without error control.
 
-        With the state it is all that a tick depends on besides its inputs.
+        A tick depends only on this, the state and its inputs.
         """
         return 0.0 if self._control is None else self._control.step
 
@@ -160,7 +161,7 @@ class Stepper:
             self._control.step = length
 
     def modes_at(self, x: Array, u: Array) -> Modes:
-        """What joints and contacts do at a state under a torque.
+        """Modes of joints and contacts at a state under a torque.
 
         A contact that approaches its plane counts as closed already.
         """
@@ -201,7 +202,7 @@ class Stepper:
         return len(trace)
 
     def _flow(self, x: Array, u: Array) -> bool:
-        """One smooth tick in place on the virtual machine: did every number stay finite?"""
+        """One smooth tick in place on the virtual machine; returns whether it stayed finite."""
         if self._control is not None:
             return controlled_tick(self._smooth, x, u, self.p, self._dt, self._control)
         after = self._smooth(x, u, self.p, self._dt)[0]
@@ -212,7 +213,7 @@ class Stepper:
 
 
 def _recipe(plant: Plant, choice: Choice) -> str:
-    """All that the code of a scene is made of; empty for few joints, which are written at once."""
+    """Key of all inputs of a scene's code; empty for few joints, whose code is quick to write."""
     if plant.model.n <= DENSE_AT_MOST:
         return ""
     sources = digest_of(str(Path(arm_dynamics.__file__).parent), str(Path(__file__).parents[1]))
@@ -223,7 +224,7 @@ def _recipe(plant: Plant, choice: Choice) -> str:
 def _built(
     plant: Plant, choice: Choice, backend: str, control: CompiledControl | None, acted: bool
 ) -> Kernel:
-    """Write and compile the equations of a scene, and the engine that calls them."""
+    """Generate and compile the equations of a scene, and the engine that calls them."""
     smooth = _smooth(plant, choice)
     actuate = actuation(plant, control, compensated=not acted)
     functions = [plant.rhs, smooth, actuate, *plant.events]
@@ -235,7 +236,7 @@ def _built(
 
 
 def sizes(plant: Plant, functions: Sequence[ca.Function]) -> dict[str, str]:
-    """What C drivers are told of a scene and of the functions that they call."""
+    """Sizes of a scene and of its functions, as definitions for C drivers."""
     return {
         "NX": str(plant.nx),
         "NU": str(plant.model.n),
@@ -252,7 +253,7 @@ def engine_source(
 ) -> str:
     """C source of the engine for a scene, to be compiled after the functions that it calls.
 
-    ``smooth`` is the one that advances over a tick without events.
+    ``smooth`` is the function that advances over a tick without events.
     """
     defines = sizes(plant, functions)
     if choice.tolerance is not None:
@@ -265,7 +266,7 @@ def engine_source(
 
 
 def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function) -> dict[str, str]:
-    """What functions cost, and how much a tick may take before the rest of it is time-stepped."""
+    """Costs of functions, and the budget of a tick before the rest of it is time-stepped."""
     of = {function.name(): OVERHEAD + operations(function, WEIGHTS) for function in functions}
     step = of[smooth.name()]
     most = max(MOST_OPERATIONS, LEAST_WORK * step) * (1 if choice.tolerance is None else PATIENCE)
@@ -277,7 +278,7 @@ def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function)
 
 
 def stop_places(plant: Plant) -> dict[str, str]:
-    """Where the stops of either kind are, for ``native/stops.c``."""
+    """Positions of rigid and compliant stops, for ``native/stops.c``."""
     lower, upper = np.clip(plant.model.stops.place, -NOWHERE, NOWHERE)
     return {"LOWEST": _braces(lower), "HIGHEST": _braces(upper)}
 
@@ -289,12 +290,12 @@ def source(defines: dict[str, str], *files: str) -> str:
 
 
 def pointer(array: Array) -> ctypes.c_void_p:
-    """Address of an array for a C function; it keeps the array."""
+    """Address of an array for a C function; it keeps the array alive."""
     return array.ctypes.data_as(ctypes.c_void_p)
 
 
 def _eventful(plant: Plant) -> str:
-    """What of a scene only the compiled engine can do; nothing if its motion is smooth.
+    """Features of a scene that need the compiled engine; empty if its motion is smooth.
 
     A joint away from its stops moves smoothly.
     """
@@ -347,10 +348,10 @@ def _braces(values: Sequence[float] | Array) -> str:
 
 
 def _library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[], int]:
-    """A function of the compiled engine with its arguments; it says how many ticks were good."""
+    """A function of the compiled engine with its arguments; returns the number of good ticks."""
     entry = getattr(kernel.library, name)
     entry.restype = ctypes.c_longlong
-    # Else ctypes would make these objects in every call, which is half of what a call costs.
+    # Otherwise ctypes would create these objects in every call, half of its cost.
     ready = (type(a).from_param(a.value) if hasattr(a, "value") else a for a in arguments)
     call = partial(entry, *ready)
     vars(call)["arguments"] = arguments  # which keep their arrays
@@ -358,7 +359,7 @@ def _library_function(kernel: Kernel, name: str, *arguments: Any) -> Callable[[]
 
 
 def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
-    """Hold the kernel's accelerations against Pinocchio before anyone uses them."""
+    """Check the kernel's accelerations against Pinocchio before they are used."""
     call, dynamics, n = kernel.call(rhs), Dynamics(plant.model), plant.model.n
     modes = Modes(plant, plant.parameters.nominal)
 
@@ -368,7 +369,7 @@ def _check(plant: Plant, kernel: Kernel, rhs: str) -> None:
         a = call(x, tau, modes.p)[0][n : 2 * n]
         if plant.torques is None:
             return a
-        # What acts is not tau, but what the laws make of it, and bristles are not yet bent.
+        # The laws change the torque that acts, and bristles are not deflected yet.
         acted, law = np.array(plant.torques(x, tau)[1]).ravel(), dynamics.steady_friction
         steady = [law(v, np.sign(v), q, load) for load in (acted, tau)]
         bent = law.of_laws(v, np.sign(v), q, acted)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Derivatives of smooth motion in compiled code.
 
-What a derivative needs is computed once for a step; columns are then carried through it, side by
-side in vector registers. Compiled when first asked for; without a compiler the same functions run
-on CasADi's virtual machine.
+The coefficients of a derivative are computed once for a step; columns are then propagated through
+it, side by side in vector registers. Code is compiled at the first use; without a compiler the
+same functions run on CasADi's virtual machine.
 """
 
 from __future__ import annotations
@@ -34,20 +34,20 @@ from arm_sim.stepping.rollout import (
 )
 from arm_sim.stepping.stepper import pointer, sizes, source
 
-# Operations of a step with its derivative that are still compiled, in some seconds. An implicit
-# method differentiates a Jacobian: a million operations for seven joints.
+# Largest number of operations of a step with its derivative that is compiled, in a few seconds. An
+# implicit method differentiates a Jacobian: a million operations for seven joints.
 LONGEST = 300_000
 
 
 @dataclass(frozen=True)
 class Arms:
-    """Arms, columns to carry along with them, and where both end.
+    """Arms and columns to propagate, and the arrays that receive the results.
 
     Attributes:
         x: Initial states, shape (b, nx).
         tau: Commands, held, shape (b, n).
         p: Parameters, shape (b, np).
-        ticks: How many ticks.
+        ticks: Number of ticks.
         given: Columns of (x, tau), shape (nx + n, k) for all arms or (b, nx + n, k).
         after: Receives the states at the end, shape (b, nx).
         columns: Receives their columns, shape (b, nx, k).
@@ -84,11 +84,11 @@ class Tangents:
         self._acting, self._limit = _limits(plant)
 
     def step(self, x: Array, u: Array, p: Array, h: float, columns: Array) -> tuple[Array, Array]:
-        """Carry columns through one step.
+        """Propagate columns through one step.
 
         Args:
             x: State, shape (nx,).
-            u: What acts, shape (n,).
+            u: Command that acts, shape (n,).
             p: Tunable numbers and modes.
             h: Length of the step in [s].
             columns: Of (x, u, h), shape (nx + n + 1, k).
@@ -110,7 +110,7 @@ class Tangents:
         return after, moved
 
     def ticks(self, arms: Arms, threads: int | None, lanes: int | None) -> list[int]:
-        """Carry columns through ticks of many arms, on all cores.
+        """Propagate columns through ticks of many arms, on all cores.
 
         Args:
             arms: Where they begin, and where results go.
@@ -118,7 +118,7 @@ class Tangents:
             lanes: Arms in a vector register; None for the widest there is.
 
         Returns:
-            Arms that may meet a stop, whose results are worth nothing.
+            Arms that may meet a stop; their results are invalid.
         """
         built = [(self.library(width), width) for width in widths(lanes)]
         library, width = next(pair for pair in built if pair[0] is not None)
@@ -140,11 +140,11 @@ class Tangents:
 
     @cached_property
     def native(self) -> bool:
-        """Whether ticks can be had, in compiled code."""
+        """Whether there is compiled code, which ``ticks`` needs."""
         return self.library(1) is not None
 
     def library(self, lanes: int) -> ctypes.CDLL | None:
-        """Compiled code for so many arms side by side; None where there can be none."""
+        """Compiled code for ``lanes`` arms side by side; None if it cannot be built."""
         if lanes not in self._libraries:
             self._libraries[lanes] = self._built(lanes)
         return self._libraries[lanes]
@@ -162,7 +162,7 @@ class Tangents:
 
     @cached_property
     def _carry(self) -> ca.Function:
-        """As ``stretch``, of steps whose length stays."""
+        """As ``stretch``, for steps of constant length."""
         c, dx, du = (ca.SX.sym(name, self._stretch.size1_in(i)) for i, name in enumerate("cxu"))
         moved = self._stretch(c, dx, du, 0)
         return ca.Function("carry", [c, dx, du], [moved], {"cse": True})
@@ -200,7 +200,7 @@ typedef real column;
 
 
 def _limits(plant: Plant) -> tuple[ca.Function, ca.Function]:
-    """(x, r) -> what acts and numbers c, and (c, dx, dr) -> what of it changes."""
+    """(x, r) -> command that acts and coefficients c, and (c, dx, dr) -> its change."""
     act, kept = actuation(plant), Kept()
     x, r = ca.SX.sym("x", act.size1_in(0)), ca.SX.sym("r", act.size1_in(1))
     dx, dr = ca.SX.sym("dx", x.shape[0]), ca.SX.sym("dr", r.shape[0])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happened in a tick: its segments, as the compiled engine tells them."""
+"""Segments of a tick between its events, as the compiled engine reports them."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ MOST_SEGMENTS = 1000
 
 
 def segment_type(plant: Plant) -> np.dtype[np.void]:
-    """Fields of a segment, all real numbers, as ``record_t`` in ``native/modes.c`` says."""
+    """Fields of a segment, all doubles, as ``record_t`` in ``native/modes.c``."""
     nx, n, nc, modes = plant.nx, plant.model.n, len(plant.points), plant.rhs.numel_in(2)
     sizes = {
         "before": nx, "begin": nx, "end": nx, "p": modes, "limit": nc, "length": None,
@@ -42,16 +42,16 @@ def trace_tick(
         plant: Its equations.
         choice: Its method and tick.
         x: State at the beginning, shape (nx,).
-        u: What acts, shape (n,).
+        u: Command that acts, shape (n,).
         p: Tunable numbers.
-        control: With error control, what is remembered from one tick to the next.
+        control: With error control, its state from one tick to the next.
 
     Returns:
         The segments, an array of ``segment_type``, and the state at the end.
 
     Raises:
         SimulationDiverged: If the tick cannot be computed.
-        NotDifferentiable: If events pile up in it.
+        NotDifferentiable: If events accumulate in it.
     """
     records, after = np.zeros(MOST_SEGMENTS, segment_type(plant)), np.zeros(plant.nx)
     report, entry = EventReport(), kernel.library.trace_tick  # type: ignore[union-attr]
@@ -69,5 +69,5 @@ def trace_tick(
     if count < 0:
         raise SimulationDiverged(f"linearize: the tick cannot be computed{choice.remark}")
     if report.time_stepped or count > len(records):
-        raise NotDifferentiable("linearize: events pile up in the tick, which has no derivative")
+        raise NotDifferentiable("linearize: events accumulate in the tick: it has no derivative")
     return records[:count], after

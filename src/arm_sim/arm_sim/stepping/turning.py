@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How fast friction turns sliding contacts, by which the engine divides ticks into parts.
+"""Rate at which friction turns the direction of sliding contacts.
 
-A part of a tick is as long as that takes (``find_reach`` in ``native/segments.c``), so its length
-depends on the state.
+The engine limits the length of parts of a tick by it (``find_reach`` in ``native/segments.c``), so
+their length depends on the state.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from arm_sim.stepping.events import Modes
 
 # Mobility across the direction of sliding, relative to the whole, that is rounding.
 NO_TURN = 1e-12
-# By how much, relative, the length of a part may differ from what the rate says.
+# Largest relative deviation of the length of a part from that of the rate.
 SAME = 1e-6
 
 
@@ -55,13 +55,13 @@ class Turning:
 
         Args:
             x: State at its beginning, shape (nx,).
-            u: What acts, shape (n,).
-            modes: What joints and contacts do.
+            u: Command that acts, shape (n,).
+            modes: Modes of joints and contacts.
             slope: Derivative of x by the state and u at the beginning of the tick.
             length: Of the part in [s].
 
         Returns:
-            Shape (nx + n,); zero where the length is as short as the engine makes it.
+            Shape (nx + n,); zero if the length is at the engine's lower bound.
         """
         contact = modes.contact
         slides = (contact["closed"] > 0.0) & (contact["sticks"] == 0.0)

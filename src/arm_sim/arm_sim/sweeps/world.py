@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A world: what runs with the same equations share, and how one of them is made."""
+"""A world: what runs with the same equations share, and how it simulates one of them."""
 
 from __future__ import annotations
 
@@ -37,13 +37,13 @@ from arm_sim.sweeps.metrics import Run, measured
 from arm_sim.sweeps.study import ControllerChoice, MotionChoice
 
 COMPILED, PYTHON = "compiled", "Python"
-"""How runs are made: as a whole in compiled code, or with the controller in Python."""
+"""How runs are simulated: entirely in compiled code, or with the controller in Python."""
 DONE, DIVERGED, FAILED = "done", "diverged", "failed"
 IMPERFECT = ("sensors", "commands")
 OF_LOOP = ("initial", "motion", "controller")
-_FEW = 3  # runs that are not worth a vector register
-_ROOM = 4_000_000  # numbers that runs made together may take
-_REMEMBERED = 64  # references and starts of a world that are kept
+_FEW = 3  # smallest number of runs for which vector registers pay
+_ROOM = 4_000_000  # largest number of values of runs that are simulated together
+_REMEMBERED = 64  # number of references and starts of a world that are cached
 
 
 @dataclass(frozen=True)
@@ -53,7 +53,7 @@ class Job:
     Attributes:
         index: Its number in the design.
         noise: Seed of its noise.
-        values: What is varied in it, by key, but for what makes the world.
+        values: Varied values by key, without those that define the world.
     """
 
     index: int
@@ -63,13 +63,13 @@ class Job:
 
 @dataclass(frozen=True)
 class Row:
-    """What came of a run.
+    """Result of a run.
 
     Attributes:
         index: Its number in the design.
         status: ``done``, ``diverged`` or ``failed``.
-        note: Why it was not done; empty if it was.
-        metrics: Numbers in the study's order; NaN if it was not done.
+        note: The reason if it was not done; else empty.
+        metrics: Values in the study's order; NaN if it was not done.
     """
 
     index: int
@@ -80,18 +80,18 @@ class Row:
 
 @dataclass(frozen=True)
 class Recipe:
-    """What a world is made from; text and numbers, which travel to other processes.
+    """Inputs of a world: text and numbers, which can be sent to other processes.
 
     Attributes:
         scene: Content of the scene file, as JSON with the text of the robot description.
         known: That of the controller's scene.
         controller: The study's choice, as JSON.
         motion: Likewise.
-        duration: Of runs in [s].
-        metrics: Their names.
-        slots: Places of varied numbers in their tunable quantities, by key.
-        lanes: Whether there are runs enough to compile code that makes several side by side.
-        imperfect: Whether the scene has sensors, or a line of commands that is not perfect.
+        duration: Duration of a run in [s].
+        metrics: Names of the metrics.
+        slots: Indices of varied values in their tunable quantities, by key.
+        lanes: Whether there are enough runs to compile code that simulates several side by side.
+        imperfect: Whether the scene has imperfect sensors or commands.
     """
 
     scene: str
@@ -106,10 +106,10 @@ class Recipe:
 
 
 class World:
-    """Makes runs, one after another; what came before does not change any of them.
+    """Simulates runs one after another; no run depends on those before it.
 
     Args:
-        recipe: What it is made from.
+        recipe: Its inputs.
 
     Raises:
         ArmError: If the scene, the controller or the motion cannot be used.
@@ -138,20 +138,20 @@ class World:
         return tuple(self._simulator.joint_names)
 
     def compile(self) -> None:
-        """Compile the controller in, unless that is done."""
+        """Compile the controller into the simulation, unless that is done."""
         _ = self._stepper
         if self._recipe.lanes:
             self._rollouts.prepare()
 
     def rows(self, jobs: Sequence[Job]) -> list[Row]:
-        """Make runs; side by side in vector registers where that can be, to the same bits."""
+        """Simulate runs, side by side in vector registers if possible, with identical results."""
         if not self._recipe.lanes:
             return [self.row(job) for job in jobs]
         together = self._side_by_side(jobs)
         return [together.get(job.index) or self.row(job) for job in jobs]
 
     def row(self, job: Job) -> Row:
-        """Make a run; whatever comes of it is a row."""
+        """Simulate a run; a failure gives a row as well."""
         nothing = (np.nan,) * len(self._recipe.metrics)
         try:
             return self._made(job)
@@ -161,13 +161,17 @@ class World:
             return Row(job.index, FAILED, plain(error, 300), nothing)
 
     def check(self, job: Job) -> None:
-        """Raise what is wrong with a run before it is made."""
+        """Check the inputs of a run before it is simulated.
+
+        Raises:
+            ArmError: If they are not allowed.
+        """
         self._tuned(job)
         self._course(job)
         if not runs_compiled(self._recipe, job):
             self._control(job)
 
-    # --- what a job says -----------------------------------------------------------------------
+    # --- inputs of a job -----------------------------------------------------------------------
 
     def _controller(self, job: Job) -> tuple[ControllerChoice, Settings]:
         choice, settings = chosen(self._recipe, job)
@@ -211,8 +215,9 @@ class World:
         if key not in self._remembered:
             x0 = self._settled(job)
             own = {k: v for k, v in given.items() if below(k, ("motion",))}
-            said = with_values({"motion": json.loads(self._recipe.motion)}, own)["motion"]
-            motion = self._motion(MotionChoice.model_validate(said), x0[: len(self.joint_names)])
+            motion = json.loads(self._recipe.motion)
+            choice = MotionChoice.model_validate(with_values({"motion": motion}, own)["motion"])
+            motion = self._motion(choice, x0[: len(self.joint_names)])
             times = np.arange(self._ticks + 1) * self._simulator.dt
             samples = (motion.sample(float(t)) for t in times)
             rows = np.array([np.concatenate((r.q, r.v, r.a)) for r in samples])
@@ -230,7 +235,7 @@ class World:
             for joint, value in point.position.items():
                 if joint not in names:
                     raise InvalidInput(
-                        f"'motion.points.{i}.position.{joint}': no joint is called '{joint}'; "
+                        f"'motion.points.{i}.position.{joint}': unknown joint '{joint}'; "
                         f"allowed: {choices(joint, names)}"
                     )
                 place[names.index(joint)] = value
@@ -250,8 +255,8 @@ class World:
             simulator.dt, q, rows[:, :n], torque, command, simulator.model.command_limit,
             simulator.model.stops.place,
         )  # fmt: skip
-        told = measured(run, self._recipe.metrics, self.joint_names)
-        return Row(job.index, DONE, "", tuple(told))
+        values = measured(run, self._recipe.metrics, self.joint_names)
+        return Row(job.index, DONE, "", tuple(values))
 
     def _rolled(self, job: Job, p: Array, x0: Array, rows: Array) -> tuple[Array, Array, Array]:
         """Positions, torques and commands of a run in compiled code."""
@@ -267,13 +272,13 @@ class World:
         return np.vstack([x0[:n], trace[:, :n]]), torque, effort
 
     def _inputs(self, job: Job, rows: Array) -> Array:
-        """What the compiled controller is given in each tick: references and gains."""
+        """Inputs of the compiled controller in each tick: references and gains."""
         choice, settings = self._controller(job)
         tuning = self._gains(choice.name, json.dumps(choice.settings), settings)
         return np.hstack([rows[:-1], np.broadcast_to(tuning, (self._ticks, len(tuning)))])
 
     def _side_by_side(self, jobs: Sequence[Job]) -> dict[int, Row]:
-        """Rows of those runs that can be made together; the others need a run alone."""
+        """Rows of the runs that can be simulated together; the others are simulated alone."""
         alike: dict[str, list[tuple[Job, Array]]] = {}
         for job in jobs:
             try:
@@ -281,7 +286,7 @@ class World:
                     given = {k: v for k, v in job.values.items() if below(k, OF_LOOP)}
                     alike.setdefault(json.dumps(given), []).append((job, self._tuned(job)))
             except ArmError:
-                continue  # alone it says why
+                continue  # its own run reports the error
         size = _ROOM // ((self._ticks + 1) * (self._simulator.plant.nx + len(self.joint_names)))
         found: dict[int, Row] = {}
         for group in alike.values():
@@ -310,7 +315,7 @@ class World:
         for i, job in enumerate(jobs):
             if i not in left and np.isfinite(out[i, -1]).all():
                 torque = plant.joint_torque(out[i, 1:], effort[i])
-                q = np.ascontiguousarray(out[i, :, :n])  # sums depend on how numbers lie
+                q = np.ascontiguousarray(out[i, :, :n])  # sums depend on the memory layout
                 found[job.index] = self._row(job, rows, q, torque, effort[i])
         return found
 
@@ -348,7 +353,7 @@ class World:
         return known[key]
 
     def _stepped(self, job: Job, p: Array, x0: Array, rows: Array) -> tuple[Array, Array, Array]:
-        """The same by a controller in Python, as a ``ClosedLoop`` makes it."""
+        """The same with a controller in Python, as a ``ClosedLoop`` runs it."""
         simulator, control = self._simulator, self._control(job)
         simulator.imperfect(self._imperfect(job))
         simulator.restore(x0, p, 0)
@@ -371,7 +376,7 @@ class World:
         return make_controller(maker, self._dynamics, settings)
 
     def _imperfect(self, job: Job) -> Scene:
-        """The scene with the sensors and lines of a run, and noise of its own."""
+        """The scene with the sensors and command delays of a run, and its own noise."""
         given = {key: value for key, value in job.values.items() if below(key, IMPERFECT)}
         if not (given or self._recipe.imperfect):
             return self._scene
@@ -383,7 +388,7 @@ class World:
 
 
 def chosen(recipe: Recipe, job: Job) -> tuple[ControllerChoice, Settings]:
-    """The controller of a run, and what it is tuned to.
+    """The controller of a run and its settings.
 
     Raises:
         InvalidInput: If a setting is unknown or not allowed.
@@ -394,8 +399,8 @@ def chosen(recipe: Recipe, job: Job) -> tuple[ControllerChoice, Settings]:
 
 @lru_cache(maxsize=_REMEMBERED)
 def _chosen(controller: str, values: str) -> tuple[ControllerChoice, Settings]:
-    said = with_values({"controller": json.loads(controller)}, json.loads(values))["controller"]
-    choice = ControllerChoice.model_validate(said)
+    given = with_values({"controller": json.loads(controller)}, json.loads(values))["controller"]
+    choice = ControllerChoice.model_validate(given)
     if choice.name not in NAMES and not is_own(choice.name):
         allowed = choices(choice.name, NAMES)
         raise InvalidInput(f"controller = {choice.name!r}; allowed: {allowed}")
@@ -409,7 +414,7 @@ def _chosen(controller: str, values: str) -> tuple[ControllerChoice, Settings]:
 
 
 def runs_compiled(recipe: Recipe, job: Job) -> bool:
-    """Whether all of a run happens in compiled code: its controller too, told the state itself."""
+    """Whether a run is simulated entirely in compiled code, with an ideal measured state."""
     choice, settings = chosen(recipe, job)
     perfect = not (recipe.imperfect or any(below(key, IMPERFECT) for key in job.values))
     return perfect and is_compiled(choice.name, settings)
@@ -420,10 +425,13 @@ def _diverged(tick: int, dt: float) -> SimulationDiverged:
 
 
 def _no_reference(times: Array) -> Array:
-    raise NotImplementedError("a sweep hands references over itself")
+    raise InvalidInput(
+        "the compiled controller of a sweep has no reference of its own; the sweep passes the "
+        "references of every tick"
+    )
 
 
 @lru_cache(maxsize=8)
 def world_of(recipe: Recipe) -> World:
-    """The world of a recipe, kept by each process for the runs to come."""
+    """The world of a recipe, cached by each process for later runs."""
     return World(recipe)

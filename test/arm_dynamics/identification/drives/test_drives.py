@@ -252,7 +252,7 @@ def test_motions_below_breakaway_tell_stiffness_and_not_what_slides() -> None:
 
 
 def test_guesses_of_other_names_are_refused() -> None:
-    with pytest.raises(InvalidInput, match="guess: sigma; allowed: inertia, sigma0"):
+    with pytest.raises(InvalidInput, match="unknown parameter sigma; allowed: inertia, sigma0"):
         identify_bristles([lugre_record(4, 0.3, 2, 16)], {"sigma": 1.0})
     with pytest.raises(InvalidInput, match="no record of small motions"):
         identify_bristles([])

@@ -168,11 +168,11 @@ def test_a_box_and_a_floor_are_kept_clear_of() -> None:
         ({"margin": 0.5}, "margin = 0.5"),
         ({"clearance": -0.1}, "clearance = -0.1"),
         ({"acceleration": -1.0}, "acceleration is -1.0"),
-        ({"given_start": [3.2, 0.0]}, "start: joint 'shoulder' at 3.2; allowed is -2.79 to 2.79"),
+        ({"given_start": [3.2, 0.0]}, "'shoulder' at 3.2 rad or m; allowed: -2.79 to 2.79"),
         ({"given_start": [0.0]}, "start has shape"),
-        ({"share": 0.1}, "start: the weight on joint 'shoulder' takes"),
-        ({"box": Box((5, 5, 5), (6, 6, 6), ("tip",))}, "'tip' from the box's lower end"),
-        ({"box": Box((-2, -2, -2), (2, 2, 2), ("hand",))}, "box: no frame 'hand'; allowed"),
+        ({"share": 0.1}, "start: gravity loads joint 'shoulder' with"),
+        ({"box": Box((5, 5, 5), (6, 6, 6), ("tip",))}, "'tip' from the lower side of the box"),
+        ({"box": Box((-2, -2, -2), (2, 2, 2), ("hand",))}, "box: unknown frame 'hand'; allowed"),
     ],
 )
 def test_what_leaves_no_room_is_refused(changes: dict[str, Any], told: str) -> None:

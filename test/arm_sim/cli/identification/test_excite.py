@@ -27,7 +27,7 @@ def test_a_motion_is_found_written_and_drawn(tmp_path: Path) -> None:
     out = tmp_path / "motion.yaml"
     done = typed("two_link", "--out", str(out), "--turns", "2", *QUICK)
     assert done.exit_code == 0, done.output
-    assert "13 told apart" in done.output and str(out) in done.output
+    assert "13 identifiable" in done.output and str(out) in done.output
     assert (tmp_path / "motion.png").stat().st_size > 10_000
     motion = JointTrajectory.load(out).motion(Dynamics("two_link").joint_names)
     assert motion.duration == pytest.approx(6.0)
@@ -51,9 +51,9 @@ def test_a_simulated_arm_follows_it(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (("--out", "a.csv"), "a file .yaml is expected"),
-        (("--frame", "tip"), "--box and --frame go together"),
-        (("--frame", "tip", "--box", "0 0 0"), "6 numbers are expected"),
+        (("--out", "a.csv"), "a .yaml file is expected"),
+        (("--frame", "tip"), "--box and --frame must be given together"),
+        (("--frame", "tip", "--box", "0 0 0"), "--box: 3 numbers; 6 are expected"),
         (("--frame", "tip", "--box", "1 1 1 0 0 0"), "first below the second"),
         (("--start", "9 9"), "start: joint 'shoulder' at 9"),
         (("--harmonics", "1"), "not in the range"),

@@ -57,7 +57,7 @@ def test_a_scene_that_simulates_and_a_report(table, tmp_path):
     sim = Simulator(scene, dt=1e-3)
     sim.run(0.05, [1.0, 0.5])
     report = (tmp_path / "found" / "mine.md").read_text()
-    assert "elbow: Coulomb" in report and "What was not found" in report
+    assert "elbow: Coulomb" in report and "Not identified" in report
     assert "left_shoulder" in report  # which was taken for the scene's
     for figure in ("torques", "friction"):
         assert (tmp_path / "found" / f"mine_{figure}.png").stat().st_size > 20_000
@@ -104,7 +104,7 @@ def test_a_payload_alone(table, tmp_path):
 def test_refusals_leave_nothing_behind(table, tmp_path):
     out = tmp_path / "a.yaml"
     for arguments, said in (
-        ((table, "--scene", "panda", "--out", out), "has no joint panda_joint1"),
+        ((table, "--scene", "panda", "--out", out), "no joint matches panda_joint1"),
         ((table, "--scene", "two_link", "--out", tmp_path / "a.txt"), "ends in .yaml"),
         ((table, "--scene", "two_link", "--out", out, "--mass", "elbow"), "NAME=VALUE"),
         ((table, "--scene", "two_link", "--out", out, "--mass", "elbow=x"), "a number"),

@@ -47,8 +47,8 @@ def test_a_blocked_motor_is_found(blocked: Path) -> None:
     [
         ("time,voltage,amps\n0,1,2", "unknown column 'amps'; allowed: time, voltage, current"),
         ("voltage,current\n1,2", "has no column 'time'"),
-        ("time,voltage,current\n0,x,2", "no table of numbers"),
-        ("", "no table of numbers"),
+        ("time,voltage,current\n0,x,2", "not a table of numbers"),
+        ("", "not a table of numbers"),
         ("time,voltage,current\n0,1,2\n1,1,3", "at least 20 samples"),
     ],
 )
@@ -63,4 +63,4 @@ def test_other_tables_are_refused_by_name(tmp_path: Path, text: str, said: str) 
 def test_one_kind_of_drive_at_a_time(blocked: Path) -> None:
     for words in ([], ["--blocked", str(blocked), "--flexible", str(blocked)]):
         done = typed(*words)
-        assert done.exit_code == 2 and "give tests of a motor" in done.output
+        assert done.exit_code == 2 and "exactly one kind of test is expected" in done.output

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """LuGre friction of one joint, from torques and small motions.
 
-Below breakaway a joint moves as on a spring and a damper, σ0 and σ1; what it slides with tells the
-levels Fc and Fs, the Stribeck velocity and viscous friction (Canudas de Wit, Lischinsky, "Adaptive
+Below breakaway a joint moves as on a spring and a damper, σ0 and σ1; sliding determines the levels
+Fc and Fs, the Stribeck velocity and viscous friction (Canudas de Wit, Lischinsky, "Adaptive
 friction compensation with partially known dynamic friction model", Int. J. Adaptive Control 11,
-1997, section 3). The law is that of ``equations.lugre``; the inertia of the joint is found with
-it, or given by what was identified before. Weight must not act on the axis, or its torque be taken
-off.
+1997, section 3). The law is that of ``equations.lugre``; the inertia of the joint is identified
+with it. Gravity must not act on the axis, or its torque must be subtracted.
 """
 
 from __future__ import annotations
@@ -34,11 +33,11 @@ UNITS = {
 
 @dataclass(frozen=True)
 class SmallMotion:
-    """A record of a joint that is pushed a little; arrays are read-only.
+    """A record of a joint under small torques; arrays are read-only.
 
     Attributes:
-        time: At even steps in [s], shape (k,).
-        torque: Held from sample to sample, in [N m], shape (k,).
+        time: At a constant step in [s], shape (k,).
+        torque: Constant between samples, in [N m], shape (k,).
         position: In [rad], shape (k,).
         name: For messages.
     """
@@ -56,7 +55,7 @@ class SmallMotion:
 
         Raises:
             InvalidInput: If times are not even, shapes differ, numbers are missing, or nothing
-                moves.
+                varies.
         """
         t, columns = even_table(name, time, {"torque": torque, "position": position})
         for key, column in columns.items():
@@ -68,7 +67,7 @@ class SmallMotion:
 
     @property
     def dt(self) -> float:
-        """From sample to sample in [s]."""
+        """Sampling interval in [s]."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     @property
@@ -80,22 +79,24 @@ class SmallMotion:
 def identify_bristles(
     records: list[SmallMotion], guess: Mapping[str, float] | None = None
 ) -> Match:
-    """Find LuGre's parameters, and the inertia of the joint.
+    """Identify the parameters of the LuGre model, and the inertia of the joint.
 
     Args:
-        records: Of one joint: motions below breakaway tell σ0 and σ1, those beyond it the rest.
-        guess: First guesses that are better known than from the records; see ``UNITS``.
+        records: Of one joint: motions below breakaway determine σ0 and σ1, those beyond the rest.
+        guess: First guesses to use instead of those from the records; see ``UNITS``.
 
     Returns:
-        All of ``UNITS``; ``missing`` names those that the records do not tell.
+        All of ``UNITS``; ``missing`` names those that the records do not determine.
 
     Raises:
-        InvalidInput: If there is no record, or a guess is none.
+        InvalidInput: If there is no record, or a guess is of an unknown parameter or not positive.
     """
     if not records:
         raise InvalidInput("no record of small motions; at least one is expected")
     if strangers := set(guess or {}) - set(UNITS):
-        raise InvalidInput(f"guess: {known_names(strangers)}; allowed: {known_names(UNITS)}")
+        raise InvalidInput(
+            f"guess: unknown parameter {known_names(strangers)}; allowed: {known_names(UNITS)}"
+        )
     J, s0, s1, Fc, Fs, vs, s2 = p = [ca.SX.sym(name) for name in UNITS]
     q, v, z, tau = (ca.SX.sym(name) for name in "qvzt")
     level = friction.dry(v, 1.0, Fc, Fs - Fc, vs)
@@ -105,7 +106,7 @@ def identify_bristles(
     names = tuple(UNITS)
     law = Law(x, tau, ca.vertcat(*p), ca.vertcat(v, (tau - held) / J, rate), q, names, *_KINKED)
     start, by_size = _guess(records) | dict(guess or {}), sorted(records, key=_span)
-    if len(records) > 1:  # what the smallest motion tells makes a better guess for the others
+    if len(records) > 1:  # the fit of the smallest motion is a better guess for the others
         start |= match(_windows(by_size[0], law, start), start).values
     return match([trial for r in records for trial in _windows(r, law, start)], start)
 
@@ -115,11 +116,11 @@ def _span(record: SmallMotion) -> float:
 
 
 def _windows(record: SmallMotion, law: Law, start: Mapping[str, float]) -> list[Trial]:
-    """Short parts of a record, each with a beginning of its own.
+    """Short parts of a record, each with an initial state of its own.
 
-    A motion that sticks and slips is soon elsewhere when a parameter is a little different; within
-    a window it is not (multiple shooting: Bock, "Recent advances in parameter identification
-    techniques for O.D.E.", 1983).
+    A stick-slip motion diverges quickly when a parameter changes a little; within a window it does
+    not (multiple shooting: Bock, "Recent advances in parameter identification techniques for
+    O.D.E.", 1983).
     """
     v, tau = record.velocity, record.torque
     most = start["static"] / start["sigma0"]
@@ -137,7 +138,7 @@ def _windows(record: SmallMotion, law: Law, start: Mapping[str, float]) -> list[
 
 
 def _guess(records: list[SmallMotion]) -> dict[str, float]:
-    """Least squares on the stuck motion, and on the fastest part of the widest one."""
+    """Least squares on the sticking motion, and on the fastest part of the widest one."""
     small, wide = min(records, key=_span), max(records, key=_span)
     q, tau = small.position, small.torque
     table = np.column_stack([np.gradient(small.velocity, small.dt), small.velocity, q, q * 0 + 1])

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Columns of numbers at even times."""
+"""Columns of numbers at a constant sampling rate."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _UNEVEN = 1e-2  # of a step
 def even_table(
     name: str, time: ArrayLike, given: Mapping[str, ArrayLike | None]
 ) -> tuple[Array, dict[str, Array]]:
-    """Check times and columns, None for one that was not measured: NaN.
+    """Check times and columns; a column of None, which was not measured, becomes NaN.
 
     Args:
         name: Of the record, for messages.
@@ -39,8 +39,8 @@ def even_table(
     if not usual > 0.0 or bad.any():
         i = int(np.argmax(bad))
         raise InvalidInput(
-            f"{name}: times are not even: {t[i]:.9g} s, then {t[i + 1]:.9g} s; a step of "
-            f"{usual:.4g} s to 1 % is expected all along"
+            f"{name}: times are not even: {t[i]:.9g} s, then {t[i + 1]:.9g} s; a constant step of "
+            f"{usual:.4g} s within 1 % is expected"
         )
     return read_only(t), {key: _column(name, key, x, len(t)) for key, x in given.items()}
 

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
 """Stiffness and damping of a flexible joint, from the motor's torque and the angles at its ends.
 
-Two tests: the link *held* (its angle stays), so that the motor swings against the transmission
-alone; or *free*, with the angle of the link measured as well, on an axis that weight does not
-load. The law is that of ``equations.transmission``, k δ + k₃ δ³ + d δ' for a twist δ = θ - q
-(Spong, "Modeling and control of elastic joint robots", ASME J. Dyn. Sys. Meas. Control 109, 1987);
-angles and torques of the motor as they are seen at the joint.
+Two tests: the link *held*, so that the motor swings against the transmission alone; or *free*,
+with the angle of the link measured as well, on an axis without gravity load. The law is that of
+``equations.transmission``, k δ + k₃ δ³ + d δ' for a twist δ = θ - q (Spong, "Modeling and control
+of elastic joint robots", ASME J. Dyn. Sys. Meas. Control 109, 1987); angles and torques of the
+motor are reflected to the joint.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class JointTest:
     """A record of a flexible joint; arrays are read-only.
 
     Attributes:
-        time: At even steps in [s], shape (k,).
-        torque: Of the motor, as it is seen at the joint, held from sample to sample, in [N m].
-        motor: Angle of the motor, as it is seen at the joint, in [rad], shape (k,).
+        time: At a constant step in [s], shape (k,).
+        torque: Of the motor, reflected to the joint, constant between samples, in [N m].
+        motor: Angle of the motor, reflected to the joint, in [rad], shape (k,).
         link: Angle of the link in [rad], shape (k,); NaN where the link was held.
         name: For messages.
     """
@@ -51,11 +51,11 @@ class JointTest:
         cls, time: ArrayLike, torque: ArrayLike, motor: ArrayLike, link: ArrayLike | None = None,
         name: str = "record",
     ) -> JointTest:  # fmt: skip
-        """From arrays; no ``link``: it was held.
+        """From arrays; no ``link`` if it was held.
 
         Raises:
             InvalidInput: If times are not even, shapes differ, numbers are missing, or nothing
-                moves.
+                varies.
         """
         given = {"torque": torque, "motor": motor} | ({} if link is None else {"link": link})
         t, columns = even_table(name, time, given)
@@ -69,16 +69,17 @@ class JointTest:
 
 
 def identify_joint(record: JointTest) -> Match:
-    """Find stiffness, damping and inertias of a flexible joint.
+    """Identify stiffness, damping and inertias of a flexible joint.
 
-    With the link held, damping in the transmission and at the motor are one and count as that of
-    the transmission.
+    With the link held, damping of the transmission and of the motor cannot be separated and count
+    as that of the transmission.
 
     Args:
         record: The test.
 
     Returns:
-        Those of ``UNITS`` that the test has a part in; ``missing`` names what it does not tell.
+        Those of ``UNITS`` that the test involves; ``missing`` names those that it does not
+        determine.
     """
     k, d, Jm, Bm, Jl, Bl = (ca.SX.sym(name) for name in UNITS)
     th, om, q, v, tau = (ca.SX.sym(name) for name in ("th", "om", "q", "v", "tau"))
@@ -112,7 +113,7 @@ def _slopes(record: JointTest) -> tuple[float, float]:
 
 
 def _rest(record: JointTest) -> float:
-    """Where a held link stands: about the middle of the motor's swing."""
+    """The angle of a held link: about the middle of the motor's swing."""
     return float(record.motor.mean())
 
 

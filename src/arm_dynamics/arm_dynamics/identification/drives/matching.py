@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers of a law from the motion it makes: simulated trajectories are laid onto measured ones.
+"""Parameters of a law by fitting simulated trajectories to measured ones.
 
 The output-error method (Ljung, System Identification, 1999, sections 4.3 and 10.2): parameters p
-and the state at the start are such that the simulated outputs come nearest to the measured ones.
-The derivatives are exact: those of the steps that are computed, S⁺ = ∂Φ/∂x S + ∂Φ/∂p, carried
-along with the state. Levenberg's and Marquardt's method (Moré, "The Levenberg-Marquardt algorithm:
-implementation and theory", 1978) finds the minimum; parameters are positive and searched by their
-logarithms, so that all errors are relative ones.
+and the initial state minimize the difference of simulated and measured outputs. The derivatives
+are exact: those of the discrete steps, S⁺ = ∂Φ/∂x S + ∂Φ/∂p, integrated with the state. The
+Levenberg-Marquardt method (Moré, "The Levenberg-Marquardt algorithm: implementation and theory",
+1978) finds the minimum; parameters are positive and searched by their logarithms, so that all
+errors are relative.
 """
 
 from __future__ import annotations
@@ -22,8 +22,8 @@ from arm_dynamics.codegen import Call, Kernel
 from arm_dynamics.exceptions import InvalidInput
 
 _MOST = 512  # steps between two samples
-_SMALL, _LIKE = 1e-3, 0.6  # residual over signal, and its correlation from sample to sample, that
-# are no noise but a law that is another one, or a minimum that is not the lowest
+_SMALL, _LIKE = 1e-3, 0.6  # residual over signal, and its correlation from sample to sample, above
+# which the residual is not noise: another law, or a local minimum
 _BLIND, _APART = 1e-9, 1e-7  # singular values, and entries of singular vectors, that are zero
 _FOUND = 0.5  # relative half width of an interval above which a parameter counts as not found
 _WEIGHTED = 3
@@ -32,18 +32,18 @@ _ROUNDS, _TRIES, _ENOUGH = 60, 12, 1e-12
 
 @dataclass(frozen=True)
 class Law:
-    """What moves in a test, as expressions.
+    """The model of a test, as expressions.
 
     Attributes:
         x: States, shape (nx,).
-        u: Inputs, held from one sample to the next, shape (nu,).
+        u: Inputs, constant between samples, shape (nu,).
         p: Parameters, all positive, shape (np,).
         slope: x', shape (nx,).
-        outputs: What is measured, shape (ny,).
-        names: Of the parameters.
-        exact: Error of the simulation relative to a signal, below which a residual says nothing;
-            larger where a slope has kinks.
-        step: Longest step of Runge and Kutta over the shortest time constant.
+        outputs: Measured outputs, shape (ny,).
+        names: Names of the parameters.
+        exact: Error of the simulation relative to a signal, below which a residual is
+            meaningless; larger where a slope has kinks.
+        step: Longest Runge-Kutta step over the shortest time constant.
     """
 
     x: ca.SX
@@ -58,15 +58,15 @@ class Law:
 
 @dataclass(frozen=True)
 class Trial:
-    """One record of a trial.
+    """One record of a test.
 
     Attributes:
-        law: What moves in it.
-        dt: From sample to sample in [s].
+        law: Its model.
+        dt: Sampling interval in [s].
         u: Inputs, shape (k, nu); the last row is not used.
         y: Outputs, NaN where they were not measured, shape (k, ny).
-        x0: First guess of the state at the start, shape (nx,).
-        around: States near which it moves, for the length of steps, shape (m, nx).
+        x0: First guess of the initial state, shape (nx,).
+        around: Typical states, from which the length of steps follows, shape (m, nx).
         name: For messages.
     """
 
@@ -91,13 +91,13 @@ def _spread(column: Array) -> float:
 
 @dataclass(frozen=True)
 class Estimate:
-    """One number.
+    """An estimated parameter.
 
     Attributes:
-        name: What it is.
+        name: Its name.
         value: In SI units.
-        interval: Half the width of the interval that holds it in 95 of 100 cases.
-        found: Whether the records tell it: half the interval is less than half its value.
+        interval: Half the width of its 95 % confidence interval.
+        found: Whether the records determine it: ``interval`` is less than half of ``value``.
     """
 
     name: str
@@ -108,13 +108,13 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Match:
-    """What was found.
+    """Result of a fit.
 
     Attributes:
-        estimates: By name.
-        residual: What is left, relative to how much the outputs vary.
-        follows: Whether the law follows the records but for noise; else nothing counts as found.
-        simulated: Outputs as simulated, of each record, shape (k, ny).
+        estimates: Parameters by name.
+        residual: Residual relative to the variation of the outputs.
+        follows: Whether the law fits the records up to noise; else no estimate counts as found.
+        simulated: Simulated outputs of each record, shape (k, ny).
     """
 
     estimates: Mapping[str, Estimate]
@@ -124,31 +124,33 @@ class Match:
 
     @property
     def values(self) -> dict[str, float]:
-        """Numbers that were found."""
+        """Values of the parameters that were found."""
         return {name: e.value for name, e in self.estimates.items() if e.found}
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Names of those that the records do not tell."""
+        """Names of the parameters that the records do not determine."""
         return tuple(name for name, e in self.estimates.items() if not e.found)
 
 
 def match(trials: Sequence[Trial], guess: Mapping[str, float]) -> Match:
-    """Find the parameters of laws from trials.
+    """Fit the parameters of laws to trials.
 
     Args:
-        trials: Their laws name their parameters; those of one name are one.
+        trials: Parameters of the same name in their laws are the same parameter.
         guess: First guess of each parameter, positive.
 
     Returns:
-        The parameters with intervals, and those that the records do not tell.
+        The parameters with intervals, and those that the records do not determine.
 
     Raises:
-        InvalidInput: If nothing varies, or a guess is none or makes no finite trajectory.
+        InvalidInput: If nothing varies, or a guess is not positive or its trajectory not finite.
     """
     names = tuple(dict.fromkeys(name for trial in trials for name in trial.law.names))
     if bad := [name for name in names if not 0.0 < guess.get(name, 0.0) < np.inf]:
-        raise InvalidInput(f"a positive first guess of {bad[0]} is expected")
+        raise InvalidInput(
+            f"first guess of {bad[0]} = {guess.get(bad[0])}; a positive number is expected"
+        )
     log_p = np.log([guess[name] for name in names])
     problem = _Problem(trials, names)
     problem.refine(log_p)
@@ -268,12 +270,12 @@ def _rolled(trial: Trial, steps: int) -> ca.Function:
 
 
 def _least_squares(problem: _Problem, log_p: Array) -> tuple[Array, list[Array]]:
-    """Levenberg's and Marquardt's way down from a guess."""
+    """Minimize by the Levenberg-Marquardt method from a guess."""
     x0, damping = problem.x0, 1e-3
     r, J = problem.evaluate(log_p, x0)
     if not np.all(np.isfinite(r)):
         raise InvalidInput(
-            "the first guess makes no trajectory with finite numbers; another one is expected"
+            "the trajectory of the first guess is not finite; another guess is expected"
         )
     for _ in range(_ROUNDS):
         before = float(r @ r)
@@ -312,8 +314,8 @@ def _moved(log_p: Array, x0: list[Array], step: Array) -> tuple[Array, list[Arra
 def _judged(problem: _Problem, names: tuple[str, ...], log_p: Array, r: Array, J: Array) -> Match:
     """Intervals by the curvature of the sum of squares (Ljung, section 9.4), and what is missing.
 
-    A residual is at least the error of the method, so that without noise the rest of rounding does
-    not pass for information.
+    A residual is at least the error of the method, so that without noise the remaining rounding
+    is not taken for information.
     """
     noise = max(np.sqrt(float(r @ r) / max(len(r) - J.shape[1], 1)), 1.0)
     scale = np.linalg.norm(J, axis=0)
@@ -343,7 +345,7 @@ def _follows(residual: float, alike: float) -> bool:
 
 
 def _left_over(trials: Sequence[Trial], simulated: Sequence[Array]) -> tuple[float, float]:
-    """Residual over signal, and how far a residual is like the one of the sample before."""
+    """Residual over signal, and the correlation of successive residuals."""
     left = signal = like = 0.0
     for trial, y in zip(trials, simulated, strict=True):
         size = np.where(trial.size > 0.0, trial.size, np.inf)

@@ -1,17 +1,17 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The numbers of a direct-current motor from records of voltage, current and speed.
+"""Parameters of a DC motor from records of voltage, current and speed.
 
 The tests of the textbooks (Krause, Wasynczuk, Sudhoff, Analysis of Electric Machinery, 2002,
-section 2.6), each of which tells a part:
+section 2.6), each of which determines some of the parameters:
 
-* *blocked*: the rotor is held. V = R i + L di/dt tells R and L, a measured torque K_t.
-* *free*: the motor runs under changing voltage. K_e from the speed that a voltage leads to;
-  J ω' + B ω + C sgn ω = K_t i tells inertia and friction against K_t.
+* *blocked*: the rotor is held. V = R i + L di/dt gives R and L, a measured torque gives K_t.
+* *free*: the motor runs under varying voltage. K_e follows from speed over voltage;
+  J ω' + B ω + C sgn ω = K_t i gives inertia and friction relative to K_t.
 * *coast*: the winding is open, i = 0. ω falls by B/J and C/J; a measured voltage is K_e ω.
 
-In SI units K_t and K_e are one number, by the balance of power; where a torque is measured they
-are found apart. A first guess comes from the equations integrated from sample to sample, linear in
-the parameters; then simulated currents and speeds are laid onto the measured ones.
+In SI units K_t and K_e are equal, by the balance of power; if a torque is measured they are
+identified separately. A first guess comes from the equations integrated from sample to sample,
+linear in the parameters; then simulated currents and speeds are fitted to the measured ones.
 """
 
 from __future__ import annotations
@@ -40,15 +40,15 @@ UNITS = {
 
 @dataclass(frozen=True)
 class MotorRecord:
-    """A record of one test; arrays are read-only, and NaN stands for what was not measured.
+    """A record of one test; arrays are read-only, and NaN where not measured.
 
     Attributes:
-        kind: ``blocked``, ``free`` or ``coast``, see the top of this module.
-        time: At even steps in [s], shape (k,).
-        voltage: At the winding, held from sample to sample, in [V], shape (k,).
+        kind: ``blocked``, ``free`` or ``coast``, see the module's docstring.
+        time: At a constant step in [s], shape (k,).
+        voltage: At the winding, constant between samples, in [V], shape (k,).
         current: In [A], shape (k,).
         speed: Of the rotor in [rad/s], shape (k,).
-        torque: On what holds the rotor in [N m], shape (k,).
+        torque: Measured at the blocked rotor in [N m], shape (k,).
         name: For messages.
     """
 
@@ -69,8 +69,8 @@ class MotorRecord:
         """From arrays; None stands for what was not measured.
 
         Raises:
-            InvalidInput: If times are not even, shapes differ, numbers are missing where the test
-                needs them, or nothing varies.
+            InvalidInput: If times are not even, shapes differ, samples that the test needs are
+                missing, or nothing varies.
         """
         if kind not in get_args(Kind):
             raise InvalidInput(f"kind = {kind!r}; allowed: {', '.join(get_args(Kind))}")
@@ -82,7 +82,7 @@ class MotorRecord:
 
     @property
     def dt(self) -> float:
-        """From sample to sample in [s]."""
+        """Sampling interval in [s]."""
         return float((self.time[-1] - self.time[0]) / (len(self.time) - 1))
 
     def _check(self) -> None:
@@ -98,23 +98,23 @@ class MotorRecord:
                 )
         if np.ptp(getattr(self, needed[-1])) == 0.0:
             raise InvalidInput(
-                f"{self.name}: {needed[-1]} does not vary; a {self.kind} test in which it does is "
-                "expected"
+                f"{self.name}: {needed[-1]} does not vary; a {self.kind} test in which it varies "
+                "is expected"
             )
 
 
 def identify_motor(records: Sequence[MotorRecord]) -> Match:
-    """Find the numbers of a motor from any of the tests.
+    """Identify the parameters of a motor from any of the tests.
 
     Args:
         records: Of one motor.
 
     Returns:
-        Those of ``UNITS`` that the tests have a part in; friction is that at the rotor.
-        ``missing`` names those that the records do not tell.
+        Those of ``UNITS`` that the tests involve; friction is that at the rotor.
+        ``missing`` names those that the records do not determine.
 
     Raises:
-        InvalidInput: If there is no record, or they cannot be used.
+        InvalidInput: If there is no record, or the records cannot be used.
     """
     if not records:
         raise InvalidInput("no record of a motor; at least one is expected")
@@ -122,8 +122,8 @@ def identify_motor(records: Sequence[MotorRecord]) -> Match:
         r.kind == "coast" and not np.isfinite(r.voltage).any() for r in records
     ):
         raise InvalidInput(
-            "coasting alone tells only friction over inertia; a free or blocked test of the same "
-            "motor is expected, or the voltage at the open winding"
+            "coasting alone determines only friction over inertia; a free or blocked test of the "
+            "same motor is expected, or the voltage at the open winding"
         )
     apart = any(np.isfinite(record.torque).any() for record in records)
     guess = _guess(records, apart)
@@ -131,7 +131,7 @@ def identify_motor(records: Sequence[MotorRecord]) -> Match:
 
 
 def _trial(record: MotorRecord, apart: bool) -> Trial:
-    """What is simulated of a record."""
+    """The trial of a record: its model, inputs and outputs."""
     R, L, Kt, Ke, J, B, C = (ca.SX.sym(name) for name in UNITS)
     Ke = Ke if apart else Kt
     i, w, V, way = (ca.SX.sym(name) for name in ("i", "w", "V", "way"))
@@ -210,7 +210,7 @@ def _guess(records: Sequence[MotorRecord], apart: bool) -> dict[str, float]:
 
 
 def _solved(parts: list[Array], count: int) -> Array:
-    """Least-squares numbers of the first columns for the last, zeros where there is nothing."""
+    """Least-squares coefficients of the first columns for the last; zeros without any row."""
     if not parts:
         return np.zeros(count)
     table = np.vstack(parts)

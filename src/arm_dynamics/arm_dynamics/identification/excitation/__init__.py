@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exciting trajectories: motions from which parameters can be identified, within limits.
+"""Exciting trajectories: motions within limits from which parameters can be identified.
 
 Depends on the equations, for the regressor as an expression, and on trajectories; not on
 recordings.

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a motion tells of an arm: the regressor of its torques, as expressions.
+"""Information of a motion about an arm: the regressor of its torques, as expressions.
 
-Torques are linear in the numbers to be identified, τ = W(q, v, a) π (Khalil and Dombre, Modeling,
-Identification and Control of Robots, 2002, chapter 12): of each link the inertial parameters that
-its joint can tell from its parent's, and of each joint the inertia of its drive, viscous and
-Coulomb friction and an offset. What of them no motion tells apart is taken together by the
-singular value decomposition of W at random states.
+Torques are linear in the parameters to be identified, τ = W(q, v, a) π (Khalil and Dombre,
+Modeling, Identification and Control of Robots, 2002, chapter 12): for each link the inertial
+parameters that its joint can distinguish from its parent's, and for each joint the inertia of its
+drive, viscous and Coulomb friction and an offset. Combinations that no motion can separate are
+grouped by the singular value decomposition of W at random states.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def friction_columns(v: ca.SX, a: ca.SX, turning: Array) -> list[ca.SX]:
 
 
 def _symbolic(link: Link) -> tuple[Link, ca.SX]:
-    """The link with symbols for what ``tree.regrouped`` leaves of it, and the symbols."""
+    """The link with symbols for the inertias that ``tree.regrouped`` leaves, and the symbols."""
     if link.prismatic:
         m = ca.SX.sym("m")
         return Link(link.parent, True, link.R, link.p, m, ca.SX(3, 1), ca.SX(3, 3)), m
@@ -60,10 +60,10 @@ def _symbolic(link: Link) -> tuple[Link, ca.SX]:
 
 
 def distinct(W: ca.Function, states: Array, weight: Array) -> ca.Function:
-    """Combinations of the columns that motions tell apart, of like size at random states.
+    """Independent combinations of the columns, of similar size at random states.
 
-    A basis of the row space of W, each vector over its singular value; the determinant and the
-    rank of a motion's regressor say the same in any basis.
+    A basis of the row space of W, each vector divided by its singular value; rank and optimum of
+    the determinant of a motion's regressor are the same in any basis.
 
     Args:
         W: See ``regressor``.
@@ -84,7 +84,7 @@ def distinct(W: ca.Function, states: Array, weight: Array) -> ca.Function:
 
 
 def random_states(lower: Array, upper: Array, speed: Array, rise: Array, count: int) -> Array:
-    """Random q, v and a within limits, always the same ones, shape (count, 3, n)."""
+    """Random q, v and a within limits, reproducible, shape (count, 3, n)."""
     rng, n = np.random.default_rng(0), len(lower)
     u = rng.uniform(-1.0, 1.0, (count, 3, n))
     middle, half = (lower + upper) / 2.0, (upper - lower) / 2.0
@@ -92,7 +92,7 @@ def random_states(lower: Array, upper: Array, speed: Array, rise: Array, count: 
 
 
 def information(Wt: ca.MX) -> ca.MX:
-    """Log det(W Wᵀ) of a wide matrix, by Cholesky's factors: what a D-optimal motion has most of.
+    """Log det(W Wᵀ) of a wide matrix by Cholesky factors, which a D-optimal motion maximizes.
 
     Args:
         Wt: Shape (columns, rows).

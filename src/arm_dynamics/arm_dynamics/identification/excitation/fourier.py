@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Fourier series that begin and end at rest, where the arm stands.
+"""Fourier series that begin and end at rest at a given position.
 
 Exciting motions are finite Fourier series since Swevers, Ganseman, Tükel, De Schutter, Van
 Brussel, "Optimal robot excitation and identification", IEEE Trans. Robotics and Automation 13(5),
-1997: periodic, so that periods can be averaged, and of a known bandwidth. Of all series with N
-harmonics those are taken that have the position of the start, no velocity and no acceleration at
-t = 0: three linear conditions a joint, which the functions
+1997: periodic, so that periods can be averaged, and of known bandwidth. Among the series with N
+harmonics we use those with the start position, zero velocity and zero acceleration at t = 0:
+three linear conditions per joint, which the functions
 
     S_l(t) = sin(l ω t)/l - sin(ω t),   C_l(t) = (1 - cos(l ω t))/l² - (1 - cos(ω t)),   l = 2 … N
 
-all meet. So the arm leaves and comes back to rest within the series itself, and periods join
-without a seam.
+all satisfy. So the arm starts from rest and returns to it within the series itself, and periods
+join smoothly.
 """
 
 from __future__ import annotations

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How sure a motion makes one of the masses of an arm, as an expression.
+"""Uncertainty of the masses of an arm after a motion, as an expression.
 
-A determinant of all parameters gains as much by the tenth part of a variance that is small as of
-one that is large. Where masses are asked for, the sum of their variances is to be small
+The determinant over all parameters gains as much from reducing a small variance tenfold as from
+reducing a large one. To identify masses, the sum of their variances is minimized instead
 (A-optimality for some of the parameters: Atkinson, Donev, Optimum Experimental Designs, 1992,
-sections 10.3 and 10.4). It is decided by the link whose weight is the smallest part of its joint's
-torque, since noise and what a model leaves out grow with the torque.
+sections 10.3 and 10.4). The link whose weight is the smallest part of its joint's torque dominates
+it, since noise and unmodeled effects grow with the torque.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from arm_dynamics.identification.excitation.columns import friction_columns
 from arm_dynamics.model import ArmModel, gravity_of, tree_of
 
 NOISE, RATE = 0.05, 1000.0
-"""Of torques, as a part of their root mean square, white at this many samples a second."""
-_FLOOR = 0.01  # part of a joint's usual torque that counts as measured even where there is none
-_BEFORE = 0.1  # standard deviation of a density, as a part of it, before anything is measured
+"""Noise of torques relative to their root mean square, white at this many samples per second."""
+_FLOOR = 0.01  # fraction of a joint's typical torque below which noise does not fall
+_BEFORE = 0.1  # prior standard deviation of a density, relative
 _TOTAL = 1e-4  # of the total mass, likewise: it is weighed
-_FREE = 1e-3  # precision of armature and friction before anything is measured, in SI units
+_FREE = 1e-3  # prior precision of armature and friction, in SI units
 
 
 def densities(model: ArmModel, turning: Array) -> ca.Function:
-    """Columns of the torques that bodies of nominal shape make by their densities, and friction.
+    """Columns of friction, and of the torques of nominal bodies by their densities.
 
     Args:
         model: The arm.
@@ -53,7 +53,7 @@ def densities(model: ArmModel, turning: Array) -> ca.Function:
 def spread(
     model: ArmModel, turning: Array, motion: list[ca.MX], period: float, usual: Array
 ) -> ca.MX:
-    """Standard deviations of masses, as parts of them, that a period leaves; shape (bodies,).
+    """Relative standard deviations of masses after one period; shape (bodies,).
 
     Torques have ``NOISE``, the total mass is known, bodies have their nominal shapes.
 
@@ -62,7 +62,7 @@ def spread(
         turning: See ``densities``.
         motion: q, v and a at even times, each of shape (n, instants).
         period: In [s].
-        usual: Torques of the joints that are usual, shape (n,).
+        usual: Typical torques of the joints, shape (n,).
     """
     count, n = motion[0].shape[1], model.n
     W = densities(model, turning)
@@ -81,7 +81,7 @@ def spread(
 
 
 def _before(model: ArmModel, others: int) -> Array:
-    """Precision of what is known before, shape (size, size)."""
+    """Precision of the prior, shape (size, size)."""
     masses = np.array([inertia.mass for inertia in list(model.pin.inertias)[1:]])
     part = masses / masses.sum()
     sure = np.eye(len(masses)) / _BEFORE**2 + np.outer(part, part) / _TOTAL**2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What an exciting motion must keep to: limits of the joints, and the room there is."""
+"""Constraints of an exciting motion: limits of the joints, and the workspace."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.model import ArmModel, frame_of, tree_of
 from arm_dynamics.trajectory import Bounds, Limits, Trajectory
 
-_HALF_TURN = np.pi  # [rad] or [m] to either side that a joint without position limits is given
-_INSIDE = 0.1  # share of the allowed range that a start of our own stays away from its ends
-_POINTS = np.linspace(0.0, 1.0, 5)[:-1]  # of every segment, at which gaps are looked at
-_BATCH = 200  # points at once: for more Dynamics would compile, which takes a second when new
+_HALF_TURN = np.pi  # [rad] or [m] to either side for a joint without position limits
+_INSIDE = 0.1  # distance of the default start from both limits, as a fraction of the range
+_POINTS = np.linspace(0.0, 1.0, 5)[:-1]  # of every segment, at which gaps are checked
+_BATCH = 200  # points at once: for more, Dynamics would compile, which takes a second when new
 
 
 @dataclass(frozen=True)
 class Box:
-    """A box in the world that the origins of some frames stay in.
+    """A box in the world that contains the origins of some frames.
 
     Attributes:
         lower: Its lowest corner x, y, z in [m], shape (3,).
@@ -45,29 +45,29 @@ class Box:
         if lower.shape != (3,) or upper.shape != (3,) or not np.all(lower < upper):
             raise InvalidInput(
                 f"box from {lower} to {upper}; two corners x, y, z in m are expected, the first "
-                "below the second in each"
+                "below the second in each coordinate"
             )
         if not self.frames:
-            raise InvalidInput("a box is for frames; at least one is expected")
+            raise InvalidInput("the box has no frames; at least one is expected")
 
 
 @dataclass(frozen=True)
 class Room:
-    """What a motion is held to.
+    """The constraints of a motion.
 
     Args:
         dynamics: The arm; used from one thread only.
-        share: Of the limits of speed and torque that may be used.
-        margin: Share of each joint's range to stay away from both its ends.
+        share: Fraction of the velocity and torque limits that may be used.
+        margin: Distance to both position limits, as a fraction of each joint's range.
         acceleration: Limits in [rad/s²] or [m/s²], one or shape (n,); inf for none.
         box: Where frames must stay; None: anywhere.
-        clearance: Distance in [m] to keep from planes with which the scene has contacts.
-        given_start: Where the motion begins and ends, shape (n,); None for the scene's initial
-            position, moved inwards where that is near a limit.
+        clearance: Distance in [m] to keep from the planes of the scene's contacts.
+        given_start: Position at which the motion begins and ends, shape (n,); None for the scene's
+            initial position, moved inwards if it is near a limit.
 
     Raises:
-        InvalidInput: If an argument is not allowed, the arm has closed loops, or the start does
-            not keep to the limits.
+        InvalidInput: If an argument is not allowed, the arm has closed loops, or the start
+            violates a limit.
     """
 
     dynamics: Dynamics
@@ -79,17 +79,19 @@ class Room:
     given_start: ArrayLike | None = None
 
     def __post_init__(self) -> None:
-        """Check it, and that the arm can stand at the start."""
+        """Check the arguments, and that the arm can hold the start position."""
         if not 0.0 < self.share <= 1.0:
             raise InvalidInput(f"share = {self.share}; more than 0 and at most 1 is expected")
         if not 0.0 <= self.margin < 0.5:
-            raise InvalidInput(f"margin = {self.margin}; from 0, below 0.5 is expected")
+            raise InvalidInput(f"margin = {self.margin}; at least 0 and below 0.5 is expected")
         if not 0.0 <= self.clearance < np.inf:
-            raise InvalidInput(f"clearance = {self.clearance}; a distance in m is expected")
+            raise InvalidInput(
+                f"clearance = {self.clearance}; a distance in m of at least 0 is expected"
+            )
         if loops := self.model.scene.bilateral:
             raise InvalidInput(
-                f"the scene has {len(loops)} constraints that close loops or hold frames: its "
-                "joints cannot be moved each by itself; an open chain is expected"
+                f"the scene has {len(loops)} constraints that close loops or hold frames, so its "
+                "joints cannot move independently; an open chain is expected"
             )
         self._check_start()
 
@@ -100,7 +102,7 @@ class Room:
 
     @cached_property
     def limits(self) -> Limits:
-        """Limits of positions, margins taken off, of velocities and accelerations, in use."""
+        """Limits of positions without margins, of velocities and of accelerations, as used."""
         model = self.model
         lower = np.where(np.isfinite(model.position_lower), model.position_lower, np.nan)
         upper = np.where(np.isfinite(model.position_upper), model.position_upper, np.nan)
@@ -113,12 +115,12 @@ class Room:
 
     @property
     def effort(self) -> Array:
-        """Limits of torques in use, in [N m] or [N], inf where there is none, shape (n,)."""
+        """Limits of torques as used, in [N m] or [N], inf where there is none, shape (n,)."""
         return self.share * self.model.effort_limit
 
     @cached_property
     def start(self) -> Array:
-        """Where the motion begins and ends, shape (n,)."""
+        """Position at which the motion begins and ends, shape (n,)."""
         lower, upper = self.limits.lower, self.limits.upper
         if self.given_start is not None:
             return vector("start", self.given_start, self.model.joint_names)
@@ -127,7 +129,7 @@ class Room:
 
     @cached_property
     def gaps(self) -> tuple[ca.Function, tuple[str, ...]]:
-        """Distances in [m] that must not be negative, as a function of q, and what each is."""
+        """Distances in [m] that must not be negative, as a function of q, and their names."""
         model = self.model
         q, tree = ca.SX.sym("q", model.n), tree_of(self.model)
         pose = placements(tree, q)
@@ -152,24 +154,24 @@ class Room:
         for frame in box.frames:
             if frame not in self.model.frame_names:
                 raise InvalidInput(
-                    f"box: no frame '{frame}'; allowed: {known_names(self.model.frame_names)}"
+                    f"box: unknown frame '{frame}'; allowed: {known_names(self.model.frame_names)}"
                 )
             place, _ = placement(tree, frame_of(self.model, frame), q)
             found += [place - ca.DM(box.lower), ca.DM(box.upper) - place]
-            names += [f"'{frame}' from the box's {end} end in {axis}"
+            names += [f"the distance of '{frame}' from the {end} side of the box in {axis}"
                       for end in ("lower", "upper") for axis in "xyz"]  # fmt: skip
         return found, names
 
     def torques(self, q: Array, v: Array, a: Array) -> Array:
-        """What a motion takes in [N m] or [N], shapes (k, n)."""
+        """Torques of a motion in [N m] or [N], shape (k, n)."""
         rows = np.array_split(np.arange(len(q)), len(q) // _BATCH + 1)
         return np.vstack([self.dynamics.inverse(q[i], v[i], a[i]) for i in rows])
 
     def check(self, motion: Trajectory) -> None:
-        """Check a motion: limits by what its polynomials reach, torques and gaps at many points.
+        """Check a motion: limits by the extrema of its polynomials, torques and gaps at points.
 
         Raises:
-            InvalidInput: If it leaves the room.
+            InvalidInput: If it violates a constraint.
         """
         within = Limits(
             self.limits.velocity / self.share, self.limits.acceleration / self.share,
@@ -183,14 +185,14 @@ class Room:
         beyond = np.maximum(limits.lower - q, q - limits.upper)
         for i in np.flatnonzero(beyond > 0.0):
             raise InvalidInput(
-                f"start: joint '{limits.name(int(i))}' at {q[i]:.6g}; allowed is "
+                f"start: joint '{limits.name(int(i))}' at {q[i]:.6g} rad or m; allowed: "
                 f"{limits.lower[i]:.6g} to {limits.upper[i]:.6g}"
             )
         tau = self.dynamics.inverse(q, np.zeros_like(q), np.zeros_like(q))
         for i in np.flatnonzero(abs(tau) >= self.effort):
             raise InvalidInput(
-                f"start: the weight on joint '{limits.name(int(i))}' takes {abs(tau[i]):.4g}; "
-                f"allowed is {self.effort[i]:.4g}"
+                f"start: gravity loads joint '{limits.name(int(i))}' with {abs(tau[i]):.4g} N m "
+                f"or N; less than {self.effort[i]:.4g} is allowed"
             )
         self._check_gaps(q[None], "at the start")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Searches for the motion that tells most of an arm."""
+"""Search for the most exciting motion of an arm."""
 
 from __future__ import annotations
 
@@ -24,34 +24,34 @@ from arm_dynamics.identification.excitation.room import Room
 from arm_dynamics.model import gravity_of, tree_of
 from arm_dynamics.trajectory import Trajectory
 
-_INSTANTS = 12  # for each harmonic, at which a motion is judged while searching
-_KNOTS = 24  # knots for each harmonic of the motion that is handed out
-_SOFT = 0.02  # share of the speed limit over which friction turns round, to have a slope
-_INSIDE = 0.98  # of the limits, so that what happens between the instants has room
+_INSTANTS = 12  # per harmonic, at which a motion is evaluated while searching
+_KNOTS = 24  # knots per harmonic of the motion that is returned
+_SOFT = 0.02  # fraction of the velocity limit over which friction changes sign, to have a slope
+_INSIDE = 0.98  # of the limits, as a margin for motion between the instants
 _SHRINK = 0.97
 _STATES = 40  # random states for each column of the regressor
 _SILENT = {"print_level": 0, "sb": "yes", "hessian_approximation": "limited-memory", "tol": 1e-4}
 
 
 ALL, MASSES = "all", "masses"
-"""What a motion is to tell: all parameters alike, or masses above all."""
+"""Parameters that a motion is optimized for: all of them, or the masses."""
 
 
 @dataclass(frozen=True)
 class Excitation:
-    """A motion from rest to rest, periodic, and how well it tells the arm's parameters apart.
+    """A periodic motion from rest to rest, and how well it determines the arm's parameters.
 
     Attributes:
         motion: One period.
         joint_names: Order of the joints.
         condition: Largest over smallest singular value of its regressor; see ``columns.distinct``.
         information: log det(WᵀW), likewise.
-        parameters: How many parameters, or combinations of them, it tells apart.
-        attempts: What each attempt of the search reached, by which motions are compared, shape
-            (attempts,): the information, or the mean standard deviation of masses.
-        masses: Standard deviations of the masses, as parts of them, that one period leaves, of
-            bodies of nominal shape and known total mass, if torques have 5 % of white noise at 1
-            kHz; shape (bodies,), None if the aim is all parameters.
+        parameters: Number of parameters, or combinations of them, that it can identify.
+        attempts: Value that each attempt of the search reached, shape (attempts,): the
+            information, or the mean standard deviation of masses.
+        masses: Relative standard deviations of the masses after one period, for bodies of nominal
+            shape and known total mass, if torques have 5 % of white noise at 1 kHz; shape
+            (bodies,), None if the aim is all parameters.
     """
 
     motion: Trajectory
@@ -74,24 +74,24 @@ def excite(
     seed: int = 0,
     told: Callable[[int], None] = lambda attempts_done: None,
 ) -> Excitation:
-    """Find a periodic motion within limits that is as exciting as possible.
+    """Compute a periodic motion within limits that is as exciting as possible.
 
-    For all parameters alike that is a D-optimal one, for masses an A-optimal one; see ``masses``.
-    The determinant of the information matrix does not depend on how parameters are scaled or
-    combined (Swevers and others, 1997, section III; Atkinson, Donev, Optimum Experimental Designs,
-    1992, chapter 10). Every attempt starts from a random motion; interior points (IPOPT) lead it
-    to a local optimum with exact derivatives. Then it is made smaller, about the posture at the
-    start, until it keeps to every limit at every instant.
+    It is D-optimal for all parameters, A-optimal for masses; see ``masses``. The optimum of the
+    determinant of the information matrix does not depend on how parameters are scaled or combined
+    (Swevers and others, 1997, section III; Atkinson, Donev, Optimum Experimental Designs, 1992,
+    chapter 10). Every attempt starts from a random motion, which an interior-point method (IPOPT)
+    improves to a local optimum with exact derivatives. Then it is scaled down about the start
+    position until it satisfies every limit at every instant.
 
     Args:
-        room: What the motion is held to.
+        room: Constraints of the motion.
         period: In [s].
-        harmonics: Number of the highest harmonic, at least 2.
-        aim: ``all`` or ``masses``: what it is to tell.
-        attempts: Random starts.
-        iterations: Of each attempt, at most.
+        harmonics: Number of harmonics, at least 2.
+        aim: ``all`` or ``masses``: the parameters to optimize for.
+        attempts: Number of random starts.
+        iterations: Largest number of iterations of each attempt.
         seed: Of the random starts; the same seed gives the same motion.
-        told: Called after each attempt with how many are done.
+        told: Called after each attempt with the number of finished attempts.
 
     Returns:
         The best motion.
@@ -106,7 +106,7 @@ def excite(
         if value < least:
             raise InvalidInput(f"{name} = {value}; at least {least} is expected")
     if aim not in (ALL, MASSES):
-        raise InvalidInput(f"aim is '{aim}'; allowed are {ALL} and {MASSES}")
+        raise InvalidInput(f"aim is '{aim}'; allowed: {ALL}, {MASSES}")
     search = _Search(room, period, harmonics, aim)
     rng, found = np.random.default_rng(seed), list[tuple[float, Array]]()
     for attempt in range(attempts):
@@ -117,8 +117,9 @@ def excite(
     sigma = np.linalg.svd(search.rows(y), compute_uv=False)
     if not sigma[-1] > 1e-9 * sigma[0]:
         raise InvalidInput(
-            f"the best motion tells only {int(np.sum(sigma > 1e-9 * sigma[0]))} of {len(sigma)} "
-            "parameters apart; more harmonics, more room or more attempts are expected"
+            f"the best motion identifies only {int(np.sum(sigma > 1e-9 * sigma[0]))} of "
+            f"{len(sigma)} parameters; more harmonics, a larger workspace or more attempts are "
+            "expected"
         )
     reached = np.array([value for value, _ in found])
     masses = search.masses(y) if aim == MASSES else None
@@ -171,7 +172,7 @@ class _Search:
         return read_only(self._masses(y).full()[:, 0])
 
     def gain(self, y: Array) -> float:
-        """What is to be large; minus infinity where the regressor is singular."""
+        """The objective to maximize; minus infinity if the regressor is singular."""
         value = float(self._gain(y))
         return value if np.isfinite(value) else -np.inf
 
@@ -189,9 +190,9 @@ class _Search:
         return found if np.all(np.isfinite(found)) else y
 
     def within(self, y: Array) -> Array:
-        """The motion about the start as large as limits allow, at most as large as it is.
+        """The motion scaled down about the start until it satisfies the limits.
 
-        At the start every limit holds, so it ends.
+        The start itself satisfies them, so this terminates.
         """
         while True:
             try:
@@ -205,7 +206,7 @@ class _Search:
         """One period as quintic segments."""
         times = np.append(self._times(_KNOTS), self.period)
         q, v, a = np.moveaxis(y @ basis(times, self.period, self.harmonics), 1, 2)
-        v[[0, -1]] = a[[0, -1]] = 0.0  # but for rounding
+        v[[0, -1]] = a[[0, -1]] = 0.0  # removes rounding
         return Trajectory.through(times, q + self.room.start, v, a)
 
     def _times(self, density: int) -> Array:
@@ -214,7 +215,7 @@ class _Search:
         return times
 
     def _constraints(self, motion: list[ca.MX]) -> tuple[ca.MX, Array, Array]:
-        """What is held at the instants, as one column, and its bounds."""
+        """Constrained values at the instants, as one column, and their bounds."""
         room, model, n = self.room, self.room.model, self.room.model.n
         q, v, a = (ca.SX.sym(name, n) for name in "qva")
         tau = rigid_body.inverse(tree_of(model), q, v, a, gravity_of(model))
@@ -234,7 +235,7 @@ class _Search:
         return ca.vec(held.map(count)(*motion)), *bounds
 
     def _usual_torque(self, states: Array) -> Array:
-        """What a torque is compared with: its limit, or what random motions take."""
+        """The scale of each torque: its limit, or its rms over random motions."""
         usual = np.sqrt(np.mean(self.room.torques(*np.moveaxis(states, 1, 0)) ** 2, axis=0))
         effort = self.room.effort
         scale: Array = np.where(np.isfinite(effort), effort, np.maximum(usual, 1e-9 * usual.max()))

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bodies, armatures and friction from torques, by least squares.
+"""Inertias, armatures and friction from torques, by least squares.
 
-Knows models and measured motions at even times; neither recordings as they came nor scenes that
-come out. ``rows`` makes a regression of motions, ``selection`` chooses laws of friction, ``fit``
-fits them with the bodies.
+Depends on models and measured motions; neither on recordings nor on scenes. ``rows`` builds the
+regression from motions, ``selection`` chooses friction laws, ``fit`` fits them with the bodies.
 """

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What of a robot's bodies its joint torques can show at all, in any motion.
+"""Base parameters: combinations of inertial parameters that joint torques can determine.
 
-Columns of the regressor that are linear combinations of others in *every* state belong to numbers
-that no motion can tell apart; they are grouped (Gautier, Khalil, "Direct calculation of minimum
-set of inertial parameters of serial robots", IEEE Trans. Robotics and Automation 6(3), 1990).
+Columns of the regressor that are linear combinations of others in *every* state belong to
+parameters that no motion can separate; they are grouped (Gautier, Khalil, "Direct calculation of
+minimum set of inertial parameters of serial robots", IEEE Trans. Robotics and Automation 6(3),
+1990).
 """
 
 from __future__ import annotations
@@ -16,20 +17,21 @@ import numpy as np
 from arm_dynamics.arrays import Array
 
 STATES = 60
-"""Random states for each joint: of the model, and so independent of what was measured."""
+"""Random states per joint: of the model, and so independent of the measurements."""
 DEPENDENT = 1e-5
-"""Part of a column's length by which it must stand out of the others. What depends is at 1e-13, or
-at 1e-9 where a description has its right angles to nine digits; what does not is above 1e-3."""
+"""Relative distance of a column from the span of the others above which it is independent.
+Dependent ones are at 1e-13, or at 1e-9 if a URDF rounds right angles to nine digits; independent
+ones are above 1e-3."""
 ROUNDED = 1e-7
-"""Coefficients below it are rounding, where lengths are of metres."""
+"""Coefficients below it are rounding, for lengths of the order of meters."""
 
 
 @dataclass(frozen=True)
 class BaseParameters:
-    """Groups of numbers, each of which some motion shows.
+    """Groups of parameters, each of which some motion determines.
 
     Attributes:
-        independent: Places of the numbers that lead a group, in their order.
+        independent: Indices of the parameters that lead a group, in order.
         grouping: Matrix B of shape (groups, numbers): the base parameters are β = B θ, and
             Y θ = Y[:, independent] β in every state.
         names: Of each group, such as ``elbow.Ixx - elbow.Iyy + 0.04 wrist.m``.
@@ -41,11 +43,11 @@ class BaseParameters:
 
     @property
     def count(self) -> int:
-        """How many groups there are."""
+        """Number of groups."""
         return len(self.independent)
 
     def of(self, theta: Array) -> Array:
-        """β of numbers of shape (numbers,)."""
+        """β of parameters of shape (numbers,)."""
         return self.grouping @ theta
 
 
@@ -56,15 +58,15 @@ def base_parameters(
 
     Args:
         regressor: Y(q, v, a) for rows of states of shape (k, n): shape (k, n, numbers).
-        n: How many joints.
-        names: Of each number.
+        n: Number of joints.
+        names: Of each parameter.
     """
     rng = np.random.default_rng(0)
     q, v, a = rng.uniform(-3.0, 3.0, (3, STATES * n, n))
     columns = regressor(q, v, a).reshape(-1, len(names))
     triangle = np.linalg.qr(columns, mode="r")
     lengths = np.linalg.norm(triangle, axis=0)
-    # From the last number to the first: groups are led by numbers of bodies further out.
+    # From the last parameter to the first: distal bodies lead the groups.
     basis, chosen = np.zeros((len(names), 0)), list[int]()
     for k in reversed(range(len(names))):
         if lengths[k] < 1e-12 * lengths.max():

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ten numbers of a rigid body, which of them a body can have, and how far apart two are.
+"""The ten inertial parameters of a rigid body, their physical consistency and distance.
 
-With the density of the body, J = ∫ [r; 1][r; 1]ᵀ dm: a symmetric 4 by 4 matrix, linear in the ten
-numbers. A body can have them if and only if J is not negative in any direction (Wensing, Kim,
-Slotine, "Linear matrix inequalities for physically consistent inertial parameter identification",
-IEEE Robotics and Automation Letters 3(1), 2018).
+With the density of the body, the pseudo-inertia J = ∫ [r; 1][r; 1]ᵀ dm is a symmetric 4 by 4
+matrix, linear in the ten parameters. They are physically consistent if and only if J is positive
+semidefinite (Wensing, Kim, Slotine, "Linear matrix inequalities for physically consistent inertial
+parameter identification", IEEE Robotics and Automation Letters 3(1), 2018).
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import numpy as np
 from arm_dynamics.arrays import Array
 
 THIN = 1e-3
-"""Part of the largest eigenvalue of Σ = ∫ r rᵀ dm that a direction is taken to have at least where
-a description has none: a plate has a thickness, and rounded numbers may leave it
-a negative one."""
+"""Smallest eigenvalue of Σ = ∫ r rᵀ dm relative to the largest: a plate has a thickness, which
+rounded numbers of a URDF may make negative."""
 
 
 def _basis() -> Array:
@@ -34,26 +33,26 @@ BASIS = _basis()
 
 
 def pseudo_inertia(theta: Array) -> Array:
-    """J of shape (…, 4, 4) from ten numbers of shape (…, 10)."""
+    """J of shape (…, 4, 4) from inertial parameters of shape (…, 10)."""
     return np.asarray(np.tensordot(theta, BASIS, axes=1))
 
 
 def numbers_of(J: Array) -> Array:
-    """The ten numbers of a pseudo-inertia of shape (4, 4)."""
+    """The inertial parameters of a pseudo-inertia of shape (4, 4)."""
     inertia = np.trace(J[:3, :3]) * np.eye(3) - J[:3, :3]
     return np.concatenate([[J[3, 3]], J[:3, 3], inertia[[0, 0, 1, 0, 1, 2], [0, 1, 1, 2, 2, 2]]])
 
 
 def possible(theta: Array, least: float = 0.0) -> bool:
-    """Whether a body can have these ten numbers: J of no eigenvalue below ``least``."""
+    """Whether the parameters are physically consistent: all eigenvalues of J above ``least``."""
     return bool(np.linalg.eigvalsh(pseudo_inertia(theta)).min() > least)
 
 
 def nearest(theta: Array) -> Array:
-    """A body of the same mass and centre, none of whose directions is thinner than ``THIN``.
+    """The body with the same mass and center of mass, but no direction thinner than ``THIN``.
 
     Args:
-        theta: Ten numbers with a mass of more than zero.
+        theta: Ten inertial parameters with a positive mass.
     """
     mass, first = theta[0], theta[1:4]
     J = pseudo_inertia(theta)
@@ -70,8 +69,8 @@ def nearest(theta: Array) -> Array:
 def metric(theta: Array) -> Array:
     """Q of the squared distance δᵀ Q δ of bodies near this one, shape (10, 10).
 
-    ½ tr((J⁻¹ δJ)²): that of the affine-invariant metric at J, which knows neither units nor where
-    the frame is (Lee, Wensing, Park, "Geometric robot dynamic identification: a convex programming
+    ½ tr((J⁻¹ δJ)²): that of the affine-invariant metric at J, which depends neither on units nor
+    on the frame (Lee, Wensing, Park, "Geometric robot dynamic identification: a convex programming
     approach", IEEE Trans. Robotics 36(2), 2020). A body of 1 + ε times the density is at 2 ε².
     """
     parts = np.linalg.solve(pseudo_inertia(theta), BASIS)
@@ -79,11 +78,11 @@ def metric(theta: Array) -> Array:
 
 
 def prior(theta: Array, mass: float, shape: float) -> Array:
-    """Precision of the belief that a body is near this one, shape (10, 10).
+    """Precision of the prior that a body is near this one, shape (10, 10).
 
     Args:
-        theta: Ten numbers of a body.
-        mass: Standard deviation of its density, as a part of it.
+        theta: Ten inertial parameters of a body.
+        mass: Relative standard deviation of its density.
         shape: That of all else, as a distance; see ``metric``.
     """
     Q = metric(theta)
@@ -94,7 +93,7 @@ def prior(theta: Array, mass: float, shape: float) -> Array:
 
 
 def log_det(theta: Array) -> tuple[float, Array, Array]:
-    """-log det J with gradient and Hessian, shapes (10,) and (10, 10); inf if J is no body's."""
+    """-log det J, its gradient (10,) and Hessian (10, 10); inf if J is not positive definite."""
     J = pseudo_inertia(theta)
     values = np.linalg.eigvalsh(J)
     if values[0] <= 0.0:

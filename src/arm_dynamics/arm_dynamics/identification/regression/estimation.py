@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Weighted least squares over all joints: estimates, what they are worth, and bodies that exist.
+"""Weighted least squares over all joints: estimates, covariances, physically consistent bodies.
 
-Unknowns are x = (θ, armatures, friction): ten numbers of each body, one inertia of each joint's
-drive, and each joint's coefficients. Everything linear in x is here; shapes that are not, in
-``selection``.
+Unknowns are x = (θ, armatures, friction): ten inertial parameters of each body, one inertia of
+each joint's drive, and each joint's friction coefficients. This module is linear in x; shapes of
+friction that are not linear are in ``fit``.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from arm_dynamics.identification.regression.rows import Rows
 
 Mask = NDArray[np.bool_]
 NOISELESS = 1e-9
-"""Part of a joint's torque below which its residual is rounding."""
+"""Residual relative to a joint's torque below which it is rounding."""
 
 
 @dataclass(frozen=True)
 class Common:
-    """Columns that stay while laws of friction change, as orthonormal ones, of one joint.
+    """QR factors of the columns of one joint that do not depend on its friction law.
 
     Attributes:
-        use: Rows that count, shape (k,).
-        Q: Orthonormal columns of the rows that count.
-        T: Q T are the columns.
+        use: Rows that are used, shape (k,).
+        Q: Orthonormal columns of the rows that are used.
+        T: Triangle: Q T are the columns.
     """
 
     use: Mask
@@ -46,14 +46,14 @@ class Common:
 
 @dataclass(frozen=True)
 class Columns:
-    """A regression: for each joint its own columns, and which unknowns they belong to.
+    """A regression: the columns of each joint, and the unknowns they belong to.
 
     Attributes:
         common: Of each joint: columns of bodies and of its armature, shape (k, m).
         own: Of each joint: columns of its friction, shape (k, m_j).
-        places: For each joint the places of all its columns in x.
-        size: How many unknowns.
-        reduced: Of each joint, what ``common`` is in the rows that count.
+        places: Of each joint: indices of all its columns in x.
+        size: Number of unknowns.
+        reduced: Of each joint: factors of ``common`` in the rows that are used.
     """
 
     common: tuple[Array, ...]
@@ -82,12 +82,12 @@ class Columns:
         return np.hstack([self.common[j], self.own[j]])
 
     def whitened(self, y: Array, weights: Array, count: float) -> tuple[Array, Array]:
-        """A triangle R and a vector z: ‖R x - z‖² is the weighted sum of squares but a constant.
+        """A triangle R and a vector z: ‖R x - z‖² is the weighted sum of squares up to a constant.
 
         Args:
             y: Shape (k, n).
             weights: Of each joint: 1 over its standard deviation, shape (n,).
-            count: How many independent numbers a row is worth.
+            count: Independent values per row.
         """
         triangles = []
         for j, (reduced, place) in enumerate(zip(self.reduced, self.places, strict=True)):
@@ -107,7 +107,7 @@ class Columns:
 
 
 def common_columns(rows: Rows, use: Mask) -> tuple[tuple[Array, ...], tuple[Common, ...]]:
-    """Columns of bodies and armature of each joint, and what they are where rows count."""
+    """Columns of bodies and armature of each joint, and their factors in the used rows."""
     columns = tuple(
         np.hstack([rows.rigid[:, j], rows.inertia[:, j : j + 1]]) for j in range(rows.n)
     )
@@ -121,7 +121,7 @@ def columns_of(
 
     Args:
         common: See ``common_columns``.
-        friction: Low-passed columns of each joint, shape (k, m_j).
+        friction: Low-pass filtered columns of each joint, shape (k, m_j).
     """
     columns, reduced = common
     n, numbers = len(columns), columns[0].shape[1] - 1
@@ -147,7 +147,7 @@ def deviations(y: Array, predicted: Array, use: Mask) -> Array:
 
 @dataclass(frozen=True)
 class Belief:
-    """What is believed of x before anything is measured: x0, and rows S of precision SᵀS.
+    """The prior of x: its mean x0, and rows S of its precision SᵀS.
 
     Attributes:
         x0: Shape (size,).
@@ -158,7 +158,7 @@ class Belief:
     rows: Array
 
     def combined(self, R: Array, z: Array) -> tuple[Array, Array]:
-        """The triangle and vector of data and belief together."""
+        """The triangle and vector of data and prior together."""
         A = np.vstack([R, self.rows])
         b = np.concatenate([z, self.rows @ self.x0])
         both = np.linalg.qr(np.column_stack([A, b]), mode="r")
@@ -167,12 +167,11 @@ class Belief:
 
 
 def belief_of(nominal: Array, size: int, mass: float, shape: float) -> Belief:
-    """That bodies are near the nominal ones; see ``bodies.prior``.
+    """The prior that bodies are near the nominal ones; see ``bodies.prior``.
 
-    What a description has too thin is believed to be as thick as a body can be, for a body of less
-    density than a thin one would else be none. Bodies without mass stay as they are. The other
-    unknowns, ``size`` in all, are believed to be about zero, as weakly as makes what nothing shows
-    come out at zero.
+    Bodies that a URDF makes too thin get the smallest possible thickness, since a thin body of
+    lower density would not be physically consistent. Bodies without mass are fixed. The other
+    unknowns, ``size`` in all, have a weak prior at zero, so that undetermined ones become zero.
     """
     x0 = np.zeros(size)
     x0[: len(nominal)] = nominal
@@ -190,7 +189,7 @@ def belief_of(nominal: Array, size: int, mass: float, shape: float) -> Belief:
 
 
 def solved(R: Array, z: Array) -> Array:
-    """The x of least ‖R x - z‖, and of the least size where R does not tell."""
+    """The x that minimizes ‖R x - z‖, of minimum norm where R does not determine it."""
     scale = np.linalg.norm(R, axis=0)
     scale[scale == 0.0] = 1.0
     return np.asarray(np.linalg.lstsq(R / scale, z, rcond=1e-14)[0] / scale)
@@ -199,17 +198,17 @@ def solved(R: Array, z: Array) -> Array:
 def covariance(
     columns: Columns, residual: Array, use: Mask, weights: Array, lag: int, shown: Array
 ) -> Array:
-    """Covariance of directions of x that the data show, for residuals correlated in time.
+    """Covariance of directions of x that the data determine, for residuals correlated in time.
 
     H⁻¹ S H⁻¹ with S the long-run covariance of the weighted scores, by Bartlett's window (Newey,
     West, "A simple, positive semi-definite, heteroskedasticity and autocorrelation consistent
     covariance matrix", Econometrica 55(3), 1987). Scores of all joints at a time are summed, so
-    that what they have in common counts too.
+    that their correlation counts too.
 
     Args:
         columns: The regression.
         residual: Shape (k, n).
-        use: Rows that count, shape (k, n).
+        use: Rows that are used, shape (k, n).
         weights: Of each joint, shape (n,).
         lag: Rows after which residuals are independent.
         shown: Directions D, shape (size, m), of x = D u.
@@ -236,18 +235,18 @@ def covariance(
 def made_possible(
     R: Array, z: Array, start: Array, nominal: Array, positive: Sequence[int]
 ) -> Array:
-    """The x of least ‖R x - z‖² whose bodies exist and whose coefficients are not negative.
+    """The x that minimizes ‖R x - z‖² with consistent bodies and nonnegative coefficients.
 
     Newton's method on the whitened problem with -log det of each body's pseudo-inertia and -log of
     each coefficient as barriers (Boyd, Vandenberghe, Convex Optimization, 2004, section 11.3): the
-    problem is convex, so that the answer is the best there is, to the gap that is left.
+    problem is convex, so the result is the global minimum up to the duality gap.
 
     Args:
-        R: Triangle of data and belief, of full rank.
-        z: What goes with it.
-        start: An x that is possible.
-        nominal: Ten numbers of each body; those without mass are held.
-        positive: Places of coefficients that must not be negative.
+        R: Triangle of data and prior, of full rank.
+        z: Its right-hand side.
+        start: A feasible x.
+        nominal: Ten inertial parameters of each body; bodies without mass are fixed.
+        positive: Indices of coefficients that must not be negative.
     """
     x = start.copy()
     movable = [i for i in range(0, len(nominal), EACH) if nominal[i] > 1e-9]

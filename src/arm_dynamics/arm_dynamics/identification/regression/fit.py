@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The whole fit of one set of laws: bodies, armatures, friction, and the shapes of friction."""
+"""The fit of one set of friction laws: bodies, armatures, coefficients and shapes of friction."""
 
 from __future__ import annotations
 
@@ -38,12 +38,12 @@ from arm_dynamics.identification.regression.selection import STEEP, STEEPEST
 SIGNED = (COULOMB_SKEW, VISCOUS_SKEW)
 STEPS = 25
 SETTLED = 1e-10
-"""Relative change of a shape at which it is found."""
+"""Relative change of a shape at which it has converged."""
 
 
 @dataclass(frozen=True)
 class Fit:
-    """What came out of one fit.
+    """Result of a fit.
 
     Attributes:
         x: Bodies, armatures and friction, shape (size,).
@@ -51,9 +51,8 @@ class Fit:
         columns: The regression at the end.
         weights: Of each joint, shape (n,).
         residual: Shape (k, n).
-        free: The same estimate without what is believed of bodies and without what bodies can
-            have, which is what intervals are told of.
-        changed: Whether bodies had to be changed to be possible.
+        free: The estimate without prior and without constraints, to which intervals belong.
+        changed: Whether bodies had to be changed to be physically consistent.
     """
 
     x: Array
@@ -66,11 +65,11 @@ class Fit:
 
     @property
     def bodies(self) -> int:
-        """How many numbers bodies have."""
+        """Number of inertial parameters."""
         return self.columns.size - len(self.weights) - sum(len(f.kinds) for f in self.friction)
 
     def friction_place(self, j: int) -> int:
-        """Where the coefficients of a joint begin in x."""
+        """Index of the first friction coefficient of a joint in x."""
         before = sum(len(f.kinds) for f in self.friction[:j])
         return self.bodies + len(self.weights) + before
 
@@ -79,21 +78,21 @@ def fitted(
     rows: Rows, use: Mask, belief_for: object, friction: Sequence[JointFit], *,
     possible: bool = False,
 ) -> Fit:  # fmt: skip
-    """Fit all there is: linear unknowns at once, shapes of friction by Gauss and Newton.
+    """Fit all unknowns: linear ones in one step, shapes of friction by Gauss-Newton.
 
     Args:
         rows: The regression's rows.
-        use: Those that count, shape (k, n).
-        belief_for: Makes what is believed of a number of unknowns.
-        friction: Laws of each joint, with shapes to begin with.
-        possible: Whether bodies have to be such as there can be.
+        use: Rows that are used, shape (k, n).
+        belief_for: Returns the prior for a number of unknowns.
+        friction: Laws of each joint, with first guesses of their shapes.
+        possible: Whether bodies must be physically consistent.
     """
     target = rows.effort - rows.known
     common = common_columns(rows, use)
     fits, load = list(friction), np.zeros_like(target)
     fits = [_kept(rows, use, j, fit) for j, fit in enumerate(fits)]
     weights = 1.0 / deviations(target, np.zeros_like(target), use)
-    for _ in range(3):  # negative coefficients fall out
+    for _ in range(3):  # negative coefficients are removed
         fits, load, weights, x, columns = _settled(
             rows, use, common, belief_for, fits, target, load, weights
         )
@@ -112,7 +111,7 @@ def fitted(
 
 
 def _kept(rows: Rows, use: Mask, j: int, fit: JointFit) -> JointFit:
-    """Without what a joint that does not move, or one way only, cannot show."""
+    """The law without terms that a joint at rest, or moving one way only, cannot determine."""
     v = rows.v[use[:, j], j]
     if not v.size or np.sqrt(np.mean(v**2)) < 1e-9:
         return JointFit(())
@@ -161,7 +160,7 @@ def _settled(
 
 
 def _with_coefficients(fits: Sequence[JointFit], x: Array, size: int) -> list[JointFit]:
-    """The same with the coefficients at the end of x."""
+    """The laws with the coefficients at the end of x."""
     place = size - sum(len(fit.kinds) for fit in fits)
     found = []
     for fit in fits:
@@ -172,7 +171,7 @@ def _with_coefficients(fits: Sequence[JointFit], x: Array, size: int) -> list[Jo
 
 
 def _shapes(fit: JointFit) -> tuple[str, ...]:
-    """Names of what is not linear in a joint's friction."""
+    """Names of the nonlinear parameters of a joint's friction."""
     falls = EXCESS in fit.kinds and fit.shape.stribeck_velocity is not None
     grows = fit.shape.load is not None
     bends = [f"at.{i}" for i in range(1, len(fit.shape.points))]
@@ -181,7 +180,7 @@ def _shapes(fit: JointFit) -> tuple[str, ...]:
 
 
 def _moved(shape: Shape, name: str, by: float) -> Shape:
-    """A shape with one of its numbers moved: velocities, and gaps of loads, by parts of them."""
+    """A shape with one parameter changed: velocities, and gaps between loads, relatively."""
     if name == "load":
         return replace(shape, load=float(np.clip((shape.load or 0.0) + by, 0.0, STEEP)))
     if "." in name:
@@ -200,7 +199,7 @@ def _stepped(
     rows: Rows, belief_for: object,
     now: tuple[list[JointFit], Array, Array, Array, Columns], target: Array, damping: float,
 ) -> list[JointFit]:  # fmt: skip
-    """Shapes after a step of Gauss and Newton, with all linear unknowns free to follow."""
+    """Shapes after a Gauss-Newton step, with all linear unknowns free."""
     fits, load, weights, _, columns = now
     names = [(j, name) for j, fit in enumerate(fits) for name in _shapes(fit)]
     parts, places = list(columns.own), list(columns.places)
@@ -220,7 +219,7 @@ def _stepped(
 
 
 def _slope(fit: JointFit, name: str, v: Array, load: Array) -> Array:
-    """How a joint's friction changes with one number of its shape, shape (k, 1)."""
+    """Derivative of a joint's friction by one parameter of its shape, shape (k, 1)."""
     h = 1e-6
     up, down = (replace(fit, shape=_moved(fit.shape, name, by)) for by in (h, -h))
     span = 2.0 * h
@@ -234,7 +233,7 @@ def _same(one: JointFit, other: JointFit) -> bool:
 
 
 def _without_negative(fit: JointFit) -> JointFit:
-    """Without laws that came out as what none can be."""
+    """The law without terms of impossible coefficients, such as negative friction."""
     c = fit.coefficients
     kinds = [k for k in fit.kinds if k in (COULOMB_SKEW, VISCOUS_SKEW) or c[k] > 0.0]
     for skew, mean in ((COULOMB_SKEW, COULOMB), (VISCOUS_SKEW, VISCOUS)):
@@ -255,7 +254,7 @@ def _without_negative(fit: JointFit) -> JointFit:
 def _possible(
     R: Array, z: Array, x: Array, belief: Belief, rows: Rows, fits: Sequence[JointFit]
 ) -> tuple[Array, bool]:
-    """The estimate if bodies can have it, else the best that they can have."""
+    """The estimate if it is physically consistent, else the best consistent one."""
     nominal = belief.x0[: len(rows.regressor.nominal)]
     parts = [x[i : i + EACH] for i in range(0, len(nominal), EACH) if nominal[i] > 1e-9]
     armatures = range(len(nominal), len(nominal) + rows.n)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction of one joint as the engine computes it, as columns of a regression.
+"""Friction of one joint, as the simulator computes it, as columns of a regression.
 
-The laws are those of ``equations.friction`` and the tables those of ``equations.interpolation``,
-which a scene's keys stand for; see ``model.friction``.
+The laws are those of ``equations.friction`` and the tables those of ``equations.interpolation``;
+see ``model.friction`` for the keys of a scene.
 """
 
 from __future__ import annotations
@@ -18,24 +18,24 @@ from arm_dynamics.equations.interpolation import Curve
 VISCOUS, VISCOUS_SKEW = "viscous", "viscous_skew"
 COULOMB, COULOMB_SKEW, EXCESS = "coulomb", "coulomb_skew", "excess"
 LINEAR = (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
-"""Coefficients of which friction is a linear function. A constant torque, such as a sensor's
-offset, is in a joint that moves the same as a skew of its Coulomb friction."""
+"""Coefficients in which friction is linear. In a moving joint, a constant torque, such as a sensor
+offset, is equivalent to a skew of its Coulomb friction."""
 STRIBECK_VELOCITY, LOAD = "stribeck_velocity", "load"
 POINTS = 6
-"""Of a table of friction by load."""
+"""Number of points in a table of friction over load."""
 
 
 @dataclass(frozen=True)
 class Shape:
-    """What of a joint's friction its coefficients multiply.
+    """The nonlinear parameters of a joint's friction, which its coefficients multiply.
 
     Attributes:
-        stribeck_velocity: In [rad/s] or [m/s]; None where friction falls at once.
-        load: Part of the dry friction that grows with the load, from none without load to all of
-            it at the heaviest; None where it does not grow.
-        heaviest: The heaviest load in [N m] or [N].
-        points: Loads, the first of them 0, and how much of that part is there, from 0 to 1; none
-            where it grows in proportion up to the heaviest.
+        stribeck_velocity: In [rad/s] or [m/s]; None if friction does not fall with velocity.
+        load: Fraction of the dry friction that grows with the load, from zero without load to all
+            of it at the largest; None if it does not grow.
+        heaviest: The largest load in [N m] or [N].
+        points: Loads, the first of them 0, and the growth at each, from 0 to 1; empty if it is
+            proportional up to the largest load.
     """
 
     stribeck_velocity: float | None = None
@@ -54,12 +54,12 @@ class Shape:
 
     @property
     def steepness(self) -> float:
-        """Most by which the factor grows from one point to the next, in [1/(N m)] or [1/N]."""
+        """Largest slope of the factor between points, in [1/(N m)] or [1/N]."""
         at, factor = self.table
         return float((np.diff(factor) / np.diff(at)).max())
 
     def column(self, kind: str, v: Array, load: Array) -> Array:
-        """Friction of a coefficient of one.
+        """Friction with a unit coefficient.
 
         Args:
             kind: One of ``LINEAR``.
@@ -84,12 +84,12 @@ class Shape:
 
 @dataclass(frozen=True)
 class JointFit:
-    """Friction of one joint: which coefficients it has, and the shape that they multiply.
+    """Friction of one joint: its coefficients, and the shape that they multiply.
 
     Attributes:
-        kinds: Those of ``LINEAR`` that are estimated.
-        shape: What they multiply.
-        coefficients: Their values, by kind.
+        kinds: Coefficients of ``LINEAR`` that are estimated.
+        shape: Its nonlinear parameters.
+        coefficients: Values by kind.
     """
 
     kinds: tuple[str, ...]

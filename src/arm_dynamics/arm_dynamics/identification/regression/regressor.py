@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Torques of rigid bodies as a linear function of what the bodies are."""
+"""Torques of rigid bodies as a linear function of their inertial parameters."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.springs import SpringTerms
 
 EACH = 10
-"""Numbers of a body: mass, mass times centre of mass, inertia about the origin of its joint's
-frame; in Pinocchio's order ``NAMES``."""
+"""Inertial parameters of a body: mass, mass times center of mass, inertia about the origin of its
+joint's frame; in Pinocchio's order ``NAMES``."""
 NAMES = ("m", "mx", "my", "mz", "Ixx", "Ixy", "Iyy", "Ixz", "Iyz", "Izz")
 TINY = 1e-9
-"""Mass in [kg] below which a body is a frame that moves nothing, and is left as it is."""
+"""Mass in [kg] below which a body counts as massless, and is not identified."""
 
 
 class RigidRegressor:
-    """Y(q, v, a) of τ = Y θ, θ the ten numbers of each moving body; friction is not in it.
+    """Y(q, v, a) of τ = Y θ, θ the ten parameters of each moving body; without friction.
 
     Source: Atkeson, An, Hollerbach, "Estimation of inertial parameters of manipulator loads and
     links", Int. J. of Robotics Research 5(3), 1986; computed by Pinocchio.
 
     Attributes:
         bodies: Names of the bodies, which are those of the joints that move them.
-        nominal: θ of the scene's robot, shape (10 bodies,), links that are fixed to each other as
-            one body, without payloads.
-        payload: What the scene's payloads add to it, likewise.
+        nominal: θ of the scene's robot without payloads, shape (10 bodies,); links that are fixed
+            to each other are one body.
+        payload: Contribution of the scene's payloads, likewise.
     """
 
     def __init__(self, model: ArmModel) -> None:
@@ -50,18 +50,18 @@ class RigidRegressor:
         return full
 
     def spring(self, q: Array, v: Array) -> Array:
-        """What springs and their dampers take, for rows of shape (k, n), in [N m] or [N]."""
+        """Torques of springs and their dampers for rows of shape (k, n), in [N m] or [N]."""
         terms = SpringTerms(self.model)
         if not terms.springs:
             return np.zeros_like(q)
         return np.array([terms.torque(*row) for row in zip(q, v, strict=True)])
 
     def places(self, body: int) -> slice:
-        """Where the numbers of a body are in θ."""
+        """Indices of the parameters of a body in θ."""
         return slice(EACH * body, EACH * (body + 1))
 
     def names(self) -> list[str]:
-        """Of each number in θ, such as ``elbow.Izz``."""
+        """Names of the parameters in θ, such as ``elbow.Izz``."""
         return [f"{body}.{name}" for body in self.bodies for name in NAMES]
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Measured motions as rows of a regression: one for each joint and time, low-passed alike."""
+"""Measured motions as rows of a regression: one per joint and time, with the same filter."""
 
 from __future__ import annotations
 
@@ -20,34 +20,34 @@ from arm_dynamics.identification.regression.regressor import RigidRegressor
 from arm_dynamics.model.arm import ArmModel
 
 HELD_OUT = 0.3
-"""Part of each recording, at its end, that errors are told of and laws are not chosen by."""
+"""Fraction of each recording, at its end, that is held out to measure errors."""
 FOLDS = 5
-"""Parts of the rest that laws are chosen by, each predicted from the others."""
+"""Folds of the rest by which laws are selected, each predicted from the others."""
 STILL = 0.1
-"""Time in [s] for which a joint may be at rest: longer, and its friction is anything up to the
-static one, which tells nothing."""
+"""Time in [s] for which a joint may be at rest: after it, its friction may have any value up to
+static friction, so its rows are not used."""
 SLOW = 1e-3
-"""Part of a joint's mean speed below which it is at rest."""
+"""Velocity relative to a joint's root mean square velocity below which it is at rest."""
 
 
 class Rows:
     """The regression's rows of all motions.
 
-    Columns are low-passed as the efforts are, since a filter of both sides of an equation leaves
-    it true; where the robot's own efforts are low-passed already, so are the columns, by
+    Columns are filtered as the efforts are, since an equation stays true if both sides are
+    filtered; if the robot filters its efforts itself, columns are also filtered at
     ``effort_band``.
 
     Attributes:
-        effort: Low-passed efforts, shape (k, n).
-        rigid: Low-passed regressor of the bodies, shape (k, n, numbers).
-        inertia: Low-passed accelerations, shape (k, n), which an armature multiplies.
-        v: Velocities, not low-passed once more, shape (k, n).
-        valid: Which rows of which joint were measured, shape (k, n).
-        use: Which of them are fitted to, shape (k, n): not those at rest.
+        effort: Low-pass filtered efforts, shape (k, n).
+        rigid: Low-pass filtered regressor of the bodies, shape (k, n, numbers).
+        inertia: Low-pass filtered accelerations, shape (k, n), which an armature multiplies.
+        v: Velocities, not filtered a second time, shape (k, n).
+        valid: Rows of each joint that were measured, shape (k, n).
+        use: Those of them that are used in the fit, shape (k, n): not those at rest.
         train: Rows that are not held out, shape (k,).
-        fold: Part of those that a row belongs to, shape (k,); -1 where it is held out.
-        independent: How many numbers low-passed noise has in a row.
-        lag: Rows after which residuals are taken to be independent.
+        fold: Fold of each row, shape (k,); -1 if it is held out.
+        independent: Independent values of filtered noise per row.
+        lag: Rows after which residuals count as independent.
     """
 
     def __init__(
@@ -78,7 +78,7 @@ class Rows:
 
     @property
     def n(self) -> int:
-        """How many joints."""
+        """Number of joints."""
         return int(self.v.shape[1])
 
     @cached_property
@@ -88,7 +88,7 @@ class Rows:
 
     @cached_property
     def known(self) -> Array:
-        """Torques of what is not estimated, payloads and springs, low-passed, shape (k, n)."""
+        """Torques of payloads and springs, which are known, filtered, shape (k, n)."""
         payload = self.rigid @ self.regressor.payload
         return np.asarray(payload + self.filtered(self.regressor.spring(self.q, self.v)))
 
@@ -97,13 +97,13 @@ class Rows:
         return self.filtered(self.a)
 
     def filtered(self, columns: Array) -> Array:
-        """Low-pass columns, shape (k, …), as the efforts are."""
+        """Filter columns as the efforts, shape (k, …)."""
         ends = np.cumsum([len(motion.time) for motion in self.motions])[:-1]
         parts = zip(np.split(columns, ends), self.motions, strict=True)
         return np.concatenate([self._low(part, motion) for part, motion in parts])
 
     def low_passed(self, effort_band: float) -> Rows:
-        """The same rows, with efforts taken for low-passed before."""
+        """The same rows, for efforts that were filtered before at ``effort_band``."""
         other = copy(self)
         other.effort_band, other._made = effort_band, {}
         for name in ("rigid", "known", "inertia"):
@@ -111,9 +111,9 @@ class Rows:
         return other
 
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
-        """Low-passed columns of a joint's friction, shape (k, kinds); see ``sudden``.
+        """Low-pass filtered columns of a joint's friction, shape (k, kinds); see ``sudden``.
 
-        Those that no load changes are computed once.
+        Columns that do not depend on the load are computed once.
         """
         if not fit.kinds:
             return np.zeros((len(load), 0))
@@ -129,12 +129,12 @@ class Rows:
         return np.hstack(found)
 
     def sudden(self, of: Callable[[Array, Array], Array], joint: int, load: Array) -> Array:
-        """Low-passed columns of what jumps, and so is computed at all times that were measured.
+        """Low-pass filtered columns that jump, computed at all measured times before filtering.
 
         Args:
             of: Columns by the joint's velocity and its drive's torque, shape (rows, m).
-            joint: Which one.
-            load: Its drive's torque in each row, shape (k,).
+            joint: Index of the joint.
+            load: Torque of its drive in each row, shape (k,).
         """
         found, start = [], 0
         for motion, thin, stride in zip(self.whole, self.motions, self._strides, strict=True):
@@ -149,7 +149,7 @@ class Rows:
         return np.concatenate(found)
 
     def _low(self, columns: Array, motion: MeasuredMotion) -> Array:
-        """Low-pass what has one row for each time of a motion."""
+        """Low-pass filter columns with one row for each time of a motion."""
         part = motion.filtered(columns)
         if self.effort_band is not None and self.effort_band < motion.band:
             again = ZeroPhase(self.effort_band, motion.dt)
@@ -166,7 +166,7 @@ def _folds(count: int, held_out: float) -> NDArray[np.int_]:
 
 
 def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
-    """Where a joint rests for longer than it takes to turn round, shape (k, n)."""
+    """Rows in which a joint rests for longer than a reversal takes, shape (k, n)."""
     slow = abs(motion.v) < SLOW * np.sqrt((motion.v**2).mean(axis=0)) + 1e-12
     found = np.zeros_like(slow)
     for j, column in enumerate(slow.T):
@@ -177,14 +177,14 @@ def _still(motion: MeasuredMotion) -> NDArray[np.bool_]:
 
 
 def steady_friction(rows: Rows, load: Array) -> Array:
-    """The scene's own friction, low-passed, under torques of the drives; shapes (k, n)."""
+    """The scene's friction under torques of the drives, low-pass filtered; shapes (k, n)."""
     model = rows.regressor.model
     own = [rows.sudden(partial(_steady, model, j), j, load[:, j]) for j in range(rows.n)]
     return np.hstack(own)
 
 
 def _steady(model: ArmModel, j: int, v: Array, load: Array) -> Array:
-    """That of one joint, not low-passed, shape (k, 1)."""
+    """The friction of one joint, not filtered, shape (k, 1)."""
     wide_v, wide_load = np.zeros((2, len(v), model.n))
     wide_v[:, j], wide_load[:, j] = v, load
     friction = SteadyFriction.of(model)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which laws of friction a joint is given: those that predict what they were not fitted to."""
+"""Selection of the friction laws of each joint by cross-validation."""
 
 from __future__ import annotations
 
@@ -24,25 +24,25 @@ from arm_dynamics.identification.regression.friction_columns import (
 from arm_dynamics.identification.regression.rows import FOLDS, Rows
 
 FALLS = np.geomspace(0.01, 0.6, 6)
-"""Stribeck velocities that are tried, as parts of a joint's root mean square speed."""
+"""Stribeck velocities that are tried, relative to a joint's root mean square velocity."""
 WORTH = 0.02
-"""Part by which a law must lower the error of prediction to be taken."""
+"""Relative reduction of the prediction error by which a law is accepted."""
 RESOLVED = 1e-6
-"""Part of the torque below which errors of prediction are not told apart."""
+"""Resolution of prediction errors relative to the torque."""
 STEEP = 0.98
-"""Largest part of the dry friction that may grow with the load: a factor has to be positive."""
+"""Largest fraction of the dry friction that may grow with the load: a factor is positive."""
 STEEPEST = 0.3
-"""Most that friction may grow with the load; the scene's curve is up to half as steep again."""
+"""Largest growth of friction with the load; the scene's curve is up to half as steep again."""
 ROUNDS = 2
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """A column that a joint may be given.
+    """A column that may be selected for a joint.
 
     Attributes:
-        kind: What it is: one of ``LINEAR``, or ``"load"``.
-        shape: With which shape.
+        kind: One of ``LINEAR``, or ``"load"``.
+        shape: Its shape.
     """
 
     kind: str
@@ -50,7 +50,7 @@ class Candidate:
 
 
 def candidates(speed: float, load: Array) -> list[Candidate]:
-    """What is tried for a joint of a root mean square speed under torques of shape (k,)."""
+    """Candidates for a joint with a root mean square velocity under torques of shape (k,)."""
     plain = Shape()
     made = [Candidate(kind, plain) for kind in (VISCOUS, COULOMB, COULOMB_SKEW, VISCOUS_SKEW)]
     made += [Candidate(EXCESS, Shape(stribeck_velocity=float(f * speed))) for f in FALLS]
@@ -64,14 +64,14 @@ LOADED = "load"
 
 
 def column(candidate: Candidate, v: Array, load: Array) -> Array:
-    """Friction of a candidate with a coefficient of one, shape (k,)."""
+    """Friction of a candidate with a unit coefficient, shape (k,)."""
     if candidate.kind != LOADED:
         return candidate.shape.column(candidate.kind, v, load)
     return replace(candidate.shape, load=1.0).column(COULOMB, v, load)
 
 
 def fit_of(chosen: Sequence[Candidate], coefficients: Sequence[float]) -> JointFit:
-    """The friction that candidates with these coefficients make together."""
+    """The sum of candidates with these coefficients as one friction law."""
     values = {c.kind: float(x) for c, x in zip(chosen, coefficients, strict=True)}
     fall = next((c.shape.stribeck_velocity for c in chosen if c.kind == EXCESS), None)
     heaviest = next((c.shape.heaviest for c in chosen if c.kind == LOADED), 1.0)
@@ -85,18 +85,18 @@ def fit_of(chosen: Sequence[Candidate], coefficients: Sequence[float]) -> JointF
 
 
 class Choice:
-    """Chooses laws joint by joint, forwards, by errors of prediction over ``FOLDS`` parts.
+    """Forward selection of laws joint by joint, by prediction errors over ``FOLDS`` folds.
 
-    All columns that may be chosen are there from the start; their sums of products are made once,
-    and every choice is a small system of equations.
+    Sums of products of all candidate columns are computed once, so that every selection is a small
+    system of equations.
 
     Args:
         rows: The regression's rows.
-        use: Rows that are fitted to, shape (k, n).
+        use: Rows that are used in the fit, shape (k, n).
         common: Columns of bodies and armatures; see ``common_columns``.
-        belief: What is believed of bodies, for all unknowns before friction.
+        belief: Prior of bodies, for all unknowns before friction.
         load: Torques of the drives, shape (k, n).
-        offered: Kinds that are offered; None for all.
+        offered: Kinds to select from; None for all.
     """
 
     def __init__(
@@ -134,7 +134,7 @@ class Choice:
         ]
 
     def _products(self, fold: int) -> Array:
-        """Of columns and effort of each joint over one part, shape (n, size + 1, size + 1)."""
+        """Products of columns and effort of each joint over one fold, (n, size + 1, size + 1)."""
         rows, size = self._rows, self._columns.size
         found = np.zeros((rows.n, size + 1, size + 1))
         for j, place in enumerate(self._columns.places):
@@ -146,7 +146,7 @@ class Choice:
         return found * rows.independent
 
     def run(self) -> list[JointFit]:
-        """The laws of each joint that are worth it."""
+        """Select the laws of each joint."""
         precision = self._precision()
         weights = self._weights(precision)
         for _ in range(ROUNDS):
@@ -165,7 +165,7 @@ class Choice:
         return found
 
     def _precision(self) -> Array:
-        """Of what is believed, shape (size, size)."""
+        """Precision of the prior, shape (size, size)."""
         found = np.zeros((self._columns.size, self._columns.size))
         found[: self._first, : self._first] = self._belief.rows.T @ self._belief.rows
         return found
@@ -199,9 +199,9 @@ class Choice:
         return x
 
     def _scores(self, j: int, weights: Array, precision: Array) -> tuple[Array, bool]:
-        """Weighted errors of each part predicted from the others, and whether laws are possible.
+        """Weighted errors of each fold predicted from the others, and whether laws are possible.
 
-        Friction may not grow as a joint comes to rest from speed, or become less under a load.
+        Friction must not fall towards rest, nor fall under load.
         """
         places, found, possible = self._all(), [], True
         for sums in self._sums:
@@ -216,9 +216,9 @@ class Choice:
         return np.array(found), possible
 
     def _extend(self, j: int, weights: Array, precision: Array) -> None:
-        """Give a joint one law after the other as long as they are worth it."""
+        """Add laws to a joint one by one as long as they reduce the prediction error."""
         best, _ = self._scores(j, weights, precision)
-        # What the other joints' errors add is the same, so the gain is measured by this one's.
+        # The other joints add the same errors, so the gain is measured against this joint's.
         counts = self._use[:, j].sum() * self._rows.independent
         while True:
             taken = {self.offered[j][p - self._starts[j]].kind for p in self.chosen[j]}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Tables of friction by load: as many points, where they are, as predict best."""
+"""Tables of friction over load, with the number and position of points that predict best."""
 
 from __future__ import annotations
 
@@ -16,21 +16,21 @@ from arm_dynamics.identification.regression.rows import FOLDS, Rows
 from arm_dynamics.identification.regression.selection import STEEP
 
 COUNTS = (2, 3, 4)
-"""Points of tables that are tried; their loads, and their values but one, are found."""
+"""Numbers of points that are tried; their loads, and all values but one, are fitted."""
 ENDS = np.geomspace(0.1, 1.1, 10)
-"""Last points that are tried to begin with, as parts of the largest load there was."""
+"""First guesses of the last point, relative to the largest load."""
 BETTER = 0.95
-"""Part to which a table must bring the error of prediction to be taken."""
+"""Relative prediction error that a table must reach to be accepted."""
 
 
 def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
-    """The fit with other tables of friction by load, where they predict better.
+    """The fit with other tables of friction over load, if they predict better.
 
-    They are fitted to all parts of the rows but the last, which they are to predict.
+    They are fitted to all folds but the last, and compared by their prediction of the last.
 
     Args:
         rows: The regression's rows.
-        use: Those that count, shape (k, n).
+        use: Rows that are used, shape (k, n).
         belief_for: See ``fit.fitted``.
         fit: With friction that grows in proportion to the load.
     """
@@ -60,7 +60,7 @@ def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
 
 
 def _begun(rows: Rows, use: Mask, load: Array, fit: Fit, j: int, count: int) -> JointFit:
-    """A table at even loads whose end explains best what bodies leave of a joint's torque."""
+    """A table at even loads whose last point explains a joint's friction best."""
     own, mine = fit.friction[j], use[:, j]
     part = np.linspace(0.0, 1.0, count)
     largest = float(abs(load[mine, j]).max())

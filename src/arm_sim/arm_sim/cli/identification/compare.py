@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm compare``: how near a scene is to a recording, and another one after it."""
+"""``./arm compare``: compare one or two scenes with a recording."""
 
 from __future__ import annotations
 
@@ -31,26 +31,28 @@ _PATH = click.Path(path_type=Path)
 @click.argument("recording", type=_PATH)
 @click.argument("scene2", required=False, metavar="[SCENE2]")
 @click.option("--band", type=click.FloatRange(0.0, min_open=True),
-              help="Of the low-pass in Hz.  [default: fits the noise]")  # fmt: skip
+              help="Cut-off of the low-pass filter in Hz.  [default: from the noise]")  # fmt: skip
 @click.option("--window", default=0.25, show_default=True,
-              type=click.FloatRange(0.0, min_open=True), help="Of the free run in s.")  # fmt: skip
+              type=click.FloatRange(0.0, min_open=True),
+              help="Duration of each simulated window in s.")  # fmt: skip
 @click.option("--last", default=1.0, show_default=True,
               type=click.FloatRange(0.0, 1.0, min_open=True),
-              help="Share of the recording, from its end, that is looked at.")  # fmt: skip
-@click.option("--topic", help="Of the joint states, where a bag has several.")
+              help="Use only this fraction of the recording, counted from its end.")  # fmt: skip
+@click.option("--topic", help="Topic of the joint states, if a bag has several.")
 @click.option("--map", "names", multiple=True, metavar="JOINT=NAME",
-              help="What the recording calls a joint of the scene; may repeat.")  # fmt: skip
+              help="Name of a joint in the recording; may be repeated.")  # fmt: skip
 @click.option("--figure", type=_PATH, help="Figure to draw; .png, .pdf or .svg.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
 def compare(
     scene: str, recording: Path, scene2: str | None, band: float | None, window: float,
     last: float, topic: str | None, names: tuple[str, ...], figure: Path | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Set SCENE beside a RECORDING, and SCENE2 beside both.
+    """Compare SCENE, and optionally SCENE2, with a RECORDING of the arm.
 
-    Torque error: measured torques less those of the scene for the measured motion, low-passed
-    alike. Free run: where the simulated arm is after some time that began at a measured state and
-    goes on by the measured torques. A recording is anything ./arm plot takes.
+    Torque error: measured torques minus the inverse dynamics of the measured motion, both filtered
+    by the same low-pass. Free run: position error at the end of short simulations that start at
+    measured states and apply the measured torques. Accepts every recording that ./arm plot
+    accepts.
     """
     from arm_sim.identification import compare as set_beside
     from arm_sim.recording.joint_record import read_joint_record
@@ -61,7 +63,7 @@ def compare(
     with told_meanwhile():
         found = []
         for name in scenes:
-            click.echo(f"{name} beside {recording.name} …", err=True)
+            click.echo(f"comparing {name} with {recording.name} …", err=True)
             found.append(
                 set_beside(name, record, band=band, window=window, last=last, names=called)
             )
@@ -70,9 +72,9 @@ def compare(
 
         draw(found, scenes, figure)
     if as_json:
-        told = {"recording": str(recording), "scenes": [
+        result = {"recording": str(recording), "scenes": [
             _result(name, made) for name, made in zip(scenes, found, strict=True)]}  # fmt: skip
-        click.echo(json.dumps(told))
+        click.echo(json.dumps(result))
         return
     _show(scenes, found)
     if figure is not None:
@@ -100,7 +102,7 @@ def _result(name: str, made: Comparison) -> dict[str, Any]:
 
 
 def _named(made: Comparison, values: np.ndarray) -> dict[str, float | None]:
-    """By joint; None where there is no number, which JSON has no word for."""
+    """Values by joint; None for NaN, which JSON cannot represent."""
     pairs = zip(made.joint_names, values.tolist(), strict=True)
     return {name: value if math.isfinite(value) else None for name, value in pairs}
 
@@ -116,7 +118,7 @@ def _show(scenes: list[str], found: list[Comparison]) -> None:
     ]
     free = [made.free_run for made in found]
     if all(run is not None for run in free):
-        columns += ["way in\na window"] + [f"{mark}free\nrun error" for mark in marks]
+        columns += ["motion in\na window"] + [f"{mark}free\nrun error" for mark in marks]
     rows = []
     for i, joint in enumerate(first.joint_names):
         row = [joint, number(first.torque[i], 4)]
@@ -139,7 +141,7 @@ def _show(scenes: list[str], found: list[Comparison]) -> None:
     if first.free_run is not None:
         out.print(f"free run: {first.free_run.count} windows of {first.free_run.window:.3g} s",
                   markup=False)  # fmt: skip
-    out.print(f"low-passed at {first.band:.3g} Hz", markup=False)
+    out.print(f"low-pass filter {first.band:.3g} Hz", markup=False)
     for note in first.notes:
         out.print(f"note: {note}", markup=False)
 

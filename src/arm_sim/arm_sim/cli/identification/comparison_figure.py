@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figure of scenes beside a recording: torques of each joint, and their errors."""
+"""The figure of a comparison: measured and computed torques of each joint, and their errors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _COLORS = ("C1", "C0")
 
 
 def draw(found: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None:
-    """Draw measured and computed torques, and beside them what is left over."""
+    """Draw measured and computed torques, and their difference."""
     import matplotlib as mpl
     from matplotlib.figure import Figure
 
@@ -41,7 +41,7 @@ def draw(found: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None
             right.set_ylim(-span, span)
             right.legend(loc="upper right", fontsize=7)
         axes[0, 0].set_title("torque [N m or N]")
-        axes[0, 1].set_title("measured less computed")
+        axes[0, 1].set_title("measured minus computed")
         axes[0, 0].legend(loc="upper right", fontsize=7, ncols=3)
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")

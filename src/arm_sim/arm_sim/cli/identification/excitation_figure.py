@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The figure of an exciting motion: what its joints do, as a share of what they may."""
+"""The figure of an exciting motion: the motion of its joints relative to their limits."""
 
 from __future__ import annotations
 
@@ -49,6 +49,6 @@ def draw(motion: Trajectory, room: Room, path: Path) -> None:
 
 
 def _or_largest(limit: np.ndarray, values: np.ndarray) -> np.ndarray:
-    """The limit, or where there is none the largest value."""
+    """The limit, or the largest value of a joint without a limit."""
     largest = np.maximum(abs(values).max(axis=0), 1e-300)
     return np.where(np.isfinite(limit), limit, largest)

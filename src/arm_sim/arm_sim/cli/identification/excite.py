@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm excite``: a motion from which an arm's masses and friction can be found."""
+"""``./arm excite``: compute a motion from which masses and friction can be identified."""
 
 from __future__ import annotations
 
@@ -34,34 +34,35 @@ _SHARE = click.FloatRange(0.0, 1.0, min_open=True)
     )
 )
 @click.argument("scene", type=SCENE)
-@click.option("--out", type=_FILE, help="Where the motion goes; .yaml.  [default: exciting.yaml]")
-@click.option("--figure", type=_FILE, help="Where its figure goes; .png, .pdf or .svg.  "
-              "[default: beside the motion]")  # fmt: skip
-@click.option("--period", default=10.0, show_default=True, help="In s.",
+@click.option("--out", type=_FILE,
+              help="Trajectory to write (.yaml).  [default: exciting.yaml]")  # fmt: skip
+@click.option("--figure", type=_FILE, help="Figure to write (.png, .pdf or .svg).  "
+              "[default: beside the trajectory]")  # fmt: skip
+@click.option("--period", default=10.0, show_default=True, help="Duration of one period in s.",
               type=click.FloatRange(0.0, 3600.0, min_open=True))  # fmt: skip
 @click.option("--turns", default=1, show_default=True, type=click.IntRange(1, 100),
-              help="Periods in the file.")  # fmt: skip
+              help="Number of periods in the file.")  # fmt: skip
 @click.option("--harmonics", default=5, show_default=True, type=click.IntRange(2, 30),
-              help="The highest harmonic of the motion.")  # fmt: skip
+              help="Number of harmonics of the Fourier series.")  # fmt: skip
 @click.option("--aim", type=click.Choice(["all", "masses"]), default="all", show_default=True,
-              help="What it tells: all parameters alike, or masses above all.")  # fmt: skip
+              help="Parameters to optimize for: all of them, or the masses.")  # fmt: skip
 @click.option("--acceleration", type=click.FloatRange(0.0, min_open=True), default=math.inf,
               help="Largest acceleration in rad/s² or m/s².  [default: no limit]")  # fmt: skip
 @click.option("--share", default=0.8, show_default=True, type=_SHARE,
-              help="Of the limits of speed and torque that may be used.")  # fmt: skip
+              help="Fraction of the velocity and torque limits that may be used.")  # fmt: skip
 @click.option("--margin", default=0.05, show_default=True, type=click.FloatRange(0.0, 0.49),
-              help="Share of its range that a joint stays away from both its limits.")  # fmt: skip
+              help="Distance to both position limits, as a fraction of the range.")  # fmt: skip
 @click.option("--box", type=VectorType(), metavar='"X Y Z X Y Z"',
-              help="Two corners in m between which frames stay.")  # fmt: skip
+              help="Two opposite corners, in m, of a box that --frame must stay in.")  # fmt: skip
 @click.option("--frame", "frames", multiple=True,
-              help="Frame that --box is for; may be given again.")  # fmt: skip
+              help="Frame that must stay in --box; may be repeated.")  # fmt: skip
 @click.option("--clearance", default=0.05, show_default=True, type=click.FloatRange(0.0),
-              help="Distance in m to keep from planes of the scene's contacts.")  # fmt: skip
+              help="Distance in m to keep from the planes of the scene's contacts.")  # fmt: skip
 @click.option("--start", type=VectorType(), metavar='"Q …"',
-              help="Where it begins and ends.  [default: as the scene]")  # fmt: skip
+              help="Joint positions at both ends in rad or m.  [default: scene]")  # fmt: skip
 @click.option("--attempts", default=3, show_default=True, type=click.IntRange(1, 1000),
-              help="Random starts of the search.")  # fmt: skip
-@click.option("--seed", default=0, show_default=True, help="Of the random starts.")
+              help="Number of random starts of the optimization.")  # fmt: skip
+@click.option("--seed", default=0, show_default=True, help="Seed of the random starts.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
 def excite(
     scene: str, out: Path | None, figure: Path | None, period: float, turns: int, harmonics: int,
@@ -69,19 +70,19 @@ def excite(
     frames: tuple[str, ...], clearance: float, start: Vector | None, attempts: int, seed: int,
     as_json: bool,
 ) -> None:  # fmt: skip
-    """Find a motion of SCENE from which its masses and friction can be identified.
+    """Compute a motion of SCENE from which its masses and friction can be identified.
 
-    A periodic motion (Fourier series) from rest to rest that tells as much as possible of the
-    parameters: the determinant of its information matrix is largest. With --aim masses the sum of
-    the masses' variances is least. It keeps to the limits of position, speed, acceleration and
-    torque, stays in the box and off planes. That links do not
-    strike one another is not looked at: look at the motion (./arm view) before an arm makes it.
+    The motion is a Fourier series from rest to rest that maximizes the determinant of the
+    information matrix (D-optimal); with --aim masses it minimizes the sum of the variances of the
+    masses (A-optimal). It respects the limits of position, velocity, acceleration and torque,
+    stays in the box and keeps clear of contact planes. Collisions between links are NOT checked:
+    inspect the motion with ./arm view before running it on an arm.
     """
     out = out or Path("exciting.yaml")
     if out.suffix not in (".yaml", ".yml"):
-        raise click.UsageError(f"--out: '{out}'; a file .yaml is expected")
+        raise click.UsageError(f"--out: '{out}'; a .yaml file is expected")
     if bool(frames) != (box is not None):
-        raise click.UsageError("--box and --frame go together: a box is for frames")
+        raise click.UsageError("--box and --frame must be given together")
     from arm_dynamics import Dynamics
     from arm_dynamics.identification.excitation import Room
     from arm_dynamics.identification.excitation import excite as found
@@ -90,10 +91,10 @@ def excite(
     room = Room(
         Dynamics(scene), share, margin, acceleration, _box(box, frames), clearance, _start(start)
     )
-    with _progress(attempts) as told:
+    with _progress(attempts) as report:
         best = found(
             room, period=period, harmonics=harmonics, aim=aim, attempts=attempts, seed=seed,
-            told=told,
+            told=report,
         )  # fmt: skip
     JointTrajectory.of(best.motion, best.joint_names, turns).save(out)
     figure = figure or out.with_suffix(".png")
@@ -114,7 +115,9 @@ def _box(corners: Vector | None, frames: tuple[str, ...]) -> Any:
         return None
     numbers = list(corners.rows[0]) if len(corners.rows) == 1 else []
     if len(numbers) != 6:
-        raise click.UsageError("--box: 6 numbers are expected, x y z of two corners in m")
+        raise click.UsageError(
+            f"--box: {len(numbers)} numbers; 6 are expected, x y z of two opposite corners in m"
+        )
     return Box(numbers[:3], numbers[3:], frames)
 
 
@@ -153,31 +156,31 @@ def _show(best: Excitation, room: Room) -> None:
     out.print(facts([
         ("start", f"not the scene's: {', '.join(moved)}" if moved else "the scene's"),
         ("period", f"{best.motion.duration:g} s, from rest to rest"),
-        ("parameters", f"{best.parameters} told apart, with drive inertia, viscous and Coulomb "
-                       "friction and an offset of each joint"),
-        ("condition", f"{best.condition:.3g}, columns scaled as those of random motions"),
+        ("parameters", f"{best.parameters} identifiable, including drive inertia, viscous and "
+                       "Coulomb friction and an offset of each joint"),
+        ("condition", f"{best.condition:.3g}, with columns scaled by those of random motions"),
         *_masses(best, room),
         ("attempts", f"{'log det' if best.masses is None else 'mean of masses'} "
                      f"{', '.join(f'{x:.4g}' for x in best.attempts)}"),
-        ("not looked at", "whether links strike one another"),
+        ("not checked", "collisions between links"),
     ]))  # fmt: skip
 
 
 def _masses(best: Excitation, room: Room) -> list[tuple[str, str]]:
-    """How sure masses will be, where they are the aim."""
+    """Expected standard deviations of the masses, if the motion was optimized for them."""
     if best.masses is None:
         return []
     names = list(room.model.pin.names)[1:]
-    told = ", ".join(f"{n} {s:.2%}" for n, s in zip(names, best.masses, strict=True))
+    each = ", ".join(f"{n} {s:.2%}" for n, s in zip(names, best.masses, strict=True))
     return [("masses", f"standard deviations after one period, with 5 % of noise at 1 kHz and the "
-                       f"total known: {told}")]  # fmt: skip
+                       f"total mass known: {each}")]  # fmt: skip
 
 
 @contextmanager
 def _progress(attempts: int) -> Iterator[Callable[[int], None]]:
-    """Show how many attempts are done, where somebody looks."""
+    """Show how many attempts are done: as a bar on a terminal, else line by line."""
     if not sys.stderr.isatty():
-        click.echo(f"searching: {attempts} attempts, some seconds each", err=True)
+        click.echo(f"searching: {attempts} attempts, a few seconds each", err=True)
         yield lambda done: click.echo(f"{done} of {attempts} attempts", err=True)
         return
     from rich.console import Console

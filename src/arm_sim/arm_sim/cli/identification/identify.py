@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm identify``: recordings in, scene out."""
+"""``./arm identify``: identify the parameters of a scene from recordings."""
 
 from __future__ import annotations
 
@@ -27,40 +27,43 @@ _PATH = click.Path(path_type=Path)
     )
 )
 @click.argument("recordings", type=_PATH, nargs=-1, required=True, metavar="RECORDING…")
-@click.option("--scene", required=True, help="Nominal: geometry, and bodies to begin with.")
+@click.option("--scene", required=True,
+              help="Nominal scene: geometry, and first guess of the inertias.")  # fmt: skip
 @click.option("--out", type=_PATH, required=True,
-              help="Scene to write, .yaml; description and report go beside it.")  # fmt: skip
+              help="Scene to write (.yaml), with its URDF and a report beside it.")  # fmt: skip
 @click.option("--band", type=click.FloatRange(0.0, min_open=True),
-              help="Of the low-pass in Hz.  [default: fits the noise]")  # fmt: skip
+              help="Cut-off of the low-pass filter in Hz.  [default: from the noise]")  # fmt: skip
 @click.option("--effort", type=click.Choice(["torque", "scale"]), default="torque",
-              show_default=True, help="Torques, or in proportion to them.")  # fmt: skip
+              show_default=True,
+              help="Recorded efforts are torques, or proportional to torques with an unknown "
+              "scale per joint.")  # fmt: skip
 @click.option("--per-unit", "units", multiple=True, metavar="JOINT=TORQUE",
-              help="Torque per unit of effort, as of currents; for every joint.")  # fmt: skip
+              help="Torque per unit of effort, as N m/A; once for every joint.")  # fmt: skip
 @click.option("--map", "names", multiple=True, metavar="JOINT=NAME",
-              help="What the recordings call a joint of the scene.")  # fmt: skip
+              help="Name of a joint in the recordings; may be repeated.")  # fmt: skip
 @click.option("--total-mass", type=click.FloatRange(0.0, min_open=True),
-              help="Of all that moves in kg, without payloads, if known.")  # fmt: skip
+              help="Known mass of all moving links in kg, without payloads.")  # fmt: skip
 @click.option("--mass", "masses", multiple=True, metavar="JOINT=KG",
-              help="Of the body that a joint moves, where it is known.")  # fmt: skip
+              help="Known mass of the link that a joint moves; may be repeated.")  # fmt: skip
 @click.option("--payload", metavar="FRAME",
-              help="Find only what this frame carries, of an arm that is known.")  # fmt: skip
-@click.option("--topic", help="Of the joint states, where a bag has several.")
+              help="Identify only the payload on this frame of a known arm.")  # fmt: skip
+@click.option("--topic", help="Topic of the joint states, if a bag has several.")
 @click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
 def identify(
     recordings: tuple[Path, ...], scene: str, out: Path, band: float | None, effort: str,
     units: tuple[str, ...], names: tuple[str, ...], total_mass: float | None,
     masses: tuple[str, ...], payload: str | None, topic: str | None, as_json: bool,
 ) -> None:  # fmt: skip
-    """Find masses, inertias and friction of an arm in RECORDINGs of its motion and torques.
+    """Identify masses, inertias and friction of an arm from RECORDINGs of motion and torque.
 
-    Written are the scene OUT, its robot description, a report and figures beside it. Nothing is
-    written where nothing can be learnt. A recording is anything that ./arm plot takes.
+    Writes the scene OUT and, beside it, its URDF, a report and figures. Writes nothing if the
+    recordings do not determine the parameters. Accepts every recording that ./arm plot accepts.
     """
     if out.suffix not in (".yaml", ".yml"):
         raise InvalidInput(f"--out is '{out}'; a name that ends in .yaml is expected")
     if payload is not None and (effort != "torque" or units or total_mass or masses):
         raise InvalidInput(
-            "--payload is for an arm and efforts that are known; --effort, --per-unit, "
+            "--payload needs a known arm and efforts in N m; --effort, --per-unit, "
             "--total-mass and --mass are not allowed with it"
         )
     from arm_dynamics.identification import identify as find
@@ -79,7 +82,7 @@ def identify(
             masses=_numbers("--mass", _pairs("--mass", masses)),
             told=lambda text: click.echo(f"{text} …", err=True),
         )  # fmt: skip
-        click.echo("writing scene, report and figures …", err=True)
+        click.echo("writing the scene, the report and the figures …", err=True)
         files = write(found, out, [path.name for path in recordings])
     if as_json:
         click.echo(json.dumps(_result(found, files)))
@@ -93,7 +96,7 @@ def _carried(
     records: list[JointRecord], scene: str, frame: str, out: Path, band: float | None,
     names: dict[str, str], as_json: bool,
 ) -> None:  # fmt: skip
-    """Find a payload alone, and write the scene with it."""
+    """Identify only the payload, and write the scene with it."""
     from arm_dynamics import load_scene
     from arm_dynamics.identification import identify_payload
     from arm_sim.identification.report import write_scene
@@ -103,14 +106,14 @@ def _carried(
         found = identify_payload(arm, records, frame, band=band, names=names)
     files = write_scene(arm.model_copy(update={"payloads": (*arm.payloads, found)}), out)
     if as_json:
-        told = {"files": [str(path) for path in files], "payload": found.model_dump(mode="json")}
-        click.echo(json.dumps(told))
+        result = {"files": [str(path) for path in files], "payload": found.model_dump(mode="json")}
+        click.echo(json.dumps(result))
         return
     console().print(facts([
         ("frame", frame), ("mass", f"{found.mass:.4g} kg"),
         ("center of mass", f"{', '.join(f'{x:.4g}' for x in found.com)} m, in the frame"),
-        ("inertia", f"{', '.join(f'{x:.3g}' for x in found.inertia)} kg m², about that: "
-                    "xx, xy, xz, yy, yz, zz"),
+        ("inertia", f"{', '.join(f'{x:.3g}' for x in found.inertia)} kg m² about the center of "
+                    "mass: xx, xy, xz, yy, yz, zz"),
     ]))  # fmt: skip
     for path in files:
         console().print(f"{path}", markup=False)
@@ -156,9 +159,9 @@ def _show(found: Identification) -> None:
     columns = ["joint", "nominal\nerror", "error", "residual\nrms", "friction"]
     show(out, table(columns, rows, text=(0, 4)))
     out.print(
-        f"torque error on the part held out: {found.error[0]:.2%}, nominal {found.error[1]:.2%}; "
-        f"low-passed at {found.band:.3g} Hz; condition {found.condition:.3g}; "
-        f"{len(found.parameters)} numbers found, {len(found.missing)} not",
+        f"torque error on held-out data: {found.error[0]:.2%}, nominal {found.error[1]:.2%}; "
+        f"low-pass filter {found.band:.3g} Hz; condition number {found.condition:.3g}; "
+        f"{len(found.parameters)} parameters identified, {len(found.missing)} not",
         markup=False,
     )
     for note in found.notes:

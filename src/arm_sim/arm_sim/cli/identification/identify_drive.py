@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm identify-drive``: the numbers of a motor, a flexible joint or bristles."""
+"""``./arm identify-drive``: identify a motor, a flexible joint or LuGre friction."""
 
 from __future__ import annotations
 
@@ -27,31 +27,33 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
     ),
 )
 @click.option("--blocked", multiple=True, type=_FILE,
-              help="Motor, rotor held: time, voltage, current; torque if known.")  # fmt: skip
+              help="Motor, blocked: time, voltage, current; torque if measured.")  # fmt: skip
 @click.option("--free", multiple=True, type=_FILE,
-              help="Motor that runs: time, voltage, current, speed.")  # fmt: skip
+              help="Motor, running freely: time, voltage, current, speed.")  # fmt: skip
 @click.option("--coast", multiple=True, type=_FILE,
-              help="Motor, winding open: time, speed; voltage if known.")  # fmt: skip
+              help="Motor, winding open: time, speed; voltage if measured.")  # fmt: skip
 @click.option("--flexible", type=_FILE,
-              help="Flexible joint: time, torque, motor, and link unless it is held.")  # fmt: skip
+              help="Flexible joint: time, torque, motor; link unless it is held.")  # fmt: skip
 @click.option("--bristles", multiple=True, type=_FILE,
-              help="Friction at rest, from small motions: time, torque, position.")  # fmt: skip
+              help="LuGre friction, from small motions: time, torque, position.")  # fmt: skip
 @click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
 def identify_drive(
     blocked: tuple[Path, ...], free: tuple[Path, ...], coast: tuple[Path, ...],
     flexible: Path | None, bristles: tuple[Path, ...], as_json: bool,
 ) -> None:  # fmt: skip
-    """Find the numbers of a drive from records of simple tests.
+    """Identify the parameters of a drive from simple tests.
 
-    Records are tables (.csv) with a heading: time in s at even steps, voltage in V and current in
-    A, speed in rad/s of the rotor, torque in N m, angles motor, link and position in rad.
-    Each option may be given again. Ends with 1 if the law does not follow the records.
+    Records are tables (.csv) with a header: time in s at a constant step, voltage in V, current in
+    A, speed of the rotor in rad/s, torque in N m, and the angles motor, link and position in rad.
+    --blocked, --free, --coast and --bristles may be repeated.
+    Exits with status 1 if the model does not fit the records.
     """
     motor = {"blocked": blocked, "free": free, "coast": coast}
     kinds = [any(motor.values()), flexible is not None, bool(bristles)]
     if sum(kinds) != 1:
         raise click.UsageError(
-            "give tests of a motor (--blocked, --free, --coast), or --flexible, or --bristles"
+            "exactly one kind of test is expected: of a motor (--blocked, --free, --coast), "
+            "--flexible, or --bristles"
         )
     click.echo("fitting …", err=True)
     if kinds[0]:
@@ -104,7 +106,7 @@ def _bristles(paths: tuple[Path, ...]) -> tuple[Match, dict[str, str]]:
 
 
 def _read(path: Path, known: tuple[str, ...], needed: tuple[str, ...] = ()) -> dict[str, Any]:
-    """Columns of a table by name; those that it does not have are left out."""
+    """Columns of a table by name, without those that it does not have."""
     import numpy as np
 
     try:
@@ -113,7 +115,7 @@ def _read(path: Path, known: tuple[str, ...], needed: tuple[str, ...] = ()) -> d
         header = [word.strip() for word in rows[0]]
         values = np.array([[float(word or "nan") for word in row] for row in rows[1:]], float)
     except (ValueError, IndexError, UnicodeDecodeError, csv.Error) as error:
-        raise click.ClickException(f"'{path}' is no table of numbers: {error}") from None
+        raise click.ClickException(f"'{path}' is not a table of numbers: {error}") from None
     if unknown := [name for name in header if name not in ("time", *known)]:
         raise click.ClickException(
             f"'{path}': unknown column '{unknown[0]}'; allowed: time, {', '.join(known)}"
@@ -146,12 +148,12 @@ def _show(found: Match, units: dict[str, str]) -> None:
         if e.found
     ]
     if rows:
-        show(out, table(("", "found", "95 %", "unit"), rows, text=(0, 3)))
-    out.print(f"left over: {found.residual:.2%} of how much the records vary", markup=False)
+        show(out, table(("", "value", "95 %", "unit"), rows, text=(0, 3)))
+    out.print(f"residual: {found.residual:.2%} of the variation of the records", markup=False)
     if not found.follows:
         out.print(
-            "the law does not follow the records, and what is left is no noise: no number is to "
-            "be trusted (wrong columns or units, another law, or a test that is another one?)"
+            "the model does not fit the records: the residual is not noise, so no parameter is "
+            "identified (wrong columns or units, another law, or another kind of test?)"
         )
     elif found.missing:
-        out.print(f"not told by these records: {', '.join(found.missing)}", markup=False)
+        out.print(f"not determined by these records: {', '.join(found.missing)}", markup=False)
