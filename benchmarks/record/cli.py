@@ -19,9 +19,10 @@ MB = 1e6
 
 @click.command()
 @click.option("--seconds", type=float, default=600.0, show_default=True, help="Of the loops.")
+@click.option("--viewed", is_flag=True, help="A browser follows the loop that is recorded.")
 @click.option("--replayed", type=float, default=600.0, show_default=True, help="Seconds replayed.")
 @click.option("--out", type=click.Path(path_type=Path), help="Write all figures as JSON.")
-def main(seconds: float, replayed: float, out: Path | None) -> None:
+def main(seconds: float, viewed: bool, replayed: float, out: Path | None) -> None:
     """Record a closed loop beside one that is not, and replay a long motion."""
     with tempfile.TemporaryDirectory() as name:
         folder, found = Path(name), dict[str, Any]()
@@ -31,7 +32,7 @@ def main(seconds: float, replayed: float, out: Path | None) -> None:
             path.unlink()
         if seconds:
             with interruptible():
-                found["overhead"] = overhead.measure(seconds, folder)
+                found["overhead"] = overhead.measure(seconds, folder, viewed)
     click.echo(table(("", "promised", "measured", "holds"), promises(found)))
     if out is not None:
         out.write_text(json.dumps(found, indent=1))

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import time
 from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
@@ -25,18 +26,28 @@ from benchmarks.measurement.watcher import processor_time
 
 WARM, SEEN = 8.0, 3.0  # [s], and until the controller has seen the arm
 SCENE = "panda"
+OPENS = 30.0  # [s] that a view takes at most
+SIZE = (640, 400)  # of its page
 STEP, REACH = 2.0, 0.25  # [s] from waypoint to waypoint, and how far they are apart in [rad]
 Record = dict[str, Any]
 
 
-def measure(seconds: float, folder: Path) -> Record:
-    """Run both for a while; what each needed, and what is in the file."""
+def measure(seconds: float, folder: Path, viewed: bool) -> Record:
+    """Run both for a while; what each needed, and what is in the file.
+
+    Args:
+        seconds: How long.
+        folder: For files.
+        viewed: Whether a browser follows the loop that is recorded.
+    """
     files = {"with": folder / "run.mcap", "without": None}
     with ExitStack() as stack:
         loops, leaders = {}, []
         for name, file in files.items():
             leaders.append(stack.enter_context(leader_node()))  # who also keeps the domain
             loops[name] = stack.enter_context(_loop(folder / name, leaders[-1], file))
+            if viewed and file is not None:
+                stack.enter_context(_page(loops[name]))
         for leader in leaders:
             lead(leader, seconds + WARM)
         time.sleep(WARM)
@@ -81,6 +92,22 @@ def _loop(folder: Path, leader: Node, file: Path | None) -> Iterator[Processes]:
         report = str(folder / "report.json")
         processes.start("sim", "sim", SCENE, "--with-parent", "--report", report, *wanted)
         yield processes
+
+
+@contextmanager
+def _page(processes: Processes) -> Iterator[None]:
+    """A view of a running loop, and a browser that draws it."""
+    from arm_sim.view.pictures import page_in_browser
+
+    processes.start("view", "view", SCENE, "--live", "--port", "0")
+    end = time.monotonic() + OPENS
+    while (address := re.search(r"http://\S+", processes.log("view").read_text())) is None:
+        processes.check()
+        if time.monotonic() > end:
+            raise TimeoutError(f"the view does not open: {processes.tail('view')}")
+        time.sleep(0.1)
+    with page_in_browser(address[0], SIZE):
+        yield
 
 
 def lead(node: Node, seconds: float) -> None:

@@ -17,7 +17,7 @@ from arm_dynamics.arrays import Array
 from arm_sim.exceptions import ViewError
 
 PATIENCE = 60.0  # [s] on a machine that others use, without a graphics card
-NOISE = ("deprecated", "GPU stall", "WebGL")  # what the libraries say of themselves
+NOISE = ("deprecated", "GPU stall", "WebGL", "passive event listener")  # what the libraries say of themselves
 
 # The nodes of the scene that three.js renders, by name: they hang in the page's React tree.
 _FIND = """() => {
@@ -26,8 +26,12 @@ _FIND = """() => {
   const left = [root[key]];
   while (left.length) {
     const fiber = left.pop();
-    const nodes = fiber?.memoizedProps?.value?.mutable?.current?.nodeRefFromName;
-    if (nodes) { window.drawn = nodes; return true; }
+    const viewer = fiber?.memoizedProps?.value?.mutable?.current;
+    if (viewer?.nodeRefFromName) {
+      window.viewer = viewer;
+      window.drawn = viewer.nodeRefFromName;
+      return true;
+    }
     if (fiber?.sibling) left.push(fiber.sibling);
     if (fiber?.child) left.push(fiber.child);
   }
@@ -39,6 +43,17 @@ _PLACES = """names => names.map(name => {
   node.updateWorldMatrix(true, false);
   return Array.from(node.matrixWorld.elements);
 })"""
+
+# Pixels of points of the world, as three.js has it.
+_PIXELS = """points => {
+  const {camera, canvas} = window.viewer;
+  camera.updateMatrixWorld();
+  const box = canvas.getBoundingClientRect();
+  return points.map(p => {
+    const v = camera.position.clone().set(...p).project(camera);
+    return [box.x + (1 + v.x) / 2 * box.width, box.y + (1 - v.y) / 2 * box.height];
+  });
+}"""
 
 
 def needed() -> None:
@@ -85,6 +100,10 @@ class Page:
         elements = np.array(self.handle.evaluate(_PLACES, nodes), dtype=float)
         return np.asarray(elements.reshape(-1, 4, 4).transpose(0, 2, 1))
 
+    def pixels(self, points: Array) -> Array:
+        """Where points of the rendered scene, shape (k, 3), stand on the page, shape (k, 2)."""
+        return np.array(self.handle.evaluate(_PIXELS, np.asarray(points).tolist()))
+
     def angles(self, name: str, model: ArmModel) -> Array:
         """Joint angles that are drawn, from places of links that follow each other, (pin.nv,)."""
         tree, angles = model.pin, []
@@ -114,4 +133,4 @@ def opened(url: str, *nodes: str, size: tuple[int, int] = (900, 560)) -> Iterato
         page = Page(handle)
         page.open(url, *nodes)
         yield page
-        assert page.troubles == []
+        assert page.troubles == [], page.troubles

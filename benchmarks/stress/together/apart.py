@@ -6,15 +6,19 @@ from __future__ import annotations
 import logging
 import os
 import tempfile
+import time
 from collections.abc import Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor, as_completed
 from multiprocessing import get_context
 from multiprocessing.connection import Connection
+from pathlib import Path
 
 from benchmarks.stress.together.cases import draw
 from benchmarks.stress.together.judge import CRASHED, SLOW, Result, examine
 
-PATIENCE = 300.0  # [s] for what a case has to compile and for a run
+PATIENCE = 300.0  # [s] of processor time for what a case has to compile and for a run
+WAITING = 10.0 * PATIENCE  # [s] of the clock, for a process that needs no processor
+GLANCE = 1.0  # [s] between looks at a process
 
 _processes = get_context("forkserver")
 _processes.set_forkserver_preload(["benchmarks.stress.together.judge"])
@@ -49,9 +53,9 @@ def _watched(seed: int, runs: int, folder: str) -> list[Result]:
     there.close()
     results: list[Result] = []
     while True:
-        if not here.poll(PATIENCE):
+        if not _comes(here, process.pid):
             process.kill()
-            ended = SLOW, f"nothing within {PATIENCE:g} s"
+            ended = SLOW, f"nothing within {PATIENCE:g} s of processor time"
             break
         try:
             result = here.recv()
@@ -65,6 +69,24 @@ def _watched(seed: int, runs: int, folder: str) -> list[Result]:
         results.append(result)
     process.join()
     return [*results, _ended(seed, runs, len({result.run for result in results}), *ended)]
+
+
+def _comes(here: Connection, pid: int | None) -> bool:
+    """Whether a process sends something before its time is up; other load does not count."""
+    began, used = time.monotonic(), _used(pid)
+    while not here.poll(min(GLANCE, PATIENCE)):
+        if _used(pid) - used > PATIENCE or time.monotonic() - began > WAITING:
+            return False
+    return True
+
+
+def _used(pid: int | None) -> float:
+    """Processor time of a process and of the compilers that it has waited for, in [s]."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text().rpartition(")")[2].split()
+    except OSError:  # it has just ended, and its pipe tells
+        return 0.0
+    return sum(map(int, fields[11:15])) / os.sysconf("SC_CLK_TCK")
 
 
 def _ended(seed: int, runs: int, last: int, outcome: str, message: str) -> Result:

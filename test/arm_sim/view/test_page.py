@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 from browser import Page, needed, opened
 
+from arm_dynamics.task_space import TaskSpace
 from arm_sim import Simulator
 from arm_sim.view import Chart, Film, View, show_films, show_rigs
 
@@ -89,6 +90,38 @@ def test_a_push_pushes(touched: tuple[View, Page], panda: Simulator) -> None:
     pushed = panda.dynamics.forward(q, v, 20.0 * _sideways(panda))  # 20 N along y, as offered
     assert abs(pushed - panda.dynamics.forward(q, v, np.zeros(7))).max() > 10.0
     np.testing.assert_allclose(panda.state.v / panda.dt, pushed, rtol=5e-2, atol=0.5)
+
+
+def test_the_mouse_pulls_a_link_until_it_lets_go(panda: Simulator) -> None:
+    panda.reset()
+    with (
+        panda.view(port=0) as view,
+        opened(view.url, "/arm/panda_joint7", size=(1600, 900)) as page,
+    ):
+        rig, mouse = view.source.rigs[0], page.handle.mouse
+
+        def pulled() -> bool:
+            """Drag the elbow sideways, wherever the camera is by now."""
+            mouse.up()
+            base, elbow = page.places("/arm/base", "/arm/panda_joint4")
+            ends = np.array([elbow[:3, 3], elbow[:3, 3] + 0.3 * base[:3, 1]])
+            (x, y), (beside, _) = page.pixels(ends)
+            mouse.move(x, y)
+            mouse.down()
+            mouse.move(beside, y, steps=8)
+            page.handle.wait_for_timeout(200)
+            return bool(rig.wrenches.active)
+
+        page.until(pulled, "the pull")
+        page.click("Step")
+        page.until(lambda: panda.state.step == 1, "a tick")
+        q, v = panda.model.q0, panda.model.v0
+        (frame,) = rig.wrenches.active
+        task = TaskSpace(panda.dynamics, frame, "local_world_aligned")
+        gained = panda.state.v / panda.dt - panda.dynamics.forward(q, v, np.zeros(7))
+        assert (task.jacobian(q) @ gained)[1] > 1.0  # to where the mouse is, in m/s²
+        mouse.up()
+        page.until(lambda: not rig.wrenches.active, "its end")
 
 
 def _sideways(panda: Simulator) -> np.ndarray:

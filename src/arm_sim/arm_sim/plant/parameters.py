@@ -71,9 +71,8 @@ class Parameters:
 
     def of(self, name: str, p: Array) -> Array:
         """Values of one quantity in ``p``, shape (size,); empty if it is not tunable."""
-        ends = np.cumsum([item.nominal.size for item in self.items])
-        parts = dict(zip(self.names, np.split(p, ends)[:-1], strict=True))
-        return parts.get(name, np.zeros(0))
+        place = self.place(name)
+        return np.zeros(0) if place is None else p[place]
 
     def place(self, name: str) -> slice | None:
         """Where one quantity is in p, None if it is not tunable."""

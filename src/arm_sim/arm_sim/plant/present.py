@@ -25,6 +25,8 @@ class PresentDynamics:
 
     def __init__(self, plant: Plant) -> None:
         self._plant = plant
+        places = (plant.parameters.place(name) for name in OF_THE_ARM)
+        self._columns = np.r_[*(place for place in places if place is not None), 0:0]
         self._made = {self._key(plant.parameters.nominal): Dynamics(plant.model)}
 
     def at(self, p: Array) -> Dynamics:
@@ -38,13 +40,12 @@ class PresentDynamics:
 
     def runs(self, p: Array) -> list[slice]:
         """Rows of p, shape (k, np), that follow one another and have the same dynamics."""
-        keys = [self._key(row) for row in p]
-        ends = [i for i in range(1, len(keys)) if keys[i] != keys[i - 1]]
-        return [slice(a, b) for a, b in zip([0, *ends], [*ends, len(keys)], strict=True)]
+        own = p[:, self._columns]
+        ends = [int(i) + 1 for i in np.flatnonzero((own[1:] != own[:-1]).any(axis=1))]
+        return [slice(a, b) for a, b in zip([0, *ends], [*ends, len(own)], strict=True)]
 
     def _key(self, p: Array) -> bytes:
-        parameters = self._plant.parameters
-        return b"".join(parameters.of(name, p).tobytes() for name in OF_THE_ARM)
+        return p[self._columns].tobytes()
 
 
 def model_under(plant: Plant, p: Array) -> ArmModel:

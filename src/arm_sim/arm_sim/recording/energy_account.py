@@ -295,12 +295,10 @@ def dissipated_work(
     (q0, v0), (q1, v1) = (np.split(x[:, : 2 * dynamics.n], 2, axis=1) for x in states)
     middle = 0.5 * (q0 + q1) + 0.125 * dt * (v0 - v1)
     speed = 1.5 * (q1 - q0) / dt - 0.25 * (v0 + v1)
-    torque = dynamics.friction
-    power = [
-        np.sum((torque(rate, q=at, load=tau) + _damping(dynamics, at, rate)) * rate, axis=1)
-        for at, rate in ((q0, v0), (middle, speed), (q1, v1))
-    ]
-    return dt * (power[0] + 4.0 * power[1] + power[2]) / 6.0
+    q, v = np.vstack([q0, middle, q1]), np.vstack([v0, speed, v1])
+    torque = dynamics.friction(v, q=q, load=np.tile(tau, (3, 1))) + _damping(dynamics, q, v)
+    first, inner, last = np.sum(torque * v, axis=1).reshape(3, -1)
+    return np.asarray(dt * (first + 4.0 * inner + last) / 6.0)
 
 
 def _damping(dynamics: Dynamics, q: Array, v: Array) -> Array:

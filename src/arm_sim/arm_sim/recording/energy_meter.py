@@ -54,7 +54,7 @@ class EnergyMeter:
     def __init__(self, simulator: Metered) -> None:
         """Open the account at the simulator's present state."""
         self._simulator, self.error = simulator, 0.0
-        self._last, self._ticks = simulator.x.copy(), list[tuple[Array, Array, Array, Array]]()
+        self._last, self._ticks = simulator.x.copy(), list[tuple[Array, Array, Array]]()
         self._flows, self._changed = np.zeros(2), 0.0
         self._start = self._energies()
         self._most = np.zeros(3)
@@ -65,15 +65,13 @@ class EnergyMeter:
 
     def note_all(self, x: Array, u: Array) -> None:
         """Take in ticks: the states after them, shape (k, nx), and what acted, shape (k, n)."""
-        p = self._simulator.parameters
-        for after, acted in zip(x.copy(), u.copy(), strict=True):
-            self._ticks.append((self._last, after, acted, p))
-            self._last = after
+        p = np.broadcast_to(self._simulator.parameters, (len(x), len(self._simulator.parameters)))
+        self._ticks.append((x.copy(), u.copy(), p))
 
     def keep_up(self) -> None:
         """Add up at once what must be made again for it, so that no tick has to wait for many."""
-        before, after = self._ticks[-1][:2]
-        if self._simulator.energy_account.makes_ticks_again(np.stack([before, after])):
+        after = self._ticks[-1][0]
+        if self._simulator.energy_account.makes_ticks_again(np.vstack([self._last, after])):
             self._add_up()
 
     def change(self, action: Callable[[], Any]) -> None:
@@ -98,9 +96,10 @@ class EnergyMeter:
 
     def _add_up(self) -> None:
         if self._ticks:
-            x, after, u, p = (np.array(part) for part in zip(*self._ticks, strict=True))
-            self._flows += self._simulator.energy_account.flows(x, after, u, p).sum(axis=0)
-            self._ticks = []
+            after, u, p = (np.concatenate(part) for part in zip(*self._ticks, strict=True))
+            before = np.vstack([self._last, after[:-1]])
+            self._flows += self._simulator.energy_account.flows(before, after, u, p).sum(axis=0)
+            self._last, self._ticks = after[-1], []
 
     def _energies(self) -> Array:
         """Kinetic, potential and stored energy, shape (3,)."""

@@ -67,7 +67,7 @@ class SimParams(ThreadParams, RobotParams):
         "the time of the start; empty: none",
     )
     energy_period: float = parameter(
-        0.02, "Time between messages on ~/energy [s]", low=0.001, high=10.0
+        0.1, "Time between messages on ~/energy [s]", low=0.001, high=10.0
     )
     wrench_timeout: float = parameter(
         0.1, "Simulated time that a wrench acts [s]", low=0.0, high=3600.0
