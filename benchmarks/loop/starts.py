@@ -140,7 +140,7 @@ def main(scene: str, rounds: int, seed: int, output: Path | None) -> None:
         output.write_text(json.dumps(found, indent=1))
     worst = float(np.max([r["moved"] for r in found]))
     if worst > ALLOWED:
-        raise click.ClickException(f"a joint moved by {worst:.2g}; allowed is {ALLOWED:g}")
+        raise click.ClickException(f"a joint moved by {worst:.2g}; allowed: {ALLOWED:g}")
 
 
 if __name__ == "__main__":

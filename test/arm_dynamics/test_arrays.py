@@ -115,7 +115,7 @@ def test_finite_numbers_of_any_shape_are_taken(value: object) -> None:
 @pytest.mark.parametrize("bad", BAD)
 def test_one_number_that_is_not_finite_is_too_many(bad: float) -> None:
     for value in (bad, [1.0, bad], [[bad, 1.0], [1.0, 1.0]]):
-        with pytest.raises(InvalidInput, match=rf"^gain is [^;]*{bad}[^;]*; allowed are finite"):
+        with pytest.raises(InvalidInput, match=rf"^gain is [^;]*{bad}[^;]*; allowed: finite"):
             numbers("gain", value)
 
 
@@ -146,7 +146,7 @@ def test_limits_are_positive_and_one_for_each_joint(limit: object) -> None:
 def test_limits_that_are_not_positive_or_not_one_for_each_joint_are_refused(limit: object) -> None:
     with pytest.raises(InvalidInput) as caught:
         positive_limits("limit", limit, 2)
-    assert str(caught.value) == f"limit is {limit!r}; allowed are positive numbers, one or (2,)"
+    assert str(caught.value) == f"limit is {limit!r}; allowed: positive numbers, one or (2,)"
 
 
 @pytest.mark.parametrize("length", [1e-12, 1e-9, 0.5, 1.0, 1e9])

@@ -133,7 +133,7 @@ def numbers(name: str, value: ArrayLike) -> Array:
     """
     array = real_array(name, value)
     if not np.isfinite(array).all():
-        raise InvalidInput(f"{name} is {array}; allowed are finite numbers")
+        raise InvalidInput(f"{name} is {array}; allowed: finite numbers")
     return array
 
 
@@ -152,7 +152,7 @@ def positive_limits(name: str, limit: ArrayLike, n: int) -> Array:
     """
     array = real_array(name, limit)
     if array.shape not in ((), (n,)) or not np.all(array > 0.0):
-        raise InvalidInput(f"{name} is {limit!r}; allowed are positive numbers, one or ({n},)")
+        raise InvalidInput(f"{name} is {limit!r}; allowed: positive numbers, one or ({n},)")
     return np.array(np.broadcast_to(array, (n,)))
 
 

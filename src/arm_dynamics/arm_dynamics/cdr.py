@@ -49,7 +49,7 @@ class CdrReader:
         order = _ORDERS.get(raw[:2])
         if order is None or len(raw) < HEADER:
             raise InvalidInput(
-                f"the message begins with '{raw[:HEADER].hex()}'; allowed is CDR version 1: "
+                f"the message begins with '{raw[:HEADER].hex()}'; allowed: CDR version 1: "
                 "0000 or 0001"
             )
         self._raw, self.at = raw, at
@@ -80,7 +80,7 @@ class CdrReader:
         """
         count = self.count()
         if count > most:
-            raise InvalidInput(f"{count} {what}; allowed are up to {most}")
+            raise InvalidInput(f"{count} {what}; allowed: up to {most}")
         return count
 
     def nanoseconds(self) -> int:

@@ -100,7 +100,7 @@ def test_batch_of_terms(arm: ArmClient, rng: np.random.Generator) -> None:
 
 
 def test_a_batch_beyond_the_limit_is_refused_and_the_node_goes_on(arm: ArmClient) -> None:
-    with pytest.raises(Refused, match=rf"{MAX_POINTS + 1} points; allowed are up to {MAX_POINTS}"):
+    with pytest.raises(Refused, match=rf"{MAX_POINTS + 1} points; allowed: up to {MAX_POINTS}"):
         arm.inverse_dynamics(np.zeros((MAX_POINTS + 1, 2)))
     assert arm.inverse_dynamics([0.0, 0.0]).shape == (2,)
 
@@ -108,7 +108,7 @@ def test_a_batch_beyond_the_limit_is_refused_and_the_node_goes_on(arm: ArmClient
 @pytest.mark.parametrize(
     ("q", "error", "said"),
     [
-        ([0.0], Refused, "1 numbers; allowed is a multiple of 2"),
+        ([0.0], Refused, "1 numbers; allowed: a multiple of 2"),
         ([0.0, np.nan], Refused, "'elbow' at point 0 is nan"),
         ([0.0] * 4, InvalidInput, r"shape \(4,\)"),
         ([[[0.0, 0.0]]], InvalidInput, r"shape \(1, 1, 2\)"),

@@ -113,12 +113,12 @@ def test_without_constraints_the_tree_moves(domain: int) -> None:
 @pytest.mark.parametrize(
     ("given", "error", "said"),
     [
-        ({"multipliers": [1.0]}, Refused, "multipliers has 1 numbers; allowed is 3"),
+        ({"multipliers": [1.0]}, Refused, "multipliers has 1 numbers; allowed: 3"),
         ({"multipliers": [0.0, 0.0, np.inf]}, Refused, "not finite"),
-        ({"a": [0.0, 0.0]}, Refused, "acceleration has 2 numbers; allowed is 0 or 3"),
+        ({"a": [0.0, 0.0]}, Refused, "acceleration has 2 numbers; allowed: 0 or 3"),
         ({"q": [0.0, 0.0]}, Refused, "multiple of 3"),
         ({"q": np.zeros((MAX_TERMS_POINTS + 1, 3))}, Refused, f"up to {MAX_TERMS_POINTS}"),
-        ({"joint_names": ["knee"]}, Refused, "allowed is each of crank_pivot, knee"),
+        ({"joint_names": ["knee"]}, Refused, "allowed: each of crank_pivot, knee"),
         ({"q": np.zeros(6)}, InvalidInput, r"position has shape \(6,\)"),
         ({"multipliers": "much"}, InvalidInput, "multipliers = 'much'; expected real numbers"),
     ],
@@ -172,7 +172,7 @@ def test_the_command_says_when_there_are_no_constraints(arm: Typist) -> None:
         (("constrained-dynamics", "--position", "1 2 3"), "refused: position has 3 numbers"),
         (
             ("constrained-dynamics", "--position", "elbow=1", "--inverse", "--multipliers", "1"),
-            "refused: multipliers has 1 numbers; allowed is 0",
+            "refused: multipliers has 1 numbers; allowed: 0",
         ),
         (
             ("constrained-dynamics", "--position", "elbow=1", "--inverse", "--multipliers", "a=1"),

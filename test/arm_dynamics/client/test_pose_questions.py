@@ -124,7 +124,7 @@ def test_what_is_not_reached_is_an_error_that_holds_the_nearest(panda: ArmClient
         ({"frame": "paw"}, Refused, "frame 'paw' does not exist"),
         ({"pose": [0.0] * 7}, Refused, "quaternion"),
         ({"pose": [np.nan, 0.0, 0.0, 0.0, 0.0, 0.0, 1.0]}, Refused, "nan"),
-        ({"pose": np.zeros((MAX_POSES + 1, 7))}, Refused, "allowed is 7 for each of up to"),
+        ({"pose": np.zeros((MAX_POSES + 1, 7))}, Refused, "allowed: 7 for each of up to"),
         ({"pose": np.zeros((0, 7))}, Refused, "pose has 0 numbers"),
         ({"seed": [0.0] * 6}, Refused, "seed has 6 numbers"),
         ({"axes": "up"}, Refused, "selection = 'up'"),

@@ -344,7 +344,7 @@ def test_bad_settings_are_refused() -> None:
         PDGravity(dyn, 1.0, [1.0, 1.0, 1.0])
     with pytest.raises(InvalidInput, match="dt is 0"):
         PID(2, 1.0, 1.0, 1.0, 0.0)
-    with pytest.raises(InvalidInput, match="more than zero where ki is"):
+    with pytest.raises(InvalidInput, match="positive where ki is positive"):
         PID(2, 0.0, 1.0, 1.0, 1e-3)
     with pytest.raises(InvalidInput, match="limit is 0"):
         Saturated(PD(2, 1.0, 1.0), 0.0, 2)

@@ -130,7 +130,7 @@ def test_the_newest_goal_counts(node: ControllerNode, capfd: pytest.CaptureFixtu
     node.on_cartesian_goal(pose([0.0, 0.2, 0.0]))
     node.on_cartesian_goal(pose([0.0, 0.0, -0.2]))
     planned(node, 0)
-    assert "a newer goal takes the place" in capfd.readouterr().err
+    assert "a newer goal replaces the one that was being planned" in capfd.readouterr().err
     assert_close(hand(node, 10_000 * MS), [0.0, 0.0, -0.2], 1e-8)
 
 
@@ -166,7 +166,7 @@ def changed(message: PoseStamped, change: Callable[[Any], None]) -> PoseStamped:
 
 BAD = [
     (pose([5.0, 0.0, 0.0]), "cannot be brought to position"),
-    (pose([0.0, 0.1, 0.0], "panda_link5"), "poses in frame 'panda_link5': allowed are frames"),
+    (pose([0.0, 0.1, 0.0], "panda_link5"), "poses in frame 'panda_link5'; allowed: fixed frames"),
     (pose([0.0, 0.1, 0.0], "nowhere"), "poses in frame 'nowhere'"),
     (changed(pose(), lambda p: setattr(p.position, "x", float("nan"))), "nan"),
     (changed(pose(), lambda p: setattr(p.orientation, "w", 3.0)), "quaternion"),
@@ -186,7 +186,7 @@ def test_a_bad_goal_is_refused_with_the_reason_and_the_arm_holds(
     callback(message)
     planned(node, 2 * MS)
     said = capfd.readouterr().err
-    assert "refused, the one before goes on" in said
+    assert "refused, the previous one continues" in said
     assert complaint in said
     assert complaint in node.goals.outcome
     np.testing.assert_array_equal(see(node, 1000 * MS), before)

@@ -163,7 +163,7 @@ def test_friction_by_load_is_for_python(ros: Ros, ask: Ask) -> None:
 @pytest.mark.parametrize(
     ("fields", "complaint"),
     [
-        ({}, "position has 0 numbers; allowed is a multiple of 2"),
+        ({}, "position has 0 numbers; allowed: a multiple of 2"),
         ({"position": [0.0] * 3}, "position has 3 numbers"),
         ({"position": [0.0] * 4, "velocity": [0.0] * 2}, "velocity has 2 numbers"),
         ({"position": [0.0] * 2, "acceleration": [0.0]}, "acceleration has 1 numbers"),

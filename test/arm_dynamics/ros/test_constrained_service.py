@@ -59,7 +59,7 @@ def test_there_and_back_over_the_wire(ros: Ros, node: DynamicsNode) -> None:
 def test_bad_multipliers_are_refused(node: DynamicsNode) -> None:
     answer = ask(node, position=node.dynamics.model.q0, inverse=True, multipliers=[1.0])
     assert not answer.success
-    assert "multipliers has 1 numbers; allowed is 3" in answer.message
+    assert "multipliers has 1 numbers; allowed: 3" in answer.message
 
 
 def published(ros: Ros, sim: SimNode) -> Multipliers:

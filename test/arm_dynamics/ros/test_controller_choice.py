@@ -291,7 +291,7 @@ def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[
 
 
 BAD = [
-    ({"controller": "magic"}, "'magic'; allowed is one of pd, pid"),
+    ({"controller": "magic"}, "'magic'; allowed: one of pd, pid"),
     ({"controller": "operational_space"}, "frame is not given; a task controller needs one of"),
     ({"controller": "operational_space", "task_frame": "paw"}, "frame 'paw' does not exist"),
     ({"task_frame": "paw"}, "frame 'paw' does not exist"),
@@ -299,7 +299,7 @@ BAD = [
     ({"task_frame": FRAME, "task_axes": "x, w"}, "different names out of x, y, z, rx, ry, rz"),
     (
         {"controller": "operational_space", "task_frame": FRAME, "bandwidth": [9.0] * 7},
-        "allowed is a number or shape",
+        "allowed: a number or shape",
     ),
     ({"controller": "pd", "bandwidth": [-1.0]}, "bandwidth"),
     ({"damping_ratio": [float("nan")]}, "damping_ratio"),

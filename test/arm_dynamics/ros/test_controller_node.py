@@ -86,7 +86,7 @@ def test_useless_states_get_no_answer(
     node: ControllerNode, raw: bytes, capfd: pytest.CaptureFixture[str]
 ) -> None:
     assert node.on_joint_states(raw) is None
-    assert "joint state passed over" in capfd.readouterr().err
+    assert "joint state ignored" in capfd.readouterr().err
     assert node.on_joint_states(state(0)) is not None
 
 

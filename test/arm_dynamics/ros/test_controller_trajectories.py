@@ -99,15 +99,15 @@ def test_velocity_limits_slow_it_down(ros: Ros, capfd: pytest.CaptureFixture[str
     [
         (trajectory(), "none of 0 waypoints"),
         (trajectory(point(0.0, 1.0, 1.0)), "none of 1 waypoints lies in the future"),
-        (trajectory(point(1.0, 1.0)), "positions of point 0 has 1 numbers; allowed is 2"),
+        (trajectory(point(1.0, 1.0)), "positions of point 0 has 1 numbers; allowed: 2"),
         (trajectory(point(1.0)), "positions of point 0 has 0 numbers"),
         (trajectory(point(1.0, 1.0, np.nan)), "nan"),
-        (trajectory(point(1.0, 1.0, 1.0), point(1.0, 2.0, 2.0)), "rising"),
-        (trajectory(point(2.0, 1.0, 1.0), point(1.0, 2.0, 2.0)), "rising"),
+        (trajectory(point(1.0, 1.0, 1.0), point(1.0, 2.0, 2.0)), "increasing"),
+        (trajectory(point(2.0, 1.0, 1.0), point(1.0, 2.0, 2.0)), "increasing"),
         (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0])), "velocities of point 0 has 1"),
         (trajectory(point(1.0, 1.0, 1.0, velocities=[1.0, 1.0])), "last waypoint"),
         (trajectory(point(1.0, 1.0, 1.0, accelerations=[np.inf] * 2)), "inf"),
-        (trajectory(point(1.0, 1.0), names=["nobody"]), "joint names are nobody; allowed are"),
+        (trajectory(point(1.0, 1.0), names=["nobody"]), "joint names are nobody; allowed: "),
         (trajectory(point(1.0, 1.0, 1.0), names=[NAMES[0]] * 2), "each once"),
         (trajectory(point(1.0), names=[]), "no joint names"),
     ],
@@ -124,7 +124,7 @@ def test_bad_trajectory_is_refused_once_and_the_old_one_goes_on(
     capfd.readouterr()
     node.on_joint_trajectory(message)
     said = capfd.readouterr().err
-    assert said.count("trajectory refused, the one before goes on") == 1
+    assert said.count("trajectory refused, the previous one continues") == 1
     assert complaint in said
     np.testing.assert_array_equal(reference_of(node, 300 * MS), before)
 

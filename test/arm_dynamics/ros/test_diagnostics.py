@@ -80,9 +80,9 @@ def test_a_controller_says_what_went_wrong_since_it_was_last_asked(ros: Ros) -> 
     status = found(node)
     assert status.level == WARN
     for words in (
-        "1 joint states passed over",
+        "1 joint states ignored",
         "1 goals refused",
-        "time jumped, or the arm; held where it was",
+        "time or the arm jumped; the arm was held at its position",
         "torque cut at the effort limit: ",
     ):
         assert words in status.message

@@ -193,17 +193,17 @@ def test_model_info(node: DynamicsNode) -> None:
 @pytest.mark.parametrize(
     ("fields", "complaint"),
     [
-        ({}, "position has 0 numbers; allowed is a multiple of 7"),
-        ({"position": [0.0] * 6}, "position has 6 numbers; allowed is a multiple of 7"),
+        ({}, "position has 0 numbers; allowed: a multiple of 7"),
+        ({"position": [0.0] * 6}, "position has 6 numbers; allowed: a multiple of 7"),
         ({"position": [0.0] * 8}, "position has 8 numbers"),
         (
             {"position": [0.0] * 14, "velocity": [0.0] * 7},
-            "velocity has 7 numbers; allowed is 0 or 14",
+            "velocity has 7 numbers; allowed: 0 or 14",
         ),
         ({"position": [0.0] * 7, "acceleration": [0.0]}, "acceleration has 1 numbers"),
         (
             {"position": [0.0] * 9 + [np.nan] + [0.0] * 4},
-            "position of joint 'panda_joint3' at point 1 is nan; allowed are finite numbers",
+            "position of joint 'panda_joint3' at point 1 is nan; allowed: finite numbers",
         ),
         ({"position": [0.0] * 7, "velocity": [np.inf] * 7}, "velocity of joint 'panda_joint1'"),
         ({"position": [0.0] * 7, "terms": 32}, "32"),

@@ -112,7 +112,7 @@ def test_a_callback_that_fails_does_not_end_the_node(
 @pytest.mark.parametrize(
     ("given", "said"),
     [
-        ({"tolerence": 1e-8}, "no parameter 'tolerence', it is passed over; there are "),
+        ({"tolerence": 1e-8}, "no parameter 'tolerence', which is ignored; allowed: "),
         ({"use_sim_time": True, "later.joint": 1.0}, ""),
     ],
 )

@@ -193,7 +193,7 @@ def test_any_bytes_are_read_or_refused(rubbish: bytes, header: bytes) -> None:
 @pytest.mark.parametrize("begin", [b"", b"\0\1", b"\0\x07\0\0", b"\1\0\0\0"])
 def test_other_encodings_are_refused(begin: bytes) -> None:
     raw = begin + trajectory_bytes(sample())[4:]
-    with pytest.raises(InvalidInput, match="allowed is CDR version 1|ends too early"):
+    with pytest.raises(InvalidInput, match="allowed: CDR version 1|ends too early"):
         whole(raw if len(begin) == 4 else begin)
 
 
@@ -211,15 +211,15 @@ def head(names: int = 1, points: int = 0, name: str = "base") -> bytes:
 def test_limits_are_said_before_anything_is_read() -> None:
     most = MAX_GOAL_POINTS
     assert TrajectoryBytes(head(points=most), 1).count == most
-    with pytest.raises(InvalidInput, match=f"{most + 1} points; allowed are up to {most}"):
+    with pytest.raises(InvalidInput, match=f"{most + 1} points; allowed: up to {most}"):
         TrajectoryBytes(head(points=most + 1), 1)
-    with pytest.raises(InvalidInput, match="4 joint names; allowed are up to 3"):
+    with pytest.raises(InvalidInput, match="4 joint names; allowed: up to 3"):
         TrajectoryBytes(head(names=4), 3)
-    with pytest.raises(InvalidInput, match="2001 bytes of a name; allowed are up to 1000"):
+    with pytest.raises(InvalidInput, match="2001 bytes of a name; allowed: up to 1000"):
         TrajectoryBytes(head(name="x" * 2000), 1)
     writer = CdrWriter()
     writer.put("I", 0, 0)
     writer.text("")
     writer.put("I", most + 1)
-    with pytest.raises(InvalidInput, match=f"{most + 1} poses; allowed are up to {most}"):
+    with pytest.raises(InvalidInput, match=f"{most + 1} poses; allowed: up to {most}"):
         PathBytes(bytes(writer.raw))

@@ -254,7 +254,7 @@ def test_extra_joints_are_passed_over_when_allowed(reader: Readers) -> None:
     message = JointState(name=["hand", *NAMES], position=[9.0, 1, 2, 3], velocity=[9.0, 4, 5, 6])
     raw = serialize_message(message)
     np.testing.assert_array_equal(reader(extra=True).read(raw)[1], [[1, 2, 3], [4, 5, 6]])
-    with pytest.raises(InvalidInput, match="unknown joints hand; allowed are base, elbow"):
+    with pytest.raises(InvalidInput, match="unknown joints hand; allowed: base, elbow"):
         reader().read(raw)
 
 
@@ -277,7 +277,7 @@ def test_absent_joints_keep_their_numbers_when_allowed(reader: Readers) -> None:
         (state(position=[1.0], velocity=[1.0]), "position has 1 numbers for 3 joints"),
         (
             state(position=[1.0, np.nan, 3.0], velocity=[0.0] * 3),
-            "position of joint 'elbow' is nan; allowed are finite numbers",
+            "position of joint 'elbow' is nan; allowed: finite numbers",
         ),
         (state(position=[1.0] * 3, velocity=[0.0, 0.0, np.inf]), "'wrist_é' is inf"),
         (JointState(name=["base"] * 3, position=[0.0] * 3, velocity=[0.0] * 3), "all different"),
@@ -308,7 +308,7 @@ def test_no_number_that_is_not_finite_gets_past_a_layout_that_is_known(
         read.read(serialize_message(state(position=good[:3].tolist(), velocity=good[3:].tolist())))
     bad = good.copy()
     bad.view(np.uint64)[place] = bits
-    with pytest.raises(InvalidInput, match="allowed are finite numbers"):
+    with pytest.raises(InvalidInput, match="allowed: finite numbers"):
         read.read(serialize_message(state(position=bad[:3].tolist(), velocity=bad[3:].tolist())))
 
 

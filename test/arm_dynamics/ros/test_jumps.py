@@ -26,11 +26,11 @@ def at(*q: float, speed: float = 0.0) -> Measured:
     [
         (0, at(0.0, 0.0), ""),
         (MS, at(0.4, -0.4), ""),
-        (MS, at(0.0, -0.6), "joint 'b' was put 0.6 further in 0.001 s"),
+        (MS, at(0.0, -0.6), "joint 'b' moved by 0.6 in 0.001 s"),
         (MS, at(0.0, -0.6, speed=60.0), ""),  # (0.6 - 0.5) rad in 1 ms, at up to twice its speed
-        (100 * MS, at(0.0, 1.0, speed=2.0), "joint 'b' was put 1 further in 0.1 s"),
+        (100 * MS, at(0.0, 1.0, speed=2.0), "joint 'b' moved by 1 in 0.1 s"),
         (-1, at(0.0, 0.0), "time went backwards"),
-        (2000 * MS, at(0.0, 0.0), "time went on by 2 s between two states"),
+        (2000 * MS, at(0.0, 0.0), "time advanced by 2 s between two states"),
     ],
 )
 def test_time_and_joints_jump(gap: int, state: Measured, said: str) -> None:

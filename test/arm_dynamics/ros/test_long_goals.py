@@ -137,7 +137,7 @@ def test_damaged_goals_are_refused_and_the_arm_holds(
             publisher.publish(damaged)
             ros.spin_until(lambda: node.goals.outcome)
             planned(node, MS)
-            assert "refused, the one before goes on: the message" in node.goals.outcome
+            assert "refused, the previous one continues: the message" in node.goals.outcome
             assert node.goals.outcome in capfd.readouterr().err
     np.testing.assert_array_equal(see(node, 1000 * MS), before)
 
@@ -152,7 +152,7 @@ def test_as_many_points_as_are_allowed_are_followed_and_not_one_more(
     message.points.append(message.points[-1])
     node.on_joint_trajectory(message)
     assert not node.goals.planner.busy
-    wanted = f"{MAX_GOAL_POINTS + 1} points; allowed are up to {MAX_GOAL_POINTS}"
+    wanted = f"{MAX_GOAL_POINTS + 1} points; allowed: up to {MAX_GOAL_POINTS}"
     assert wanted in node.goals.outcome
     assert wanted in capfd.readouterr().err
 

@@ -171,8 +171,8 @@ def test_one_that_failed_begins_again_after_a_reset_and_with_other_gains(
         ({"controllers": ["own_controllers:NeedsMore"]}, "NeedsMore needs camera"),
         ({"controllers": ["own_controllers:Broken"]}, "no calibration file"),
         ({"controllers": [1, 2]}, "'controllers' is \\[1, 2\\]; texts .* are expected"),
-        ({"controllers": ["magic"]}, "'magic'; allowed is one of pd, pid"),
-        ({"controller": "magic"}, "'magic'; allowed is one of pd, pid"),
+        ({"controllers": ["magic"]}, "'magic'; allowed: one of pd, pid"),
+        ({"controller": "magic"}, "'magic'; allowed: one of pd, pid"),
     ],
 )
 def test_what_cannot_be_used_is_refused_at_the_start(

@@ -62,7 +62,7 @@ def test_values_come_from_whoever_starts_the_node(ros: Ros) -> None:
         ({"number": 3.0}, "'number'"),
         ({"number": "much"}, "'number'"),
         ({"count": 0}, "'count'"),
-        ({"color": "blue"}, "'color' is 'blue'; allowed is one of red, green"),
+        ({"color": "blue"}, "'color' is 'blue'; allowed: one of red, green"),
     ],
 )
 def test_bad_values_at_start_are_refused(ros: Ros, values: dict[str, Any], complaint: str) -> None:
@@ -96,7 +96,7 @@ def test_parameters_cannot_be_taken_away(ros: Ros, name: str) -> None:
     [
         ({"number": 1.5}, "1.5 will not do"),
         ({"number": 3.0}, "number"),
-        ({"color": "blue"}, "allowed is one of red, green"),
+        ({"color": "blue"}, "allowed: one of red, green"),
         ({"count": 0}, "count"),
         ({"fixed": False}, "read-only"),
         ({"number": "much"}, "expected 'Type.DOUBLE'"),

@@ -95,7 +95,7 @@ def test_a_rotation_may_be_off_by_rounding(by: float) -> None:
 def test_what_is_no_rotation_is_refused_with_how_far_it_is_off(
     rotation: np.ndarray, off: str, det: str
 ) -> None:
-    said = rf"is no rotation: R Rᵀ is off by {off}, det R = {det}; allowed is 1e-6"
+    said = rf"is no rotation: R Rᵀ is off by {off}, det R = {det}; allowed: 1e-6"
     with pytest.raises(InvalidInput, match=said):
         checked_pose(Pose(np.zeros(3), rotation))
 

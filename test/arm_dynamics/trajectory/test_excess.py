@@ -46,7 +46,7 @@ def test_velocity_joint_moment_and_limit_are_named() -> None:
     when = 2 * (1 - np.sqrt(1 - np.sqrt(0.5))) / 2
     assert said == (
         f"joint 'elbow' would leave its velocity limit at {when:.3f} s and reach {-2 * half:.4g}; "
-        f"allowed is {-half:.4g}"
+        f"allowed: {-half:.4g}"
     )
 
 

@@ -31,7 +31,7 @@ def test_special_values_of_a_tolerance(asked: float, holds: float) -> None:
 
 @pytest.mark.parametrize("asked", [-0.5, -2.0, math.nan, math.inf, -math.inf])
 def test_other_values_are_refused(asked: float) -> None:
-    with pytest.raises(InvalidInput, match=f"goal_time is {asked}; allowed are 0"):
+    with pytest.raises(InvalidInput, match=f"goal_time is {asked}; allowed: 0"):
         resolved("goal_time", asked, 0.0)
 
 
@@ -66,6 +66,6 @@ def test_a_joint_that_turns_without_end_takes_the_shorter_way() -> None:
 def test_the_worst_joint_is_named() -> None:
     rules, names = Tolerances(PATH, GOAL), ("shoulder", "elbow")
     said = rules.worst(Verdict.LEFT_PATH, names, THERE, THERE.q - [0.11, 0.5], np.zeros(2))
-    assert said == "position of joint 'elbow' is off by 0.5; allowed is 0.2"
+    assert said == "position of joint 'elbow' is off by 0.5; allowed: 0.2"
     said = rules.worst(Verdict.MISSED_GOAL, names, THERE, THERE.q, np.array([0.0, -0.3]))
-    assert said == "velocity of joint 'elbow' is off by 0.3; allowed is 0.05"
+    assert said == "velocity of joint 'elbow' is off by 0.3; allowed: 0.05"

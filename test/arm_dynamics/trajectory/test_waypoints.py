@@ -245,7 +245,7 @@ def test_an_acceleration_that_is_open_between_given_velocities_is_chosen_for_lea
 
 
 def test_waypoint_beyond_position_limits_is_refused() -> None:
-    with pytest.raises(InvalidInput, match=r"elbow to 1\.2; allowed is -1 to 1"):
+    with pytest.raises(InvalidInput, match=r"elbow to 1\.2; allowed: -1 to 1"):
         quintic([Waypoint(0.0, np.zeros(N)), Waypoint(1.0, [0.5, 1.2, 0.5])], limits(position=1.0))
 
 
@@ -253,7 +253,7 @@ def test_a_limit_may_be_reached_and_rounded() -> None:
     narrow = limits(velocity=1.0, acceleration=1.0, position=0.0)
     start = Waypoint(0.0, np.zeros(N))
     assert quintic([start, Waypoint(1.0, np.full(N, 1e-9))], narrow).duration == 1.0
-    with pytest.raises(InvalidInput, match="takes joint base to 1.1e-09; allowed is -0 to 0"):
+    with pytest.raises(InvalidInput, match="takes joint base to 1.1e-09; allowed: -0 to 0"):
         quintic([start, Waypoint(1.0, np.full(N, 1.1e-9))], narrow)
 
 
@@ -306,12 +306,12 @@ def test_a_stop_takes_a_fifth_of_a_second_or_what_the_limit_asks_for(
 @pytest.mark.parametrize(
     ("waypoints", "complaint"),
     [
-        ([], "0 waypoints; allowed are 2"),
-        ([Waypoint(0.0, [0.0])], "1 waypoints; allowed are 2"),
-        ([Waypoint(0.0, [0.0]), Waypoint(0.0, [1.0])], "rising from 0"),
-        ([Waypoint(0.1, [0.0]), Waypoint(0.2, [1.0])], "rising from 0"),
-        ([Waypoint(0.0, [0.0]), Waypoint(np.nan, [1.0])], "rising from 0"),
-        ([Waypoint(0.0, [0.0]), Waypoint(np.inf, [1.0])], "rising from 0"),
+        ([], "0 waypoints; allowed: 2"),
+        ([Waypoint(0.0, [0.0])], "1 waypoints; allowed: 2"),
+        ([Waypoint(0.0, [0.0]), Waypoint(0.0, [1.0])], "increasing from 0"),
+        ([Waypoint(0.1, [0.0]), Waypoint(0.2, [1.0])], "increasing from 0"),
+        ([Waypoint(0.0, [0.0]), Waypoint(np.nan, [1.0])], "increasing from 0"),
+        ([Waypoint(0.0, [0.0]), Waypoint(np.inf, [1.0])], "increasing from 0"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [1.0, 2.0])], "waypoint 1 has shape"),
         ([Waypoint(0.0, [0.0]), Waypoint(1.0, [np.nan])], "position of waypoint 1 is"),
         ([Waypoint(0.0, [0.0], [np.inf]), Waypoint(1.0, [0.0])], "velocity of waypoint 0 is"),

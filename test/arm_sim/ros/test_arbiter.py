@@ -122,7 +122,7 @@ def test_each_refusal_is_counted_and_the_newest_one_told() -> None:
     assert (arbiter.refused, arbiter.last_refusal) == (0, "")
     streaming("left", BOTH, arbiter)
     for count, source in enumerate(("right", "middle"), 1):
-        with pytest.raises(InvalidInput, match="allowed is one stream for each joint"):
+        with pytest.raises(InvalidInput, match="allowed: one stream for each joint"):
             arbiter.admit(source, FIRST)
         assert arbiter.refused == count
         assert f"'{source}' is refused while 'left'" in arbiter.last_refusal

@@ -145,7 +145,7 @@ def test_bare_commands_must_be_a_finite_number_for_each_joint(
     assert inputs.refused == 1
     (said,) = log.warnings
     assert f"{len(data)} numbers" in said
-    assert "allowed are 7 finite numbers" in said
+    assert "allowed: 7 finite numbers" in said
     assert len(said) < 200
 
 

@@ -90,7 +90,7 @@ def test_bad_wrenches_are_passed_over(
     node.inputs.on_wrench(pushed(frame, *values))
     assert said in capfd.readouterr().err
     assert node.engine.pushed_frames == ()
-    assert "1 wrenches passed over" in finding(node, "commands").message
+    assert "1 wrenches ignored" in finding(node, "commands").message
 
 
 # --- payload and friction ----------------------------------------------------------------------
@@ -268,7 +268,7 @@ def test_stale_commands_show(ros: Ros) -> None:
 def test_bad_commands_show(ros: Ros) -> None:
     node = by_hand(ros)
     node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
-    assert "1 commands passed over" in finding(node, "commands").message
+    assert "1 commands ignored" in finding(node, "commands").message
     assert finding(node, "commands").message == "ok"
 
 
@@ -336,9 +336,9 @@ def test_counters_begin_anew(ros: Ros) -> None:
         node.engine.commands.stale_count,
     ]  # fmt: skip
     assert counts() == [3, 1, 3, 1]
-    assert "3 commands passed over" in finding(node, "commands").message
+    assert "3 commands ignored" in finding(node, "commands").message
     assert node.requests.answer(RESET_COUNTERS).success
     assert counts() == [0, 0, 0, 0]
     assert "passed over" not in finding(node, "commands").message
     node.inputs.on_joint_commands(command(effort=[np.nan, 0.0]))
-    assert "1 commands passed over" in finding(node, "commands").message
+    assert "1 commands ignored" in finding(node, "commands").message

@@ -72,7 +72,7 @@ def test_step_advances_a_paused_simulation_with_the_last_command(ros: Ros) -> No
 def test_step_is_bounded(node: SimNode, steps: int) -> None:
     answer = step(node, steps)
     assert not answer.success
-    assert f"allowed are 1 to {MAX_STEPS}" in answer.message
+    assert f"allowed: 1 to {MAX_STEPS}" in answer.message
     assert node.simulator.step_count == 0
 
 
@@ -106,12 +106,12 @@ def test_set_joint_state_by_name_while_time_goes_on(ros: Ros, node: SimNode) -> 
 @pytest.mark.parametrize(
     ("fields", "complaint"),
     [
-        ({"position": [1.0]}, "position has 1 numbers; allowed is 2"),
+        ({"position": [1.0]}, "position has 1 numbers; allowed: 2"),
         ({"position": [1.0, np.nan]}, "only finite numbers are allowed"),
-        ({"velocity": [1.0] * 3}, "velocity has 3 numbers; allowed is 2"),
+        ({"velocity": [1.0] * 3}, "velocity has 3 numbers; allowed: 2"),
         ({"position": [1.0, np.nan]}, f"nan of joint '{NAMES[1]}'"),
-        ({"velocity": [0.0, 1e17]}, "is 1e+17; allowed is up to 1000 rad/s, 1 rad in a tick"),
-        ({"joint_names": ["nobody"], "position": [1.0]}, "joint names are nobody; allowed are"),
+        ({"velocity": [0.0, 1e17]}, "is 1e+17; allowed: up to 1000 rad/s, 1 rad in a tick"),
+        ({"joint_names": ["nobody"], "position": [1.0]}, "joint names are nobody; allowed: "),
         ({"joint_names": [NAMES[0]] * 2, "position": [1.0] * 2}, "each once"),
     ],
 )

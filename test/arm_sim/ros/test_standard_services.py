@@ -161,7 +161,7 @@ def test_what_is_never_spawned_cannot_be_removed(
     ticks(node, 5)
     result = client("reset_simulation", scope=scope).result
     assert result.result == UNSUPPORTED
-    assert f"scope {scope}; allowed is" in result.error_message
+    assert f"scope {scope}; allowed:" in result.error_message
     assert node.simulator.step_count == 5
 
 
@@ -178,7 +178,7 @@ def test_steps(client: Client, node: SimNode) -> None:
 def test_steps_out_of_range_are_refused(client: Client, node: SimNode, steps: int) -> None:
     result = client("step_simulation", steps=steps).result
     assert result.result == FAILED
-    assert result.error_message == f"steps = {steps}; allowed are 1 to 10000"
+    assert result.error_message == f"steps = {steps}; allowed: 1 to 10000"
     assert node.simulator.step_count == 0
 
 
@@ -218,7 +218,7 @@ def test_filters_choose(client: Client, node: SimNode) -> None:
         ("(", "'(' is no POSIX extended regular expression: "),
         ("a{1,255}", "without intervals"),
         ("(a)\\1", "back references"),
-        ("a" * 100_000, "allowed are 200 characters"),
+        ("a" * 100_000, "allowed: 200 characters"),
     ],
 )
 def test_bad_expressions_are_refused(
@@ -383,7 +383,7 @@ def test_one_goal_at_a_time(ros: Ros, stepper: Any, node: SimNode) -> None:
 def test_the_action_refuses_no_steps(stepper: Any, node: SimNode) -> None:
     mine = stepper()
     status, code, said = mine.outcome(mine.send(0))
-    assert (status, code, said) == (ABORTED, FAILED, "steps = 0; allowed is 1 or more")
+    assert (status, code, said) == (ABORTED, FAILED, "steps = 0; allowed: 1 or more")
 
 
 def test_the_action_needs_a_pause(ros: Ros, stepper: Any, client: Client) -> None:

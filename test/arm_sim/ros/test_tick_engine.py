@@ -126,7 +126,7 @@ def test_commands_are_read_before_the_tick_in_which_they_act() -> None:
 @pytest.mark.parametrize("steps", [-1, 0, MAX_STEPS + 1])
 def test_steps_are_bounded(steps: int) -> None:
     made = engine()
-    with pytest.raises(InvalidInput, match="allowed are 1 to 10000"):
+    with pytest.raises(InvalidInput, match="allowed: 1 to 10000"):
         made.step(steps)
     assert made.simulator.step_count == 0
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """C for functions that are linear in columns, several columns side by side in a vector register.
 
-What a column is multiplied by stays a number: written once, it serves all columns.
+The coefficients of a column are scalars, which are written once for all columns.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ _UNARY: dict[int, Callable[[str], str]] = {
 
 
 def column_function(function: ca.Function) -> str:
-    """C of a function of a vector of numbers, the first argument, and of columns, the others.
+    """C code of a function of coefficients, the first argument, and of columns, the others.
 
-    Before it: ``real``, the type of a number; ``column``, that of one entry of the columns side by
-    side; and SPREAD(x), which makes a column of a number.
+    The code expects definitions of ``real``, the type of a scalar; ``column``, that of an entry of
+    all columns side by side; and SPREAD(x), which converts a scalar to a column.
 
     Args:
         function: A CasADi function of scalar expressions with one dense result.

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Folders of code that was compiled elsewhere, for machines without a compiler.
+"""Folders of code compiled elsewhere, for machines without a compiler.
 
-An entry is a shared library ``KEY.so`` and beside it ``KEY.json``, which says what it is. The key
-is the digest of the source, its headers and flags, so that it is found without a compiler. An
-entry is loaded only if none but this user or root can have written it, its digest is right and
-this processor has the instructions that it needs. The variable ARM_CACHE lists the folders; they
-are only read.
+An entry is a shared library ``KEY.so`` and its description ``KEY.json``. The key is the digest of
+the source, its headers and flags, so that it is found without a compiler. An entry is loaded only
+if only this user or root can have written it, its digest matches and this processor has the
+instructions that it needs. The variable ARM_CACHE lists the folders; they are only read.
 """
 
 from __future__ import annotations
@@ -33,7 +32,7 @@ class Code:
 
     Attributes:
         library: The library; calls release the interpreter lock.
-        origin: Who compiled it, as text.
+        origin: Compiler and place of compilation, as text.
         key: Digest of its source, headers and flags.
     """
 
@@ -43,14 +42,14 @@ class Code:
 
 
 class Manifest(BaseModel):
-    """What stands beside a library.
+    """Description of a library.
 
     Attributes:
         scene: Name of the scene file for which it was compiled.
-        kernel: Which part of it.
+        kernel: Part of the scene.
         compiler: Name and version of the compiler.
         target: The processor for which it was compiled: ``native`` or a level.
-        machine: Architecture, as ``uname -m`` says it.
+        machine: Architecture, as printed by ``uname -m``.
         instructions: Extensions of the instruction set that it needs.
         sha256: Digest of the library.
     """
@@ -107,7 +106,7 @@ def load(entry: Path) -> Code:
 
 
 def read_manifest(entry: Path) -> Manifest:
-    """Check an entry and tell what it is.
+    """Check an entry and read its description.
 
     Raises:
         KernelError: If it must not be loaded; it names the file and says why.
@@ -133,26 +132,26 @@ def read_manifest(entry: Path) -> Manifest:
 
 
 def make_folder(folder: Path) -> None:
-    """Make a folder for entries, which only its owner may change.
+    """Create a folder for entries, writable by its owner only.
 
     Raises:
-        KernelError: If it is there already and others may change it.
-        OSError: If it cannot be made.
+        KernelError: If it exists already and others may write to it.
+        OSError: If it cannot be created.
     """
     if not folder.is_dir():
         folder.mkdir(parents=True)
-        folder.chmod(0o755)  # whatever the user's mask allows to the group
+        folder.chmod(0o755)  # regardless of the user's umask
     _check_owner(folder.resolve())
 
 
 def store(entry: Path, library: bytes, manifest: Manifest) -> None:
-    """Write an entry, each of its files at once."""
+    """Write an entry, each of its files atomically."""
     put(entry, library, 0o644)
     put(entry.with_suffix(".json"), manifest.model_dump_json(indent=1).encode() + b"\n", 0o644)
 
 
 def put(path: Path, content: bytes, mode: int) -> None:
-    """Put a file in place at once, so that no other process ever sees half of it."""
+    """Put a file in place atomically, so that no other process ever sees a partial one."""
     handle, name = tempfile.mkstemp(dir=path.parent)
     with os.fdopen(handle, "wb") as file:
         file.write(content)

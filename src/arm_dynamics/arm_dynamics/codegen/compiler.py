@@ -34,7 +34,7 @@ from arm_dynamics.codegen.split_functions import units
 from arm_dynamics.exceptions import CompilerMissing, KernelError
 
 NATIVE = Path(__file__).parent / "native"
-# No -ffast-math and no fused multiply-add: a compiler places them as it likes, and one arm and
+# No -ffast-math and no fused multiply-add: compilers place them differently, and one arm and
 # eight arms side by side would no longer give the same bits (fusing gains 14 % for one arm and
 # nothing for eight). -O1: straight-line code gains nothing from -O2 and -O3, which take two and
 # four times as long to compile it. The two -fno are safe: no code reads errno after sqrt, none
@@ -67,12 +67,12 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Destination:
-    """Where compiled scenes go, and what to say of them.
+    """Folder for compiled scenes, and their description.
 
     Attributes:
         folder: An existing folder.
         scene: Name of the scene file.
-        kernel: Which part of it.
+        kernel: Part of the scene.
         target: The processor: one of ``processor.TARGETS``.
     """
 
@@ -115,7 +115,7 @@ def compiler_version(command: tuple[str, ...]) -> str:
 
 
 def may_build(language: str = "c") -> bool:
-    """Whether ``build`` stands a chance: a compiler is here, or ARM_CACHE names folders."""
+    """Whether ``build`` can succeed: there is a compiler, or ARM_CACHE names folders."""
     return find_compiler(language) is not None or bool(compiled_scenes.folders())
 
 
@@ -150,7 +150,7 @@ def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> C
 
 
 def find(key: str) -> Code | None:
-    """What ``build`` compiled before, by ``Code.key``; None if it is not there any more."""
+    """A library that ``build`` compiled before, by ``Code.key``; None if it no longer exists."""
     if _destination.get() is not None:
         return None
     found, _ = compiled_scenes.search(key)
@@ -163,7 +163,7 @@ def find(key: str) -> Code | None:
 
 @contextmanager
 def building_into(destination: Destination) -> Iterator[None]:
-    """Within this block, what is built goes into a folder of compiled scenes, and is used there.
+    """Within this block, libraries are built into a folder of compiled scenes and loaded from it.
 
     Raises:
         KernelError: If this processor lacks instructions of the target, so that what is built
@@ -185,7 +185,7 @@ def building_into(destination: Destination) -> Iterator[None]:
 def cache_folder() -> Path:
     """Folder of compiled kernels, owned by the user, mode 0700.
 
-    Where that cannot be had, a new temporary folder serves this process.
+    If it cannot be created, this process uses a new temporary folder.
     """
     base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
     folder = Path(base) / "arm_dynamics"
@@ -208,12 +208,12 @@ def _temporary_folder() -> Path:
 
 
 def digest(*parts: str) -> str:
-    """Name of what is made of some texts."""
+    """Digest of some texts, as a file name."""
     return hashlib.sha256("\0".join(parts).encode()).hexdigest()[:40]
 
 
 def _headers(source: str, flags: tuple[str, ...]) -> list[str]:
-    """The text of every header that is found beside ours or by a flag -I, and of those in it."""
+    """Texts of all headers that are found in our folder or by a flag -I, recursively."""
     folders = [Path(flag[2:]) for flag in flags if flag.startswith("-I")] + [NATIVE]
     found: dict[Path, str] = {}
     texts = [source]
@@ -239,7 +239,7 @@ def _nothing_found(language: str, refusals: list[str]) -> str:
 def _build_into(
     destination: Destination, key: str, source: str, language: str, flags: tuple[str, ...]
 ) -> Code:
-    """Compile into a folder of compiled scenes, unless the same is there already."""
+    """Compile into a folder of compiled scenes, unless the entry exists already."""
     command = find_compiler(language)
     if command is None:
         raise CompilerMissing(_nothing_found(language, []))
@@ -248,7 +248,7 @@ def _build_into(
     try:
         present = compiled_scenes.read_manifest(entry)
         same = (present.compiler, present.target, present.instructions)
-    except KernelError:  # there is none, or it is none to be used
+    except KernelError:  # there is none, or it cannot be used
         same = None
     if same != (version, destination.target, needs):
         library = _compiled(source, language, command, flags, destination.target)
@@ -282,7 +282,7 @@ def _sound(entry: Path) -> bool:
 
 
 def read_sound(entry: Path) -> bytes | None:
-    """What ``write_sound`` wrote, or None if it is not there, damaged or another user's."""
+    """Content written by ``write_sound``; None if it is missing, damaged or another user's."""
     try:
         if not stat.S_ISREG(entry.lstat().st_mode) or entry.lstat().st_uid != os.getuid():
             return None
@@ -321,7 +321,7 @@ def _compiled(
 
 
 def _run(*commands: list[str]) -> None:
-    """Run the compiler, all commands at once."""
+    """Run all compiler commands in parallel."""
     with ThreadPoolExecutor(len(commands)) as pool:
         done = list(pool.map(_finished, commands))
     for one in done:

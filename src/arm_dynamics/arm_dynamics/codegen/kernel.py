@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From an expression to a function that runs.
+"""Executable functions from expressions.
 
-It runs as native code, or on CasADi's virtual machine where there is no compiler.
+They run as native code, or on CasADi's virtual machine if there is no compiler.
 """
 
 from __future__ import annotations
@@ -57,15 +57,14 @@ class Kernel:
     Args:
         functions: CasADi functions with dense arguments and results and distinct names.
         backend: ``native`` (a C compiler is needed), ``vm`` (CasADi's virtual machine), or
-            ``auto``: the first that can be had.
+            ``auto``: native if possible.
         driver: C source that may call the functions, compiled with them.
-        needs_native: What of the scene cannot run on the virtual machine, for example "dry
-            friction"; nothing if it is empty.
+        needs_native: Features of the scene that need native code, such as "dry friction"; empty if
+            there are none.
 
     Raises:
         InvalidInput: If the backend is unknown.
-        KernelError: If native code is demanded, or needed, and cannot be had; it says how to get
-            it.
+        KernelError: If native code is requested or needed, and not available; says how to get it.
     """
 
     def __init__(
@@ -92,10 +91,10 @@ class Kernel:
 
     @classmethod
     def recalled(cls, recipe: str) -> Self | None:
-        """The kernel that was kept under a recipe, without its expressions; None if none was.
+        """The kernel that was kept under a recipe, without its expressions; None if there is none.
 
         Args:
-            recipe: Text that says all that the functions and the driver are made of.
+            recipe: Text of all inputs from which the functions and the driver are generated.
         """
         found = known_kernels.recall(recipe)
         if found is None:
@@ -107,7 +106,7 @@ class Kernel:
         return kernel
 
     def keep(self, recipe: str) -> None:
-        """Let native code be found again by what it is made of, see ``recalled``."""
+        """Keep native code under a recipe, see ``recalled``."""
         if self.library is not None:
             counts = {name: self.operations(name) for name in self._signatures}
             functions = tuple(self._signatures.values())
@@ -185,7 +184,7 @@ def _signature(function: ca.Function) -> Signature:
 
 
 def generate(functions: Sequence[ca.Function]) -> str:
-    """C source of CasADi functions; only they are visible, and long ones come in pieces."""
+    """C source of CasADi functions; only they are exported, and long ones are divided."""
     generator = ca.CodeGenerator("kernel.c", {"with_header": False, "verbose": False})
     for function in functions:
         generator.add(function)
@@ -196,7 +195,7 @@ def generate(functions: Sequence[ca.Function]) -> str:
 def operations(function: ca.Function, weights: Mapping[int, int] | None = None) -> int:
     """Arithmetic operations of a function, without loads and stores of arguments and results.
 
-    ``weights`` says which kinds of them count more than once.
+    ``weights`` gives kinds of operations that count more than once.
     """
     weights = weights or {}
     if function.is_a("SXFunction"):
@@ -222,7 +221,7 @@ def pointers(arrays: Sequence[NDArray[np.float64]], count: int) -> ctypes.Array[
 
 
 def _memory(shape: tuple[int, int]) -> Array:
-    """Zeroed memory as CasADi reads it: a vector, or a matrix in column-major order."""
+    """Zeroed memory in CasADi's layout: a vector, or a matrix in column-major order."""
     rows, columns = shape
     return np.zeros(rows) if columns == 1 else np.zeros((rows, columns), order="F")
 

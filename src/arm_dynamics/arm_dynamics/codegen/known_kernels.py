@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Kernels that are found again by what they are made of, without writing their equations.
+"""Kernels that are found by their inputs, without generating their source.
 
 To find compiled code by the digest of its source, that source must be generated, which takes
-seconds for an arm of a hundred joints. A note in the user's own cache says which code belongs to a
-recipe: everything that the source is made of, such as scene, method and versions.
+seconds for an arm of a hundred joints. A note in the user's own cache maps a recipe, the inputs of
+the source such as scene, method and versions, to its code.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from arm_dynamics.codegen.compiled_scenes import Code
 
 
 class Signature(BaseModel):
-    """What a caller must know of a compiled function.
+    """Signature of a compiled function.
 
     Attributes:
         name: Its name.
         inputs: Rows and columns of its arguments.
         outputs: Those of its results.
-        sizes: How many pointers to arguments and to results, integers and reals it works with.
+        sizes: Numbers of pointers to arguments and to results, and of integers and reals it needs.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -37,11 +37,11 @@ class Signature(BaseModel):
 
 
 class Note(BaseModel):
-    """What is kept of a kernel.
+    """Description of a kept kernel.
 
     Attributes:
-        key: Which code it is, see ``Code.key``.
-        functions: What it can do.
+        key: Key of its code, see ``Code.key``.
+        functions: Its functions.
         operations: Arithmetic operations in one call of each.
     """
 
@@ -53,7 +53,7 @@ class Note(BaseModel):
 
 
 def recall(recipe: str) -> tuple[Code, Note] | None:
-    """The code of a recipe; None if there is no note, or its code is not there any more."""
+    """The code of a recipe; None if there is no note, or its code no longer exists."""
     content = compiler.read_sound(_place(recipe))
     if content is None:
         return None
@@ -75,7 +75,7 @@ def keep(
 
 @cache
 def digest_of(*packages: str) -> str:
-    """Digest of all that is written in Python and C below folders, such as those of packages."""
+    """Digest of all Python and C files below folders, such as those of packages."""
     files = sorted(
         path for folder in packages for path in Path(folder).rglob("*")
         if path.suffix in (".py", ".c", ".h", ".hpp")

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which instructions this processor has, and which ones compiled code needs.
+"""Instruction set extensions of this processor, and those that compiled code needs.
 
 Names are those of Linux in /proc/cpuinfo. The levels x86-64-v2 and x86-64-v3 are those of the
 System V ABI, AMD64 supplement, section 3.1.1.
@@ -18,8 +18,8 @@ _V2 = frozenset(("cx16", "lahf_lm", "pni", "popcnt", "sse4_1", "sse4_2", "ssse3"
 _V3 = _V2 | {"abm", "avx", "avx2", "bmi1", "bmi2", "f16c", "fma", "movbe"}
 _LEVELS = {"x86-64-v2": _V2, "x86-64-v3": _V3}
 TARGETS = (NATIVE, *_LEVELS)
-# Of the flags of an x86 processor those whose instructions a compiler places by itself; the
-# others tell of virtual machines, mitigations and instructions that are not used here.
+# Those flags of an x86 processor whose instructions a compiler generates; the others concern
+# virtual machines, mitigations and instructions that are not used here.
 _USED = ("abm", "apx", "avx", "bmi", "cx16", "f16c", "fma", "gfni", "lahf_lm", "movbe", "pni",
          "popcnt", "sse", "ssse3", "tbm", "xop")  # fmt: skip
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
 """Long generated C functions, divided into short ones.
 
-A compiler shares registers out to all of a function at once, which takes more time for each
-operation the longer the function is. In pieces a chain of 50 joints compiles in half the time; it
-runs some percent slower, since what a later piece needs goes through memory. The operations and
-their order stay the same, and so do the bits. Pieces may be compiled apart, on several cores.
+A compiler allocates registers for a whole function at once, which takes more time per operation
+the longer the function is. In pieces a chain of 50 joints compiles in half the time; it runs a few
+percent slower, since values pass between pieces through memory. The operations and their order
+stay the same, and so do the results, bit for bit. Pieces may be compiled on several cores.
 """
 
 from __future__ import annotations

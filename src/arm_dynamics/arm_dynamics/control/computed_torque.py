@@ -226,9 +226,9 @@ def gain(name: str, value: ArrayLike, n: int) -> Array:
     """
     given = numbers(name, value)
     if given.shape not in ((), (1,), (n,)):
-        raise InvalidInput(f"{name} has shape {given.shape}; allowed is a number or shape ({n},)")
+        raise InvalidInput(f"{name} has shape {given.shape}; allowed: a number or shape ({n},)")
     if np.any(given < 0.0):
-        raise InvalidInput(f"{name} is {given}; allowed are numbers that are not negative")
+        raise InvalidInput(f"{name} is {given}; allowed: numbers of at least 0")
     return np.array(np.broadcast_to(given, (n,)))
 
 

@@ -116,7 +116,7 @@ def _within(name: str, value: ArrayLike, most: float, why: str) -> None:
     """Refuse numbers that are not finite, below zero or above ``most``."""
     given = numbers(name, value)
     if given.ndim > 1 or np.any(given < 0.0) or np.any(given > most):
-        raise InvalidInput(f"{name} = {value!r}; allowed is 0 to {most:.6g} ({why})")
+        raise InvalidInput(f"{name} = {value!r}; allowed: 0 to {most:.6g} ({why})")
 
 
 def make_controller(

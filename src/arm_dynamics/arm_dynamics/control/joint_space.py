@@ -74,7 +74,7 @@ class PID:
         self._n, self._dt = n, positive("dt", dt)
         self._kp, self._ki, self._kd = gain("kp", kp, n), gain("ki", ki, n), gain("kd", kd, n)
         if np.any((self._kp == 0.0) & (self._ki > 0.0)):
-            raise InvalidInput(f"kp is {self._kp}; allowed is more than zero where ki is")
+            raise InvalidInput(f"kp is {self._kp}; allowed: positive where ki is positive")
         self._limit = positive_limits("limit", limit, n)
         self._return = np.divide(self._ki, self._kp, out=np.zeros(n), where=self._kp > 0.0)
         self._integral = np.zeros(n)

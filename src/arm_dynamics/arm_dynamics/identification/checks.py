@@ -157,7 +157,7 @@ def check_masses(found: Array, nominal: Array, scaled: bool) -> None:
     if scaled or 1.0 / OUT_OF_SCALE < ratio < OUT_OF_SCALE:
         return
     raise InvalidInput(
-        f"the links would have {ratio:.3g} times their nominal mass (median); allowed is "
+        f"the links would have {ratio:.3g} times their nominal mass (median); allowed: "
         f"{1.0 / OUT_OF_SCALE:g} to {OUT_OF_SCALE:g}: the efforts are not in N m, but for example "
         "in amperes or per mille of a rated torque; give the torque per unit of each joint, or "
         "let scales be identified (effort scale)"

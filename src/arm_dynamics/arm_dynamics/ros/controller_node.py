@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controller node: moves an arm along trajectories by a controller of one's choice."""
+"""The controller node: moves an arm along trajectories with a selectable controller."""
 
 from __future__ import annotations
 
@@ -60,22 +60,22 @@ from arm_dynamics.trajectory.reference import Limits, Reference
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
 _GAINS = ("bandwidth", "damping_ratio", "stiffness", "damping")
-_FREE = "float"  # the controller under which the arm is led by hand, away from its reference
+_FREE = "float"  # the controller for hand guiding: the arm moves away from its reference
 
 
 class ControllerNode(Node):
     """Answers every joint state with a joint command.
 
-    It holds the arm where it first sees it, and where it sees it after time went backwards, until
-    a trajectory, a pose or a path comes. Time is that of the states' stamps. The controller may be
+    It holds the arm at its first position, and at its position after time went backwards, until a
+    trajectory, a pose or a path arrives. Time is that of the states' stamps. The controller may be
     changed in motion: a new one is prepared in the background, and the old one stays active until
     it is ready.
 
     Attributes:
         params: The parameters in force.
-        dynamics: The model that the controllers know.
-        control: The active controller, and the hand-over to the next one.
-        goals: What is followed, and what is being planned.
+        dynamics: The model of the controllers.
+        control: The active controller, and the transition to the next one.
+        goals: The current goal, and goals being planned.
         action: Goals of ``~/follow_joint_trajectory``.
         send: Publishes a serialized command.
     """
@@ -84,7 +84,7 @@ class ControllerNode(Node):
         """Start the node.
 
         Args:
-            scene: Anything ``load_scene`` takes; when None the parameter ``scene``, else a robot
+            scene: Anything ``load_scene`` accepts; if None, the parameter ``scene``, else a robot
                 description, from the parameter or topic ``robot_description``.
             **node_kwargs: For ``rclpy.node.Node``: context, namespace, parameter_overrides, …
 
@@ -129,7 +129,7 @@ class ControllerNode(Node):
 
     @property
     def follower(self) -> Follower | None:
-        """What gives the reference; None until the arm has been seen."""
+        """Computes the reference; None until the first joint state."""
         return self.goals.follower
 
     @property
@@ -138,7 +138,7 @@ class ControllerNode(Node):
         return self.goals.planner.busy or self._builder.busy
 
     def deliver(self) -> None:
-        """Take what the background has finished; done before every answer to a joint state."""
+        """Apply the results of background work; called before every answer to a joint state."""
         self._builder.deliver()
         self.goals.planner.deliver()
 
@@ -150,13 +150,13 @@ class ControllerNode(Node):
         super().destroy_node()
 
     def _deaf(self) -> str:
-        """Why trajectories are not followed now, if they are not."""
+        """Why trajectories are not followed now; empty if they are."""
         free = self.params.controller == _FREE
         return self._log.failure or ("controller 'float' follows no trajectories" if free else "")
 
     def _made(self, params: ControllerParams) -> AnyController:
         frame, axes = params.settings.frame, params.settings.axes
-        if frame:  # refused at once, not when a controller first needs it
+        if frame:  # refused at once, not when a controller first uses it
             TaskSpace(self.dynamics, frame, selection=axes)
         chosen = self._loaded.maker(params.controller)
         return make_controller(chosen, self.dynamics, self._settings(params))
@@ -194,7 +194,7 @@ class ControllerNode(Node):
             self._builder.start(job, lambda built: self._put(built, put))
 
     def _build_ahead(self, params: ControllerParams) -> None:
-        """Prepare the first controller at once, and one in task space in the background."""
+        """Prepare the first controller at once, a task-space controller in the background."""
         if job := self._preparation(params.controller, params):
             job()
         if job := self._preparation(IN_TASK_SPACE[0], params):
@@ -223,7 +223,7 @@ class ControllerNode(Node):
             stamp, (q, v) = self._reader.read(raw)
         except InvalidInput as error:
             self._log.passed_over += 1
-            self._say(f"joint state passed over: {plain(error)}")
+            self._say(f"joint state ignored: {plain(error)}")
             return None
         state = Checked(np.array(q), np.array(v))
         reference = self._reference(stamp, state)
@@ -247,10 +247,10 @@ class ControllerNode(Node):
         return command
 
     def _brake(self, error: ControllerFailed) -> None:
-        """Command nothing, so that the arm's own policy for that brakes it, and say so."""
+        """Send no command, so that the arm's stale-command policy stops it, and log it."""
         self._log.failure = (
             f"{error}; no commands until it is tuned, another one is selected, or "
-            "time jumps (a reset)"
+            "the simulation is reset"
         )
         self.get_logger().error(self._log.failure, throttle_duration_sec=_THROTTLE)
         self.action.abort("Current goal cancelled, the controller failed.")
@@ -264,7 +264,7 @@ class ControllerNode(Node):
                 self._log.jumps += 1
                 self.control.restart()
             self.get_logger().info(
-                f"{why}holding where the arm is", throttle_duration_sec=_THROTTLE
+                f"{why}holding the arm at its position", throttle_duration_sec=_THROTTLE
             )
             goals.hold(state.q)
             self._next_report = 0
@@ -278,7 +278,7 @@ class ControllerNode(Node):
         return [name for name, is_cut in joints if is_cut]
 
     def diagnostics(self) -> list[Finding]:
-        """How the node has been doing since this was last asked."""
+        """Diagnostics since the last call."""
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
         return [self._log.finding(self, self.params.controller, self._cut(), about)]
 
@@ -286,15 +286,15 @@ class ControllerNode(Node):
         self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
 
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:
-        """Follow a trajectory from the present reference on, or say why not."""
+        """Follow a trajectory from the current reference, or report why not."""
         self.goals.trajectory(as_bytes(message))
 
     def on_cartesian_goal(self, message: PoseStamped) -> None:
-        """Move the frame of the task straight to a pose, or say why not."""
+        """Move the task frame along a straight line to a pose, or report why not."""
         self.goals.pose(message, self.params)
 
     def on_cartesian_path(self, message: bytes | Path) -> None:
-        """Move the frame of the task through poses, or say why not."""
+        """Move the task frame through poses, or report why not."""
         self.goals.path(as_bytes(message), self.params)
 
     def _publish_report(

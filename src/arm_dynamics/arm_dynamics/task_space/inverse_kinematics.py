@@ -209,6 +209,6 @@ def checked_pose(pose: Pose) -> Pose:
     if off > 1e-6 or np.linalg.det(rotation) < 0.0:
         raise InvalidInput(
             f"pose.rotation = {rotation.tolist()} is no rotation: R Rᵀ is off by {off:.3g}, "
-            f"det R = {np.linalg.det(rotation):.3g}; allowed is 1e-6 and a determinant of one"
+            f"det R = {np.linalg.det(rotation):.3g}; allowed: 1e-6 and a determinant of one"
         )
     return Pose(position, rotation)

@@ -148,7 +148,7 @@ class TaskSpace:
         self.frame, self.reference = frame, reference
         self.axes = chosen_axes(selection)
         if not 0.0 < threshold < 1.0:
-            raise InvalidInput(f"threshold = {threshold}; allowed is a number between 0 and 1")
+            raise InvalidInput(f"threshold = {threshold}; allowed: a number between 0 and 1")
         self.threshold = float(threshold)
         self.rows = rows_of(self.axes)
         self.linear = sum(axis in AXES[:3] for axis in self.axes)
@@ -281,7 +281,7 @@ class TaskSpace:
         """
         if self.linear not in (0, self.m):
             raise InvalidInput(
-                f"an ellipsoid over {self.axes} mixes kg and kg m²; allowed are tasks of linear "
+                f"an ellipsoid over {self.axes} mixes kg and kg m²; allowed: tasks of linear "
                 "or of angular axes alone"
             )
         A = self._mobility(*_each(self._frozen, *vectors(self.model.joint_names, q=q)))

@@ -142,7 +142,7 @@ def circle(
     if off > 1e-6 * radius:
         raise InvalidInput(
             f"the centre {middle} is {off:.3g} m beside the plane through {start.position} across "
-            f"the axis {around}; allowed are centres in that plane"
+            f"the axis {around}; allowed: centers in that plane"
         )
     turn = angle * around if turning else np.zeros(3)
     return Circle(start, middle, around, float(angle), turn)

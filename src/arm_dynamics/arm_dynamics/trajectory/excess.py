@@ -85,7 +85,7 @@ class Bounds:
         name = self.limits.name(first.joint)
         raise InvalidInput(
             f"joint '{name}' would leave its {first.quantity} limit at {first.time + late:.3f} s "
-            f"and reach {first.most:.4g}; allowed is {first.limit:.4g}"
+            f"and reach {first.most:.4g}; allowed: {first.limit:.4g}"
         )
 
     def factor(self, trajectory: Trajectory) -> float:

@@ -54,7 +54,7 @@ class Outset:
         ahead = [replace(w, time=w.time - late) for w in waypoints if not w.time <= late]
         if not ahead:
             raise InvalidInput(
-                f"none of {len(waypoints)} waypoints lies in the future; allowed are times after "
+                f"none of {len(waypoints)} waypoints lies in the future; allowed: times after "
                 f"{late:g} s, as the arm needs time to get there"
             )
         return [Waypoint(0.0, here.q, here.v, here.a), *ahead]

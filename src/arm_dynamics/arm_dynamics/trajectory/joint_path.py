@@ -193,7 +193,7 @@ def check_limits(task: TaskSpace, q: Array, u: float) -> None:
     if beyond[joint] > 1e-9:
         raise Unreachable(
             f"at {u:.1%} of the path joint '{model.joint_names[joint]}' would be at "
-            f"{q[joint]:.6g}; allowed is {model.position_lower[joint]:.6g} to "
+            f"{q[joint]:.6g}; allowed: {model.position_lower[joint]:.6g} to "
             f"{model.position_upper[joint]:.6g}",
             float(beyond[joint]),
         )

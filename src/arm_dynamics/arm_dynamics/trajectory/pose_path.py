@@ -59,7 +59,7 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajector
         return None
     length, counts = sum(ways), [int(np.ceil(w / _SPACING)) for w in ways]
     if sum(counts) > MAX_KNOTS:
-        raise InvalidInput(f"the way is {length:.4g} m; allowed is {MAX_KNOTS * _SPACING:g} m")
+        raise InvalidInput(f"the way is {length:.4g} m; allowed: {MAX_KNOTS * _SPACING:g} m")
     places = [
         (piece.at(k / count), w / length / count)
         for piece, w, count in zip(pieces, ways, counts, strict=True)

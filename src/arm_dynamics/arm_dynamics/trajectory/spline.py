@@ -62,7 +62,7 @@ def stretched_spline(
         stretch *= min(max(factor, 1.001), 4.0)
     raise InvalidInput(
         f"no pace brings the trajectory within limits, {stretch:.3g} times slower neither; "
-        "allowed are points that leave room for the motion at the start"
+        "allowed: points that leave room for the motion at the start"
     )
 
 
@@ -89,7 +89,7 @@ def _knots(waypoints: Sequence[Waypoint]) -> _Knots:
     for i in np.flatnonzero(np.isnan(v[:, 0]) & ~np.isnan(a[:, 0])):
         raise InvalidInput(f"waypoint {i} gives accelerations, but no velocities")
     if np.any(np.abs(np.nan_to_num(v[-1])) > STANDING):
-        raise InvalidInput(f"velocity of the last waypoint is {v[-1]}; allowed is zero")
+        raise InvalidInput(f"velocity of the last waypoint is {v[-1]}; allowed: zero")
     return _Knots(times, q, v, a)
 
 

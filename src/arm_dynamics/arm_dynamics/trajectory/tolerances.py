@@ -43,7 +43,7 @@ def resolved(what: str, asked: float, default: float) -> float:
         return default
     if asked == _ERASED:
         return NONE
-    raise InvalidInput(f"{what} is {asked}; allowed are 0 (default), -1 (none) and positive ones")
+    raise InvalidInput(f"{what} is {asked}; allowed: 0 (default), -1 (none) and positive ones")
 
 
 @dataclass(frozen=True)
@@ -150,5 +150,5 @@ class Tolerances:
         kind, joint = divmod(int(np.argmax(np.abs(found) / allowed)), len(names))
         return (
             f"{('position', 'velocity')[kind]} of joint '{names[joint]}' is off by "
-            f"{found[kind, joint]:.4g}; allowed is {allowed[kind, joint]:.4g}"
+            f"{found[kind, joint]:.4g}; allowed: {allowed[kind, joint]:.4g}"
         )

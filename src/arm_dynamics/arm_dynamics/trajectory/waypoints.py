@@ -57,7 +57,7 @@ def quintic(waypoints: Sequence[Waypoint], limits: Limits | None = None) -> Traj
         stretch *= min(max(excess, 1.02), 2.0)
     raise InvalidInput(
         f"the motion at the start, velocity {knots.v[0]} and acceleration {knots.a[0]}, cannot be "
-        "led to the waypoints within velocity and acceleration limits at any pace; allowed are "
+        "led to the waypoints within velocity and acceleration limits at any pace; allowed: "
         "waypoints that leave room to slow down, or a start nearer to rest"
     )
 
@@ -81,7 +81,7 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
     """
     q = numbers("positions", positions)
     if q.ndim != 2 or len(q) < 2:
-        raise InvalidInput(f"positions have shape {q.shape}; allowed is (w, n) with w >= 2")
+        raise InvalidInput(f"positions have shape {q.shape}; allowed: (w, n) with w >= 2")
     step = np.abs(np.diff(q, axis=0))
     h = np.fmax(
         15 / 8 * step / limits.velocity, np.sqrt(10 / np.sqrt(3) * step / limits.acceleration)
@@ -90,7 +90,7 @@ def quintic_through(positions: ArrayLike, limits: Limits) -> Trajectory:
         i = int(np.argmin(h > 0.0))
         raise InvalidInput(
             f"positions {i} and {i + 1} coincide or nothing limits the motion between them; "
-            "allowed are different positions and finite velocity or acceleration limits"
+            "allowed: different positions and finite velocity or acceleration limits"
         )
     for _ in range(_BALANCE_ROUNDS):
         h = h * np.sqrt(_excess_of(h, q, limits))
@@ -140,10 +140,10 @@ def timed_positions(waypoints: Sequence[Waypoint]) -> tuple[Array, Array]:
             differ in length or are not finite.
     """
     if not 2 <= len(waypoints) <= MAX_WAYPOINTS:
-        raise InvalidInput(f"{len(waypoints)} waypoints; allowed are 2 to {MAX_WAYPOINTS}")
+        raise InvalidInput(f"{len(waypoints)} waypoints; allowed: 2 to {MAX_WAYPOINTS}")
     times = np.array([w.time for w in waypoints], float)
     if not np.all(np.isfinite(times)) or times[0] != 0.0 or np.any(np.diff(times) <= 0.0):
-        raise InvalidInput(f"waypoint times are {times} s; allowed is rising from 0")
+        raise InvalidInput(f"waypoint times are {times} s; allowed: increasing from 0")
     n, rows = np.size(waypoints[0].q), enumerate(waypoints)
     return times, np.stack([_row(w.q, n, f"position of waypoint {i}") for i, w in rows])
 
@@ -167,14 +167,14 @@ def _derivative(rows: list[ArrayLike | None], n: int, what: str) -> Array:
     for end in (0, -1):
         stacked[end] = np.nan_to_num(stacked[end])
     if np.any(stacked[-1]):
-        raise InvalidInput(f"{what} of the last waypoint is {stacked[-1]}; allowed is zero")
+        raise InvalidInput(f"{what} of the last waypoint is {stacked[-1]}; allowed: zero")
     return stacked
 
 
 def _row(values: ArrayLike, n: int, what: str) -> Array:
     row = numbers(what, values)
     if row.shape != (n,):
-        raise InvalidInput(f"{what} has shape {row.shape}; allowed is ({n},)")
+        raise InvalidInput(f"{what} has shape {row.shape}; allowed: ({n},)")
     return row
 
 
@@ -205,6 +205,6 @@ def _check_positions(q: Array, start: Array, limits: Limits) -> None:
         return
     i, joint = np.unravel_index(np.argmax(beyond), beyond.shape)
     raise InvalidInput(
-        f"the trajectory takes joint {limits.name(int(joint))} to {q[i, joint]:.6g}; allowed is "
+        f"the trajectory takes joint {limits.name(int(joint))} to {q[i, joint]:.6g}; allowed: "
         f"{limits.lower[joint]:.6g} to {limits.upper[joint]:.6g}"
     )

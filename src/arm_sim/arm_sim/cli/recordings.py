@@ -202,7 +202,7 @@ def _play(path: Path, names: tuple[str, ...], rate: float) -> None:
     def make(**kwargs: Any) -> Any:
         players.append(Player(path, names, **kwargs))
         for topic, why in players[0].passed_over.items():
-            click.echo(f"{topic} is passed over: {why}", err=True)
+            click.echo(f"{topic} is ignored: {why}", err=True)
         click.echo(f"playing {players[0].duration:.6g} s", err=True)
         players[0].start(rate)
         return players[0]

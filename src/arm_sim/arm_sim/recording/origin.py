@@ -86,7 +86,7 @@ class Origin:
             raise InvalidInput(f"the recording does not tell where it is from: {error}") from None
         if integrator not in METHODS or not 0.0 < dt < np.inf:
             raise InvalidInput(
-                f"the recording's method is '{integrator}' with dt = {dt!r}; allowed are "
+                f"the recording's method is '{integrator}' with dt = {dt!r}; allowed: "
                 f"{', '.join(METHODS)} and a time above zero"
             )
         head = "version of "

@@ -92,8 +92,8 @@ class SimDiagnostics:
             found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
         elif stopped:
             found.complain(WARN, "commands stopped, and are back")
-        self.growth.warn(found, inputs.refused, "commands passed over")
-        self.growth.warn(found, inputs.refused_wrenches, "wrenches passed over")
+        self.growth.warn(found, inputs.refused, "commands ignored")
+        self.growth.warn(found, inputs.refused_wrenches, "wrenches ignored")
         if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
             found.complain(ERROR, arbiter.last_refusal)
         elif publishers > 1 and len(arbiter.sources) < 2:

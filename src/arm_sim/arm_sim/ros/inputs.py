@@ -154,9 +154,7 @@ class Inputs:
         tau, n = np.array(message.data, float), self._model.n
         try:
             if tau.shape != (n,) or not np.isfinite(tau).all():
-                raise InvalidInput(
-                    f"{tau.size} numbers {tau[:10]}; allowed are {n} finite numbers"
-                )
+                raise InvalidInput(f"{tau.size} numbers {tau[:10]}; allowed: {n} finite numbers")
             self._engine.arbiter.admit(_UNNAMED, frozenset(range(n)))
         except InvalidInput as error:
             self._refuse(error)
@@ -178,9 +176,7 @@ class Inputs:
             self._engine.push(message.header.frame_id, wrench)
         except ArmError as error:
             self.refused_wrenches += 1
-            self._log.warning(
-                f"wrench passed over: {plain(error)}", throttle_duration_sec=_THROTTLE
-            )
+            self._log.warning(f"wrench ignored: {plain(error)}", throttle_duration_sec=_THROTTLE)
 
     def _cut(self, tau: Numbers) -> Numbers:
         """Cut efforts to their limits, with a warning."""
@@ -198,4 +194,4 @@ class Inputs:
 
     def _refuse(self, why: InvalidInput) -> None:
         self.refused += 1
-        self._log.warning(f"command passed over: {plain(why)}", throttle_duration_sec=_THROTTLE)
+        self._log.warning(f"command ignored: {plain(why)}", throttle_duration_sec=_THROTTLE)

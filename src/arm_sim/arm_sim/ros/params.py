@@ -101,7 +101,7 @@ class SimParams(ThreadParams, RobotParams):
         if owner and self.time == ROS:
             raise InvalidInput(
                 f"parameter 'time' is 'ros' with {owner}, where simulated time is the time; "
-                "allowed is sim or auto"
+                "allowed: sim or auto"
             )
 
     @property

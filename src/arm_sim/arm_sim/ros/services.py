@@ -81,7 +81,7 @@ class SimServices:
             if abs(speed) > limit:
                 unit = "m" if kind == "prismatic" else "rad"
                 raise InvalidInput(
-                    f"velocity of joint '{name}' is {speed:.6g}; allowed is up to {limit:g} "
+                    f"velocity of joint '{name}' is {speed:.6g}; allowed: up to {limit:g} "
                     f"{unit}/s, {_REACH:g} {unit} in a tick"
                 )
 

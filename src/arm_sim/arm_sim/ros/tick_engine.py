@@ -199,7 +199,7 @@ class TickEngine:
             SimulationDiverged: If it diverges on the way; the last good state is kept.
         """
         if not 1 <= steps <= MAX_STEPS:
-            raise InvalidInput(f"steps = {steps}; allowed are 1 to {MAX_STEPS}")
+            raise InvalidInput(f"steps = {steps}; allowed: 1 to {MAX_STEPS}")
         if not self.may_step:
             raise InvalidInput("the simulation is running; allowed only while it is paused")
         self.read_commands()

@@ -71,7 +71,7 @@ def joint_indices(names: Sequence[str], model_names: Sequence[str]) -> NDArray[n
     if unknown or len(set(names)) != len(names):
         guess = did_you_mean(unknown[0], model_names) if unknown else ""
         raise InvalidInput(
-            f"joint names are {known_names(names)}; allowed are some or all of "
+            f"joint names are {known_names(names)}; allowed: some or all of "
             f"{known_names(model_names)}, each once{guess}"
         )
     return np.array([model_names.index(name) for name in names or model_names], np.intp)
@@ -90,7 +90,7 @@ def spread(what: str, values: Sequence[float], joints: NDArray[np.intp], rest: A
         InvalidInput: If the length does not fit.
     """
     if len(values) != len(joints):
-        raise InvalidInput(f"{what} has {len(values)} numbers; allowed is {len(joints)}")
+        raise InvalidInput(f"{what} has {len(values)} numbers; allowed: {len(joints)}")
     full = np.array(rest)
     full[joints] = values
     return full
@@ -129,7 +129,7 @@ def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
     if frame_id not in fixed:
         allowed = choices(frame_id, ["world", *fixed])
         raise InvalidInput(
-            f"poses in frame '{plain(frame_id, 80)}': allowed are frames that stand, {allowed}"
+            f"poses in frame '{plain(frame_id, 80)}'; allowed: fixed frames, {allowed}"
         )
     base = fixed[frame_id].placement
     return Pose(base.rotation @ pose.position + base.translation, base.rotation @ pose.rotation)

@@ -94,7 +94,7 @@ def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: boo
             callback(message)
         except Exception as error:
             node.get_logger().error(
-                plain(f"a message was passed over after an unexpected failure: {error!r}"),
+                plain(f"a message was ignored after an unexpected failure: {error!r}"),
                 throttle_duration_sec=_THROTTLE,
             )
 
@@ -158,7 +158,7 @@ def run(
 
 
 def _tell_unknown(node: Node) -> None:
-    """Say which parameters were given that the node does not have; ROS passes them over.
+    """Warn of parameters that the node does not have, which ROS ignores.
 
     Those with dots may be declared later: for joints that are not known yet.
     """
@@ -167,8 +167,8 @@ def _tell_unknown(node: Node) -> None:
     for name in given:
         if name not in known:
             node.get_logger().warning(
-                f"this node has no parameter '{plain(name, 80)}', it is passed over; "
-                f"there are {choices(name, known, 100)}"
+                f"this node has no parameter '{plain(name, 80)}', which is ignored; "
+                f"allowed: {choices(name, known, 100)}"
             )
 
 

@@ -77,7 +77,7 @@ def declare[P](node: Node, kind: type[P]) -> P:
             given = node._parameter_overrides[name].value  # rclpy tells it by no other way
             low, high = about.get("low", 0), about.get("high", 0)
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
-            raise InvalidInput(f"parameter '{name}' is {given}; allowed is {allowed}") from None
+            raise InvalidInput(f"parameter '{name}' is {given}; allowed: {allowed}") from None
         except InvalidParameterTypeException as error:
             raise InvalidInput(f"parameter '{name}': {error}") from error
 
@@ -141,7 +141,7 @@ def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
     wanted = about.get("choices")
     if wanted and value not in wanted:
         raise InvalidInput(
-            f"parameter '{name}' is '{value}'; allowed is one of {choices(value, wanted)}"
+            f"parameter '{name}' is '{value}'; allowed: one of {choices(value, wanted)}"
         )
     several = about.get("each_joint") or isinstance(like, list | tuple)
     if not several:

@@ -79,7 +79,7 @@ def read_cpus(text: str) -> tuple[int, ...]:
     except ValueError:
         cpus = (-1,)
     if any(cpu < 0 for cpu in cpus):
-        raise InvalidInput(f"cpus = '{text}'; allowed are numbers of processors such as '0, 2'")
+        raise InvalidInput(f"cpus = '{text}'; allowed: numbers of processors such as '0, 2'")
     return cpus
 
 

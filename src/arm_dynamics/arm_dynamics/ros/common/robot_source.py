@@ -82,6 +82,6 @@ def _awaited(node: Node, timeout: float) -> str:
         if newest is not None:
             newest.close()
     raise InvalidInput(
-        "parameter 'scene' is empty; allowed is a scene file or a URDF, or a URDF in the "
+        "parameter 'scene' is empty; allowed: a scene file or a URDF, or a URDF in the "
         f"parameter 'robot_description' or on {topic}, where none came in {timeout:g} s"
     )

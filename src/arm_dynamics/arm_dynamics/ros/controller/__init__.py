@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The parts of the controller node: its parameters, the goals it follows, what it has answered.
+"""Parts of the controller node: its parameters, its goals, and the log of its answers.
 
-It knows the core, the interfaces and ``common``; it knows neither the node nor the services of
+Depends on the core, the interfaces and ``common``; neither on the node nor on the services of
 the dynamics node.
 """
 

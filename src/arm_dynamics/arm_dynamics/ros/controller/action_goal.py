@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Goals of FollowJointTrajectory: which are refused, and which tolerances hold for the others.
+"""Goals of FollowJointTrajectory: which are refused, and the tolerances of the others.
 
 The rules are those by which joint_trajectory_controller (ros2_controllers, Jazzy) accepts goals,
-and where it passes over what it cannot do, a goal that asks for it is refused.
+but goals that ask for something it would silently ignore are refused.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class FollowParams:
     """
 
     allow_partial_joints_goal: bool = parameter(
-        False, "Whether action goals may leave out joints, which then stay", read_only=False
+        False, "Whether action goals may omit joints, which then stay", read_only=False
     )
     action_monitor_rate: float = parameter(
         20.0, "Rate of the action's feedback [Hz], in the time of the states", low=0.1, high=1e4
@@ -42,7 +42,7 @@ class FollowParams:
     )
     limit_margin: float = parameter(
         0.02,
-        "Share by which action goals may exceed velocity, acceleration and effort limits: what is "
+        "Fraction by which goals may exceed velocity, acceleration and effort limits: what is "
         "interpolated between points that keep to limits overshoots a little",
         low=0.0, high=10.0, read_only=False,
     )  # fmt: skip
@@ -79,7 +79,7 @@ def follow_params(joint_names: Sequence[str]) -> type[FollowParams]:
 
 
 class TrajectoryMessage:
-    """A JointTrajectory of a goal: its head is checked at once, its points when there is time.
+    """A JointTrajectory of a goal: its header is checked at once, its points in the background.
 
     Attributes:
         stamp: Stamp of the header in [ns].
@@ -88,15 +88,15 @@ class TrajectoryMessage:
     """
 
     def __init__(self, message: Any, model_names: Sequence[str], partial: bool) -> None:
-        """Check the head.
+        """Check the header.
 
         Args:
             message: The JointTrajectory.
             model_names: Joints of the model.
-            partial: Whether it may leave out joints.
+            partial: Whether it may omit joints.
 
         Raises:
-            InvalidInput: If joints are missing, unknown or doubled, or there are no points or too
+            InvalidInput: If joints are missing, unknown or repeated, or there are no points or too
                 many.
         """
         self.stamp = to_nanoseconds(message.header.stamp)
@@ -104,7 +104,7 @@ class TrajectoryMessage:
         self._points = message.points
         self._check_names(model_names, partial)
         if not 1 <= self.count <= MAX_GOAL_POINTS:
-            raise InvalidInput(f"{self.count} points; allowed are 1 to {MAX_GOAL_POINTS}")
+            raise InvalidInput(f"{self.count} points; allowed: 1 to {MAX_GOAL_POINTS}")
 
     def points(self) -> Iterator[tuple[int, Any, Any, Any]]:
         """Time from start in [ns], positions, velocities, accelerations of one after another."""
@@ -116,7 +116,7 @@ class TrajectoryMessage:
         """Check the points.
 
         Raises:
-            InvalidInput: If times do not rise, numbers are missing or not finite, there are
+            InvalidInput: If times do not increase, numbers are missing or not finite, there are
                 efforts, or the last velocity is not zero.
         """
         before = -1
@@ -124,23 +124,23 @@ class TrajectoryMessage:
             time = to_nanoseconds(point.time_from_start)
             if time <= before:
                 raise InvalidInput(
-                    f"time_from_start of point {i} is {1e-9 * time:g} s; allowed is rising from 0"
-                    + (f", and {1e-9 * before:g} s came before" if i else "")
+                    f"time_from_start of point {i} is {1e-9 * time:g} s; allowed: "
+                    + (f"more than {1e-9 * before:g} s" if i else "at least 0 s")
                 )
             before = time
             self._check_point(i, point)
         for joint, v in zip(self.joint_names, self._points[-1].velocities, strict=False):
             if abs(v) > STANDING:
-                raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed is 0")
+                raise InvalidInput(f"the last velocity of joint '{joint}' is {v:g}; allowed: 0")
 
     def _check_names(self, model_names: Sequence[str], partial: bool) -> None:
         if not self.joint_names:
-            raise InvalidInput(f"no joint names; allowed are those of {known_names(model_names)}")
+            raise InvalidInput(f"no joint names; allowed: those of {known_names(model_names)}")
         joint_indices(self.joint_names, model_names)
         missing = [name for name in model_names if name not in self.joint_names]
         if missing and not partial:
             raise InvalidInput(
-                f"joints {known_names(missing)} are missing; allowed are goals for all joints, or "
+                f"joints {known_names(missing)} are missing; allowed: a goal for all joints, or "
                 "the parameter allow_partial_joints_goal"
             )
 
@@ -149,21 +149,19 @@ class TrajectoryMessage:
         for what in ("positions", "velocities", "accelerations"):
             values = np.array(getattr(point, what))
             if values.size != n and (values.size or what == "positions"):
-                raise InvalidInput(
-                    f"{what} of point {i} has {values.size} numbers; allowed is {n}"
-                )
+                raise InvalidInput(f"{what} of point {i} has {values.size} numbers; allowed: {n}")
             if not np.isfinite(values).all():
                 joint = self.joint_names[int(np.argmin(np.isfinite(values)))]
                 raise InvalidInput(f"{what} of point {i}, joint '{joint}', is not finite")
         if len(point.effort):
-            raise InvalidInput(f"effort of point {i} is given; allowed are points without effort")
+            raise InvalidInput(f"effort of point {i} is given; allowed: points without effort")
 
 
 def refuse_what_an_arm_has_not(goal: Any) -> None:
     """Refuse goals for joints of several degrees of freedom.
 
     Raises:
-        InvalidInput: If the goal says anything about such joints.
+        InvalidInput: If the goal contains such joints.
     """
     several = goal.multi_dof_trajectory
     for what, given in (
@@ -172,19 +170,19 @@ def refuse_what_an_arm_has_not(goal: Any) -> None:
         ("component_goal_tolerance", goal.component_goal_tolerance),
     ):
         if len(given):
-            raise InvalidInput(f"{what} is given; allowed is none, all joints have one degree")
+            raise InvalidInput(f"{what} is given; allowed: none (joints have one degree)")
 
 
 def tolerances(
     goal: Any, params: FollowParams, model_names: Sequence[str], turning: tuple[int, ...]
 ) -> Tolerances:
-    """Tolerances of a goal: those it names, else the parameters'.
+    """Tolerances of a goal: its own, else those of the parameters.
 
     Args:
         goal: A FollowJointTrajectory goal.
         params: Parameters in force, with those of the joints.
         model_names: Joints of the model.
-        turning: Indices of those that turn without end.
+        turning: Indices of the continuous joints.
 
     Raises:
         InvalidInput: If a tolerance is not allowed, or names a joint that does not exist.
@@ -211,14 +209,14 @@ def _asked(
     for message in messages:
         if message.name not in names:
             raise InvalidInput(
-                f"{what} names joint '{message.name}'; allowed are {choices(message.name, names)}"
+                f"{what} names joint '{message.name}'; allowed: {choices(message.name, names)}"
             )
         joint, of = names.index(message.name), f"{what} of joint '{message.name}'"
         position[joint] = resolved(f"position in {of}", message.position, position[joint])
         velocity[joint] = resolved(f"velocity in {of}", message.velocity, velocity[joint])
         if resolved(f"acceleration in {of}", message.acceleration, NONE) != NONE:
             raise InvalidInput(
-                f"acceleration in {of} is {message.acceleration:g}; allowed is 0 or -1, as joint "
-                "states have no accelerations"
+                f"acceleration in {of} is {message.acceleration:g}; allowed: 0 or -1, since "
+                "joint states have no accelerations"
             )
     return StateTolerance(tuple(position), tuple(velocity))

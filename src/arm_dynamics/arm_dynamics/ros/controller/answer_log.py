@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a controller has answered: the last answer again, and how it is doing."""
+"""The controller's last answer, to be repeated, and the counters of its diagnostics."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ SILENCE = 1.0  # [s] without a joint state after which it is reported
 
 
 class AnswerLog:
-    """Remembers the last state and its answer, and counts.
+    """Remembers the last state and its answer, and counts failures.
 
-    A state that comes again, byte for byte, gets the same answer: a partner in lockstep asks again
-    when a message was lost, and a controller with memory must not take that for another tick.
+    A state that is repeated byte for byte gets the same answer: in lockstep, the simulator repeats
+    a state when a message was lost, and a controller with memory must not count it as a new tick.
 
     Attributes:
-        passed_over: States that could not be used.
-        jumps: How often time or the arm jumped from one state to the next.
-        failure: Why the controller gives no torque; empty while it does.
+        passed_over: Number of states that could not be used.
+        jumps: Number of jumps of time or of the arm between two states.
+        failure: Why the controller computes no torque; empty while it does.
     """
 
     def __init__(self) -> None:
@@ -32,30 +32,30 @@ class AnswerLog:
         self._growth = Growth()
 
     def again(self, raw: bytes) -> bytes | None:
-        """The answer that this state got if it is the last one, else None."""
+        """The answer to this state if it is the last one, else None."""
         self._seen = time.monotonic()
         return self._command if raw == self._raw else None
 
     def note(self, raw: bytes, command: bytes) -> None:
-        """Take note of an answer."""
+        """Store an answer."""
         self._raw, self._command = raw, command
         self._answers += 1
         self.failure = ""
 
     def forget(self) -> None:
-        """Answer the next state anew even if it is the last one."""
+        """Compute the answer to the next state even if it repeats the last one."""
         self._raw = b""
 
     def finding(
         self, node: Node, controller: str, cut: list[str], goals: dict[str, str | int]
     ) -> Finding:
-        """How it is doing, for ``/diagnostics``.
+        """Condition of the controller, for ``/diagnostics``.
 
         Args:
             node: The controller.
-            controller: Name of the active one.
+            controller: Name of the active controller.
             cut: Joints whose torque was cut at its limit.
-            goals: What became of the newest goal, and how many ``goals refused``.
+            goals: Outcome of the newest goal, and the number of ``goals refused``.
         """
         now, found = time.monotonic(), Finding("controller")
         executor = type(node.executor).__name__ if node.executor is not None else "none"
@@ -68,10 +68,10 @@ class AnswerLog:
             found.complain(ERROR, self.failure)
         if now - self._seen > SILENCE:
             found.complain(ERROR, f"no joint state for {now - self._seen:.1f} s")
-        self._growth.warn(found, self.passed_over, "joint states passed over")
+        self._growth.warn(found, self.passed_over, "joint states ignored")
         self._growth.warn(found, int(goals["goals refused"]), "goals refused")
         if self._growth.of("jumps", self.jumps):
-            found.complain(WARN, "time jumped, or the arm; held where it was")
+            found.complain(WARN, "time or the arm jumped; the arm was held at its position")
         if cut:
             found.complain(WARN, f"torque cut at the effort limit: {', '.join(cut)}")
         self._answers, self._since = 0, now

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals of the controller node: trajectories, poses and paths, planned in the background.
 
-Planning may take longer than a tick, so it has a thread of its own; a motion is taken between two
-ticks, where the reference is as it was planned from. The newest goal counts.
+Planning may take longer than a tick, so it runs in a thread of its own; a planned motion starts
+between two ticks, at the reference from which it was planned. The newest goal wins.
 """
 
 from __future__ import annotations
@@ -44,14 +44,14 @@ _TRIES = 8  # each with twice the lead
 
 @dataclass(frozen=True)
 class Goal:
-    """Something to follow.
+    """A goal of the controller.
 
     Attributes:
-        kind: What it is, for messages.
-        about: What is in it, for messages.
-        start: Stamp in [ns] that its times count from; None for when it begins.
-        plan: Plans it.
-        then: Called with the motion once it is followed, or with None when it is refused.
+        kind: Its kind, for messages.
+        about: Its content, for messages.
+        start: Stamp in [ns] from which its times count; None for its beginning.
+        plan: Function that plans it.
+        then: Called with the motion when it starts, or with None when it is refused.
     """
 
     kind: str
@@ -62,14 +62,14 @@ class Goal:
 
 
 class Goals:
-    """Plans what is asked for and has a follower follow it.
+    """Plans goals and passes the motions to a follower.
 
     Attributes:
-        follower: What gives references; None until the arm has been seen.
+        follower: Computes references; None until the first joint state.
         stamp: Stamp of the newest state in [ns].
-        outcome: What became of the newest goal, in words; empty before the first.
-        refused: How many goals were refused.
-        planner: Where they are planned; what is ready is to be delivered between two ticks.
+        outcome: Outcome of the newest goal, as text; empty before the first.
+        refused: Number of goals that were refused.
+        planner: Plans in the background; its results are delivered between two ticks.
     """
 
     def __init__(self, model: ArmModel, limits: Limits, log: RcutilsLogger) -> None:
@@ -82,7 +82,7 @@ class Goals:
         self.planner = Background("planner")
 
     def hold(self, q: Array) -> None:
-        """Stand still at ``q``, shape (n,); what is being planned is given up."""
+        """Hold position ``q``, shape (n,), and discard goals that are being planned."""
         self.follower = Follower(q, self._limits)
         if self.planner.give_up():
             self.outcome = "given up, the arm is held where it is"
@@ -93,7 +93,7 @@ class Goals:
         return self.follower.reference(stamp)
 
     def brake(self, here: Reference | None = None) -> None:
-        """Come to rest evenly and hold the arm there, until what is being planned is ready.
+        """Decelerate smoothly and hold the arm there until the goal being planned is ready.
 
         Args:
             here: The motion to end; None for that of the reference.
@@ -107,7 +107,7 @@ class Goals:
         self.follower.begin(motion, self.stamp)
 
     def trajectory(self, raw: bytes) -> None:
-        """Follow a serialized JointTrajectory from the present reference on, or say why not."""
+        """Follow a serialized JointTrajectory from the current reference, or report why not."""
         n = self._model.n
         if (message := self._result("trajectory", lambda: TrajectoryBytes(raw, n))) is None:
             return
@@ -115,7 +115,7 @@ class Goals:
         def plan(outset: Outset) -> Motion:
             points = waypoints(message, self._model.joint_names, outset.here)
             motion = outset.through(points, self._limits)
-            while points:  # given back one by one: all in one go would hold up the loop
+            while points:  # released one by one: releasing all at once would delay the loop
                 points.pop()
             return motion
 
@@ -123,7 +123,7 @@ class Goals:
         self.follow(goal, at_once=message.count <= PLANNED_AT_ONCE)
 
     def pose(self, message: PoseStamped, params: ControllerParams) -> None:
-        """Lead the task's frame straight to a pose, or say why not."""
+        """Move the task frame along a straight line to a pose, or report why not."""
 
         def plan(outset: Outset) -> Motion:
             at, turn = message.pose.position, message.pose.orientation
@@ -134,7 +134,7 @@ class Goals:
         self.follow(Goal("Cartesian goal", "a straight line", None, plan))
 
     def path(self, raw: bytes, params: ControllerParams) -> None:
-        """Lead the task's frame through the poses of a serialized Path, or say why not."""
+        """Move the task frame through the poses of a serialized Path, or report why not."""
         if (message := self._result("Cartesian path", lambda: PathBytes(raw))) is None:
             return
 
@@ -145,10 +145,10 @@ class Goals:
         self.follow(Goal("Cartesian path", f"{message.count} poses", None, plan))
 
     def _cartesian(self, params: ControllerParams) -> CartesianGoals:
-        """One of its own for every plan: it works on the planner's thread."""
+        """A new instance for every plan, since it runs in the planner's thread."""
         frame, axes = params.settings.frame, params.settings.axes
         if not frame:
-            raise InvalidInput("parameter 'task_frame' is empty; allowed is a frame that moves")
+            raise InvalidInput("parameter 'task_frame' is empty; allowed: a frame that moves")
         dynamics = Dynamics(self._model)
         task = TaskSpace(dynamics, frame, selection=axes)
         pace = Pace(params.cartesian_speed, params.cartesian_acceleration, self._limits)
@@ -159,8 +159,8 @@ class Goals:
 
         Args:
             goal: What to follow.
-            at_once: Whether it is planned here and now, and not in the background.
-            tries: How often it was planned too late already.
+            at_once: Whether it is planned immediately instead of in the background.
+            tries: Number of previous plans that were ready too late.
         """
         follower = self.follower
         if follower is None:
@@ -176,7 +176,7 @@ class Goals:
             return
         self.outcome = f"planning {goal.kind}: {goal.about}"
         if self.planner.start(plan, partial(self._take, goal, follower, outset, tries)):
-            self._log.info("a newer goal takes the place of one that was being planned")
+            self._log.info("a newer goal replaces the one that was being planned")
 
     def _take(
         self,
@@ -186,7 +186,7 @@ class Goals:
         tries: int,
         result: Callable[[], Motion],
     ) -> None:
-        """Follow what has been planned, or plan it again where that came too late."""
+        """Follow a planned motion, or plan it again if it was ready too late."""
         motion = self._result(goal.kind, result)
         if motion is None:
             goal.then(None)
@@ -208,11 +208,11 @@ class Goals:
             return result()
         except Exception as error:
             why = error if isinstance(error, ArmError) else f"unexpected failure: {error!r}"
-            self.refuse(kind, f", the one before goes on: {why}")
+            self.refuse(kind, f", the previous one continues: {why}")
             return None
 
     def refuse(self, kind: str, why: str) -> None:
-        """Say that a goal of a kind is refused, and why, and count it."""
+        """Log that a goal of a kind is refused, and why, and count it."""
         self.outcome = plain(f"{kind} refused{why}")
         self.refused += 1
         self._log.error(self.outcome)

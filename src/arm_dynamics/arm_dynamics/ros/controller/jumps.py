@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether time or the arm jumped between two joint states, as when a simulation is reset."""
+"""Detection of jumps of time or of the arm between two joint states, as after a reset."""
 
 from __future__ import annotations
 
@@ -23,16 +23,16 @@ class Jumps:
         self._before: tuple[int, list[float], list[float]] | None = None
 
     def look(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
-        """Say how time or the arm jumped since the last state, if one did; else nothing.
+        """Describe a jump of time or of the arm since the last state; empty if there is none.
 
         Args:
             stamp: Time of the state in [ns].
             state: The state.
-            longest: Greatest time between two states in [s]; 0: any.
-            farthest: Greatest way of a joint that its speed does not explain in [rad] or [m]; 0:
-                any.
+            longest: Longest time between two states in [s]; 0: any.
+            farthest: Largest displacement of a joint beyond that by its velocity in [rad] or [m];
+                0: any.
         """
-        q, v = state.q.tolist(), state.v.tolist()  # a few numbers: quicker than by NumPy
+        q, v = state.q.tolist(), state.v.tolist()  # a few numbers: faster than NumPy
         before, self._before = self._before, (stamp, q, v)
         if before is None:
             return ""
@@ -40,7 +40,7 @@ class Jumps:
         if gap < 0.0:
             return "time went backwards"
         if 0.0 < longest < gap:
-            return f"time went on by {gap:.3g} s between two states"
+            return f"time advanced by {gap:.3g} s between two states"
         if farthest and max(map(abs, map(sub, q, before[1]))) > farthest:
             return self._put(before, q, v, gap, farthest)
         return ""
@@ -53,10 +53,10 @@ class Jumps:
         gap: float,
         farthest: float,
     ) -> str:
-        """Which joint is where no motion at its speed can have brought it."""
+        """The joint whose displacement its velocity does not explain, as text."""
         _, q0, v0 = before
         for joint, name in enumerate(self._names):
             moved = abs(q[joint] - q0[joint])
             if moved > farthest + _FASTER * gap * max(abs(v0[joint]), abs(v[joint])):
-                return f"joint '{name}' was put {moved:.3g} further in {gap:.3g} s"
+                return f"joint '{name}' moved by {moved:.3g} in {gap:.3g} s"
         return ""

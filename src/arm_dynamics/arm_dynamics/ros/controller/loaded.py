@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controllers that a node may run: ours, and those of one's own that it was started with."""
+"""The controllers that a node may run: built-in ones, and user classes named at its start."""
 
 from __future__ import annotations
 
@@ -14,20 +14,20 @@ from arm_dynamics.ros.controller.params import ControllerParams
 class Loaded:
     """Controllers by name.
 
-    Code of somebody's own is imported here, when the node starts, and nowhere later: what comes
-    from outside may choose among what is loaded, and name nothing else.
+    User code is imported here, when the node starts, and never later: a parameter change can only
+    select among the loaded controllers.
     """
 
     def __init__(self, params: ControllerParams, model: ArmModel, settings: Settings) -> None:
-        """Load what the parameters name, and make each once.
+        """Load the controllers that the parameters name, and create each once.
 
         Args:
             params: As they were when the node was started.
             model: The arm.
-            settings: What the controllers are tuned to.
+            settings: Settings of the controllers.
 
         Raises:
-            InvalidInput: If one cannot be loaded or made.
+            InvalidInput: If one cannot be loaded or created.
         """
         if not all(isinstance(name, str) for name in params.controllers):
             raise InvalidInput(
@@ -42,7 +42,7 @@ class Loaded:
             make_controller(maker, Dynamics(model), settings)
 
     def maker(self, name: str) -> str | Maker:
-        """What ``make_controller`` takes for a name.
+        """The argument of ``make_controller`` for a name.
 
         Raises:
             InvalidInput: If there is no controller of that name.
@@ -53,6 +53,4 @@ class Loaded:
             return self._own[name]
         hint = "; others must be named in 'controllers' when the node is started"
         allowed = choices(name, [*NAMES, *self._own]) + (hint if is_own(name) else "")
-        raise InvalidInput(
-            f"parameter 'controller' is '{name[:100]}'; allowed is one of {allowed}"
-        )
+        raise InvalidInput(f"parameter 'controller' is '{name[:100]}'; allowed: one of {allowed}")

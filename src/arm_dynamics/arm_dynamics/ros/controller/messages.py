@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of the controller node: goals in, reports out.
+"""Messages of the controller node: incoming goals and outgoing reports.
 
-Long goals stay bytes: their heads are read at once, their points where there is time.
+Long goals stay serialized: their headers are read at once, their points in the background.
 """
 
 from __future__ import annotations
@@ -43,14 +43,14 @@ class TrajectoryBytes:
         """
         cdr = CdrReader(raw)
         self.stamp = cdr.nanoseconds()
-        cdr.skip(cdr.count(), 1)  # frame_id, which says nothing
+        cdr.skip(cdr.count(), 1)  # frame_id, which is not used
         named = cdr.count_of("joint names", most_names)
         self.joint_names = tuple(cdr.text() for _ in range(named))
         self.count = cdr.count_of("points", MAX_GOAL_POINTS)
         self._raw, self._begin = raw, cdr.at
 
     def points(self) -> Iterator[tuple[int, Array, Array, Array]]:
-        """Read one point after another, without its effort.
+        """Read the points one after another, without efforts.
 
         Yields:
             ``time_from_start`` in [ns], positions, velocities and accelerations of any length.
@@ -85,7 +85,7 @@ class PathBytes:
         self._raw, self._begin = raw, cdr.at
 
     def poses(self) -> Iterator[tuple[str, Array]]:
-        """Read one pose after another, without its stamp.
+        """Read the poses one after another, without stamps.
 
         Yields:
             The pose's frame, perhaps empty, and its position and quaternion x y z w, shape (7,).
@@ -105,19 +105,19 @@ def waypoints(
     """Read a trajectory message.
 
     Args:
-        message: Joints may be in any order; those it does not name stay where their reference is.
+        message: Joints may be in any order; joints it does not name keep their reference.
         model_names: Joints of the model.
-        here: The present reference.
+        here: The current reference.
 
     Returns:
         Waypoints in model order.
 
     Raises:
-        InvalidInput: If joints are unknown or doubled, lengths differ or positions are missing, or
+        InvalidInput: If joints are unknown or repeated, lengths differ, positions are missing, or
             the message is damaged.
     """
     if not message.joint_names:
-        raise InvalidInput(f"no joint names; allowed are some of {known_names(model_names)}")
+        raise InvalidInput(f"no joint names; allowed: some of {known_names(model_names)}")
     joints = joint_indices(message.joint_names, model_names)
     still = np.zeros_like(here.q)
 
@@ -136,7 +136,7 @@ def waypoints(
 
 
 def path_of(message: PathBytes, model: ArmModel) -> list[Pose]:
-    """Read the poses of a path; their stamps say nothing, their own frames come first.
+    """Read the poses of a path; stamps are ignored, a pose's own frame takes precedence.
 
     Raises:
         InvalidInput: As for a pose, with its number, or if the message is damaged.
@@ -153,7 +153,7 @@ def path_of(message: PathBytes, model: ArmModel) -> list[Pose]:
 def tracking_state(
     stamp: int, names: Sequence[str], reference: Reference, state: Moving, tau: Array
 ) -> TrackingState:
-    """Write what a controller follows, sees and commands at ``stamp`` in [ns]."""
+    """Serialize reference, feedback, error and command of a controller at ``stamp`` in [ns]."""
     message = TrackingState(joint_names=list(names))
     message.header.stamp = to_time(stamp)
     message.reference_position = to_array(reference.q)

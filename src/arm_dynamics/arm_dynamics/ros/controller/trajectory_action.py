@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The action FollowJointTrajectory: accepts goals, watches how they are followed, says so.
+"""The action FollowJointTrajectory: accepts goals, monitors their execution and reports results.
 
-What it does for a goal it does between two answers to joint states, and it waits for nothing:
-rclpy polls a coroutine that waits.
+It works between two answers to joint states and never waits, since rclpy would poll a coroutine
+that waits.
 """
 
 from __future__ import annotations
@@ -39,8 +39,8 @@ from arm_dynamics.trajectory.spline import spline, stretched_spline
 from arm_dynamics.trajectory.tolerances import Tolerances, Verdict
 
 _KIND = "action goal"
-_KEPT = 60  # [s] that results are kept for clients that ask late
-_AHEAD = 3600.0  # [s] a goal may begin ahead of the states; beyond, the clocks are different ones
+_KEPT = 60  # [s] for which results are kept for late clients
+_AHEAD = 3600.0  # [s] by which a goal may begin after the states; beyond, the clocks differ
 _STEP = 0.01  # [rad] or [m]
 _REPLACED = "Current goal cancelled due to new incoming action."
 _OTHER = "Current goal cancelled due to new incoming trajectory."
@@ -48,7 +48,7 @@ _HELD = "Current goal cancelled, the arm is held where it is."
 
 
 class _Server(ActionServer):
-    """An action server whose goals are ended by the one who watches them.
+    """An action server whose goals end when their monitor knows the result.
 
     That of rclpy runs a callback for each goal; here it runs when the result is known.
     """
@@ -58,7 +58,7 @@ class _Server(ActionServer):
             super().notify_execute(goal_handle, execute_callback)
 
     def end(self, goal_handle: Any, result: Any) -> None:
-        """Answer with a result, once the goal is in its last state."""
+        """Send the result of a goal in a terminal state."""
         self.notify_execute(goal_handle, lambda _: result)
 
 
@@ -67,14 +67,14 @@ class _Active:
     """A goal that is being followed.
 
     Attributes:
-        motion: What is followed.
+        motion: Its planned motion.
         begin: Stamp in [ns] at which it begins.
-        start: Stamp in [ns] that the goal's times count from.
-        tolerances: How well.
-        follower: Who follows it.
+        start: Stamp in [ns] from which the goal's times count.
+        tolerances: Its tolerances.
+        follower: The follower of its motion.
         handle: The action's goal; None until it is accepted.
         next_feedback: Stamp in [ns] of the next feedback.
-        next_look: Stamp in [ns] before which nothing needs to be looked at.
+        next_look: Stamp in [ns] before which nothing needs to be checked.
     """
 
     motion: Motion
@@ -88,23 +88,23 @@ class _Active:
 
     @property
     def end(self) -> int:
-        """Stamp in [ns] from which on the goal counts."""
+        """Stamp in [ns] from which the goal tolerances apply."""
         return self.begin + round(1e9 * self.motion.duration)
 
     def note(self, feedback: int) -> None:
-        """Take note of when feedback is next; without path tolerances nothing else is before."""
+        """Schedule the next feedback; without path tolerances nothing is checked before."""
         self.next_feedback = feedback
         if self.tolerances.path.is_none:
             self.next_look = min(feedback, self.end)
 
     @property
     def is_followed(self) -> bool:
-        """Whether nothing else has taken its place."""
+        """Whether no other goal has replaced it."""
         return self.follower.newest[1] is self.motion
 
 
 class _Turn:
-    """Lets other callbacks have their turn."""
+    """Yields to other callbacks."""
 
     def __await__(self) -> Generator[None]:
         yield
@@ -120,21 +120,21 @@ class TrajectoryAction:
     def __init__(
         self, node: Node, goals: Goals, model: ArmModel, limits: Limits, deaf: Callable[[], str]
     ) -> None:
-        """Offer the action, where its interface is installed.
+        """Offer the action, if its interface is installed.
 
         Args:
-            node: The controller; it gets the action's parameters.
-            goals: Who follows trajectories.
+            node: The controller; the action's parameters are declared on it.
+            goals: Plans and follows trajectories.
             model: The arm.
             limits: Limits of its motion.
-            deaf: Why the active controller follows nothing now, or nothing.
+            deaf: Returns why the active controller follows no trajectories; empty if it does.
         """
         self._node, self._goals, self._model, self._limits = node, goals, model, limits
         self._deaf, self._log = deaf, node.get_logger()
         kinds = enumerate(model.joint_types)
         self._turning = tuple(i for i, kind in kinds if kind == "continuous")
         self._active: _Active | None = None
-        self._coming: dict[int, _Active] = {}  # followed already, accepted in a moment
+        self._coming: dict[int, _Active] = {}  # already followed, about to be accepted
         self._server: _Server | None = None
         self.params: FollowParams = declare(node, follow_params(model.joint_names))
         watch(node, self.params, self._apply)
@@ -153,12 +153,12 @@ class TrajectoryAction:
             self._server.destroy()
 
     def watch(self, stamp: int, reference: Reference, state: Moving) -> None:
-        """See how the goal is followed; called after the answer to every joint state.
+        """Monitor the goal; called after the answer to every joint state.
 
         Args:
             stamp: Stamp of the state in [ns].
-            reference: Where the joints shall be.
-            state: Where they are, and how they move.
+            reference: Desired positions and velocities.
+            state: Measured positions and velocities.
         """
         active = self._active
         if active is None:
@@ -169,7 +169,7 @@ class TrajectoryAction:
             self._judge(active, stamp, reference, state)
 
     def abort(self, why: str) -> None:
-        """End the active goal, if there is one, since it is followed no longer."""
+        """Abort the active goal, if there is one, because it is no longer followed."""
         if self._active is not None:
             self._end("abort", "INVALID_GOAL", why)
 
@@ -222,15 +222,17 @@ class TrajectoryAction:
         self._log.info(self._goals.outcome)
 
     async def _on_goal(self, goal: Any) -> GoalResponse:
-        """Accept a goal once it is followed, or say why not."""
+        """Accept a goal once it is followed, or report why not."""
         answer: list[bool] = []
         try:
             self._begin(goal, answer)
         except InvalidInput as error:
-            self._goals.refuse(_KIND, f", the one before goes on: {error}")
+            self._goals.refuse(_KIND, f", the previous one continues: {error}")
             return GoalResponse.REJECT
         except Exception as error:
-            self._goals.refuse(_KIND, f", the one before goes on: unexpected failure: {error!r}")
+            self._goals.refuse(
+                _KIND, f", the previous one continues: unexpected failure: {error!r}"
+            )
             return GoalResponse.REJECT
         planner = self._goals.planner
         while not answer and planner.busy:
@@ -241,7 +243,7 @@ class TrajectoryAction:
         return GoalResponse.ACCEPT if answer and answer[0] else GoalResponse.REJECT
 
     def _begin(self, goal: Any, answer: list[bool]) -> None:
-        """Have a goal planned and followed."""
+        """Plan a goal and follow it."""
         if why := self._deaf():
             raise InvalidInput(why)
         refuse_what_an_arm_has_not(goal)
@@ -251,7 +253,7 @@ class TrajectoryAction:
         if message.stamp and 1e-9 * (message.stamp - self._goals.stamp) > _AHEAD:
             raise InvalidInput(
                 f"header.stamp is {1e-9 * message.stamp:.3f} s and the newest joint state "
-                f"{1e-9 * self._goals.stamp:.3f} s; allowed are stamps of one clock"
+                f"{1e-9 * self._goals.stamp:.3f} s; allowed: stamps of the same clock"
             )
 
         def then(motion: Motion | None) -> None:
@@ -276,7 +278,7 @@ class TrajectoryAction:
     def _planned(
         self, message: TrajectoryMessage, params: FollowParams
     ) -> Callable[[Outset], Motion]:
-        """How a goal is planned; perhaps on the planner's thread, which alone uses the model."""
+        """Function that plans a goal; it may run in the planner's thread, which owns the model."""
 
         def plan(outset: Outset) -> Motion:
             message.check_points()
@@ -296,7 +298,7 @@ class TrajectoryAction:
         return plan
 
     def _unwound(self, points: list[Waypoint], here: Reference) -> list[Waypoint]:
-        """The same by whole turns nearer, where joints turn without end."""
+        """The point shifted by whole turns to the nearest one, for continuous joints."""
         if not self._turning:
             return points
         turns = np.zeros_like(here.q)
@@ -327,15 +329,15 @@ class TrajectoryAction:
 
 
 def _step(here: Reference, to: Waypoint) -> Motion:
-    """Be at a point at once, as asked for by who is there already but for an error of control.
+    """A motion without duration to a point that the arm has reached up to a control error.
 
     Raises:
-        InvalidInput: If it is farther away.
+        InvalidInput: If the point is farther away.
     """
     far = float(np.max(np.abs(np.asarray(to.q) - here.q)))
     if far > _STEP:
         raise InvalidInput(
-            f"the last point, at 0 s, is {far:.4g} away; allowed is {_STEP} without time to move"
+            f"the last point, at 0 s, is {far:.4g} away; allowed: {_STEP} without time to move"
         )
     return hold(to.q)
 

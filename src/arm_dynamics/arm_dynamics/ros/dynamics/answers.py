@@ -83,7 +83,7 @@ def _multipliers(values: Any, dynamics: Dynamics, points: int) -> Array:
     m = dynamics.constrained.m
     if len(values) not in (0, points * m):
         raise InvalidInput(
-            f"multipliers has {len(values)} numbers; allowed is {points * m}: {m} for each of "
+            f"multipliers has {len(values)} numbers; allowed: {points * m}: {m} for each of "
             f"{points} points, or none"
         )
     return np.array(values, float).reshape(points, m) if len(values) else np.zeros((points, m))
@@ -154,8 +154,7 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
     count, rest = divmod(len(request.pose), 7)
     if rest or not 0 < count <= MAX_POSES:
         raise InvalidInput(
-            f"pose has {len(request.pose)} numbers; allowed is 7 for each of up to {MAX_POSES} "
-            "poses"
+            f"pose has {len(request.pose)} numbers; allowed: 7 for each of up to {MAX_POSES} poses"
         )
     poses = [pose_of(seven) for seven in np.array(request.pose).reshape(-1, 7)]
     seeds, batch = _seeds(request, dynamics, count)
@@ -175,7 +174,7 @@ def _seeds(request: Any, dynamics: Dynamics, count: int) -> tuple[Array, Batch]:
     n, size = dynamics.n, len(request.seed)
     if size not in (0, n, count * n):
         allowed = " or ".join(str(number) for number in dict.fromkeys((0, n, count * n)))
-        raise InvalidInput(f"seed has {size} numbers; allowed is {allowed}")
+        raise InvalidInput(f"seed has {size} numbers; allowed: {allowed}")
     points = max(1, size // n)
     batch = Batch(request.joint_names, dynamics.joint_names, np.zeros(points * n), points)
     seeds = batch.read("seed", request.seed) if size else dynamics.model.q0[None]

@@ -51,10 +51,10 @@ class Batch:
             self._back = np.argsort(self._order)
         n, size = len(model_names), len(position)
         if size == 0 or size % n:
-            raise InvalidInput(f"position has {size} numbers; allowed is a multiple of {n}")
+            raise InvalidInput(f"position has {size} numbers; allowed: a multiple of {n}")
         if size > most * n:
             raise InvalidInput(
-                f"position has {size // n} points; allowed are up to {most} in one call"
+                f"position has {size // n} points; allowed: up to {most} in one call"
             )
         self.q = self._rows("position", position)
 
@@ -70,7 +70,7 @@ class Batch:
         if len(values) == 0:
             return np.zeros_like(self.q)
         if len(values) != self.q.size:
-            raise InvalidInput(f"{what} has {len(values)} numbers; allowed is 0 or {self.q.size}")
+            raise InvalidInput(f"{what} has {len(values)} numbers; allowed: 0 or {self.q.size}")
         return self._rows(what, values)
 
     def vectors(self, rows: Array) -> array[float]:
@@ -91,14 +91,14 @@ class Batch:
             point, joint = np.argwhere(~np.isfinite(rows))[0]
             raise InvalidInput(
                 f"{what} of joint '{self.joint_names[joint]}' at point {point} is "
-                f"{rows[point, joint]}; allowed are finite numbers"
+                f"{rows[point, joint]}; allowed: finite numbers"
             )
         return rows[:, self._back]
 
 
 def _order(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]:
     """Index into model order of each name, every joint once."""
-    allowed = f"allowed is each of {known_names(model_names)} once"
+    allowed = f"allowed: each of {known_names(model_names)} once"
     if len(names) > len(model_names):
         raise InvalidInput(f"{len(names)} joint names; {allowed}")
     unknown = [name for name in names if name not in model_names]

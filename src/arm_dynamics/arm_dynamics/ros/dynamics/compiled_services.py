@@ -204,7 +204,7 @@ class CompiledServices:
             try:
                 self._by_python(k)
             except Exception as error:
-                said = f"a request was passed over after an unexpected failure: {error!r}"
+                said = f"a request was ignored after an unexpected failure: {error!r}"
                 self._node.get_logger().error(plain(said), throttle_duration_sec=2.0)
 
     def _by_python(self, k: int) -> None:

@@ -198,7 +198,7 @@ class JointStateReader:
             for joint, x in zip(self._names, numbers, strict=True):
                 if not (math.isfinite(x) or (self._gaps and math.isnan(x))):
                     raise InvalidInput(
-                        f"{field} of joint '{joint}' is {x}; allowed are finite numbers"
+                        f"{field} of joint '{joint}' is {x}; allowed: finite numbers"
                     )
         if any_beyond(values[0], self._limit):
             values[0] = self._beyond(values[0])
@@ -210,20 +210,20 @@ class JointStateReader:
         """Check names and lengths; say where in the message each joint is, None if nowhere."""
         names = list(message.name)
         if len(set(names)) != len(names):
-            raise InvalidInput(f"joints {names} are not all different; allowed is each once")
+            raise InvalidInput(f"joints {names} are not all different; allowed: each joint once")
         for field in self._fields:
             length = len(getattr(message, field))
             if length != len(names) and not (self._gaps and length == 0):
                 raise InvalidInput(
                     f"{field} has {length} numbers for {len(names)} joints; "
-                    "allowed is one for each name"
+                    "allowed: one for each name"
                 )
         here = [name for name in names if name in self._names]
         missing = [name for name in self._names if name not in names]
         if len(here) < len(names) and not self._extra:
             unknown = [name for name in names if name not in self._names]
             allowed = choices(unknown[0], self._names)
-            raise InvalidInput(f"unknown joints {known_names(unknown)}; allowed are {allowed}")
+            raise InvalidInput(f"unknown joints {known_names(unknown)}; allowed: {allowed}")
         if missing and (not here or not self._partial):
             raise InvalidInput(f"joints {known_names(missing)} are missing")
         return [names.index(name) if name in names else None for name in self._names]

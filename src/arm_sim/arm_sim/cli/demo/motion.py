@@ -66,7 +66,7 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
         return motion
     raise InvalidInput(
         f"no motion of {duration:g} s is small enough for the speed and effort limits; "
-        "allowed is a longer --duration, or a scene with other limits or another start"
+        "allowed: a longer --duration, or a scene with other limits or another start"
     )
 
 
@@ -126,7 +126,7 @@ def _better_start(dynamics: Dynamics) -> Array:
         raise InvalidInput(
             f"this arm cannot carry its own weight: joint '{dynamics.joint_names[joint]}' needs "
             f"{needed:.4g} N m or N, its effort limit is {model.effort_limit[joint]:.4g}; "
-            "allowed is a scene whose start or limits make it possible"
+            "allowed: a scene whose start or limits make it possible"
         )
     return tries[best]
 

@@ -54,7 +54,7 @@ def _goal(word: str) -> JointGoal:
         number = math.nan
     if found is None or not math.isfinite(number):
         raise click.UsageError(
-            f"'{word}' is no goal of a joint; allowed are JOINT=POSITION, JOINT+=DISTANCE and "
+            f"'{word}' is no goal of a joint; allowed: JOINT=POSITION, JOINT+=DISTANCE and "
             "JOINT-=DISTANCE, with finite numbers in rad or m"
         )
     how = found["how"]

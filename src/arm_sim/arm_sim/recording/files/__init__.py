@@ -68,7 +68,7 @@ def where(path: Path) -> tuple[Path, Path | None]:
         return path, None
     if path.suffix:
         raise InvalidInput(
-            f"'{path}' ends in '{path.suffix}'; allowed are .npz, .mcap, and a folder's name"
+            f"'{path}' ends in '{path.suffix}'; allowed: .npz, .mcap, and a folder's name"
         )
     path.mkdir(parents=True, exist_ok=True)
     if strange := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
@@ -114,7 +114,7 @@ def load(path: str | os.PathLike[str], topic: str | None = None) -> Contents:
         return measured.from_table(path)
     if path.suffix not in BAGS and not path.is_dir():
         raise InvalidInput(
-            f"'{path}' ends in '{path.suffix}'; allowed are .npz, .mcap, .db3, .csv, and a bag's "
+            f"'{path}' ends in '{path.suffix}'; allowed: .npz, .mcap, .db3, .csv, and a bag's "
             "folder"
         )
     ours, kinds = (TICK, CHANGE, LOG), (TICK, CHANGE, LOG, JOINT_STATE)

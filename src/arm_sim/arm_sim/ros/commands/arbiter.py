@@ -92,7 +92,7 @@ class Arbiter:
                     f"two controllers: '{plain(source, 80)}' is refused while "
                     f"'{plain(other, 80)}' commands these joints"
                 )
-                raise InvalidInput(f"{self.last_refusal}; allowed is one stream for each joint")
+                raise InvalidInput(f"{self.last_refusal}; allowed: one stream for each joint")
 
     def _fresh(self, heard: Source) -> bool:
         return self.now - heard.at <= self.patience

@@ -79,7 +79,7 @@ class Player(Node):
             InvalidInput: If the rate is negative or not finite.
         """
         if not 0.0 <= rate < float("inf"):
-            raise InvalidInput(f"rate = {rate}; allowed are finite numbers from zero on")
+            raise InvalidInput(f"rate = {rate}; allowed: finite numbers of at least 0")
         self._thread = Thread(target=self._play, args=(rate,), name="player", daemon=True)
         self._thread.start()
 

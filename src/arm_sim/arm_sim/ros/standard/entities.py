@@ -83,7 +83,7 @@ class Entities:
             raise Unmet(UNSUPPORTED, "bounds: links have no shape here; leave them empty")
         mode, tags = filters.tags.filter_mode, set(filters.tags.tags)
         if mode not in (_ANY, _ALL):
-            raise InvalidInput(f"filter_mode is {mode}; allowed is 0 (any) or 1 (all)")
+            raise InvalidInput(f"filter_mode is {mode}; allowed: 0 (any) or 1 (all)")
         kinds = {category.category for category in filters.categories}
         pattern = Pattern(filters.filter) if filters.filter else None
 

@@ -30,7 +30,7 @@ class Pattern:
         refused = [c for c in ("{", "\0") if c in expression]
         if len(expression) > _LONGEST or refused or any(f"\\{i}" in expression for i in range(10)):
             raise InvalidInput(
-                f"filter {clipped(expression)}: allowed are {_LONGEST} characters without "
+                f"filter {clipped(expression)}: allowed: {_LONGEST} characters without "
                 "intervals {…}, back references and zeros"
             )
         self._c = ctypes.CDLL(None)

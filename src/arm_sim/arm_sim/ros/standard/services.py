@@ -124,7 +124,7 @@ class StandardServices:
         engine, present = self._engine, self._state()
         if target not in _STATES:
             allowed = ", ".join(f"{code} ({name})" for code, name in _STATES.items())
-            raise Unmet(UNSUPPORTED, f"state {target}; allowed are {allowed}")
+            raise Unmet(UNSUPPORTED, f"state {target}; allowed: {allowed}")
         if target == present:
             raise Unmet(ALREADY_THERE, f"the simulation is {_STATES[target]} already")
         if (present, target) == (STOPPED, PAUSED):
@@ -139,7 +139,7 @@ class StandardServices:
         if not scope & (TIME | STATE):
             raise Unmet(
                 UNSUPPORTED,
-                f"scope {scope}; allowed is a sum of 1 (time) and 2 (state), or 0 (all): nothing "
+                f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all): nothing "
                 "is spawned here",
             )
         self._engine.queue.run(lambda: self._back(bool(scope & TIME), bool(scope & STATE)))

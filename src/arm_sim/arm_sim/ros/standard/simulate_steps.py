@@ -51,7 +51,7 @@ class SimulateSteps:
         if not self._engine.may_step:
             raise Unmet(FAILED, "the simulation is running; allowed only while it is paused")
         if not goal.request.steps:
-            raise Unmet(FAILED, "steps = 0; allowed is 1 or more")
+            raise Unmet(FAILED, "steps = 0; allowed: 1 or more")
 
     def _part(self) -> None:
         """Make some ticks, unless the goal was cancelled."""
