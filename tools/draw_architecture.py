@@ -28,6 +28,7 @@ SAYS = {
         "compiled_scene": "one plant, one method, their compiled ticks",
         "recording": "states; energy account",
         "identification": "a scene beside a recording",
+        "optimization": "iLQR, a receding horizon",
         "sweeps": "many closed loops, one table",
         "plan": "computed, skipped",
         "stepping": "ticks: smooth motion, events (the engine in C)",

@@ -17,7 +17,12 @@ from arm_dynamics.arrays import Array
 from arm_sim.exceptions import ViewError
 
 PATIENCE = 60.0  # [s] on a machine that others use, without a graphics card
-NOISE = ("deprecated", "GPU stall", "WebGL", "passive event listener")  # what the libraries say of themselves
+NOISE = (
+    "deprecated",
+    "GPU stall",
+    "WebGL",
+    "passive event listener",
+)  # what the libraries say of themselves
 
 # The nodes of the scene that three.js renders, by name: they hang in the page's React tree.
 _FIND = """() => {

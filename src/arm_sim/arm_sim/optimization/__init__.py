@@ -1,0 +1,14 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Trajectory optimization on the simulator's own steps: iLQR with limits, and a controller of it.
+
+Knows simulators and their compiled ticks and derivatives; a cost is given from outside, as any
+object with ``value`` and ``expansion``.
+"""
+
+from arm_sim.optimization.cost import Cost, Expansion, QuadraticCost
+from arm_sim.optimization.ilqr import ILQR, Phase, Trajectory
+from arm_sim.optimization.receding_horizon import RecedingHorizon
+
+__all__ = [
+    "ILQR", "Cost", "Expansion", "Phase", "QuadraticCost", "RecedingHorizon", "Trajectory",
+]  # fmt: skip

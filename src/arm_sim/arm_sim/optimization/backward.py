@@ -1,0 +1,75 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Backward pass of iLQR with limits, in C: how commands should change, and with what feedback."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen import compiler
+from arm_sim.optimization.cost import Expansion
+from arm_sim.stepping.stepper import pointer
+
+NATIVE = Path(__file__).parent / "native"
+# Loops over small matrices, unlike the straight-line code of the equations, gain from vectors.
+_FLAGS = tuple("-O3" if flag == "-O1" else flag for flag in compiler.FLAGS)
+
+
+@dataclass(frozen=True)
+class Policy:
+    """The change of commands du = k + K dx that improves a trajectory.
+
+    Attributes:
+        k: Shape (nodes, n).
+        K: Shape (nodes, n, nx).
+        promised: Change of the cost that the quadratic model promises, not above zero.
+    """
+
+    k: Array
+    K: Array
+    promised: float
+
+
+def backward(
+    slopes: Array, cost: Expansion, low: Array, high: Array, damping: float
+) -> Policy | None:
+    """Find the policy that minimizes the quadratic model of a trajectory's cost.
+
+    Args:
+        slopes: A and B of each node side by side, shape (nodes, nx, nx + n).
+        cost: The cost about the trajectory.
+        low: Least change of each command, shape (nodes, n).
+        high: Largest change, likewise.
+        damping: How many times the curvature of the cost by the command is added to itself.
+
+    Returns:
+        The policy; None if the curvature by a command is not positive.
+
+    Raises:
+        CompilerMissing: If there is no C compiler.
+    """
+    nodes, nx, both = slopes.shape
+    n = both - nx
+    k, K, promised = np.empty((nodes, n)), np.empty((nodes, n, nx)), np.empty(1)
+    given = [
+        np.ascontiguousarray(array, float)
+        for array in (slopes, cost.x, cost.xx, cost.u, cost.uu, low, high)
+    ]
+    reached = _library(nx, n).backward(
+        ctypes.c_longlong(nodes), *map(pointer, given), ctypes.c_double(damping),
+        pointer(k), pointer(K), pointer(promised),
+    )  # fmt: skip
+    return Policy(k, K, float(promised[0])) if reached == nodes else None
+
+
+@lru_cache
+def _library(nx: int, n: int) -> ctypes.CDLL:
+    text = f"#define NX {nx}\n#define NU {n}\n" + (NATIVE / "backward.c").read_text()
+    library = compiler.build(text, "c", _FLAGS).library
+    library.backward.restype = ctypes.c_longlong
+    return library

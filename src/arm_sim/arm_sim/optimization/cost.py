@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: Apache-2.0
+"""What a trajectory costs: a protocol, and weighted squares of states and commands."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+
+from arm_dynamics import InvalidInput
+from arm_dynamics.arrays import Array
+
+
+@dataclass(frozen=True)
+class Expansion:
+    """A cost to second order about a trajectory; states and commands are not multiplied in it.
+
+    Attributes:
+        x: Gradient by the state of each node, shape (nodes + 1, nx).
+        xx: Its Hessian or, better behaved, that of Gauss and Newton, shape (nodes + 1, nx, nx).
+        u: Gradient by the command of each node, shape (nodes, n).
+        uu: Its Hessian, positive definite, shape (nodes, n, n).
+    """
+
+    x: Array
+    xx: Array
+    u: Array
+    uu: Array
+
+
+class Cost(Protocol):
+    """What is to be small, a sum over the nodes of a trajectory. Write one of your own at will."""
+
+    def value(self, x: Array, u: Array) -> Array:
+        """Cost of trajectories.
+
+        Args:
+            x: States, shape (b, nodes + 1, nx); of one that diverges, no numbers.
+            u: Commands, shape (b, nodes, n).
+
+        Returns:
+            One number for each, shape (b,).
+        """
+
+    def expansion(self, x: Array, u: Array) -> Expansion:
+        """The cost about a trajectory, x of shape (nodes + 1, nx), u of shape (nodes, n)."""
+
+
+@dataclass(frozen=True)
+class QuadraticCost:
+    """½ Σ w (x - x_d)² + ½ Σ r (u - u_d)², summed over nodes and entries.
+
+    Attributes:
+        x: Desired states x_d, shape (nodes + 1, nx).
+        x_weight: Weights w, not negative, of the same shape.
+        u: Desired commands u_d, shape (nodes, n).
+        u_weight: Weights r, above zero, of the same shape.
+
+    Raises:
+        InvalidInput: If shapes do not go together, or a weight is not allowed.
+    """
+
+    x: Array
+    x_weight: Array
+    u: Array
+    u_weight: Array
+
+    def __post_init__(self) -> None:
+        """Refuse what no trajectory could be measured by."""
+        shapes = np.shape(self.x), np.shape(self.u)
+        weights = np.shape(self.x_weight), np.shape(self.u_weight)
+        if weights != shapes or [len(s) for s in shapes] != [2, 2]:
+            raise InvalidInput(f"x, u have shapes {shapes}, their weights {weights}; equal ones "
+                               "of (nodes + 1, nx) and (nodes, n) are expected")  # fmt: skip
+        if shapes[0][0] != shapes[1][0] + 1:
+            raise InvalidInput(
+                f"x has {shapes[0][0]} rows, u {shapes[1][0]}; one more is expected"
+            )
+        if not np.all(np.asarray(self.x_weight) >= 0.0):
+            raise InvalidInput("x_weight holds negative numbers; allowed are zero and above")
+        if not np.all(np.asarray(self.u_weight) > 0.0):
+            raise InvalidInput(f"u_weight goes down to {np.min(self.u_weight):g}; only numbers "
+                               "above zero are allowed")  # fmt: skip
+
+    def value(self, x: Array, u: Array) -> Array:
+        """See ``Cost``."""
+        by_state = (self.x_weight * (x - self.x) ** 2).sum(axis=(1, 2))
+        return np.asarray(0.5 * (by_state + (self.u_weight * (u - self.u) ** 2).sum(axis=(1, 2))))
+
+    def expansion(self, x: Array, u: Array) -> Expansion:
+        """See ``Cost``."""
+        w, r = self.x_weight, self.u_weight
+        return Expansion(w * (x - self.x), _diagonal(w), r * (u - self.u), _diagonal(r))
+
+
+def _diagonal(rows: Array) -> Array:
+    """Diagonal matrices, one for each row."""
+    return np.asarray(rows[:, :, None] * np.eye(rows.shape[1]))

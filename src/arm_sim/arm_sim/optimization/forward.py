@@ -1,0 +1,126 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Arms that follow a policy with steps of different size, side by side in vector registers."""
+
+from __future__ import annotations
+
+import ctypes
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from arm_dynamics.arrays import Array
+from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.kernel import generate
+from arm_dynamics.exceptions import CompilerMissing
+from arm_sim.integrators import build_step, build_tick
+from arm_sim.optimization.backward import NATIVE, Policy
+from arm_sim.plant.actuation import actuation
+from arm_sim.simulator import Simulator
+from arm_sim.stepping import Stepper
+from arm_sim.stepping.rollout import alike, of_lanes, stop_defines, widths
+from arm_sim.stepping.stepper import pointer, sizes, source
+
+
+@dataclass(frozen=True)
+class Course:
+    """Nodes of a trajectory that is improved, with its policy.
+
+    Attributes:
+        x: States, shape (nodes, nx).
+        u: Commands, shape (nodes, n).
+        policy: How they are to change.
+        low: Least command of each node, shape (nodes, n).
+        high: Largest, likewise.
+    """
+
+    x: Array
+    u: Array
+    policy: Policy
+    low: Array
+    high: Array
+
+
+class Forward:
+    """Motion of one simulator's arm under policies; its own state does not change."""
+
+    def __init__(self, simulator: Simulator) -> None:
+        self._simulator = simulator
+        self._plant, self._choice = simulator.plant, simulator.choice
+
+    def follow(self, course: Course, size: Array, x: Array, u: Array) -> None:
+        """Advance an arm for each size of the step.
+
+        Args:
+            course: What they follow.
+            size: Sizes, shape (b,).
+            x: Receives states, shape (b, nodes + 1, nx); the first of each is given. NaN from
+                where an arm diverges.
+            u: Receives commands, shape (b, nodes, n).
+        """
+        library, alone = self._library, list(range(len(size)))
+        if library is not None:
+            alone = self._side_by_side(library, course, size, x, u)
+        for arm in alone:
+            self._one(course, size[arm], x[arm], u[arm])
+
+    def _side_by_side(
+        self, library: ctypes.CDLL, course: Course, size: Array, x: Array, u: Array
+    ) -> list[int]:
+        """Advance all arms; those that are returned meet stops, and have to be advanced alone."""
+        policy, met = course.policy, (ctypes.c_byte * len(size))()
+        given = [
+            np.ascontiguousarray(array)
+            for array in (
+                course.x, course.u, policy.k, policy.K, course.low, course.high, size,
+                self._simulator.parameters, np.array([self._choice.dt]),
+            )
+        ]  # fmt: skip
+        library.follow(
+            *map(pointer, given), *map(ctypes.c_longlong, (len(course.u), len(size))),
+            pointer(x), ctypes.c_longlong(x.strides[0] // 8),
+            pointer(u), ctypes.c_longlong(u.strides[0] // 8), ctypes.byref(met),
+        )  # fmt: skip
+        return [arm for arm in range(len(size)) if met[arm]]
+
+    def _one(self, course: Course, size: float, x: Array, u: Array) -> None:
+        """Advance an arm tick by tick through its events, x of shape (nodes + 1, nx)."""
+        stepper, policy, now = self._stepper, course.policy, x[0].copy()
+        stepper.restart()
+        stepper.p[:] = self._simulator.parameters
+        trace, effort, notes = np.empty((1, len(now))), np.empty((1, u.shape[1])), np.empty((1, 2))
+        x[1:], u[:] = np.nan, np.nan
+        for node in range(len(u)):
+            wanted = (
+                course.u[node] + size * policy.k[node] + policy.K[node] @ (now - course.x[node])
+            )
+            u[node] = np.clip(wanted, course.low[node], course.high[node])
+            if stepper.roll(now, u[node], trace, effort, notes) < 1:
+                break
+            x[node + 1] = now
+
+    @cached_property
+    def _stepper(self) -> Stepper:
+        return Stepper(self._plant, self._choice, self._simulator.backend)
+
+    @cached_property
+    def _library(self) -> ctypes.CDLL | None:
+        """Compiled code for the widest registers that can be had; None where arms go alone."""
+        if self._simulator.backend == "vm" or not alike(self._plant, self._choice):
+            return None
+        for width in widths(None):
+            try:
+                return compiler.build(self._source(width), "c++" if width > 1 else "c").library
+            except CompilerMissing:
+                continue
+        return None
+
+    def _source(self, width: int) -> str:
+        plant = self._plant.free or self._plant
+        method, scaled = self._choice.method, plant.scaled_jacobian
+        step = build_step(method, plant.rhs, plant.model.n, plant.project, scaled)
+        tick = build_tick(step, actuation(plant))
+        stops, parts = stop_defines(plant)
+        defines = sizes(plant, [tick]) | {"TICK": "tick"} | stops
+        code = of_lanes(generate([tick]), width) + source(defines, *parts, "arms.c")
+        return code + (NATIVE / "forward.c").read_text()

@@ -1,0 +1,171 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Backward pass of iLQR with limits of the command: Tassa, Mansard, Todorov, "Control-limited differential dynamic
+ * programming", ICRA 2014.
+ *
+ * Before this file: NX, NU (lengths of state and command). Matrices lie row by row.
+ */
+#include <math.h>
+#include <string.h>
+
+#define NS (NX + NU)
+#define EXPORTED __attribute__((visibility("default")))
+enum { MOST_TURNS = 20 + 4 * NU, MOST_HALVINGS = 40 };
+
+/* Factor of the rows and columns of H that are free: L Lᵀ; whether they are positive definite. */
+static int factor(const double H[NU][NU], const int* at, int count, double L[NU][NU]) {
+  for (int i = 0; i < count; ++i)
+    for (int j = 0; j <= i; ++j) {
+      double sum = H[at[i]][at[j]];
+      for (int m = 0; m < j; ++m) sum -= L[i][m] * L[j][m];
+      if (i > j) L[i][j] = sum / L[j][j];
+      else if (sum > 0.0) L[i][i] = sqrt(sum);
+      else return 0;
+    }
+  return 1;
+}
+
+/* Solve L Lᵀ y = y for `width` right sides at once; row i is at y + i * width. */
+static void solve(const double L[NU][NU], int count, int width, double* y) {
+  for (int i = 0; i < count; ++i) {
+    for (int m = 0; m < i; ++m)
+      for (int c = 0; c < width; ++c) y[i * width + c] -= L[i][m] * y[m * width + c];
+    for (int c = 0; c < width; ++c) y[i * width + c] /= L[i][i];
+  }
+  for (int i = count - 1; i >= 0; --i) {
+    for (int m = i + 1; m < count; ++m)
+      for (int c = 0; c < width; ++c) y[i * width + c] -= L[m][i] * y[m * width + c];
+    for (int c = 0; c < width; ++c) y[i * width + c] /= L[i][i];
+  }
+}
+
+static double value(const double H[NU][NU], const double* g, const double* k) {
+  double sum = 0.0;
+  for (int i = 0; i < NU; ++i) {
+    double row = g[i];
+    for (int j = 0; j < NU; ++j) row += 0.5 * H[i][j] * k[j];
+    sum += row * k[i];
+  }
+  return sum;
+}
+
+/* The k within limits that makes ½ kᵀ H k + gᵀ k least, by Newton steps that are projected (Bertsekas, SIAM J. Control 20,
+ * 1982). `at` receives which of its entries are not at a limit, L the factor of their part of H. Returns how many, or -1
+ * if H is not positive definite there.
+ */
+static int least(const double H[NU][NU], const double* g, const double* low, const double* high, double* k, int* at,
+                 double L[NU][NU]) {
+  int count = 0, before = 0, last[NU], inside = 0;
+  for (int turn = 0; turn < MOST_TURNS; ++turn) {
+    double slope[NU], step[NU], tried[NU];
+    for (int i = 0; i < NU; ++i) {
+      slope[i] = g[i];
+      for (int j = 0; j < NU; ++j) slope[i] += H[i][j] * k[j];
+    }
+    before = count;
+    memcpy(last, at, sizeof last);
+    count = 0;
+    for (int i = 0; i < NU; ++i)
+      if (!(k[i] <= low[i] && slope[i] > 0.0) && !(k[i] >= high[i] && slope[i] < 0.0)) at[count++] = i;
+    if (inside && count == before && !memcmp(last, at, count * sizeof(int))) return count;
+    if (count == 0) return 0;
+    if (!factor(H, at, count, L)) return -1;
+    for (int i = 0; i < count; ++i) step[i] = -slope[at[i]];
+    solve(L, count, 1, step);
+    const double now = value(H, g, k);
+    double size = 1.0;
+    for (int halving = 0;; ++halving, size *= 0.5) {
+      double promised = 0.0;
+      inside = halving == 0;
+      memcpy(tried, k, sizeof tried);
+      for (int i = 0; i < count; ++i) {
+        const int m = at[i];
+        const double wanted = k[m] + size * step[i];
+        tried[m] = fmin(high[m], fmax(low[m], wanted));
+        inside &= tried[m] == wanted;
+        promised += slope[m] * (tried[m] - k[m]);
+      }
+      if (value(H, g, tried) <= now + 0.1 * promised) break;
+      if (halving == MOST_HALVINGS) return count; /* rounding is all that is left */
+    }
+    memcpy(k, tried, sizeof tried);
+  }
+  return count;
+}
+
+/* The policy du = k + K dx that improves a trajectory.
+ *
+ * slopes:     A and B of each node side by side, nodes * NX * (NX + NU).
+ * lx, lxx:    cost by the state, (nodes + 1) * NX and * NX * NX.
+ * lu, luu:    cost by the command, nodes * NU and * NU * NU.
+ * low, high:  limits of du, nodes * NU.
+ * damping:    how many times luu is added to itself for k and K.
+ * k, K:       receive the policy, nodes * NU and nodes * NU * NX.
+ * promised:   receives the change of the model's cost under this policy.
+ * Returns nodes if all is well, else the node at which the curvature by the command is not positive.
+ */
+EXPORTED long long backward(long long nodes, const double* slopes, const double* lx, const double* lxx, const double* lu,
+                            const double* luu, const double* low, const double* high, double damping, double* k, double* K,
+                            double* promised) {
+  double V[NX][NX], v[NX];
+  memcpy(V, lxx + nodes * NX * NX, sizeof V);
+  memcpy(v, lx + nodes * NX, sizeof v);
+  *promised = 0.0;
+  for (long long node = nodes - 1; node >= 0; --node) {
+    const double(*S)[NS] = (const double(*)[NS])(slopes + node * NX * NS);
+    const double *cxx = lxx + node * NX * NX, *cuu = luu + node * NU * NU;
+    double *kn = k + node * NU, (*Kn)[NX] = (double(*)[NX])(K + node * NU * NX);
+    double W[NX][NS], Q[NS][NS], q[NS], H[NU][NU], L[NU][NU], T[NU][NX], t[NU], rows[NU][NX];
+    int at[NU] = {0};
+    /* Quadratic model of cost and what follows, by (x, u): Q = Sᵀ V S, q = Sᵀ v, and the node's own. */
+    memset(W, 0, sizeof W);
+    memset(Q, 0, sizeof Q);
+    memcpy(q, lx + node * NX, NX * sizeof(double));
+    memcpy(q + NX, lu + node * NU, NU * sizeof(double));
+    for (int i = 0; i < NX; ++i)
+      for (int j = 0; j < NX; ++j)
+        for (int c = 0; c < NS; ++c) W[i][c] += V[i][j] * S[j][c];
+    for (int j = 0; j < NX; ++j)
+      for (int i = 0; i < NS; ++i)
+        for (int c = 0; c < NS; ++c) Q[i][c] += S[j][i] * W[j][c];
+    for (int j = 0; j < NX; ++j)
+      for (int c = 0; c < NS; ++c) q[c] += S[j][c] * v[j];
+    for (int i = 0; i < NX; ++i)
+      for (int c = 0; c < NX; ++c) Q[i][c] += cxx[i * NX + c];
+    for (int i = 0; i < NU; ++i)
+      for (int c = 0; c < NU; ++c) {
+        Q[NX + i][NX + c] += cuu[i * NU + c];
+        H[i][c] = Q[NX + i][NX + c] + damping * cuu[i * NU + c];
+      }
+    for (int i = 0; i < NU; ++i) kn[i] = fmin(high[node * NU + i], fmax(low[node * NU + i], 0.0));
+    const int count = least(H, q + NX, low + node * NU, high + node * NU, kn, at, L);
+    if (count < 0) return node;
+    /* A command at its limit follows no feedback. */
+    memset(Kn, 0, NU * NX * sizeof(double));
+    for (int i = 0; i < count; ++i)
+      for (int c = 0; c < NX; ++c) rows[i][c] = -Q[NX + at[i]][c];
+    solve(L, count, NX, rows[0]);
+    for (int i = 0; i < count; ++i) memcpy(Kn[at[i]], rows[i], sizeof rows[i]);
+    for (int i = 0; i < NU; ++i) {
+      double bent = 0.0;
+      for (int c = 0; c < NX; ++c) T[i][c] = Q[NX + i][c];
+      for (int j = 0; j < NU; ++j) {
+        bent += Q[NX + i][NX + j] * kn[j];
+        for (int c = 0; c < NX; ++c) T[i][c] += Q[NX + i][NX + j] * Kn[j][c];
+      }
+      *promised += kn[i] * (q[NX + i] + 0.5 * bent);
+      t[i] = bent + q[NX + i];
+    }
+    for (int i = 0; i < NX; ++i) {
+      v[i] = q[i];
+      for (int c = 0; c < NX; ++c) V[i][c] = Q[i][c];
+      for (int j = 0; j < NU; ++j) {
+        v[i] += Kn[j][i] * t[j] + Q[NX + j][i] * kn[j];
+        for (int c = 0; c < NX; ++c) V[i][c] += Kn[j][i] * T[j][c] + Q[NX + j][i] * Kn[j][c];
+      }
+    }
+    for (int i = 0; i < NX; ++i)
+      for (int c = 0; c < i; ++c) V[i][c] = V[c][i] = 0.5 * (V[i][c] + V[c][i]);
+  }
+  return nodes;
+}

@@ -1,0 +1,62 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Arms that follow one policy with steps of different size, LANES at a time. C where `real` is a double, C++ where it is a
+ * vector of them.
+ *
+ * Before this file: as for rollout.c, of which it is the twin with feedback.
+ */
+#ifdef __cplusplus
+extern "C"
+#endif
+/* Advance arms over `nodes` ticks under u + size k + K (x' - x), within limits.
+ *
+ * x, u, k, K: the trajectory that is improved and its policy, rows of NX, NU, NU and NU * NX numbers a node.
+ * low, high:  limits of the command, NU a node.
+ * sizes:      of the step, one an arm.
+ * p:          parameters, for all arms.
+ * out:        states; that of arm i at a node at out + i * out_arm + node * NX. The first is given.
+ * used:       receives commands, likewise of NU numbers.
+ * met:        set to 1 for an arm that meets a stop; its states are worth nothing from there on.
+ */
+__attribute__((visibility("default")))
+void follow(const double* x, const double* u, const double* k, const double* K, const double* low, const double* high,
+            const double* sizes, const double* p, const double* h, long long nodes, long long arms, double* out,
+            long long out_arm, double* used, long long used_arm, signed char* met) {
+  const real length = h[0];
+  for (long long arm = 0; arm < arms; arm += LANES) {
+    real now[NX], next[NX], off[NX], r[NU], acted[NU], par[NP + 1], size[1], w[SZ_W];
+    casadi_int iw[SZ_IW];
+    const real* arg[SZ_ARG];
+    real* res[SZ_RES];
+    long long of_lane[LANES];
+    choose_arms(arm, arms, of_lane);
+    read_arms(now, NX, out, out_arm, of_lane);
+    read_arms(par, NP, p, 0, of_lane);
+    read_arms(size, 1, sizes, 1, of_lane);
+    for (long long node = 0; node < nodes; ++node) {
+      for (int i = 0; i < NX; ++i) off[i] = now[i] - x[node * NX + i];
+      for (int i = 0; i < NU; ++i) {
+        const long long row = node * NU + i;
+        const real bottom = low[row], top = high[row];
+        r[i] = size[0] * k[row] + u[row];
+        for (int j = 0; j < NX; ++j) r[i] = r[i] + off[j] * K[row * NX + j];
+        r[i] = fmin(fmax(r[i], bottom), top);
+      }
+      arg[0] = now; arg[1] = r; arg[2] = par; arg[3] = &length;
+      res[0] = next; res[1] = acted;
+      TICK(arg, res, iw, w, 0);
+      for (int j = 0; j < LANES && arm + j < arms; ++j) {
+        for (int i = 0; i < NX; ++i) out[(arm + j) * out_arm + (node + 1) * NX + i] = LANE(next[i], j);
+        for (int i = 0; i < NU; ++i) used[(arm + j) * used_arm + node * NU + i] = LANE(r[i], j);
+      }
+#ifdef STOPS
+      for (int j = 0; j < LANES; ++j)
+        for (int i = 0; i < NU; ++i)
+          met[of_lane[j]] |= meets_stop(LANE(now[i], j), LANE(now[NU + i], j), LANE(next[i], j), LANE(next[NU + i], j), h[0], i);
+#else
+      (void)met;
+#endif
+      for (int i = 0; i < NX; ++i) now[i] = next[i];
+    }
+  }
+}
