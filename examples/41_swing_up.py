@@ -38,7 +38,7 @@ guess = np.zeros((NODES, 2))
 guess[:, 0] = 6.0 * np.sin(2.0 * np.pi * np.arange(NODES) / 60)  # rock it
 
 most = np.array([SUPPLY, 0.0])  # nothing drives the hinge
-optimizer = ILQR([Phase(sim, NODES)], cost, low=-most, high=most)
+optimizer = ILQR([Phase(sim, NODES)], cost, low=-most, high=most, tolerance=1e-4)
 optimizer.solve(start, guess, iterations=1)  # compiles
 begin = time.perf_counter()
 best = optimizer.solve(start, guess, iterations=200)

@@ -93,7 +93,8 @@ def held(sim: Simulator) -> np.ndarray:
     return sim.dynamics.command_map(start[:n], still, sim.dynamics.gravity(start[:n]))
 
 
-optimizer = ILQR([Phase(empty, GRASP), Phase(loaded, NODES - GRASP)], PickAndPlace())
+phases = [Phase(empty, GRASP), Phase(loaded, NODES - GRASP)]
+optimizer = ILQR(phases, PickAndPlace(), tolerance=1e-4)
 guess = np.vstack([np.tile(held(empty), (GRASP, 1)), np.tile(held(loaded), (NODES - GRASP, 1))])
 optimizer.solve(start, guess, iterations=1)  # compiles
 begin = time.perf_counter()

@@ -84,7 +84,7 @@ class Problem:
     def for_others(self) -> dict[str, Any]:
         """The rigid arm's problem as numbers."""
         return {
-            "urdf": single_coordinate(self.robot.urdf), "q0": self.robot.q0.tolist(), "goal": self.goal.tolist(),
-            "guess": self.guess.tolist(), "dt": DT, "iterations": ITERATIONS, "weights": WEIGHTS,
-            "limit": LIMIT.tolist(),
+            "urdf": single_coordinate(self.robot.urdf), "q0": self.robot.q0.tolist(),
+            "goal": self.goal.tolist(), "guess": self.guess.tolist(), "dt": DT,
+            "iterations": ITERATIONS, "weights": WEIGHTS, "limit": LIMIT.tolist(),
         }  # fmt: skip
