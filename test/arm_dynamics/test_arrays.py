@@ -157,7 +157,7 @@ def test_a_direction_of_any_length_but_zero_gets_length_one(length: float) -> No
 
 @pytest.mark.parametrize("value", [[0.0, 0.0], [0.999e-12, 0.0], [[0.6, 0.8]]])
 def test_no_direction_is_refused(value: object) -> None:
-    with pytest.raises(InvalidInput, match=r"^u = \[.*; a vector of shape \(2,\) but zero is"):
+    with pytest.raises(InvalidInput, match=r"^u = \[.*; a nonzero vector of shape \(2,\) is"):
         unit_vector("u", value, 2)
 
 
@@ -192,7 +192,7 @@ def test_beside_a_batch_all_are_of_its_length(k: int) -> None:
 
 def test_batches_of_different_length_are_refused_with_their_lengths() -> None:
     given = {"q": np.ones((3, 2)), "v": np.ones((1, 2)), "a": np.ones(2)}
-    with pytest.raises(InvalidInput, match=r"^batches must be of one length, got \[1, 3\]$"):
+    with pytest.raises(InvalidInput, match=r"^batches must have the same length, got \[1, 3\]$"):
         vectors(2, **given)
     with pytest.raises(InvalidInput, match=r"^v has shape \(3,\); \(2,\) or \(k, 2\)"):
         vectors(2, q=np.ones((3, 2)), v=np.ones(3))

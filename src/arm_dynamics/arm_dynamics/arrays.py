@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arrays of numbers, and checks of the vectors that a caller hands over."""
+"""Arrays of numbers, and checks of arguments that are vectors."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from arm_dynamics.exceptions import InvalidInput
 Array = NDArray[np.float64]
 """Numbers of any shape."""
 
-_FEW = 64  # numbers up to which a list is faster than an array
+_FEW = 64  # largest size for which a list is faster than an array
 
 
 def read_only(values: ArrayLike) -> Array:
@@ -27,9 +27,9 @@ def read_only(values: ArrayLike) -> Array:
 
 
 def each(answer: Callable[..., Array], *given: Array) -> Array:
-    """The answer for vectors (n,), or those for each row of batches (k, n), by ``given[0]``.
+    """The result for vectors (n,), or those for each row of batches (k, n), by ``given[0]``.
 
-    A single vector beside batches serves every row.
+    A single vector among batches is used for every row.
     """
     if given[0].ndim == 1:
         return answer(*given)
@@ -38,11 +38,11 @@ def each(answer: Callable[..., Array], *given: Array) -> Array:
 
 
 Joints = int | Sequence[str]
-"""Joints by name, or how many there are."""
+"""Joint names, or the number of joints."""
 
 
 def count(joints: Joints) -> int:
-    """How many joints there are."""
+    """Number of joints."""
     return joints if isinstance(joints, int) else len(joints)
 
 
@@ -50,9 +50,9 @@ def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
     """Check an argument: finite numbers of shape (n,) or (k, n).
 
     Args:
-        name: How the caller calls it.
+        name: Name of the argument, for messages.
         value: What was given.
-        joints: Whose numbers they are, or how many.
+        joints: Names or number of the joints.
 
     Returns:
         The value as an array of float.
@@ -81,12 +81,12 @@ def all_finite(array: Array) -> bool:
 
 def finite_numbers(numbers: Collection[float]) -> bool:
     """Whether all of a few plain numbers are finite."""
-    # A sum that overflows is looked at again.
+    # A sum that overflows is checked number by number.
     return math.isfinite(sum(numbers)) or all(map(math.isfinite, numbers))
 
 
 def any_beyond(numbers: Iterable[float], limits: Iterable[float]) -> bool:
-    """Whether any of a few numbers is larger than its limit, whatever its sign."""
+    """Whether the magnitude of any of a few numbers exceeds its limit."""
     return any(map(gt, map(abs, numbers), limits))
 
 
@@ -106,14 +106,14 @@ def real_array(name: str, value: ArrayLike) -> Array:
 
 
 def _holds_truth(value: object) -> bool:
-    """Whether a truth value is among numbers, where NumPy would take it for 0 or 1."""
+    """Whether a Boolean is among numbers, which NumPy would convert to 0 or 1."""
     if isinstance(value, list | tuple):
         return any(map(_holds_truth, value))
     return isinstance(value, bool | np.bool_)
 
 
 def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
-    """A direction of any length but zero, made of length one, shape (n,).
+    """A nonzero vector, normalized to unit length, shape (n,).
 
     Raises:
         InvalidInput: If it is anything else.
@@ -121,7 +121,7 @@ def unit_vector(name: str, value: ArrayLike, n: int) -> Array:
     u = vector(name, value, n)
     length = float(np.linalg.norm(u))
     if u.ndim != 1 or length < 1e-12:
-        raise InvalidInput(f"{name} = {u}; a vector of shape ({n},) but zero is expected")
+        raise InvalidInput(f"{name} = {u}; a nonzero vector of shape ({n},) is expected")
     return u / length
 
 
@@ -157,14 +157,14 @@ def positive_limits(name: str, limit: ArrayLike, n: int) -> Array:
 
 
 def vectors(joints: Joints, **given: ArrayLike) -> list[Array]:
-    """Check arguments that belong together: each of shape (n,), or all batches of one length.
+    """Check arguments that belong together: each of shape (n,), or a batch of a common length.
 
     Args:
-        joints: Whose numbers they are, or how many.
-        given: What was given, by the caller's names.
+        joints: Names or number of the joints.
+        given: Values by the names of the arguments.
 
     Returns:
-        The values; beside a batch all are of its shape (k, n).
+        The values; if one is a batch, all have its shape (k, n).
 
     Raises:
         InvalidInput: If one is anything else, or batches differ in length.
@@ -172,7 +172,7 @@ def vectors(joints: Joints, **given: ArrayLike) -> list[Array]:
     arrays = [vector(name, value, joints) for name, value in given.items()]
     counts = {array.shape[0] for array in arrays if array.ndim == 2}
     if len(counts) > 1:
-        raise InvalidInput(f"batches must be of one length, got {sorted(counts)}")
+        raise InvalidInput(f"batches must have the same length, got {sorted(counts)}")
     if not counts:
         return arrays
     return [x if x.ndim == 2 else np.broadcast_to(x, (*counts, x.size)) for x in arrays]

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Serialized messages, read and written piece by piece.
 
-A generated deserializer makes objects of a whole message in one call: no other thread gets on. And
-files of messages are read and written where there is no ROS. The bytes are CDR version 1 (OMG
-RTPS 2.5, section 10): a field is aligned to its size, counted from after the header.
+A generated deserializer creates objects for a whole message in one call, which blocks all other
+threads; and files of messages are read and written without ROS. The bytes are CDR version 1 (OMG
+RTPS 2.5, section 10): a field is aligned to its size, relative to the end of the header.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 
-HEADER = 4  # bytes that say how the others are encoded
+HEADER = 4  # bytes that declare the encoding of the others
 COUNT = 4  # bytes of a length, and the alignment of a Time
 GIGA = 1_000_000_000
 NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
@@ -32,19 +32,19 @@ def time_bytes(nanoseconds: int) -> bytes:
 
 
 class CdrReader:
-    """Reads one field after another; never past the end, and nothing is made that is not there.
+    """Reads one field after another, never past the end of the message.
 
     Attributes:
-        at: Offset of what comes next.
+        at: Offset of the next field.
     """
 
     __slots__ = ("_count", "_double", "_raw", "_time", "at")
 
     def __init__(self, raw: bytes, at: int = HEADER) -> None:
-        """Begin at an offset; at first after the header.
+        """Start at an offset, by default after the header.
 
         Raises:
-            InvalidInput: If there is none, or one of another encoding.
+            InvalidInput: If there is no header, or one of another encoding.
         """
         order = _ORDERS.get(raw[:2])
         if order is None or len(raw) < HEADER:
@@ -57,10 +57,10 @@ class CdrReader:
         self._double = np.dtype(f"{order}f8")
 
     def skip(self, size: int, align: int) -> int:
-        """Pass over padding and then ``size`` bytes; return where they begin.
+        """Skip padding and ``size`` bytes; return the offset of the latter.
 
         Raises:
-            InvalidInput: If the message ends before, as with all that follows.
+            InvalidInput: If the message ends before, as with all methods below.
         """
         start = self.at + -(self.at - HEADER) % align
         if start + size > len(self._raw):
@@ -92,7 +92,7 @@ class CdrReader:
         """Read a name, up to its first zero.
 
         Raises:
-            InvalidInput: If it is too long for one.
+            InvalidInput: If it is too long for a name.
         """
         size = self.count_of("bytes of a name", _LONGEST)
         start = self.skip(size, 1)
@@ -123,7 +123,7 @@ class CdrWriter:
         self.raw = bytearray(NATIVE)
 
     def put(self, piece: bytes, align: int) -> int:
-        """Append bytes behind padding; return where they begin."""
+        """Append padding and bytes; return the offset of the latter."""
         self.raw += bytes(-(len(self.raw) - HEADER) % align) + piece
         return len(self.raw) - len(piece)
 
@@ -148,7 +148,7 @@ class CdrWriter:
             self.text(text)
 
     def doubles(self, numbers: Array) -> int:
-        """Append a sequence of numbers; return where the first one is."""
+        """Append a sequence of numbers; return the offset of the first one."""
         self.count(numbers.size)
         return self.array(numbers)
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Errors that the suite raises on purpose.
+"""Exceptions of the suite.
 
-Each says what is wrong, the value and what is allowed.
+Each message states what is wrong, the value and what is allowed.
 """
 
 from __future__ import annotations
@@ -31,9 +31,9 @@ class InvalidInput(ArmError, ValueError):
 
 
 class ConstraintError(SceneError, InvalidInput):
-    """Constraints that cannot hold from where the robot is.
+    """Constraints that cannot be closed from the robot's position.
 
-    ``residuals`` says how far each one stays open, in [m] or [rad].
+    ``residuals`` are the remaining gaps of all constraints by name, in [m] or [rad].
     """
 
     def __init__(self, message: str, residuals: dict[str, float] | None = None) -> None:
@@ -42,7 +42,7 @@ class ConstraintError(SceneError, InvalidInput):
 
 
 class Unreachable(ArmError):
-    """A pose or a path that the arm cannot take; ``residual`` is what is missing, if known."""
+    """A pose or a path that the arm cannot reach; ``residual`` is the remaining error."""
 
     def __init__(self, message: str, residual: float = math.nan) -> None:
         super().__init__(message)
@@ -54,30 +54,30 @@ class KernelError(ArmError):
 
 
 class CompilerMissing(KernelError):
-    """There is no compiler, and no code that was compiled elsewhere either."""
+    """There is neither a compiler nor code that was compiled elsewhere."""
 
 
 class ControllerFailed(ArmError):
-    """A controller of somebody's own raised, or returned what is no torque."""
+    """A user-defined controller raised an exception, or returned no valid torque."""
 
 
 class NoAnswer(ArmError, TimeoutError):
-    """No node offers a service, or the one that does gave no answer in time."""
+    """No node offers a service, or it did not answer in time."""
 
 
 class Refused(ArmError):
-    """A node answered that it will not do what it was asked; the message is the node's."""
+    """A node refused a request; the message is the node's."""
 
 
 def plain(text: object, most: int = 1000) -> str:
-    """What others wrote, or a message that repeats it, as one line that is safe to show.
+    """Untrusted text as a single line that is safe to print.
 
-    Characters that are not printable (ends of lines, marks that turn the direction of writing) are
-    escaped, and of a long text the middle is left out.
+    Characters that are not printable (line breaks, marks of writing direction) are escaped, and
+    the middle of a long text is omitted.
 
     Args:
-        text: Anything; its text is meant.
-        most: Characters after which the middle is left out.
+        text: Any object, converted to text.
+        most: Length above which the middle is omitted.
     """
     whole = str(text)
     half = most // 2
@@ -94,16 +94,16 @@ def _printable(text: str) -> str:
 
 
 def known_names(names: Iterable[str], limit: int = 30) -> str:
-    """List the names that would have been accepted as ``a, b, c``, cut after ``limit``."""
+    """List names as ``a, b, c``, with at most ``limit`` of them."""
     listed = [plain(name, _NAME) for name in names]
     more = f", … ({len(listed) - limit} more)" if len(listed) > limit else ""
     return (", ".join(listed[:limit]) + more) or "none"
 
 
 def did_you_mean(name: object, names: Iterable[str]) -> str:
-    """The name that was possibly meant, as the end of a message; empty if none is near.
+    """A suggestion of the most similar name, as the end of a message; empty if none is similar.
 
-    Names that differ in nothing but numbers are not near: ``joint9`` does not mean ``joint4``.
+    Names that differ only in numbers are not similar: ``joint9`` does not suggest ``joint4``.
     """
     if not isinstance(name, str):
         return ""
@@ -113,7 +113,7 @@ def did_you_mean(name: object, names: Iterable[str]) -> str:
 
 
 def choices(name: object, names: Iterable[str], limit: int = 30) -> str:
-    """What to write after ``allowed:``: the names, and the one that was possibly meant."""
+    """The text after ``allowed:``: the names, and a suggestion."""
     listed = list(names)
     return known_names(listed, limit) + did_you_mean(name, listed)
 

@@ -24,7 +24,7 @@ def on_demand(
             said = f"module {package!r} has no attribute {name!r}"
             raise AttributeError(said, name=name, obj=sys.modules[package])
         value = getattr(import_module(f"{package}.{homes[name]}"), name)
-        setattr(sys.modules[package], name, value)  # found at once from now on
+        setattr(sys.modules[package], name, value)  # found directly from now on
         return value
 
     return look_up, lambda: sorted(sys.modules[package].__all__)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the cores log, for whoever listens: a terminal, a node."""
+"""Log messages of the cores, for a terminal or a node."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ _listening: list[logging.Handler] = []
 
 @contextmanager
 def heard_by(handler: logging.Handler) -> Iterator[None]:
-    """Let a handler hear what the cores log from INFO on, while the context lasts.
+    """Pass log messages of the cores from level INFO to a handler within the context.
 
-    One hears at a time: within another such context the other one waits.
+    Only the innermost handler receives them.
     """
     loggers = [logging.getLogger(name) for name in CORES]
     levels = [logger.level for logger in loggers]

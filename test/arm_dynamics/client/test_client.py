@@ -246,7 +246,7 @@ def test_nobody_answers(ros: Ros) -> None:
     """The service is there, but its node does not spin; the client waits no longer than told."""
     ros.peer.create_service(ModelInfo, "dynamics/model_info", lambda request, response: response)
     with ArmClient(timeout=1.0, domain=ros.domain) as arm:
-        with pytest.raises(NoAnswer, match="gave no answer within 1 s"):
+        with pytest.raises(NoAnswer, match="did not answer within 1 s"):
             arm.model_info()
 
 

@@ -177,7 +177,7 @@ def test_made_by_name_they_hold_any_arm(robot_name: str, name: str) -> None:
         ({"damping_ratio": -1}, "damping_ratio = -1; allowed: 0 to 100"),
         ({"observer": np.inf}, "observer is inf"),
         ({"force": -2e4}, "force = .*; allowed: 0 to 10000"),
-        ({"direction": (0, 0, 0)}, "force_direction = .*; a vector of shape .3,. but zero"),
+        ({"direction": (0, 0, 0)}, "force_direction = .*; a nonzero vector of shape .3,."),
         ({"direction": (0, 1)}, "force_direction has shape"),
         ({"axes": "x q"}, "task_axes: selection = 'x q'; allowed: pose"),
         ({"axes": ""}, "task_axes: selection"),

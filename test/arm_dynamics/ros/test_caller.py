@@ -196,6 +196,6 @@ def test_where_no_server_comes_nothing_is_asked_and_it_is_said(
 def test_silence_is_told_with_the_time_and_whether_it_may_have_been_done(
     caller: Caller, world: World, repeatable: bool
 ) -> None:
-    with pytest.raises(NoAnswer, match="no answer within 12 s") as caught:
+    with pytest.raises(NoAnswer, match="did not answer within 12 s") as caught:
         caller.ask("node", MODEL_INFO, None, repeatable)
     assert ("may have been carried out" in str(caught.value)) is not repeatable

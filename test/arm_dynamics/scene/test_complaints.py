@@ -54,7 +54,7 @@ SAID = {
     "word": ({"tunable": ["gravty"]}, r"'tunable.0' = 'gravty': .*; did you mean 'gravity'\?"),
     "type": (
         {"constraints": [{"type": "contct"}]},
-        r"no type is called 'contct'; allowed: point, .*; did you mean 'contact'\?",
+        r"unknown type 'contct'; allowed: point, .*; did you mean 'contact'\?",
     ),
     "no type": ({"constraints": [{}]}, "'type' is missing"),
 }

@@ -250,7 +250,7 @@ def test_bad_vectors_are_refused() -> None:
         task.terms([0.0, 0.0, 0.0])
     with pytest.raises(InvalidInput, match=r"v\[1\] = nan"):
         task.bias([0.0, 1.0], [0.0, np.nan])
-    with pytest.raises(InvalidInput, match="batches must be of one length"):
+    with pytest.raises(InvalidInput, match="batches must have the same length"):
         task.terms(np.zeros((2, 2)), np.zeros((3, 2)))
     with pytest.raises(InvalidInput, match="direction"):
         task.effective_mass([0.0, 1.0], [0.0, 0.0])

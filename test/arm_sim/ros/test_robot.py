@@ -53,8 +53,8 @@ def test_a_description_will_do_in_place_of_a_scene(ros: Ros, make: Any, by_topic
 @pytest.mark.parametrize(
     ("given", "complaint"),
     [
-        ({"description_timeout": 0.0}, "'scene' is empty.*none came in 0 s"),
-        ({"description_timeout": 0.1}, "on /robot_description, where none came in 0.1 s"),
+        ({"description_timeout": 0.0}, "'scene' is empty.*none arrived within 0 s"),
+        ({"description_timeout": 0.1}, "on /robot_description, where none arrived within 0.1 s"),
         ({"robot_description": "/etc/passwd"}, "not well-formed XML"),
         ({"robot_description": "<robot name='x'/>"}, "no <link> found"),
     ],

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is said of keys and values that the schema of a scene refuses."""
+"""Messages for keys and values that the schema of a scene refuses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from arm_dynamics.exceptions import choices, known_names
 from arm_dynamics.scene.imperfections import ALL
 from arm_dynamics.scene.types import Part
 
-# What the checking library says of types, in the words of a scene file.
+# Messages of pydantic in the terms of a scene file.
 _ENDS = {
     "greater_than_equal": ("ge", "at least {:g} is expected"),
     "greater_than": ("gt", "more than {:g} is expected"),
@@ -37,11 +37,11 @@ def complaints(
     hidden: Sequence[str],
     file: str = "scene",
 ) -> list[str]:
-    """A line for everything that is wrong; see ``complaint``."""
+    """One line for each error; see ``complaint``."""
     told: dict[str, None] = {}
     for error in errors:
         if error["type"] == "missing" and isinstance(error["loc"][-1], int):
-            place = error["loc"][:-1]  # a list that is too short, of which every end is missing
+            place = error["loc"][:-1]  # a list that is too short: each missing entry is an error
             ends = [e["loc"][-1] for e in errors if e["loc"][:-1] == place]
             length = 1 + max(end for end in ends if isinstance(end, int))
             error = ErrorDetails(
@@ -58,14 +58,14 @@ def complaint(
     hidden: Sequence[str],
     file: str = "scene",
 ) -> str:
-    """One line for one thing that is wrong: the key, its value and what is allowed.
+    """One line for an error: the key, its value and what is allowed.
 
     Args:
-        error: What the checking library found.
+        error: Error of pydantic.
         whole: The schema.
-        tagged: Parts that go by the word for their type.
-        hidden: Names in the places of errors that no scene has.
-        file: What the file is called.
+        tagged: Parts by the value of their key ``type``.
+        hidden: Names in the location of an error that are not keys.
+        file: Name of the file.
     """
     place = [key for key in error["loc"] if key not in hidden and not _internal(key)]
     if place[:1] == ["sensors"] and place[-1] == ALL:
@@ -83,7 +83,7 @@ def complaint(
 
 
 def _internal(key: int | str) -> bool:
-    """Whether a place of an error is a step inside the checking library, and no key."""
+    """Whether an item of an error's location is internal to pydantic, and not a key."""
     return isinstance(key, str) and ("[" in key or key in ("bool", "function-after"))
 
 
@@ -96,7 +96,7 @@ def _said(error: ErrorDetails, whole: type[Part], tagged: Mapping[str, type[Part
     if kind == "union_tag_invalid":
         allowed = [tag.strip().strip("'") for tag in context["expected_tags"].split(",")]
         tag = str(context["tag"])
-        return f"no type is called '{tag}'; allowed: {choices(tag, allowed)}"
+        return f"unknown type '{tag}'; allowed: {choices(tag, allowed)}"
     if kind == "union_tag_not_found":
         return "'type' is missing; it is required"
     if kind == "literal_error":
@@ -130,13 +130,13 @@ def fields_at(
     Args:
         path: Keys from the top.
         whole: The schema.
-        tagged: Parts that go by the word for their type.
-        default: Whether a path that leads to no part stands for the part before it.
+        tagged: Parts by the value of their key ``type``.
+        default: Whether a path that leads to no part refers to its parent.
     """
     parts: list[type[Part]] = [whole]
     for key in map(str, path):
         named = [part.model_fields[key] for part in parts if key in part.model_fields]
-        if tagged.get(key) in parts:  # of several types of constraints, the one that is meant
+        if tagged.get(key) in parts:  # among several types of constraints, the one given by 'type'
             parts = [tagged[key]]
         elif named:
             found = _parts_in(named[0].annotation)
@@ -147,7 +147,7 @@ def fields_at(
 
 
 def _parts_in(annotation: object) -> list[type[Part]]:
-    """The parts of a scene that a type is made of."""
+    """The parts of a scene in a type annotation."""
     if isinstance(annotation, type) and issubclass(annotation, Part):
         return [annotation]
     return [part for argument in get_args(annotation) for part in _parts_in(argument)]

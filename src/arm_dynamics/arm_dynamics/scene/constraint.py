@@ -81,7 +81,7 @@ class _BetweenFrames(_Constraint):
 
     @property
     def at_world(self) -> Touching | None:
-        """What of it is tied to the world; None if neither frame is the world's."""
+        """Its point that is tied to the world; None if neither frame is the world."""
         if WORLD not in self.frames:
             return None
         own = self.frames.index(WORLD) ^ 1
@@ -243,7 +243,7 @@ class Contact(Part):
 
     @property
     def at_world(self) -> Touching | None:
-        """What of it may touch the world; None if its plane is on a link."""
+        """Its point that may touch the world; None if its plane is on a link."""
         if self.plane.frame != WORLD:
             return None
         x, y, z = (-self.radius * n for n in self.plane.normal)
@@ -272,26 +272,26 @@ SCHEMAS: dict[str, type[Part]] = {
     get_args(kind.model_fields["type"].annotation)[0]: kind
     for kind in get_args(Bilateral | Contact)
 }
-"""The types of constraints by the word that a scene has for them."""
+"""The types of constraints by the value of the key ``type``."""
 
 
 def switchable(constraints: tuple[Constraint, ...]) -> list[int]:
-    """Places of the constraints that can be switched on and off."""
+    """Indices of the constraints that can be switched on and off."""
     return [i for i, constraint in enumerate(constraints) if constraint.switchable]
 
 
 def switches(constraints: tuple[Constraint, ...]) -> Array:
-    """1 or 0 for each switchable constraint: does it hold at the start?"""
+    """1 or 0 for each switchable constraint: whether it holds at the start."""
     return np.array([float(constraints[i].active) for i in switchable(constraints)])
 
 
 def label(constraint: Constraint, place: int) -> str:
-    """What a constraint is called: its name, else its type and place in the scene's list."""
+    """Name of a constraint: given, else its type and index in the scene's list."""
     return constraint.name or f"{constraint.type}_{place}"
 
 
 def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: set[str]) -> None:
-    """Every frame and joint that a constraint names must exist and be free to obey.
+    """Check that frames and joints of constraints exist and can move as needed.
 
     Args:
         constraints: Those of the scene.
@@ -308,7 +308,7 @@ def check_constraints(constraints: tuple[Constraint, ...], urdf: Urdf, locked: s
 
 
 def check_new(kind: str, names: Sequence[str], place: int) -> None:
-    """Refuse a name that stands earlier in the list; ``kind`` is what has these names."""
+    """Refuse a repeated name; ``kind`` describes the named items, for the message."""
     if names[place] in names[:place]:
         raise SceneError(f"scene: two {kind} are called '{names[place]}'; names must differ")
 
@@ -317,10 +317,10 @@ def check_frame(key: str, frame: str, urdf: Urdf, *others: str) -> None:
     """Refuse a frame that the robot does not have.
 
     Args:
-        key: The one that names it.
+        key: The key that names it.
         frame: Its name.
         urdf: The robot.
-        others: Names that are allowed besides.
+        others: Other names that are allowed.
 
     Raises:
         SceneError: Naming the key, the frame and what is allowed.
@@ -343,7 +343,7 @@ def check_frames(key: str, frames: Iterable[str], urdf: Urdf) -> None:
 def check_joints(
     key: str, joints: Iterable[str], allowed: list[str], urdf: Urdf, locked: Collection[str] = ()
 ) -> None:
-    """Refuse joints that are not among the allowed ones; ``key`` is the one that names them."""
+    """Refuse joints that are not allowed; ``key`` names them."""
     for name in joints:
         if name in allowed:
             continue

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene says of the drive of a joint: its motor and what stands between motor and link.
+"""Keys of a joint's drive in a scene: the motor, and the transmission between motor and link.
 
-What keys mean together is checked when the joint's own entry has been laid over that of ``"*"``:
+Combinations of keys are checked after the joint's own entry has been merged with that of ``"*"``:
 see ``model.drive``.
 """
 

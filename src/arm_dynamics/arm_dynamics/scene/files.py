@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where scenes and robot descriptions are found: paths, ``package://`` URIs, ready scenes.
+"""Search for scenes and robot descriptions: paths, ``package://`` URIs, ready scenes.
 
 A ready scene has a bare name, such as ``panda``. The folders of ready scenes are those of the
 variable ``ARM_SCENES``, then ``scenes`` and ``scenes/lectures`` of the package ``arm_sim``, which
-ships them. That package is looked for, and not imported: this one knows nothing of it but where
-its data are.
+ships them. That package is located, but not imported.
 """
 
 from __future__ import annotations
@@ -18,14 +17,14 @@ from pathlib import Path
 from arm_dynamics.exceptions import SceneError, did_you_mean, known_names
 
 VARIABLE = "ARM_SCENES"
-"""Environment variable with folders of one's own ready scenes, separated by colons."""
+"""Environment variable with the user's folders of ready scenes, separated by colons."""
 _SUFFIX = ".yaml"
 _PACKAGE = "arm_sim"
-_SHIPPED = "scenes", "scenes/lectures"  # the folders in that package with ready scenes
+_SHIPPED = "scenes", "scenes/lectures"  # folders with ready scenes in that package
 
 
 def find_scene(name: str, folder: Path) -> Path:
-    """Resolve what a user calls a scene.
+    """Find the file of a scene.
 
     Args:
         name: A path, a ``package://`` URI, or the bare name of a ready scene with or without
@@ -36,7 +35,7 @@ def find_scene(name: str, folder: Path) -> Path:
         An existing file.
 
     Raises:
-        SceneError: If there is none, with names that were possibly meant.
+        SceneError: If there is none, with similar names.
     """
     if not _is_bare(name):
         return find_file(name, folder)
@@ -100,12 +99,12 @@ def ready_scenes() -> list[str]:
 
 
 def _is_bare(name: str) -> bool:
-    """Whether it names no folder: such a name may be that of a ready scene."""
+    """Whether it contains no folder, so that it may be the name of a ready scene."""
     return bool(name.strip()) and not set(name) & {"/", os.sep, "\n", "\0"}
 
 
 def _package_roots(package: str) -> list[Path]:
-    """Folders whose sub-folders are packages: ROS, what robot wheels bring along, then Python."""
+    """Folders whose subfolders are packages: of ROS, of wheels with robots, then of Python."""
     prefixes = os.environ.get("AMENT_PREFIX_PATH", "").split(os.pathsep)
     workspaces = os.environ.get("ROS_PACKAGE_PATH", "").split(os.pathsep)
     wheels = [Path(entry) / "cmeel.prefix/share" for entry in sys.path if entry]
@@ -119,7 +118,7 @@ def _package_roots(package: str) -> list[Path]:
 
 
 def _beside(package: str) -> Iterator[Path]:
-    """Folders that hold a Python package, however it is installed; it is not imported."""
+    """Folders that contain a Python package, however it is installed, without importing it."""
     spec = find_spec(package) if package.isidentifier() else None
     for place in (spec and spec.submodule_search_locations) or ():
         yield Path(place).parent

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene says of the friction of a joint.
+"""Keys of a joint's friction in a scene.
 
-What keys mean together is checked when the joint's own entry has been laid over that of ``"*"``
-and over the URDF's: see ``model.friction``.
+Combinations of keys are checked after the joint's own entry has been merged with that of ``"*"``
+and with the URDF's: see ``model.friction``.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ Sided = Annotated[
 """One number for both directions, or one for each."""
 
 KINDS = ("number", "sides")
-"""Words that pydantic puts into the place of an error in a ``Sided``."""
+"""Items that pydantic adds to the location of an error in a ``Sided``."""
 
 
 class Table(Part):
@@ -121,5 +121,5 @@ STATEFUL = ("lugre",)
 
 
 def refusal(joint: str, text: str) -> SceneError:
-    """The error for what is said of a joint's friction; ``text`` begins with the key and a '."""
+    """The error for a joint's friction; ``text`` begins with the key and a '."""
     return SceneError(f"scene: 'joints.{joint}.friction.{text}")

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene says of what lies between an arm and who controls it: sensors and lines.
+"""Keys of sensors and of the communication between an arm and its controller.
 
-The motion itself does not depend on these keys; what they do is in ``arm_sim.imperfections``.
+The physics of the arm does not depend on these keys; ``arm_sim.imperfections`` implements them.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ ALL = "*"
 
 
 def _by_joint(value: object) -> object:
-    """One number stands for all joints."""
+    """Expand one number to all joints."""
     if isinstance(value, Mapping):
         return value
     if isinstance(value, int | float | str):
@@ -106,7 +106,7 @@ class Line(Part):
 
     @property
     def perfect(self) -> bool:
-        """Whether everything arrives at once."""
+        """Whether every message arrives without delay."""
         return not (self.delay or self.jitter or self.loss)
 
 
@@ -143,7 +143,7 @@ def values(by_joint: Mapping[str, float], names: Sequence[str]) -> list[float]:
 
 
 def check_sensors(sensors: Sensors, urdf: Urdf, locked: Collection[str]) -> None:
-    """Every joint that a sensor names must move by itself, and turn where turns are counted.
+    """Check that joints of sensors move independently, and are revolute if they have counts.
 
     Raises:
         SceneError: Naming the key, the joint and what is allowed.

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which masses and rotational inertias a rigid body can have.
+"""Physical consistency of the mass and the rotational inertia of a rigid body.
 
-About the centre of mass, I = ∫ (rᵀr E - r rᵀ) dm with dm ≥ 0. So no principal moment is negative,
+About the center of mass, I = ∫ (rᵀr E - r rᵀ) dm with dm ≥ 0. So no principal moment is negative,
 and none is larger than the sum of the other two (triangle inequality: Wensing, Kim, Slotine, IEEE
 Robotics and Automation Letters 3(1), 2018).
 """
@@ -15,10 +15,10 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.scene.types import Inertia6
 
 ROUNDING = 1e-12
-"""Moments below this are taken for zero, in [kg m²], and so is this part of the largest one."""
+"""Moments below this count as zero, in [kg m²], and so does this fraction of the largest one."""
 DIGITS = 1e-2
-"""Part of the largest moment by which it may exceed the sum of the others: published numbers have
-two or three digits, and a thin plate's are equal."""
+"""Relative excess of the largest moment over the sum of the others that is allowed: published
+values have two or three digits, and for a thin plate both are equal."""
 
 
 def inertia_matrix(six: Inertia6 | ArrayLike) -> Array:
@@ -33,27 +33,26 @@ def moments(six: Inertia6 | ArrayLike) -> Array:
 
 
 def possible(mass: ArrayLike, six: Inertia6 | ArrayLike) -> NDArray[np.bool_]:
-    """Whether there are bodies of these masses in [kg] and tensors, shape (…)."""
+    """Whether masses in [kg] and tensors are physically consistent, shape (…)."""
     return np.asarray(_fault(np.asarray(mass, dtype=float), moments(six)) == 0)
 
 
 def fault(mass: float, six: Inertia6 | ArrayLike) -> str | None:
-    """What keeps a mass in [kg] and a tensor from being those of a rigid body; None if nothing."""
+    """Why a mass in [kg] and a tensor are not those of a rigid body; None if they are."""
     found = moments(six)
     said = ", ".join(f"{moment:.6g}" for moment in found)
     return [
         None,
         f"mass = {mass:g} kg: at least zero is expected",
         f"the tensor must not be negative in any direction; principal moments {said} kg m²",
-        f"mass = 0, but inertia of {found[2]:.6g} kg m²: what has inertia has a mass of more than "
-        "zero",
+        f"mass = 0, but inertia of {found[2]:.6g} kg m²: more than zero is expected",
         f"no body has principal moments {said} kg m²: none may be larger than the sum of the "
         f"other two (by {DIGITS:.0%} at most, for rounding)",
     ][int(_fault(np.asarray(mass, dtype=float), found))]
 
 
 def _fault(mass: Array, found: Array) -> NDArray[np.int_]:
-    """Number of the first condition that is broken, 0 for none, shape (…)."""
+    """Number of the first condition that is violated, 0 for none, shape (…)."""
     small, middle, large = np.moveaxis(found, -1, 0)
     broken = [
         ~(mass >= 0.0),

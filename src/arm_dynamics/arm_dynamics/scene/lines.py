@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Scene files as text: what they hold, and in which line a key stands."""
+"""Text of scene files: their content, and the lines of keys."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
 
     Args:
         content: Its text.
-        file: What such a file is called.
-        keys: What it must have, for a message.
+        file: Name of the file, for messages.
+        keys: Its required keys, for messages.
 
     Raises:
-        SceneError: If it is not well-formed, no mapping, or has a key twice, with the line.
+        SceneError: If it is not well-formed, not a mapping, or repeats a key, with the line.
     """
     loader = yaml.SafeLoader(content)
     try:
@@ -50,7 +50,7 @@ def parsed(content: str, file: str = "scene", keys: str = "'robot'") -> dict[str
 
 
 def _refuse_twins(node: yaml.Node | None, file: str, place: str = "") -> None:
-    """Refuse a key that stands twice: YAML would silently take the last one."""
+    """Refuse a repeated key, of which YAML would silently use the last."""
     seen: dict[str, int] = {}
     for key, child in _children(node):
         line = key.start_mark.line + 1
@@ -64,21 +64,21 @@ def _refuse_twins(node: yaml.Node | None, file: str, place: str = "") -> None:
 
 
 def _children(node: yaml.Node | None) -> list[tuple[yaml.Node, yaml.Node]]:
-    """Keys and values of a mapping; for a list its items, each twice."""
+    """Keys and values of a mapping; for a list, its items as both."""
     if isinstance(node, yaml.MappingNode):
         return list(node.value)
     return [(item, item) for item in node.value] if isinstance(node, yaml.SequenceNode) else []
 
 
 def line_of(content: str, place: str) -> int | None:
-    """The line in which a key stands, or the nearest above it that is there.
+    """The line of a key, or of its nearest parent that exists.
 
     Args:
         content: A scene file.
-        place: Keys from the top with dots between them, as in messages.
+        place: Keys from the top, separated by dots, as in messages.
 
     Returns:
-        Its number from 1; None if not even the first key is there.
+        Its number from 1; None if not even the first key exists.
     """
     try:
         node, found = yaml.compose(content, yaml.SafeLoader), None
@@ -94,13 +94,13 @@ def line_of(content: str, place: str) -> int | None:
 
 
 def _step(node: yaml.Node | None, keys: list[str]) -> tuple[int, yaml.Node, list[str]] | None:
-    """One key further: its line, what it holds, and the keys that are left."""
+    """Descend by one key: its line, its value, and the remaining keys."""
     if isinstance(node, yaml.SequenceNode) and keys[0].isdecimal():
         if (i := int(keys[0])) < len(node.value):
             return node.value[i].start_mark.line + 1, node.value[i], keys[1:]
         return None
     if isinstance(node, yaml.MappingNode):
-        for size in range(len(keys), 0, -1):  # names of joints may have dots
+        for size in range(len(keys), 0, -1):  # names of joints may contain dots
             for key, child in node.value:
                 if key.value == ".".join(keys[:size]):
                     return key.start_mark.line + 1, child, keys[size:]
@@ -109,10 +109,7 @@ def _step(node: yaml.Node | None, keys: list[str]) -> tuple[int, yaml.Node, list
 
 @contextmanager
 def in_file(path: Path) -> Iterator[None]:
-    """Say in which file something is wrong, and where it can be told, in which line.
-
-    Every line of the message gets the file in front, once.
-    """
+    """Prefix every line of a message with the file and, if known, the line of the error."""
     try:
         yield
     except SceneError as error:

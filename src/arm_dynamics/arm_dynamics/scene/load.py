@@ -21,7 +21,7 @@ from arm_dynamics.scene.spring import check_springs
 from arm_dynamics.scene.urdf import Urdf, read_urdf
 
 type SceneSource = str | os.PathLike[str] | Mapping[str, Any] | Scene
-"""What a scene is made of; see ``load_scene``."""
+"""Sources of a scene; see ``load_scene``."""
 
 _FAR = 10.0  # [m]
 _MANY_TURNS = 4.0 * math.pi  # [rad]
@@ -68,10 +68,10 @@ def load_scene(source: SceneSource) -> Scene:
 
 @contextmanager
 def naming(source: object) -> Iterator[None]:
-    """Say in which file something is wrong that is found only when a scene is made use of.
+    """Add the name of the scene file to errors that are found only when a scene is used.
 
     Args:
-        source: What ``load_scene`` was given; only files are named.
+        source: Argument of ``load_scene``; only files are named.
     """
     if not isinstance(source, str | os.PathLike) or _is_urdf(os.fspath(source)):
         yield
@@ -81,7 +81,7 @@ def naming(source: object) -> Iterator[None]:
 
 
 def scene_from_urdf(text: str) -> Scene:
-    """The scene that a bare robot description stands for; ``text`` is never taken for a path.
+    """The scene of a bare robot description; ``text`` is never treated as a path.
 
     Args:
         text: URDF as XML.
@@ -125,7 +125,7 @@ def _complete(data: dict[str, Any], folder: Path) -> Scene:
 
 
 def _tell(urdf: Urdf) -> None:
-    """Say which links of a robot have an inertia that no body has."""
+    """Warn of links whose inertia is not physically consistent."""
     if urdf.doubtful:
         name, trouble = next(iter(urdf.doubtful.items()))
         count = len(urdf.doubtful)
@@ -138,7 +138,7 @@ def _tell(urdf: Urdf) -> None:
 
 
 def _tell_far(scene: Scene, urdf: Urdf) -> None:
-    """Say what is so far off that another unit was possibly meant."""
+    """Warn of values that are so large that their unit is probably wrong."""
     for i, payload in enumerate(scene.payloads):
         if (distance := math.dist(payload.com, (0.0, 0.0, 0.0))) > _FAR:
             _log.warning(
@@ -154,7 +154,7 @@ def _tell_far(scene: Scene, urdf: Urdf) -> None:
 
 
 def _check_names(scene: Scene, urdf: Urdf) -> None:
-    """Every joint and frame that the scene names must exist."""
+    """Check that all joints and frames of the scene exist."""
     for key, names in {
         "robot.lock": scene.robot.lock,
         "joints": [name for name in scene.joints if name != "*"],
@@ -176,7 +176,7 @@ def _check_names(scene: Scene, urdf: Urdf) -> None:
 
 
 def _check_hold(scene: Scene, urdf: Urdf) -> None:
-    """Refuse joints that cannot be held when loops are closed, and holding where none is."""
+    """Refuse held joints that do not exist or move, and holding without loops to close."""
     hold, lock = scene.initial.hold, scene.robot.lock
     free = [name for name in urdf.moving if name not in urdf.mimics and name not in lock]
     check_joints("initial.hold", hold, free, urdf, lock)
@@ -188,7 +188,7 @@ def _check_hold(scene: Scene, urdf: Urdf) -> None:
 
 
 def _check_follower(scene: Scene, name: str, leader: str) -> None:
-    """Refuse what a joint that follows another one cannot have, and would be without effect."""
+    """Refuse keys of mimic joints that would have no effect."""
     if name in scene.robot.lock and leader not in scene.robot.lock:
         raise SceneError(
             f"scene: 'robot.lock' locks '{name}', which follows '{leader}'; lock that one too"
@@ -210,7 +210,7 @@ def _check_follower(scene: Scene, name: str, leader: str) -> None:
 
 
 def _check_locked(scene: Scene, name: str) -> None:
-    """Refuse what would be without effect at a joint that does not move."""
+    """Refuse keys of locked joints that would have no effect."""
     own = scene.joints.get(name)
     if own is not None and (given := own.model_dump(exclude_unset=True, exclude_none=True)):
         raise SceneError(

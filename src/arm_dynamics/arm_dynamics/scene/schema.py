@@ -159,7 +159,7 @@ class Payload(Part):
     @field_validator("inertia")
     @classmethod
     def _of_a_body(cls, value: Inertia6, info: ValidationInfo) -> Inertia6:
-        mass = info.data.get("mass")  # absent if it was refused itself
+        mass = info.data.get("mass")  # absent if it is invalid itself
         if mass is not None and (trouble := fault(mass, value)):
             raise ValueError(trouble)
         return value
@@ -240,7 +240,7 @@ class Scene(Part):
 
     @property
     def bilateral(self) -> dict[int, Bilateral]:
-        """The constraints that are no contacts, by their places in the list."""
+        """The constraints that are not contacts, by their indices in the list."""
         return {i: c for i, c in enumerate(self.constraints) if not isinstance(c, Contact)}
 
     @property
@@ -250,7 +250,7 @@ class Scene(Part):
         return tuple((label(c, i), c) for i, c in numbered if isinstance(c, Contact))
 
     def joint(self, name: str) -> Joint:
-        """What the scene says of the joint ``name``: its own entry laid over that of ``"*"``."""
+        """Settings of the joint ``name``: its own entry merged with that of ``"*"``."""
         common, own = self.joints.get("*"), self.joints.get(name)
         if common is None or own is None:
             return own or common or Joint()
@@ -274,7 +274,7 @@ def validated(data: dict[str, Any], context: dict[str, Any] | None = None) -> Sc
 
     Args:
         data: The content of a scene file.
-        context: ``AS_CHECKED`` for what comes from a scene that was checked, else None.
+        context: ``AS_CHECKED`` for the content of a scene that was checked before, else None.
 
     Returns:
         The scene.

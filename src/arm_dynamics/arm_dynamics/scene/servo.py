@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene says of the servos that take positions and velocities as commands."""
+"""Keys of the servos that follow commanded positions and velocities."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a scene says of springs: those of joints, and those between points of two frames."""
+"""Keys of springs: of joints, and between points of two frames."""
 
 from __future__ import annotations
 
@@ -61,12 +61,12 @@ class PointSpring(Part):
 
 
 def spring_name(spring: PointSpring, place: int) -> str:
-    """What a spring is called: its name, else ``spring`` and its place in the scene's list."""
+    """Name of a spring: given, else ``spring`` and its index in the scene's list."""
     return spring.name or f"spring_{place}"
 
 
 def check_springs(springs: tuple[PointSpring, ...], urdf: Urdf) -> None:
-    """Every frame that a spring names must exist, and no two springs may share a name.
+    """Check that frames of springs exist and that names of springs differ.
 
     Raises:
         SceneError: Naming the spring, the name and what is allowed.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene as text, to be kept with what was computed from it, and read again to the bit."""
+"""A scene as text, to be saved with results and read again bit for bit."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ def scene_text(scene: Scene, urdf: str) -> str:
 
     Args:
         scene: A scene that was loaded.
-        urdf: Name under which the text of its robot description, ``scene.robot.urdf``, is kept.
+        urdf: File name of its robot description, whose text is ``scene.robot.urdf``.
 
     Returns:
-        YAML; numbers are written so that they are read as the same bits.
+        YAML; numbers are written so that they are read back bit for bit.
     """
     content = scene.model_dump(exclude_unset=True, mode="json")
     content["robot"]["urdf"] = urdf
@@ -31,12 +31,12 @@ def scene_of(text: str, urdf: str) -> Scene:
     """The scene of ``scene_text``, with the text of its robot description.
 
     Raises:
-        SceneError: If the text is none.
+        SceneError: If the text is not a scene.
     """
     try:
         content: Any = yaml.safe_load(text)
     except yaml.YAMLError as error:
         raise SceneError(f"scene: the text is not well-formed YAML: {error}") from None
     if not isinstance(content, dict) or not isinstance(content.get("robot"), dict):
-        raise SceneError("scene: the text is no scene; a mapping with 'robot' is expected")
+        raise SceneError("scene: the text is not a scene; a mapping with 'robot' is expected")
     return validated({**content, "robot": {**content["robot"], "urdf": urdf}}, AS_CHECKED)

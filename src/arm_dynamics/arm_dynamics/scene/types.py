@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numbers that a scene may hold, and what its parts have in common."""
+"""Types of numbers in a scene, and the base class of its parts."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pydantic import (
 
 
 def _number(value: object) -> object:
-    """Read ``1e5``, which YAML 1.1 takes for text, and refuse truth values as numbers."""
+    """Convert ``1e5``, which YAML 1.1 reads as text, and refuse Booleans as numbers."""
     if isinstance(value, bool):
         raise ValueError("a number is expected, not true or false")
     if isinstance(value, str):
@@ -35,13 +35,13 @@ def _finite(value: float) -> float:
 
 
 AS_CHECKED = {"as checked": True}
-"""Context of a validation for what was checked before: to be taken to the bit."""
+"""Context of a validation for content that was checked before and must not change."""
 
 
 def _unit(value: tuple[float, float, float], info: ValidationInfo) -> tuple[float, float, float]:
-    """A direction of any length but zero, made of length one."""
+    """A nonzero direction, normalized to unit length."""
     if info.context is AS_CHECKED:
-        return value  # once more, and its last bit might be another one
+        return value  # normalizing again might change its last bit
     length = float(np.linalg.norm(value))
     if length < 1e-9:
         raise ValueError("a direction must not be zero")
@@ -59,6 +59,6 @@ Inertia6 = tuple[Finite, Finite, Finite, Finite, Finite, Finite]
 
 
 class Part(BaseModel):
-    """A part of a scene: nothing in it changes, and unknown keys are refused."""
+    """A part of a scene: immutable, with unknown keys refused."""
 
     model_config = ConfigDict(frozen=True, extra="forbid", arbitrary_types_allowed=True)

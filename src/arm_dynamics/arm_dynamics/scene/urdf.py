@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Check a URDF before Pinocchio reads it.
 
-Pinocchio's parser takes an unreadable or negative mass for a number and goes on. This module
-refuses such files with the name of the offending element. It knows the joints and frames of a
-description without loading Pinocchio.
+Pinocchio's parser silently accepts an unreadable or negative mass. This module refuses such files
+with the name of the offending element. It determines the joints and frames of a description
+without loading Pinocchio.
 """
 
 from __future__ import annotations
@@ -37,12 +37,11 @@ _NOT_NEGATIVE = {
     ("limit", "velocity"),
 }
 NEGATIVE_PART = 0.5
-"""Part of the largest principal moment of a link by which the smallest may be negative.
+"""Largest negative principal moment of a link relative to its largest one.
 
-Robots in use carry tensors that no body has: 16 of the 69 descriptions in example-robot-data do,
-down to -0.39 (Tiago's antennas). With them the mass matrix may well be regular (where it is not,
-forward dynamics refuses the arm), so they are told and computed with; what lies beyond is taken
-for a slip of the pen."""
+Published robots have tensors that no rigid body has: 16 of the 69 descriptions in
+example-robot-data, down to -0.39 (Tiago's antennas). The mass matrix may still be regular (if it
+is not, forward dynamics refuses the arm), so they cause a warning; larger ones are errors."""
 
 
 @dataclass(frozen=True)
@@ -56,13 +55,13 @@ class Mimic:
 
 @dataclass(frozen=True)
 class Urdf:
-    """What must be known of a URDF besides what Pinocchio reads from it.
+    """Facts of a URDF that Pinocchio does not provide.
 
     Attributes:
         joints: Type of every joint by name.
         links: Names of the links.
         mimics: Follower rules by joint name.
-        doubtful: Links whose inertia no rigid body has, and why; it is computed with as it is.
+        doubtful: Links whose inertia no rigid body has, and why; it is used unchanged.
     """
 
     joints: dict[str, str]
@@ -118,7 +117,7 @@ def _root(text: str) -> ElementTree.Element:
     if root.tag != "robot":
         raise ModelError(f"robot description: the root element is <{root.tag}>, not <robot>")
     for element in root:
-        # Expanded files may keep definitions; a call that is left means that a part is missing.
+        # Expanded files may keep definitions; a remaining call means that a part is missing.
         name = element.tag.rpartition("}")[2]
         if "xacro" in element.tag and name not in ("property", "macro", "include", "arg"):
             raise ModelError(
@@ -140,7 +139,7 @@ def _unique(robot: ElementTree.Element, tag: str) -> dict[str, ElementTree.Eleme
 
 
 def _dynamic_elements(element: ElementTree.Element) -> Iterator[ElementTree.Element]:
-    """The element's children that dynamics depends on; visual and collision are not looked at."""
+    """The element's children that dynamics depends on, without visual and collision."""
     for child in element:
         if child.tag == "inertial":
             yield from child
@@ -212,7 +211,7 @@ def _check_limit(name: str, kind: str, limit: ElementTree.Element | None) -> Non
 
 
 def _check_inertia(name: str, link: ElementTree.Element) -> str | None:
-    """Refuse what cannot be computed with; say what else no rigid body has."""
+    """Refuse inertias that cannot be used; return why others are not physically consistent."""
     inertial = link.find("inertial")
     if inertial is None:
         return None

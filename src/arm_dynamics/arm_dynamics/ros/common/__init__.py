@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What every node of the suite needs: parameters, executor, diagnostics, messages, threads.
+"""Common parts of all nodes: parameters, executor, diagnostics, messages, threads.
 
-It knows the interfaces and the core's arrays, exceptions and poses, and none of the nodes.
-Modules are imported one by one: some of them are needed before ROS is, or without it.
+Depends on the interfaces and on arrays, exceptions and poses of the core; on none of the nodes.
+Modules are imported one by one: some are needed before ROS, or without it.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Work on a thread of its own, for a loop that must not wait for it."""
+"""A background thread for work that a real-time loop must not wait for."""
 
 from __future__ import annotations
 
@@ -12,9 +12,9 @@ _TURN = 5e-5  # [s]
 
 
 def take_short_turns() -> None:
-    """Keep background work from holding up the loop longer than a twentieth of a millisecond.
+    """Limit the time for which background work blocks the loop to 50 µs.
 
-    Python's threads otherwise take turns of 5 ms. For a process that runs one node.
+    Python's default switch interval is 5 ms. Only for a process that runs one node.
     """
     sys.setswitchinterval(_TURN)
 
@@ -28,18 +28,18 @@ class _Waiting(NamedTuple):
 
 
 class Background:
-    """Does one job at a time; a new job takes the place of one that is not ready.
+    """Runs one job at a time; a new job replaces one that is not ready.
 
     Example:
         >>> background.start(plan, lambda result: follow(result()))
-        >>> background.deliver()  # in every tick: calls what was given, once the plan is ready
+        >>> background.deliver()  # in every tick: calls the function above once the plan is ready
     """
 
     def __init__(self, name: str) -> None:
         """Name the thread and start it.
 
-        It does not wait for the first job, because then it would begin with the priority of who
-        gives that: a loop that keeps deadlines would have to wait for its equal.
+        The thread starts now and not with the first job, because it would inherit the priority of
+        the thread that submits the job, and compete with a real-time loop.
         """
         self._pool = ThreadPoolExecutor(1, thread_name_prefix=name)
         self._pool.submit(lambda: None)
@@ -47,24 +47,24 @@ class Background:
 
     @property
     def busy(self) -> bool:
-        """Whether something has not been delivered yet."""
+        """Whether a job has not been delivered yet."""
         return self._waiting is not None
 
     @property
     def ready(self) -> bool:
-        """Whether something is done, and waits to be delivered."""
+        """Whether a job is done and waits to be delivered."""
         return self._waiting is not None and self._waiting.future.done()
 
     def start[T](self, job: Callable[[], T], then: Callable[[Callable[[], T]], None]) -> bool:
         """Begin a job.
 
         Args:
-            job: What to do there.
+            job: Function to run.
             then: Called by ``deliver`` with a function that returns the job's result, or raises
-                what it raised.
+                its exception.
 
         Returns:
-            Whether another job, not delivered yet, was given up for it.
+            Whether it replaced a job that was not delivered yet.
         """
         given_up = self.give_up()
         once = [job]
@@ -72,21 +72,21 @@ class Background:
         return given_up
 
     def give_up(self) -> bool:
-        """Forget a job that was not delivered yet, and say whether there was one."""
+        """Discard a job that was not delivered yet; return whether there was one."""
         if self._waiting is None:
             return False
         if self._waiting.future.cancel():
-            self._waiting.job.clear()  # the pool keeps what it has for it until its turn comes
+            self._waiting.job.clear()  # the pool keeps a reference to it until its turn
         self._waiting = None
         return True
 
     def deliver(self) -> None:
-        """Hand over what is ready, if anything is."""
+        """Deliver a finished job, if there is one."""
         if self.ready:
             done, self._waiting = self._waiting, None
             done.then(done.future.result)
 
     def close(self) -> None:
-        """Give up what waits and end the thread."""
+        """Discard waiting jobs and end the thread."""
         self.give_up()
         self._pool.shutdown(cancel_futures=True)

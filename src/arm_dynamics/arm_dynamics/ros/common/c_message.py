@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A message as C keeps it, and its way from Python and back."""
+"""A message in C memory, and its conversion from and to Python."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rclpy.type_support import check_for_type_support
 
 
 class CMessage:
-    """Memory for a message of a type, as ROS's functions in C take it.
+    """Memory of a message, for ROS's C functions.
 
     Attributes:
         place: Its address, valid until ``close``.
     """
 
     def __init__(self, kind: Any) -> None:
-        """Get the memory; ``kind`` is the message's class, or a request's or response's."""
+        """Allocate the memory; ``kind`` is the class of a message, request or response."""
         check_for_type_support(kind)
-        support = type(kind)  # the functions with which rclpy itself does it
+        support = type(kind)  # the functions that rclpy uses for it
         self._destroy = ctypes.CFUNCTYPE(None, c_void_p)(_in(support._DESTROY_ROS_MESSAGE))
         self._write = ctypes.PYFUNCTYPE(ctypes.c_bool, py_object, c_void_p)(
             _in(support._CONVERT_FROM_PY)
@@ -30,22 +30,22 @@ class CMessage:
 
     @classmethod
     def of(cls, message: Any) -> CMessage:
-        """A message that says what one of Python says."""
+        """A message with the content of a Python message."""
         made = cls(type(message))
         made._write(message, made.place)
         return made
 
     def read(self) -> Any:
-        """What it says now, as a message of Python."""
+        """Its current content as a Python message."""
         return self._read(self.place)
 
     def close(self) -> None:
-        """Give the memory back."""
+        """Free the memory."""
         self._destroy(self.place)
 
 
 def _in(capsule: Any) -> int:
-    """The address in a capsule."""
+    """The address that a capsule holds."""
     pointer = ctypes.pythonapi.PyCapsule_GetPointer
     pointer.argtypes, pointer.restype = [py_object, c_char_p], c_void_p
     return int(pointer(capsule, None))

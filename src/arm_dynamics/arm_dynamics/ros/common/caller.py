@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Calls services of running nodes and says what is wrong when there is no answer."""
+"""Calls to services of running nodes, with a diagnosis if there is no answer."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ class Asker:
     """
 
     def __init__(self, node: Node, service: Service, name: str) -> None:
-        """Get ready to ask; ``node`` must not be spun elsewhere."""
+        """Create the client; ``node`` must not be spun elsewhere."""
         client = node.create_client(service.type, name)
         self.name: str = client.service_name
         self._response, self._handle = service.type.Response, client.handle
@@ -48,10 +48,10 @@ class Asker:
         return int(self._handle.send_request(request))
 
     def answer(self, asked: Collection[int], timeout: float) -> Any | None:
-        """Wait for the answer to one of some requests, by number; others are passed over.
+        """Wait for the answer to one of some requests, by number; others are ignored.
 
         Returns:
-            The first that comes, or None if none does within ``timeout`` in [s].
+            The first answer, or None if none arrives within ``timeout`` in [s].
         """
         end = time.monotonic_ns() + int(1e9 * timeout)
         while (left := end - time.monotonic_ns()) > 0:
@@ -90,20 +90,20 @@ class Caller:
         self._offering: dict[Asker, int] = {}
 
     def close(self) -> None:
-        """Leave the graph; calling it again does no harm."""
+        """Leave the graph; may be called repeatedly."""
         if self._context.ok():
             self._askers.clear()
             self._node.destroy_node()
             self._context.try_shutdown()
 
     def ask(self, node: str, service: Service, request: Any, repeatable: bool = True) -> Any:
-        """Call a service; a request that brings no answer is repeated.
+        """Call a service; a request without an answer is repeated.
 
         Args:
-            node: Name of the node to be asked, with its namespace if it has one.
-            service: Which one.
+            node: Name of the node, with its namespace if it has one.
+            service: The service.
             request: The request.
-            repeatable: Whether asking twice does no harm.
+            repeatable: Whether the request may be sent twice.
 
         Returns:
             The response.
@@ -118,14 +118,14 @@ class Caller:
         met = asker in self._answered
         if not (met or repeatable):
             time.sleep(_SETTLE)
-        # One that has answered before may have been started anew since; but give it time to work.
+        # A server that has answered before may have been restarted; but give it time to work.
         patience = self._timeout / 3.0 if met else _RETRY
         response = self._response(asker, request, patience if repeatable else None)
         if response is None:
             self._answered.discard(asker)
             doubt = "" if repeatable else " The request may have been carried out all the same"
             raise NoAnswer(
-                f"{asker.name} is there but gave no answer within {self._timeout:g} s; is its "
+                f"{asker.name} exists but did not answer within {self._timeout:g} s; is its "
                 f"node busy or stopped?{doubt}"
             )
         self._answered.add(asker)
@@ -139,7 +139,7 @@ class Caller:
         return asker
 
     def _response(self, asker: Asker, request: Any, patience: float | None) -> Any | None:
-        """What is answered; asked again after ``patience`` in [s], unless that is None."""
+        """The response; the request is repeated after ``patience`` in [s], unless that is None."""
         end, response, asked = time.monotonic() + self._timeout, None, set[int]()
         while response is None and (left := end - time.monotonic()) > 0.0:
             asked.add(asker.ask(request))
@@ -150,7 +150,7 @@ class Caller:
                 self._offering[asker] = servers()
             before = self._offering[asker]
             response = self._watched(asker, asked, min(patience, left), servers)
-            # Later each time, but three times at least.
+            # Later each time, but at least three times.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
             patience = longer if self._offering[asker] == before else _RETRY
         return response
@@ -160,7 +160,7 @@ class Caller:
     ) -> Any | None:
         """Wait for an answer, but only until the number of servers changes.
 
-        A server that was killed still counts for up to 20 s: what was asked of it is lost.
+        A killed server still counts for up to 20 s: requests to it are lost.
         """
         end = time.monotonic() + patience
         while (left := end - time.monotonic()) > 0.0:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages as bytes, whatever they come as; the rest is in ``arm_dynamics.cdr``."""
+"""Serialization of messages; the rest is in ``arm_dynamics.cdr``."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Between messages and arrays: times, numbers of joints by name, poses; all of them checked."""
+"""Checked conversion between messages and arrays: times, joint values by name, poses."""
 
 from __future__ import annotations
 
@@ -27,28 +27,28 @@ from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.ros.common.cdr import GIGA
 from arm_dynamics.task_space.task_space import Pose
 
-_UNIT = 1e-3  # how far a quaternion's length may be from one
+_UNIT = 1e-3  # tolerance of a quaternion's length
 
 
 def to_time(stamp: int) -> Time:
-    """Write a stamp in [ns] as a message."""
+    """Convert a stamp in [ns] to a Time message."""
     seconds, nanoseconds = divmod(stamp, GIGA)
     return Time(sec=seconds, nanosec=nanoseconds)
 
 
 def to_nanoseconds(message: Any) -> int:
-    """Read a Time or Duration message in [ns]."""
+    """Convert a Time or Duration message to [ns]."""
     return int(message.sec) * GIGA + int(message.nanosec)
 
 
 def to_array(values: Any) -> array[float]:
-    """Write numbers as the type that message fields keep, row after row."""
+    """Convert numbers to the type of message fields, row after row."""
     return array("d", np.ascontiguousarray(values, float).tobytes())
 
 
 @contextmanager
 def answering(response: Any, log: RcutilsLogger) -> Iterator[None]:
-    """Answer a service with success, or with what was wrong; a node never dies of a request."""
+    """Answer a service with success or with an error message; no request ends the node."""
     try:
         with np.errstate(over="ignore", invalid="ignore"):  # refused by finite_answer
             yield
@@ -62,10 +62,10 @@ def answering(response: Any, log: RcutilsLogger) -> Iterator[None]:
 
 
 def joint_indices(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]:
-    """Find some joints of the model by name; no names mean all joints.
+    """Indices of joints of the model by name; no names mean all joints.
 
     Raises:
-        InvalidInput: If joints are unknown or doubled.
+        InvalidInput: If joints are unknown or repeated.
     """
     unknown = [name for name in names if name not in model_names]
     if unknown or len(set(names)) != len(names):
@@ -78,13 +78,13 @@ def joint_indices(names: Sequence[str], model_names: Sequence[str]) -> NDArray[n
 
 
 def spread(what: str, values: Sequence[float], joints: NDArray[np.intp], rest: Array) -> Array:
-    """Put numbers of some joints into a vector of all.
+    """Insert values of some joints into a vector of all.
 
     Args:
-        what: Name of the numbers, for messages.
+        what: Name of the values, for messages.
         values: One for each of ``joints``.
         joints: Their indices.
-        rest: What the other joints have, shape (n,).
+        rest: Values of the other joints, shape (n,).
 
     Raises:
         InvalidInput: If the length does not fit.
@@ -97,7 +97,7 @@ def spread(what: str, values: Sequence[float], joints: NDArray[np.intp], rest: A
 
 
 def pose_of(numbers: Sequence[float]) -> Pose:
-    """Read x y z [m] and a quaternion x y z w of length one.
+    """Read x y z [m] and a unit quaternion x y z w.
 
     Raises:
         InvalidInput: If they are anything else.
@@ -112,7 +112,7 @@ def pose_of(numbers: Sequence[float]) -> Pose:
 
 
 def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
-    """Read a pose that is given in the world or in a frame that does not move.
+    """Read a pose in the world or in a fixed frame.
 
     Args:
         numbers: x y z [m] and a quaternion x y z w.
@@ -120,7 +120,7 @@ def in_world(numbers: Sequence[float], frame_id: str, model: ArmModel) -> Pose:
         model: The arm.
 
     Raises:
-        InvalidInput: If the frame moves or does not exist, or the pose is none.
+        InvalidInput: If the frame moves or does not exist, or the pose is invalid.
     """
     pose = pose_of(numbers)
     if frame_id in ("", "world"):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Publishes how a node is doing on ``/diagnostics``, while it has subscribers."""
+"""Publishes the condition of a node on ``/diagnostics``, while it has subscribers."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ OK, WARN, ERROR = (DiagnosticStatus.OK, DiagnosticStatus.WARN, DiagnosticStatus.
 
 @dataclass
 class Finding:
-    """How one part of a node is doing.
+    """Condition of one part of a node.
 
     Attributes:
-        part: Which one.
-        values: Numbers and words about it, by name.
+        part: Name of the part.
+        values: Numbers and texts about it, by name.
     """
 
     part: str
@@ -32,12 +32,12 @@ class Finding:
     _words: list[str] = field(default_factory=list)
 
     def complain(self, level: bytes, words: str) -> None:
-        """Say that something is not as it should be; the worst level counts."""
+        """Add a warning or an error; the worst level counts."""
         self._level = max(self._level, level)
         self._words.append(words)
 
     def message(self, node: Node) -> DiagnosticStatus:
-        """The finding as ROS says it."""
+        """The finding as a DiagnosticStatus."""
         return DiagnosticStatus(
             level=self._level,
             name=f"{node.get_fully_qualified_name().lstrip('/')}: {self.part}",
@@ -48,31 +48,31 @@ class Finding:
 
 
 class Growth:
-    """How much counters have grown since they were last looked at."""
+    """Growth of counters since the last call."""
 
     def __init__(self) -> None:
         self._before: dict[str, int] = {}
 
     def of(self, name: str, count: int) -> int:
-        """How much one has grown; it may have been reset meanwhile."""
+        """Growth of a counter, which may have been reset meanwhile."""
         before, self._before[name] = self._before.get(name, 0), count
         return count - before if count >= before else count
 
     def warn(self, found: Finding, count: int, what: str) -> None:
-        """Complain if a count of ``what`` has grown."""
+        """Add a warning if a count of ``what`` has grown."""
         if grown := self.of(what, count):
             found.complain(WARN, f"{grown} {what}")
 
 
 class Diagnosis:
-    """A timer that asks for findings and publishes them."""
+    """A timer that collects findings and publishes them."""
 
     def __init__(self, node: Node, find: Callable[[], Sequence[Finding]]) -> None:
-        """Begin.
+        """Start the timer.
 
         Args:
-            node: The node that is reported on.
-            find: Gives the findings; called once a second while there are subscribers.
+            node: The node.
+            find: Returns the findings; called once a second while there are subscribers.
         """
         self._node, self._find = node, find
         self._publisher = advertise(node, DIAGNOSTICS)
@@ -84,7 +84,7 @@ class Diagnosis:
         return self._publisher.get_subscription_count() > 0
 
     def publish(self) -> None:
-        """Publish what is found now, if there are subscribers."""
+        """Publish the current findings, if there are subscribers."""
         if not self.heard:
             return
         message = DiagnosticArray(status=[f.message(self._node) for f in self._find()])

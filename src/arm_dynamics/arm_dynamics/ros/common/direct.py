@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages in and out without the layers of rclpy between them and the middleware.
+"""Subscriptions and publishers that bypass rclpy's executor.
 
-A loop at 1 kHz that wants only the newest message need not be woken for each: a look costs under
-a microsecond when there is none and a few when there is one, far less than a callback.
+A 1 kHz loop that needs only the newest message polls for it: that costs less than a microsecond
+without a message and a few with one, far less than a callback.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ class Newest:
             )
 
     def take(self) -> tuple[bytes, int] | None:
-        """Return the message and the system time it came at in [ns], or None if none is new."""
+        """Return a new message and the system time of its arrival in [ns], or None."""
         taken = self._handle.take_message(self._type, True)
         return None if taken is None else (taken[0], taken[1]["received_timestamp"])
 
@@ -47,8 +47,8 @@ class Newest:
 
 
 def advertise(node: Node, topic: Topic) -> Any:
-    """Make a publisher of a topic; its ``handle.publish_raw`` publishes serialized messages.
+    """Create a publisher; its ``handle.publish_raw`` publishes serialized messages.
 
-    No other thread may be using that when the node is destroyed.
+    No other thread may be using it when the node is destroyed.
     """
     return node.create_publisher(topic.type, topic.name, topic.publish)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the executables of the nodes take on their command line: a scene, ROS arguments, --help."""
+"""Command line of the nodes' executables: a scene, ROS arguments, --help."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ Words = tuple[str, ...]
 
 
 def execute(kind: type[Node], params: type, args: Sequence[str] | None = None) -> int:
-    """Run a node as an executable: ``NAME [SCENE] [--ros-args …]``, or tell how with ``--help``.
+    """Run a node as an executable: ``NAME [SCENE] [--ros-args …]``, or print its ``--help``.
 
     Args:
         kind: The node's class.
         params: The dataclass of its parameters.
-        args: Command line without the program's name, that of the process when None.
+        args: Command line without the program's name; None for that of the process.
 
     Returns:
         The exit status: 0 after a clean end, 2 when the node could not start, with the reason on
@@ -47,10 +47,10 @@ def execute(kind: type[Node], params: type, args: Sequence[str] | None = None) -
 
 
 def split_words(words: Words) -> tuple[str | None, Words]:
-    """Tell the scene from ROS arguments.
+    """Separate the scene from ROS arguments.
 
     Raises:
-        InvalidInput: If a word is neither, instead of ignoring it.
+        InvalidInput: If a word is neither.
     """
     end = _end(words)
     before = words[:end]
@@ -64,12 +64,12 @@ def split_words(words: Words) -> tuple[str | None, Words]:
 
 
 def _end(words: Words) -> int:
-    """Where the arguments of ROS begin."""
+    """Index of the first ROS argument."""
     return words.index(_ROS) if _ROS in words else len(words)
 
 
 def usage(kind: type[Node], params: type) -> str:
-    """How the executable is called, what it does, and its parameters with their defaults."""
+    """Usage, description and parameters with their defaults."""
     name = kind.__name__.removesuffix("Node").lower()
     about = (inspect.getdoc(kind) or "").split("\n\nAttributes:")[0]
     lines = [
@@ -79,7 +79,7 @@ def usage(kind: type[Node], params: type) -> str:
         "",
         "SCENE is the name of a ready scene such as panda, a scene file, a URDF, or a package:// "
         "URI;",
-        "it stands for the parameter 'scene'.",
+        "it sets the parameter 'scene'.",
         "",
         "parameters, with their defaults:",
     ]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest executor that works here, and the life of a process that runs one node."""
+"""The fastest executor that works here, and the life cycle of a process with one node."""
 
 from __future__ import annotations
 
@@ -55,12 +55,12 @@ def make_executor(node: Node) -> Executor:
 
 
 def _dispatches(executor: Executor, node: Node) -> bool:
-    """See whether a timer of the node is called."""
+    """Test whether a timer of the node is called."""
     called: list[bool] = []
     timer = steady_timer(node, 0.001, lambda: called.append(True))
     end = time.monotonic() + _PROBE_TIMEOUT
     try:
-        # More than once: a request that waits already comes first.
+        # More than once: a pending request is handled first.
         while not called and (left := end - time.monotonic()) > 0.0:
             executor.spin_once(timeout_sec=left)
     finally:
@@ -77,7 +77,7 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
     except ExternalShutdownException:
         pass
     finally:
-        executor.remove_node(node)  # before what its callbacks point to is gone
+        executor.remove_node(node)  # before the objects of its callbacks are gone
         executor.shutdown()
 
 
@@ -87,7 +87,7 @@ def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Any
 
 
 def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
-    """Subscribe by a callback; what goes wrong in it is logged and does not end the node."""
+    """Subscribe with a callback; its exceptions are logged and do not end the node."""
 
     def guarded(message: Any) -> None:
         try:
@@ -102,14 +102,14 @@ def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: boo
 
 
 class NodeHandler(logging.Handler):
-    """Hands records to a node's logger, as information or as warnings."""
+    """Passes log records to a node's logger, as information or as warnings."""
 
     def __init__(self, node: Node) -> None:
         super().__init__(logging.INFO)
         self._log = node.get_logger()
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Say one record; ROS needs a line of code of its own for each severity."""
+        """Log a record; ROS needs a separate line of code for each severity."""
         if record.levelno >= logging.WARNING:
             self._log.warning(record.getMessage())
         else:
@@ -121,14 +121,14 @@ def run(
     args: list[str] | None = None,
     done: Callable[[], bool] = lambda: False,
 ) -> int:
-    """Run one node in this process: start, spin until SIGINT or SIGTERM, leave nothing behind.
+    """Run one node in this process: start, spin until SIGINT or SIGTERM, clean up.
 
-    The signals only ask for the end, so that the node is taken down while ROS still works.
+    The signals only request the end, so that the node is destroyed while ROS still works.
 
     Args:
         make_node: The node's class, called with ``context=``.
-        args: ROS command line, that of the process when None.
-        done: Asked now and then whether to end.
+        args: ROS command line; None for that of the process.
+        done: Called periodically; returns whether to end.
 
     Returns:
         0 after a clean end, 2 when the node could not start, with the reason on stderr.
@@ -162,7 +162,7 @@ def _tell_unknown(node: Node) -> None:
 
     Those with dots may be declared later: for joints that are not known yet.
     """
-    given = [name for name in node._parameter_overrides if "." not in name]  # rclpy tells no other
+    given = [name for name in node._parameter_overrides if "." not in name]  # no public API
     known = [name for name in node._parameters if "." not in name]
     for name in given:
         if name not in known:
@@ -180,7 +180,7 @@ def _initialize(context: Context, args: list[str] | None) -> None:
 
 
 def _said(error: RuntimeError) -> str:
-    """What ROS complains of, without the lines of its sources in which it stopped."""
+    """The error message of ROS without references to its source lines."""
     text = str(error).split(", at /")[0]
     rule = re.search(r"parameter override rule: '(.*?)'\.", text)
     if rule is None:

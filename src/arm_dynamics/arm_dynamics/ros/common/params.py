@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Parameters as frozen dataclasses, declared with range, and changed together or not at all.
+"""Parameters as frozen dataclasses, declared with ranges, and changed atomically.
 
-A field is a parameter when its metadata hold a ``description``; a field that holds a dataclass is
-a group of parameters.
+A field is a parameter if its metadata have a ``description``; a field that is a dataclass is a
+group of parameters.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ def parameter(
 
     Args:
         default: Value when it is not set; its type is the parameter's type.
-        description: What it is, with unit.
-        low: Least value allowed, with ``high``.
-        high: Greatest value allowed.
-        choices: The texts that are allowed, if only some are.
-        read_only: Whether it is fixed once the node runs.
-        name: Its name, that of the field when None.
+        description: Description with unit.
+        low: Smallest allowed value, with ``high``.
+        high: Largest allowed value.
+        choices: Allowed texts, if only some are allowed.
+        read_only: Whether it cannot be changed while the node runs.
+        name: Its name; None for that of the field.
     """
     about = {"description": description, "choices": choices, "read_only": read_only}
     if name is not None:
@@ -74,7 +74,7 @@ def declare[P](node: Node, kind: type[P]) -> P:
         try:
             return node.declare_parameter(name, default, _descriptor(about, default)).value
         except InvalidParameterValueException as error:
-            given = node._parameter_overrides[name].value  # rclpy tells it by no other way
+            given = node._parameter_overrides[name].value  # rclpy provides it in no other way
             low, high = about.get("low", 0), about.get("high", 0)
             allowed = f"{low:.10g} to {high:.10g}" if "low" in about else str(error)
             raise InvalidInput(f"parameter '{name}' is {given}; allowed: {allowed}") from None
@@ -97,13 +97,13 @@ def listed(kind: type) -> list[tuple[str, Any, Mapping[str, Any]]]:
 
 
 def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
-    """Take changes at run time: all parameters of one request together, or none of them.
+    """Apply changes at run time: all parameters of a request together, or none of them.
 
     Args:
         node: The node that declared the parameters.
-        present: The dataclass in force, until another one is.
-        apply: Puts a new one in force; an ``ArmError`` refuses the request, and must leave the old
-            one in force.
+        present: The current dataclass.
+        apply: Applies a new one; with an ``ArmError`` it refuses the request, and must keep the
+            old one.
     """
 
     def on_set(parameters: list[Parameter]) -> SetParametersResult:
@@ -122,7 +122,7 @@ def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
 
 
 def _with[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
-    """The same with other values, checked; they depend on name, present value and metadata."""
+    """The dataclass with other values, checked by name, present value and metadata."""
     changes: dict[str, Any] = {}
     for item in fields(params):  # type: ignore[arg-type]
         present, about = getattr(params, item.name), item.metadata
@@ -135,9 +135,9 @@ def _with[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) 
 
 
 def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
-    """Give a parameter's value the type of ``like``; one number will do for several."""
+    """Convert a parameter's value to the type of ``like``; a number is accepted for a list."""
     if value is None:
-        raise InvalidInput(f"parameter '{name}' has no value; it cannot be taken away")
+        raise InvalidInput(f"parameter '{name}' has no value; a parameter cannot be removed")
     wanted = about.get("choices")
     if wanted and value not in wanted:
         raise InvalidInput(
@@ -149,7 +149,7 @@ def _plain(name: str, value: Any, like: Any, about: Mapping[str, Any]) -> Any:
     listed = [value] if isinstance(value, bool | int | float | str) else list(value)
     if any(isinstance(one, bool) for one in listed) and not isinstance(like, bool):
         raise InvalidInput(f"parameter '{name}' is {value}; numbers are expected")
-    if about.get("each_joint"):  # as the core takes them
+    if about.get("each_joint"):  # as the core expects them
         return listed[0] if len(listed) == 1 else listed
     return type(like)(listed)
 
@@ -158,7 +158,7 @@ def _descriptor(about: Mapping[str, Any], default: Any) -> ParameterDescriptor:
     descriptor = ParameterDescriptor(
         description=about["description"],
         read_only=about.get("read_only", False),
-        dynamic_typing=isinstance(default, list),  # [30] and 30 mean what [30.0] means
+        dynamic_typing=isinstance(default, list),  # [30] and 30 are equivalent to [30.0]
     )
     if choices := about.get("choices"):
         descriptor.additional_constraints = "one of " + ", ".join(choices)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a thread with deadlines may ask of the system, with a clear message when it is denied."""
+"""Privileges of a real-time thread, with a clear message if the system denies them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.ros.common.params import parameter
 
 _MCL_CURRENT_AND_FUTURE = 3
-_TIMERS = "dds.ev"  # what Fast DDS calls these threads
+_TIMERS = "dds.ev"  # name of these threads in Fast DDS
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class ThreadParams:
     lock_memory: bool = parameter(False, "Keep the process's memory from being swapped")
     freeze_garbage: bool = parameter(
         True,
-        "Take what exists at the start out of the garbage collector's rounds, where the node has "
+        "Exclude objects that exist at the start from garbage collection, where the node has "
         "a process of its own",
     )
 
@@ -37,12 +37,12 @@ class ThreadParams:
         read_cpus(self.cpus)
 
     def claim(self) -> list[str]:
-        """Ask for all of it, for the calling thread and its process; nothing else stops working.
+        """Request all privileges for the calling thread and its process.
 
         The process's other threads get a priority one below.
 
         Returns:
-            For each thing that was not granted, what it was and why.
+            A message for each privilege that was not granted, with the reason.
         """
         refused, cpus = [], read_cpus(self.cpus)
         for wanted, ask, missing in (
@@ -61,7 +61,7 @@ class ThreadParams:
 
     def _raise_priority(self) -> None:
         # The others one below: a thread that waits for the interpreter lock, or for a message,
-        # waits for whoever has it.
+        # waits for the thread that holds it.
         below = os.sched_param(max(1, self.priority - 1))
         for task in Path("/proc/self/task").iterdir():
             os.sched_setscheduler(int(task.name), os.SCHED_FIFO, below)
@@ -72,7 +72,7 @@ def read_cpus(text: str) -> tuple[int, ...]:
     """Read a list of processors such as ``0, 2``.
 
     Raises:
-        InvalidInput: If it is none.
+        InvalidInput: If it is not such a list.
     """
     try:
         cpus = tuple(int(word) for word in text.replace(",", " ").split())
@@ -102,6 +102,6 @@ def demote_timers() -> None:
 
 
 def freeze_garbage() -> None:
-    """Take what exists now out of the garbage collector's rounds; for a process of one node."""
+    """Exclude all existing objects from garbage collection; for a process with one node."""
     gc.collect()
     gc.freeze()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""C code of the nodes, which calls ROS's own library and needs its headers and a compiler."""
+"""C code of the nodes that calls rcl and needs its headers and a compiler."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from ament_index_python.packages import PackageNotFoundError, get_package_prefix
 from arm_dynamics.codegen.compiler import FLAGS, build, may_build
 from arm_dynamics.exceptions import KernelError
 
-# Whose headers rcl's headers include.
+# Packages whose headers are included by those of rcl.
 _HEADERS = (
     "rcl", "rcl_yaml_param_parser", "rcutils", "rmw", "rosidl_dynamic_typesupport",
     "rosidl_runtime_c", "rosidl_typesupport_interface", "type_description_interfaces",
@@ -24,12 +24,12 @@ _log = logging.getLogger(__name__)
 
 
 def build_with_rcl(source: Path, *packages: str, after: Sequence[Path] = ()) -> ctypes.CDLL | None:
-    """Compile a file that calls rcl; None where there is no compiler or a header is missing.
+    """Compile a file that calls rcl; None if there is no compiler or a header is missing.
 
     Args:
         source: The file.
         packages: Further packages whose headers it includes.
-        after: Files that are compiled with it, as if they stood at its end.
+        after: Files that are appended to it.
     """
     if not may_build():
         return None
@@ -42,5 +42,5 @@ def build_with_rcl(source: Path, *packages: str, after: Sequence[Path] = ()) -> 
         text = "\n".join(path.read_text() for path in (source, *after))
         return build(text, flags=flags).library
     except (KernelError, PackageNotFoundError, OSError) as error:
-        _log.debug("%s is not compiled, Python does its work: %s", source.name, error)
+        _log.debug("%s cannot be compiled, Python is used instead: %s", source.name, error)
         return None

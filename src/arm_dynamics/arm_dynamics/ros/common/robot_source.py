@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a node's arm comes from: a scene, or a robot description by parameter or topic."""
+"""Source of a node's arm: a scene, or a robot description by parameter or topic."""
 
 from __future__ import annotations
 
@@ -19,36 +19,36 @@ from arm_dynamics.scene.load import load_scene, scene_from_urdf
 from arm_dynamics.scene.schema import Scene
 
 FROM_SCENE, FROM_PARAMETER, FROM_TOPIC = "scene", "parameter", "topic"
-_GLANCE = 0.02  # [s] between looks for a description
+_GLANCE = 0.02  # [s] between polls for a description
 
 
 @dataclass(frozen=True)
 class DescriptionParams:
-    """Parameters of a node about its arm, which may come as a robot description."""
+    """Parameters of a node whose arm may come as a robot description."""
 
     robot_description: str = parameter(
-        "", "URDF text, read where there is no scene; empty: it comes from the topic"
+        "", "URDF text, used without a scene; empty: from the topic"
     )
     description_timeout: float = parameter(
         5.0, "How long to wait for it on the topic robot_description [s]", low=0.0, high=3600.0
     )
     gravity_compensated: bool = parameter(
         False,
-        "Efforts come on top of what carries the arm's own weight, as of the scene's key "
+        "Commanded efforts are added to the arm's own gravity compensation, as by the scene's key "
         "commands.gravity_compensated; sim and controller must agree",
     )
 
 
 def scene_for(node: Node, given: Any, scene: str, params: DescriptionParams) -> tuple[Scene, str]:
-    """The scene of a node that cannot start without one, and where it came from.
+    """The scene of a node that cannot start without one, and its source.
 
-    First match wins: the constructor's scene, the parameter ``scene``, the parameter
+    The first match wins: the constructor's scene, the parameter ``scene``, the parameter
     ``robot_description``, the topic. A description is URDF text, never the name of a file, so no
     message makes a node read files.
 
     Args:
         node: The node.
-        given: What the constructor was given: anything ``load_scene`` takes, or None.
+        given: Argument of the constructor: anything ``load_scene`` accepts, or None.
         scene: The parameter ``scene``.
         params: The parameters about the description.
 
@@ -83,5 +83,5 @@ def _awaited(node: Node, timeout: float) -> str:
             newest.close()
     raise InvalidInput(
         "parameter 'scene' is empty; allowed: a scene file or a URDF, or a URDF in the "
-        f"parameter 'robot_description' or on {topic}, where none came in {timeout:g} s"
+        f"parameter 'robot_description' or on {topic}, where none arrived within {timeout:g} s"
     )

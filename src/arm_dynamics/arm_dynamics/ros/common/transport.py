@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How processes talk where Fast DDS's defaults do not suffice, and what killed ones leave behind.
+"""Transports where Fast DDS's defaults do not suffice, and cleanup after killed processes.
 
 Shared memory is Fast DDS's default, and its ports belong to the whole machine. When a process is
-killed, or stopped for a second, version 2.14 takes its port for dead and maps it anew: a process
-that is just leaving it may crash, and one that still writes to the old port is not heard again.
+killed, or stopped for a second, version 2.14 considers its port dead and maps it again: a process
+that is just leaving it may crash, and one that still writes to the old port is no longer received.
 
 A message larger than the sender's shared memory, 512 kB, loses its end, which is sent again
-some milliseconds later, and so on until all of it is there.
+some milliseconds later, and so on until it is complete.
 
 Each participant has segments in /dev/shm and holds a lock on each while it lives. A process that
-is killed cannot give them back; whoever kills one calls ``clear_dead``, which does what ``fastdds
-shm clean`` does (the wheels do not contain it).
+is killed cannot release them; after killing one, call ``clear_dead``, which does the same as
+``fastdds shm clean`` (which the wheels do not contain).
 """
 
 from __future__ import annotations
@@ -28,25 +28,25 @@ _LOCKS = ("_el", "_sl")
 
 
 def by_udp() -> dict[str, str]:
-    """Environment of processes that talk by UDP, and to this machine only."""
+    """Environment of processes that communicate by UDP, on this machine only."""
     return _profiled(THIS_MACHINE)
 
 
 def with_room() -> dict[str, str]:
-    """Environment of processes that have 64 MB of shared memory each for what they send.
+    """Environment of processes with 64 MB of shared memory each for outgoing messages.
 
-    A profile of its own, on request only: containers often have no more than that in all.
+    Only on request: containers often have no more than that in total.
     """
     return _profiled(LARGE_BATCHES)
 
 
 def as_usual() -> dict[str, str]:
-    """Environment of processes that talk as Fast DDS chooses, and to this machine only."""
+    """Environment of processes with Fast DDS's default transports, on this machine only."""
     return {DISCOVERY: "LOCALHOST"}
 
 
 def _profiled(profile: Path) -> dict[str, str]:
-    # With the range LOCALHOST, ROS takes no notice of a profile's transports.
+    # With the range LOCALHOST, ROS ignores the transports of a profile.
     return {PROFILES: str(profile), DISCOVERY: "SYSTEM_DEFAULT"}
 
 
@@ -54,10 +54,10 @@ def clear_dead(folder: Path = FOLDER) -> int:
     """Remove the segments whose owners are gone; those of living nodes stay.
 
     Args:
-        folder: Where Fast DDS keeps them.
+        folder: Folder of the segments.
 
     Returns:
-        How many segments were removed.
+        Number of segments that were removed.
     """
     paths = folder.glob("fastrtps_*")
     names = {path.name.removesuffix("_el").removesuffix("_sl") for path in paths}

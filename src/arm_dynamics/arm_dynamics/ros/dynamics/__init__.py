@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """The answers of the dynamics node's services, one function each, and the count of requests.
 
-What is asked most is answered by C, without the interpreter (``compiled_services``).
+The most frequent requests are answered by C, without the interpreter (``compiled_services``).
 
-It knows the core, the interfaces and ``common``; it knows neither the node nor the controller.
+Depends on the core, the interfaces and ``common``; neither on the node nor on the controller.
 """
 
 from arm_dynamics.ros.dynamics.answers import ANSWERS

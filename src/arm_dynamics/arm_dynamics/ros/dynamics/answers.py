@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the dynamics node answers: a function for each service, and the table of them.
+"""Answers of the dynamics node: a function for each service, and their table.
 
-A function reads the request, asks the core and writes the response, joints in the order of the
-request. It raises ``InvalidInput`` for what is not allowed and has written nothing then.
+A function reads the request, calls the core and writes the response, with joints in the order of
+the request. It raises ``InvalidInput`` for a bad request, and has written nothing then.
 """
 
 from __future__ import annotations
@@ -62,7 +62,7 @@ def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 
 def constrained_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
-    """Motion and forces under the scene's constraints, either way round."""
+    """Forward or inverse dynamics under the scene's constraints."""
     batch = _batch(dynamics, request, MAX_TERMS_POINTS)
     v = batch.read("velocity", request.velocity)
     if request.inverse:
@@ -90,7 +90,7 @@ def _multipliers(values: Any, dynamics: Dynamics, points: int) -> Array:
 
 
 def model_info(dynamics: Dynamics, request: Any, response: Any) -> None:
-    """What is known of the arm."""
+    """Facts about the arm."""
     del request  # empty
     model = dynamics.model
     response.joint_names = list(model.joint_names)
@@ -110,7 +110,7 @@ def model_info(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 
 def task_space(dynamics: Dynamics, request: Any, response: Any) -> None:
-    """The equation of motion at a frame, and the mass felt along a direction if one is given."""
+    """The equation of motion at a frame, and the effective mass along a direction, if given."""
     batch = _batch(dynamics, request, MAX_TERMS_POINTS)
     v = batch.read("velocity", request.velocity)
     axes = " ".join(request.axes) or "pose"
@@ -147,7 +147,7 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
     """Joint positions for poses of a frame.
 
     Raises:
-        Unreachable: If a pose is not reached; what was found is written.
+        Unreachable: If a pose is not reached; the nearest result is written.
     """
     axes = " ".join(request.axes) or "pose"
     solver = InverseKinematics(TaskSpace(dynamics, request.frame, selection=axes))
@@ -170,7 +170,7 @@ def inverse_kinematics(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 
 def _seeds(request: Any, dynamics: Dynamics, count: int) -> tuple[Array, Batch]:
-    """Seeds of the first poses in model order, and the batch that knows the request's order."""
+    """Seeds of the first poses in model order, and the batch with the request's order."""
     n, size = dynamics.n, len(request.seed)
     if size not in (0, n, count * n):
         allowed = " or ".join(str(number) for number in dict.fromkeys((0, n, count * n)))

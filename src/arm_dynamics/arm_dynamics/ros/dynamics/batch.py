@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The vectors of a request and its response: k points of n joints, in the order that it names."""
+"""Vectors of a request and its response: k points of n joints, in the request's order."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from arm_dynamics.exceptions import InvalidInput, did_you_mean, known_names
 from arm_dynamics.ros.common.convert import to_array
 
 _Order = NDArray[np.intp] | slice
-_ALL = slice(None)  # the order of the model, as most requests have it
+_ALL = slice(None)  # the order of the model, which most requests use
 
 
 class Batch:
-    """The vectors of one request: k points of n joints in the order that it names.
+    """Vectors of one request: k points of n joints in the request's order.
 
     Attributes:
         joint_names: Order of vectors in request and response.
@@ -32,16 +32,16 @@ class Batch:
         position: Sequence[float],
         most: int,
     ) -> None:
-        """Read what every request has.
+        """Read the fields that every request has.
 
         Args:
             names: The request's joint names; none means the model's order.
             model_names: Joints of the model.
             position: k·n numbers, point after point.
-            most: How many points are allowed.
+            most: Largest number of points.
 
         Raises:
-            InvalidInput: If joints are unknown, doubled or missing, or numbers do not fit.
+            InvalidInput: If joints are unknown, repeated or missing, or lengths do not match.
         """
         self.joint_names = list(names) or list(model_names)
         self._order: _Order = _ALL
@@ -59,13 +59,13 @@ class Batch:
         self.q = self._rows("position", position)
 
     def read(self, what: str, values: Sequence[float]) -> Array:
-        """Read another vector, of as many numbers as the positions or of none, which means zeros.
+        """Read another vector, of the length of the positions, or empty, which means zeros.
 
         Returns:
             Shape (k, n), in model order.
 
         Raises:
-            InvalidInput: If the length does not fit or a number is not finite.
+            InvalidInput: If the length does not match or a number is not finite.
         """
         if len(values) == 0:
             return np.zeros_like(self.q)
@@ -78,7 +78,7 @@ class Batch:
         return to_array(finite_answer(rows)[:, self._order])
 
     def by_joint(self, values: Array, axis: int) -> Array:
-        """Put an axis that counts joints in model order into the order of the request."""
+        """Permute an axis of joints from model order to the order of the request."""
         return values if self._order is _ALL else np.take(values, self._order, axis)
 
     def matrices(self, matrices: Array) -> array[float]:
@@ -111,7 +111,7 @@ def _order(names: Sequence[str], model_names: Sequence[str]) -> NDArray[np.intp]
 
 
 def finite_answer(answer: Array) -> Array:
-    """Return the answer, or refuse it when the numbers asked for went out of range."""
+    """Return the answer, or refuse it if it overflowed."""
     if not all_finite(answer):
         raise InvalidInput("the answer is not finite: the numbers given are too large")
     return answer

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Services that C answers, from the request to the response, without the interpreter lock.
+"""Services answered by C code, from the request to the response, without the interpreter lock.
 
-A thread waits until ROS says that there are requests. What C does not know or finds wrong is
-handed to Python there, which alone refuses. The functions that answer are compiled in the
-background once a service has been asked for a while: a few answers are not worth that.
+A thread waits until ROS signals requests. Requests that C does not support or finds invalid are
+passed to Python, which alone refuses. The answering functions are compiled in the background after
+a number of calls of a service: a few answers are not worth it.
 """
 
 from __future__ import annotations
@@ -45,8 +45,8 @@ COMPILED: tuple[tuple[Service, PointAnswer, int], ...] = (
     (FORWARD_DYNAMICS, point_answers.FORWARD, MAX_POINTS),
     (DYNAMICS_TERMS, point_answers.ALL_TERMS, MAX_TERMS_POINTS),
 )
-"""Services in the order of services.c, what answers them, and for how many points at most."""
-WORTH = 20  # requests of a service from which on compiling its answer is worth the time
+"""Services in the order of services.c, their functions, and their largest numbers of points."""
+WORTH = 20  # requests of a service after which compiling its answer is worth the time
 _ENDED = -1  # as in services.c
 _SOURCE = Path(__file__).with_name("native") / "services.c"
 
@@ -79,7 +79,7 @@ class _Service(ctypes.Structure):
 
 @cache
 def native() -> ctypes.CDLL | None:
-    """The compiled functions; None where they cannot be had."""
+    """The compiled functions; None if they are not available."""
     if (library := build_with_rcl(_SOURCE, "arm_msgs")) is None:
         return None
     library.server.argtypes, library.server.restype = [c_void_p] * 2, c_void_p
@@ -93,7 +93,7 @@ def native() -> ctypes.CDLL | None:
 
 
 class _Known:
-    """What C answers a service with, about one arm."""
+    """Data with which C answers a service, for one arm."""
 
     def __init__(self, service: Service, most: int, dynamics: Dynamics, rows: Any) -> None:
         names, friction = list(dynamics.joint_names), dynamics.steady_friction
@@ -110,7 +110,7 @@ class _Known:
         )  # fmt: skip
 
     def close(self) -> None:
-        """Give its memory back, once nothing uses it."""
+        """Free its memory, once nothing uses it."""
         self._response.close()
 
 
@@ -119,13 +119,13 @@ class CompiledServices:
 
     Args:
         node: The node.
-        library: What ``native`` gives.
-        answer: Answers a request in Python; called on a thread of its own.
-        dynamics: The arm in force, if there is one.
-        lock: Held by whoever uses or exchanges the arm.
+        library: Result of ``native``.
+        answer: Answers a request in Python; called in a thread of its own.
+        dynamics: Returns the current arm, if there is one.
+        lock: Held while the arm is used or exchanged.
 
     Raises:
-        KernelError: If this ROS cannot be asked to say when a service is called.
+        KernelError: If this ROS does not signal service calls.
     """
 
     def __init__(
@@ -149,7 +149,7 @@ class CompiledServices:
         self._server = c_void_p(library.server(table(*pointers), table(*places)))
         if not self._server:
             self._give_back()
-            raise KernelError("ROS does not say when a service is called")
+            raise KernelError("this ROS does not signal service calls")
         self._services = (_Service * len(COMPILED)).from_address(self._server.value or 0)
         node.context.on_shutdown(self._end)
         self._thread = Thread(target=self._serve, name="services", daemon=True)
@@ -157,7 +157,7 @@ class CompiledServices:
 
     @property
     def counts(self) -> InC:
-        """What C has done."""
+        """Counts of requests that C answered."""
         counted = [(each.answered, each.lost, 1e-9 * each.busy) for each in self._services]
         return InC(*map(sum, zip(*counted, strict=True)))
 
@@ -167,7 +167,7 @@ class CompiledServices:
         return [COMPILED[k][0] for k in self._known]
 
     def forget(self) -> None:
-        """Answer nothing more about the arm known so far; before another one is in force."""
+        """Stop answering for the current arm, before another one is set."""
         with self._lock:
             for k, known in self._known.items():
                 self._native.use(self._server, k, ctypes.byref(_Answer()))
@@ -199,7 +199,7 @@ class CompiledServices:
             self._native.end(self._server)
 
     def _serve(self) -> None:
-        """Answer what C hands over, until the end."""
+        """Answer requests that C passes on, until the end."""
         while (k := self._native.serve(self._server)) != _ENDED:
             try:
                 self._by_python(k)
@@ -208,7 +208,7 @@ class CompiledServices:
                 self._node.get_logger().error(plain(said), throttle_duration_sec=2.0)
 
     def _by_python(self, k: int) -> None:
-        """Answer the request that C has handed over."""
+        """Answer the request that C has passed on."""
         service, *_ = COMPILED[k]
         header = _Header.from_buffer_copy(self._services[k].header)
         request = self._requests[k].read()
@@ -220,7 +220,7 @@ class CompiledServices:
             self._compile(k)
 
     def _compile(self, k: int) -> None:
-        """Begin to compile the answer to a service, once that is worth it."""
+        """Start compiling the answer to a service, once that is worth it."""
         arm = self._arm()
         self._asked[k] += 1
         if arm is None or self._asked[k] < WORTH or k in self._tried or self._builder.busy:
@@ -241,7 +241,7 @@ class CompiledServices:
 
 
 def _offered(node: Node, service: Service) -> Any:
-    """A service of the node that no executor looks at."""
+    """A service of the node that no executor handles."""
     check_for_type_support(service.type)
     profile = qos_profile_services_default.get_c_qos_profile()
     with node.handle:

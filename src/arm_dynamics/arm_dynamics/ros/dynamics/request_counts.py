@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How many requests a node has answered and refused, and how long that took."""
+"""Counts of requests that a node has answered and refused, and their durations."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ Answer = Callable[[Any, Any], Any]
 
 
 class InC(NamedTuple):
-    """What C did for services.
+    """Counts of requests that C answered.
 
     Attributes:
         answered: Requests that it answered.
-        lost: Responses that could not be sent, those of Python included: who asked is gone.
-        busy: Time for the answers in [s].
+        lost: Responses that could not be sent, including those of Python: the client is gone.
+        busy: Time spent on the answers in [s].
     """
 
     answered: int
@@ -29,7 +29,7 @@ class InC(NamedTuple):
 
 
 class RequestCounts:
-    """Counts what service callbacks do.
+    """Counts the calls of service callbacks.
 
     Attributes:
         descriptions_refused: Robot descriptions that could not be used.
@@ -56,7 +56,7 @@ class RequestCounts:
         return counting
 
     def finding(self, node: Node, in_c: InC | None) -> Finding:
-        """What was counted, for ``/diagnostics``.
+        """The counts, for ``/diagnostics``.
 
         Args:
             node: The node.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointStates as bytes: written into a template, taken and read in one call of C each.
+"""Serialized JointStates: written into a template, received and read in one C call each.
 
-It knows the interfaces, ``common`` and the core's compiler, and none of the nodes. Where there is
-no compiler, ROS's own deserializer reads them.
+Depends on the interfaces, ``common`` and the core's compiler, and on none of the nodes. Without a
+compiler, ROS's own deserializer reads them.
 """
 
 from arm_dynamics.ros.joint_state.serialization import JointStateWriter, Numbers

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointState as bytes: written into a template, read by the generated deserializer and checked.
+"""Serialized JointState: written into a template, read by the generated deserializer, checked.
 
-The generated serializer takes 50 to 120 µs in Python; with names and lengths fixed, all that
-changes from message to message is the stamp and the numbers.
+The generated serializer takes 50 to 120 µs in Python; with fixed names and lengths, only the stamp
+and the numbers change from message to message.
 """
 
 from __future__ import annotations
@@ -27,15 +27,15 @@ FIELDS = ("position", "velocity", "effort")
 
 
 class Layout(NamedTuple):
-    """Where things stand in serialized JointStates of the same frame_id, names and lengths.
+    """Layout of serialized JointStates with the same frame_id, names and lengths.
 
-    What stays from message to message is everything but the stamp, the numbers and the padding,
-    which may hold anything.
+    Everything is constant from message to message except the stamp, the numbers and the padding,
+    which is arbitrary.
 
     Attributes:
-        places: Where the numbers of position, velocity and effort begin.
-        fixed: 1 for every bit that stays, up to the last number.
-        expected: What these bits are; the others are 0.
+        places: Offsets of the numbers of position, velocity and effort.
+        fixed: 1 for every constant bit, up to the last number.
+        expected: Values of these bits; the others are 0.
     """
 
     places: tuple[int, ...]
@@ -44,7 +44,7 @@ class Layout(NamedTuple):
 
 
 def layout_of(frame_id: str, names: Sequence[str], lengths: Sequence[int]) -> Layout:
-    """Find out where things stand; ``lengths`` are those of position, velocity and effort."""
+    """Determine the layout; ``lengths`` are those of position, velocity and effort."""
     fixed, expected = bytearray(), bytearray()
 
     def put(piece: bytes, align: int = 1, stays: bool = True) -> int:
@@ -80,7 +80,7 @@ class JointStateWriter:
 
     Attributes:
         raw: The message that was written last.
-        places: Where in it the numbers of each of the fields are.
+        places: Offsets of the numbers of each field.
 
     Example:
         >>> writer = JointStateWriter(names, ("effort",))
@@ -106,7 +106,7 @@ class JointStateWriter:
             arrays: One array of float for each of the writer's fields, shape (n,).
 
         Raises:
-            ValueError: If the number or the size of the arrays is another one.
+            ValueError: If the number or the size of the arrays differs.
         """
         TIME.pack_into(self.raw, HEADER, *divmod(stamp, GIGA))
         for numbers, array in zip(self._numbers, arrays, strict=True):
@@ -118,7 +118,7 @@ def parsed(raw: bytes) -> JointState:
     """Deserialize a JointState.
 
     Raises:
-        InvalidInput: If the bytes are none.
+        InvalidInput: If the bytes are not a JointState.
     """
     try:
         return deserialize_message(raw, JointState)
@@ -127,7 +127,7 @@ def parsed(raw: bytes) -> JointState:
 
 
 class JointStateReader:
-    """Reads numbers in a given order of joints out of serialized JointStates."""
+    """Reads numbers in a given order of joints from serialized JointStates."""
 
     def __init__(
         self,
@@ -142,21 +142,21 @@ class JointStateReader:
         gaps: bool = False,
         other: JointStateReader | None = None,
     ) -> None:
-        """Choose what to read.
+        """Configure the reader.
 
         Args:
             names: Joints, in the order of the numbers read.
-            fields: Those of position, velocity and effort that must be there.
-            partial: Whether joints may be absent; those keep what was read before, at first zero.
-            extra: Whether joints that are not in ``names`` are passed over.
+            fields: Those of position, velocity and effort that are required.
+            partial: Whether joints may be absent; they keep their last values, initially zero.
+            extra: Whether joints that are not in ``names`` are ignored.
             admit: Called with the frame_id of each message and the indices of the joints that it
-                names, before its numbers count; may raise InvalidInput.
-            limit: How large the numbers of the first field may be, n of them; or none.
-            beyond: Called with the numbers of the first field when one of them is larger; returns
-                those to take instead.
-            gaps: Whether numbers, or whole fields, may be missing; NaN stands for them, and for
+                names, before its numbers are used; may raise InvalidInput.
+            limit: Largest magnitudes of the numbers of the first field, n of them; or none.
+            beyond: Called with the numbers of the first field if one of them is larger; returns
+                the numbers to use instead.
+            gaps: Whether numbers, or whole fields, may be missing; they are read as NaN, like
                 absent joints.
-            other: What reads messages that have a position or velocity, in this reader's place.
+            other: Reads messages that have a position or velocity instead of this reader.
         """
         self._names, self._fields = list(names), list(fields)
         self._partial, self._extra, self._admit = partial, extra, admit
@@ -175,13 +175,13 @@ class JointStateReader:
             Its stamp in [ns] and n numbers for each of the fields.
 
         Raises:
-            InvalidInput: If joints or numbers are missing, unknown, doubled or not finite.
+            InvalidInput: If joints or numbers are missing, unknown, repeated or not finite.
         """
         message = parsed(raw)
         return self._reader_of(message)._checked(message)
 
     def _reader_of(self, message: JointState) -> JointStateReader:
-        """What reads a message."""
+        """The function that reads a message."""
         leads = message.position or message.velocity
         return self._other if leads and self._other is not None else self
 
@@ -207,7 +207,7 @@ class JointStateReader:
         return to_nanoseconds(message.header.stamp), values
 
     def _places(self, message: JointState) -> list[int | None]:
-        """Check names and lengths; say where in the message each joint is, None if nowhere."""
+        """Check names and lengths; return each joint's index in the message, None if absent."""
         names = list(message.name)
         if len(set(names)) != len(names):
             raise InvalidInput(f"joints {names} are not all different; allowed: each joint once")

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointStates of a topic, in one call of C each where there is a compiler and ROS's headers.
+"""JointStates of a topic, in one C call each if there is a compiler and ROS's headers.
 
 In a loop that wakes up a thousand times a second the processor's caches are cold, and every line
-of Python costs several times what it costs in a benchmark. What C does not know, or finds
-wrong, is read by ``serialization``; that alone refuses.
+of Python costs several times what it costs in a benchmark. Messages that C does not support, or
+finds invalid, are read by ``serialization``, which alone refuses.
 """
 
 from __future__ import annotations
@@ -70,7 +70,7 @@ class Sink(ctypes.Structure):
 
 @cache
 def native(*others: Path) -> ctypes.CDLL | None:
-    """The compiled functions, with those of other files after them; None: they cannot be had."""
+    """The compiled functions, with those of other files; None if they are not available."""
     if (library := build_with_rcl(_SOURCE, after=others)) is None:
         return None
     library.look.argtypes = [c_void_p, ctypes.c_char_p, c_int64]
@@ -84,11 +84,11 @@ def native(*others: Path) -> ctypes.CDLL | None:
 
 
 class CompiledReader(JointStateReader):
-    """A ``JointStateReader`` that reads messages like those before in C.
+    """A ``JointStateReader`` that reads messages of known layouts in C.
 
     Attributes:
-        left: Outcome of ``take`` for a message that other compiled code has taken, and that is
-            still to be read; ``NONE``: there is none.
+        left: Outcome of ``take`` for a message that other compiled code has received and that is
+            not read yet; ``NONE`` if there is none.
     """
 
     def __init__(
@@ -104,7 +104,7 @@ class CompiledReader(JointStateReader):
             fields=count, joints=n, found=address(self._found),
             limit=self._limits.ctypes.data if self._limit else None, gaps=self._gaps,
         )  # fmt: skip
-        # Of each kind its source, the joints that it names, and the array that C looks at.
+        # For each kind its source, the joints that it names, and the array that C uses.
         self._kinds: list[tuple[str, frozenset[int], Any]] = []
         self._learned = 0
         self.left, self._memory = NONE, c_void_p(None)
@@ -118,17 +118,17 @@ class CompiledReader(JointStateReader):
         return self._learn(raw)
 
     def open(self, subscription: int) -> None:
-        """Get ready to take messages of an ``rcl_subscription_t``; ``close`` before it ends."""
+        """Prepare to receive from an ``rcl_subscription_t``; ``close`` before it is destroyed."""
         self._memory = c_void_p(self._native.source(subscription))
         self.take = partial(self._native.take, self._memory, self._place)
 
     def next(self) -> int:
-        """Outcome of ``take``, or of the message that is left."""
+        """Outcome of ``take``, or of the pending message."""
         left, self.left = self.left, NONE
         return left or self.take()
 
     def close(self) -> None:
-        """Give the memory for messages back."""
+        """Free the memory for messages."""
         self.take = partial(int, NONE)
         if self._memory:
             self._native.release(self._memory)
@@ -140,17 +140,17 @@ class CompiledReader(JointStateReader):
         return self._memory.value or 0, ctypes.addressof(self._state)
 
     def whole_from(self, source: str) -> list[bool]:
-        """Which of the kinds that are known come from a source and name all joints."""
+        """The known kinds that come from a source and name all joints."""
         n = len(self._names)
         return [name == source and len(joints) == n for name, joints, _ in self._kinds]
 
     def keep(self, numbers: Numbers) -> None:
-        """Take note of the only field of a message that was read elsewhere."""
+        """Store the only field of a message that was read elsewhere."""
         self._values = [numbers]
 
     @property
     def raw(self) -> bytes:
-        """The message that was taken last."""
+        """The message that was received last."""
         return ctypes.string_at(self._state.raw, self._state.length)
 
     def taken(self, outcome: int) -> tuple[int, Read] | None:
@@ -162,7 +162,7 @@ class CompiledReader(JointStateReader):
         return self._accepted(outcome)
 
     def _accepted(self, outcome: int) -> tuple[int, Read]:
-        """Arrival in [ns], and what C has just read with that outcome."""
+        """Arrival in [ns], and the values that C has read with that outcome."""
         found = self._unpack(self._found)
         source, joints, _ = self._kinds[found[2]]
         self._admit(source, joints)
@@ -179,7 +179,7 @@ class CompiledReader(JointStateReader):
         return found[1], (found[0], values)
 
     def _learn(self, raw: bytes) -> Read:
-        """Read a message the long way; C knows the next one of its kind."""
+        """Read a message in Python; C reads the next one of its kind."""
         other = self._other
         if isinstance(other, CompiledReader) and (found := other._look(raw, len(raw))) <= BEYOND:
             return other._accepted(found)[1]
@@ -190,7 +190,7 @@ class CompiledReader(JointStateReader):
         return reader._checked(message)
 
     def _take_in(self, message: JointState, raw: bytes) -> Read:
-        """Read a message that C does not know, and let it know the next one of its kind."""
+        """Read a message of an unknown kind, and register the kind for C."""
         read = self._checked(message)
         if not raw.startswith(NATIVE):
             return read
@@ -212,10 +212,10 @@ class CompiledReader(JointStateReader):
 class JointStateSource:
     """JointStates of a topic for a loop that polls; no executor is needed.
 
-    With a ``CompiledReader`` a message is taken and read in one call.
+    With a ``CompiledReader`` a message is received and read in one call.
 
     Attributes:
-        tap: Called with the bytes of every message, if it is there.
+        tap: Called with the bytes of every message, if set.
     """
 
     def __init__(self, node: Node, topic: Topic, reader: JointStateReader) -> None:
@@ -227,10 +227,10 @@ class JointStateSource:
             self._compiled.open(self._newest.pointer)
 
     def take(self) -> tuple[int, Read] | None:
-        """Take the next message; None if there is none.
+        """Receive the next message; None if there is none.
 
         Returns:
-            The system time it came at in [ns], and what ``JointStateReader.read`` returns.
+            The system time of its arrival in [ns], and the result of ``JointStateReader.read``.
 
         Raises:
             InvalidInput: As ``JointStateReader.read``.
@@ -239,7 +239,7 @@ class JointStateSource:
             if self.tap is not None and outcome != NONE:
                 self.tap(self._compiled.raw)
             return self._compiled.taken(outcome)
-        taken = self._newest.take()  # of a failure, it says why
+        taken = self._newest.take()  # after a failure: gives the reason
         if self.tap is not None and taken is not None:
             self.tap(taken[0])
         return None if taken is None else (taken[1], self._reader.read(taken[0]))
@@ -252,7 +252,7 @@ class JointStateSource:
 
 
 class JointStateSink:
-    """Publishes JointStates whose numbers stand in arrays that stay.
+    """Publishes JointStates whose numbers are in persistent arrays.
 
     Attributes:
         raw: The message that was sent last.
@@ -270,8 +270,8 @@ class JointStateSink:
 
         Args:
             node: The publishing node.
-            topic: Where.
-            writer: Of the messages.
+            topic: The topic.
+            writer: Writes the messages.
             arrays: One for each of the writer's fields, contiguous, shape (n,).
         """
         self._handle = advertise(node, topic).handle
@@ -285,12 +285,12 @@ class JointStateSink:
         return bool(self._handle.get_subscription_count())
 
     def send(self, stamp: int) -> None:
-        """Publish what the arrays hold now, with this time in [ns]."""
-        if self._compiled is None or self._compiled(stamp):  # of a failure, this says why
+        """Publish the current content of the arrays, with this time in [ns]."""
+        if self._compiled is None or self._compiled(stamp):  # after a failure: gives the reason
             self._handle.publish_raw(self._writer.write(stamp, *self._arrays))
 
     def _in_c(self, send: Callable[[c_void_p, int], int]) -> Callable[[int], int]:
-        """What writes and publishes in one call, and returns zero unless that failed."""
+        """A function that writes and publishes in one call, and returns zero on success."""
         writer = self._writer
         self._sink = sink = Sink(
             raw=address(writer.raw), size=len(writer.raw), fields=len(writer.places),
@@ -303,12 +303,12 @@ class JointStateSink:
 
 
 def make_reader(names: Sequence[str], fields: Sequence[str], **options: Any) -> JointStateReader:
-    """The fastest reader that can be had here, see ``JointStateReader``."""
+    """The fastest available reader, see ``JointStateReader``."""
     if (compiled := native()) is None:
         return JointStateReader(names, fields, **options)
     return CompiledReader(compiled, names, fields, **options)
 
 
 def address(buffer: bytearray) -> int:
-    """Where the bytes of a buffer are."""
+    """Address of the bytes of a buffer."""
     return ctypes.addressof(ctypes.c_char.from_buffer(buffer))
