@@ -80,7 +80,7 @@ print(arm_sim.__version__, abs(weight[0]) > 0.1, abs(motion.q[-1, 0] - 0.5) > 1e
 def test_command_line_works_without_ros(user: Run) -> None:
     assert "continuous" in user("arm", "describe", "pendulum")
     said = user("arm", "dynamics", "pendulum", code=1)
-    assert said.startswith("Error: Python finds no module") and "rclpy" in said
+    assert said.startswith("Error: Python cannot find the module") and "rclpy" in said
     assert "needs ROS 2 Jazzy" in said
 
 

@@ -176,7 +176,7 @@ def test_the_command_says_when_there_are_no_constraints(arm: Typist) -> None:
         ),
         (
             ("constrained-dynamics", "--position", "elbow=1", "--inverse", "--multipliers", "a=1"),
-            "--multipliers: expected numbers without names",
+            "--multipliers: numbers without names are expected",
         ),
     ],
 )

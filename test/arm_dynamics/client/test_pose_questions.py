@@ -179,7 +179,7 @@ def test_the_command_shows_which_poses_are_out_of_reach(arm: Typist) -> None:
     [
         ((*FIND, "paw", "--pose", "0 0 0 0 0 0 1"), "refused: frame 'paw' does not exist"),
         ((*FIND, FRAME, "--pose", "0 0 0"), "pose has shape (3,)"),
-        ((*FIND, FRAME, "--pose", "x=1"), "--pose: expected numbers without names"),
+        ((*FIND, FRAME, "--pose", "x=1"), "--pose: numbers without names are expected"),
         ((*FIND, FRAME, "--pose", "0 0 0 0 0 0 1", "--seed", "wrist=1"), "unknown joint 'wrist'"),
     ],
 )

@@ -107,11 +107,11 @@ def test_task_space(arm: Any) -> None:
         ),
         (
             ("task-space", "--frame", "tip", "--direction", "x=1", "--position", "1 2"),
-            "--direction: expected one row of numbers",
+            "--direction: one row of numbers is expected",
         ),
         (("step",), "refused: the simulation is running"),
         (("set-joint-state", "--position", "elbow=nan"), "refused: "),
-        (("set-joint-state", "--position", "[[1, 2], [3, 4]]"), "expected one state"),
+        (("set-joint-state", "--position", "[[1, 2], [3, 4]]"), "one state is expected"),
         (
             ("set-joint-state", "--position", "elbow=1", "--velocity", "shoulder=1"),
             "joints shoulder and elbow; allowed: the same joints in every vector",
@@ -144,7 +144,7 @@ def test_nobody_there(arm: Any, domain: int) -> None:
     for words in (
         f"no node offers /left/sim/reset (waited {timeout} s)",
         "offered as /sim/reset",
-        "--node chooses another node",
+        "--node selects another node",
         "nodes seen: /dynamics, /sim",
         "./arm sim SCENE",
         f"ROS_DOMAIN_ID; here it is {domain}",

@@ -35,7 +35,7 @@ def test_few_runs_are_lines_of_a_table(tmp_path: Path) -> None:
     for name in ("scatter.png", "distribution.png", "runs.jsonl"):
         assert (tmp_path / "out" / name).stat().st_size > 100
     again = run(tmp_path, STUDY + "samples: 3\n")
-    assert "all 6 runs were there" in again.stdout
+    assert "all 6 runs were done before" in again.stdout
 
 
 def test_many_runs_are_summed_up_by_what_is_varied_in_words(tmp_path: Path) -> None:

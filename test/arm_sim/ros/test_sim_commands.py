@@ -247,7 +247,7 @@ def test_old_commands_give_way_to_the_policy(
     assert capfd.readouterr().err.count(f"the policy '{policy}' acts") == 1
     node.inputs.on_commands(Float64MultiArray(data=TAU))
     node.tick()
-    assert "commands are back" in capfd.readouterr().err
+    assert "commands have resumed" in capfd.readouterr().err
 
 
 def test_reset_is_not_taken_for_a_command(
@@ -259,4 +259,4 @@ def test_reset_is_not_taken_for_a_command(
     assert node.engine.commands.stale
     node.requests.answer(RESET)
     node.tick()
-    assert "commands are back" not in capfd.readouterr().err
+    assert "commands have resumed" not in capfd.readouterr().err

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm build``: compiles scenes for machines without a compiler."""
+"""``./arm build``: compile scenes for machines without a compiler."""
 
 from __future__ import annotations
 
@@ -30,13 +30,13 @@ if TYPE_CHECKING:
 )
 @click.argument("scenes", metavar="SCENE...", type=SCENE, nargs=-1, required=True)
 @click.option("--out", required=True, type=click.Path(path_type=Path), metavar="DIR",
-              help="Folder for the compiled code; made if it is not there.")  # fmt: skip
+              help="Folder for the compiled code; created if missing.")  # fmt: skip
 @click.option("--integrator", help="Integration method instead of the scene's, e.g. rk4, dop853.")
 @click.option("--dt", type=float, help="Length of a tick in s instead of the scene's.")
 @click.option("--tolerance", type=float, help="Control the error inside each tick, e.g. 1e-8.")
 @click.option("--processor", type=click.Choice(TARGETS), default=NATIVE, show_default=True,
-              help="Compile for processors like this one, or for all of a level.")  # fmt: skip
-@click.option("--batches", is_flag=True, help="Also code for batches and rollouts of many arms.")
+              help="Processors to compile for: like this one, or all of a level.")  # fmt: skip
+@click.option("--batches", is_flag=True, help="Also compile batches and rollouts of many arms.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON at the end.")
 def build(
     scenes: tuple[str, ...],
@@ -90,7 +90,7 @@ def _into(out: Path, scene: str, part: str, processor: str) -> Iterator[None]:
 def _other_parts(
     simulator: Simulator, batches: bool
 ) -> Iterator[tuple[str, Callable[[], object]]]:
-    """What a scene may need beside the simulator's step, each with what compiles it."""
+    """Other parts that a scene may need, each with the function that compiles it."""
     import numpy as np
 
     from arm_dynamics.control import computed_torque

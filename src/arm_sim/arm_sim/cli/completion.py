@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm completion``, and what a shell offers for a half-typed line."""
+"""``./arm completion``, and the completions that a shell offers."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ from arm_dynamics.exceptions import choices
 from arm_sim.cli.output import examples
 
 VARIABLE = "_ARM_COMPLETE"
-ALSO = "ARM_COMMANDS"  # commands of the script ./arm, which sets this variable
+ALSO = "ARM_COMMANDS"  # set by the script ./arm to its own commands
 
 
 class Commands(click.Group):
-    """A group that says which command was possibly meant, and completes those of ./arm."""
+    """A group that suggests similar commands, and completes those of ./arm."""
 
     def resolve_command(
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
-        """Find a command, or end with what there is."""
+        """Find a command, or fail with a list of the commands."""
         if args and args[0][:1].isalpha() and self.get_command(ctx, args[0]) is None:
             known = [*self.list_commands(ctx), *self._others(ctx)]
-            ctx.fail(f"no command '{args[0]}'; there are {choices(args[0], known, 60)}")
+            ctx.fail(f"unknown command '{args[0]}'; allowed: {choices(args[0], known, 60)}")
         return super().resolve_command(ctx, args)
 
     def shell_complete(self, ctx: click.Context, incomplete: str) -> list[CompletionItem]:
-        """Commands that begin so."""
+        """Commands with this prefix."""
         offered = super().shell_complete(ctx, incomplete)
         return [
             *offered,
@@ -55,7 +55,7 @@ class SceneType(click.ParamType):
     def shell_complete(
         self, ctx: click.Context, param: click.Parameter, incomplete: str
     ) -> list[CompletionItem]:
-        """Ready scenes, and the scene files and robots in this folder; else any file."""
+        """Ready scenes, and scene files and URDFs in this folder; else any file."""
         from arm_dynamics.scene.files import ready_scenes
 
         here = (path.name for path in Path.cwd().glob("*") if path.suffix in (".yaml", ".urdf"))
@@ -68,15 +68,15 @@ SCENE = SceneType()
 
 
 class _Bash(BashComplete):
-    """As click's, for ``arm`` and for every path that ends so, which bash sees to itself."""
+    """As click's, for ``arm`` and, handled by bash, for every path that ends in it."""
 
     @staticmethod
     def _check_version() -> None:
-        """Nothing to ask: the bash that will run it need not be the one on PATH."""
+        """Skip the check: the bash that runs the completion need not be the one on PATH."""
 
 
 class _Zsh(ZshComplete):
-    """As click's, but it calls what was typed: ``./arm`` need not be on PATH."""
+    """As click's, but it calls the typed path: ``./arm`` need not be on PATH."""
 
     source_template = ZshComplete.source_template.replace(
         "%(complete_var)s=zsh_complete %(prog_name)s",
@@ -85,7 +85,7 @@ class _Zsh(ZshComplete):
 
 
 class _Fish(FishComplete):
-    """As click's, but it calls what was typed."""
+    """As click's, but it calls the typed path."""
 
     source_template = FishComplete.source_template.replace(
         "%(complete_var)s=fish_complete COMP_WORDS=(commandline -cp) "
@@ -108,10 +108,10 @@ SHELLS: dict[str, type[ShellComplete]] = {"bash": _Bash, "zsh": _Zsh, "fish": _F
 @click.argument("shell", type=click.Choice(list(SHELLS)))
 @click.pass_context
 def completion(context: click.Context, shell: str) -> None:
-    """Print what makes SHELL complete commands, options and names of scenes by Tab.
+    """Print a script that makes SHELL complete commands, options and names of scenes by Tab.
 
-    For good, put the line into the file that the shell reads when it starts, with the path of this
-    ./arm. It completes both ./arm and arm.
+    To enable it permanently, add the line below to the start-up file of the shell, with the path
+    of this ./arm. It completes both ./arm and arm.
     """
     root: Any = context.find_root().command
     click.echo(SHELLS[shell](root, {}, "arm", VARIABLE).source())

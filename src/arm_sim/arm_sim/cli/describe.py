@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm describe``: what a scene holds, what a tick of it computes, and what that costs."""
+"""``./arm describe``: content of a scene, computations of a tick, and their cost."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ if TYPE_CHECKING:
     )
 )
 @click.argument("scene", type=SCENE)
-@click.option("--integrator", help="Integration method instead of the scene's, e.g. rk4, dop853.")
-@click.option("--dt", type=float, help="Length of a tick in s instead of the scene's.")
+@click.option("--integrator", help="Integration method, instead of the scene's, e.g. rk4, dop853.")
+@click.option("--dt", type=float, help="Length of a tick in s, instead of the scene's.")
 @click.option("--tolerance", type=float, help="Control the error inside each tick, e.g. 1e-8.")
-@click.option("--details", is_flag=True, help="Also say why each part is skipped.")
+@click.option("--details", is_flag=True, help="Also show why each part is skipped.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def describe(
     scene: str,
@@ -54,13 +54,13 @@ def describe(
     """Show the joints of SCENE, what is computed and what is skipped, and the cost of a tick.
 
     SCENE is the name of a ready scene, or a scene file (YAML) or URDF: a path or a package:// URI.
-    The time is measured now, on this machine.
+    The time is measured on this machine.
     """
     from arm_sim import Simulator
 
     with waiting(f"building {scene}"):
         simulator = Simulator(scene, integrator=integrator, dt=dt, tolerance=tolerance)
-        facts_of(simulator)  # of which the time of a tick is measured now
+        facts_of(simulator)  # over which the time of a tick is measured
     if as_json:
         click.echo(json.dumps(facts_of(simulator), indent=1))
         return
@@ -72,7 +72,7 @@ def describe(
 
 
 def facts_of(simulator: Simulator) -> dict[str, Any]:
-    """The same for scripts; what has no limit is null."""
+    """The same as a dictionary for --json; null for no limit."""
     model, plan = simulator.model, simulator.plan
     columns = {
         "start": model.q0, "lower": model.position_lower, "upper": model.position_upper,
@@ -109,7 +109,7 @@ def _show_robot(out: Console, model: ArmModel) -> None:
         f"gravity \\[{gravity}] m/s²"
     )
     if model.scene.robot.lock:
-        out.print(f"held fast: {', '.join(model.scene.robot.lock)}")
+        out.print(f"locked: {', '.join(model.scene.robot.lock)}")
     for link, trouble in model.doubtful.items():
         out.print(f"link '{link}': {trouble}", style="yellow")
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The commands of the suite under one name."""
+"""The command group of the suite."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from arm_sim.cli.view import view
 
 
 class Suite(Commands):
-    """A group whose commands end with one line when something is not as it should be."""
+    """A group whose commands report errors of the suite as one line."""
 
     def invoke(self, ctx: click.Context) -> Any:
         """Run a command; errors of the suite become a message and exit status 1."""
@@ -41,7 +41,7 @@ class Suite(Commands):
 
 
 def _of_system(error: OSError) -> str:
-    """What the system says, without the number of its error."""
+    """The system's error message without its number."""
     return f"'{error.filename}': {error.strerror}" if error.filename else str(error)
 
 
@@ -49,8 +49,8 @@ def _explained(error: ModuleNotFoundError) -> Exception:
     if (error.name or "").split(".")[0] not in ("rclpy", "arm_msgs"):
         return error
     return click.ClickException(
-        f"Python finds no module '{error.name}': this command needs ROS 2 Jazzy and the built "
-        "workspace; ./arm sets both up, or source the workspace's install/setup.bash"
+        f"Python cannot find the module '{error.name}': this command needs ROS 2 Jazzy and the "
+        "built workspace; ./arm sets both up, or source the workspace's install/setup.bash"
     )
 
 

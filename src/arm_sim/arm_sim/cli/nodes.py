@@ -24,7 +24,7 @@ Command = Callable[..., Any]
 
 
 def _node(*lines: str) -> Callable[[Command], click.Command]:
-    """A command that takes a scene and hands everything from --ros-args on to ROS."""
+    """A command that takes a scene and passes everything from --ros-args on to ROS."""
 
     def make(command: Command) -> click.Command:
         for part in (
@@ -45,13 +45,13 @@ def _node(*lines: str) -> Callable[[Command], click.Command]:
     "./arm sim my_arm.urdf --ros-args -r __ns:=/left",
 )
 @click.option("--report", type=click.Path(dir_okay=False, path_type=Path),
-              help="At the end, write how well the clock was kept to this file.")  # fmt: skip
+              help="At the end, write timing statistics of the loop to this file.")  # fmt: skip
 def sim(scene: str | None, rest: tuple[str, ...], with_parent: bool, report: Path | None) -> None:
     """Simulate the arm of SCENE at 1 kHz from joint commands until Ctrl-C.
 
-    It takes torques, positions or velocities on joint_commands, or torques on sim/commands in the
-    model's order, and publishes joint_states. Until the first command, and when commands stop,
-    brakes hold the arm; the parameter stale_policy may also say servo, zero, hold or gravity.
+    It receives efforts, positions or velocities on joint_commands, or efforts on sim/commands in
+    model order, and publishes joint_states. Until the first command, and when commands stop,
+    brakes hold the arm; the parameter stale_policy selects brake, servo, zero, hold or gravity.
     """
     from arm_dynamics.ros.common.background import take_short_turns
     from arm_sim.ros.sim_node import SimNode
@@ -89,9 +89,9 @@ def dynamics(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Non
 def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> None:
     """Move the arm of SCENE along trajectories until Ctrl-C.
 
-    The parameter controller chooses how, computed torque by default. The node listens to
-    joint_states and controller/joint_trajectory and publishes joint_commands. It may be given
-    another scene than the simulator: that is a model error.
+    The parameter controller selects the control law, computed torque by default. The node
+    subscribes to joint_states and controller/joint_trajectory and publishes joint_commands. Its
+    scene may differ from the simulator's, to study model errors.
     """
     from arm_dynamics.ros.common.background import take_short_turns
     from arm_dynamics.ros.controller_node import ControllerNode
@@ -123,7 +123,7 @@ def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool)
 
 
 def split_words(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, tuple[str, ...]]:
-    """Tell the scene from ROS arguments, and refuse what is neither instead of ignoring it."""
+    """Separate the scene from ROS arguments, and refuse anything else."""
     from arm_dynamics.ros.common import executable
 
     try:
@@ -133,11 +133,11 @@ def split_words(scene: str | None, rest: tuple[str, ...]) -> tuple[str | None, t
 
 
 def _end_with_parent() -> None:
-    """Have the kernel send SIGTERM when the parent goes, however it goes."""
+    """Have the kernel send SIGTERM when the parent process ends, for any reason."""
     parent = os.getppid()
     try:
         ctypes.CDLL(None).prctl(_PR_SET_PDEATHSIG, signal.SIGTERM, 0, 0, 0)
     except (OSError, AttributeError):
-        return  # not Linux: the parent's own clean-up must do
+        return  # not Linux: rely on the parent's own clean-up
     if os.getppid() != parent:
         sys.exit(1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the command line writes numbers and tables."""
+"""Output of the command line: numbers, tables and progress."""
 
 from __future__ import annotations
 
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     from rich.console import Console
     from rich.table import Table
 
-PATIENCE = 2.0  # [s] without a word
-_WIDE = 200  # columns where no window sets them, so that a pipe gets whole lines
+PATIENCE = 2.0  # [s] without output
+_WIDE = 200  # columns without a terminal, so that a pipe gets whole lines
 
 
 def examples(*lines: str) -> str:
-    """The end of a command's help: lines as they are to be typed, never re-wrapped."""
+    """Examples at the end of a command's help, which are never re-wrapped."""
     return "\b\n" + "\n".join(
         ["Example:" if len(lines) == 1 else "Examples:", *(f"  {x}" for x in lines)]
     )
 
 
 def console() -> Console:
-    """A console as wide as the window, or as wide as the text where there is no window."""
+    """A console as wide as the terminal; without a terminal, as wide as the text."""
     from rich.console import Console
 
     width = None if sys.stdout.isatty() else _WIDE
@@ -36,15 +36,15 @@ def console() -> Console:
 
 
 def told_meanwhile() -> AbstractContextManager[None]:
-    """Say on stderr what the cores are busy with, as they log it, while the context lasts."""
+    """Print progress messages of the cores on stderr within the context."""
     return heard_by(_Said())
 
 
 class _Said(logging.Handler):
-    """Writes to what is stderr at the time, so that lines go above a bar."""
+    """Writes to the current stderr, so that lines appear above a progress bar."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a line; where it cannot be written, as on a full disk, go on without."""
+        """Write a line; go on if that fails, as on a full disk."""
         try:
             print(self.format(record), file=sys.stderr)
         except OSError:
@@ -53,7 +53,7 @@ class _Said(logging.Handler):
 
 @contextmanager
 def waiting(what: str) -> Iterator[None]:
-    """Show on a terminal what is waited for, and for how long, once that is two seconds."""
+    """Show on a terminal what the command waits for, and how long, after two seconds."""
     if not sys.stderr.isatty():
         yield
         return
@@ -76,7 +76,7 @@ def waiting(what: str) -> Iterator[None]:
 def table(
     columns: Sequence[str], rows: Iterable[Sequence[str]], text: Sequence[int] = (0,)
 ) -> Table:
-    """A table with headings; the columns ``text`` begin at the left, numbers end at the right."""
+    """A table with headings; the columns ``text`` are left-aligned, numbers right-aligned."""
     from rich import box
     from rich.markup import escape
     from rich.table import Table
@@ -90,7 +90,7 @@ def table(
 
 
 def facts(rows: Iterable[tuple[str, str]]) -> Table:
-    """Names and what is to be said of them, long lines indented."""
+    """A list of names and values, with long lines indented."""
     from rich.markup import escape
     from rich.table import Table
 
@@ -103,7 +103,7 @@ def facts(rows: Iterable[tuple[str, str]]) -> Table:
 
 
 def show(out: Console, made: Table) -> None:
-    """Print a table; in a narrow window its lines run over, but no number is ever cut."""
+    """Print a table; on a narrow terminal its lines wrap, but no number is truncated."""
     from rich.console import Console
 
     needed = out.measure(made, options=out.options.update(max_width=10_000)).maximum
@@ -113,7 +113,7 @@ def show(out: Console, made: Table) -> None:
 
 
 def number(value: Any, digits: int = 6) -> str:
-    """A number to some significant digits, without the minus sign of a minus zero."""
+    """A number with some significant digits; negative zero is printed as 0."""
     text = f"{float(value):.{digits}g}"
     return "0" if text == "-0" else text
 
@@ -124,6 +124,6 @@ def limit(value: float, digits: int = 6) -> str:
 
 
 def units(joint_types: Iterable[str], turning: str, sliding: str, between: str = ", ") -> str:
-    """The unit of joints of these types, both where both kinds are."""
+    """The unit of joints of these types, or both units if both kinds occur."""
     kinds = {kind == "prismatic" for kind in joint_types}
     return between.join([turning] * (False in kinds) + [sliding] * (True in kinds))

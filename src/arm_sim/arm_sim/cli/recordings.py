@@ -32,9 +32,11 @@ FIGURES = (".png", ".pdf", ".svg", ".jpg")
 )
 @click.argument("recording", type=_PATH)
 @click.argument("others", type=_PATH, nargs=-1, metavar="[OTHER…]")
-@click.option("--out", type=_PATH, help="The figure; .png, .pdf or .svg.  [default: NAME.png]")
+@click.option(
+    "--out", type=_PATH, help="Figure to write (.png, .pdf or .svg).  [default: NAME.png]"
+)
 @click.option("--joint", "joints", multiple=True, help="Joint to draw; may be repeated.")
-@click.option("--scene", type=SCENE, help="Scene of a recording of a robot, which has none.")
+@click.option("--scene", type=SCENE, help="Scene, for a recording of a robot, which has none.")
 @click.option("--topic", help="Topic of the joint states, if a bag has several.")
 @click.option("--show", is_flag=True, help="Also open a window.")
 def plot(
@@ -43,8 +45,9 @@ def plot(
 ) -> None:  # fmt: skip
     """Draw a RECORDING: positions, velocities, torques and the energy account.
 
-    OTHERs are laid over it, dashed. A recording is a file of the sim's parameter record or of
-    Recording.save (.mcap, .npz), a bag of a robot (.mcap, .db3 or a folder), or a .csv.
+    OTHERs are drawn over it, dashed. A recording is a file written by the sim node's parameter
+    record or by Recording.save (.mcap, .npz), a bag of a robot (.mcap, .db3 or a folder), or a
+    .csv table.
     """
     from matplotlib import pyplot
 
@@ -55,7 +58,7 @@ def plot(
             f"'{out}' ends in '{out.suffix}'; allowed: {choices(out.suffix, FIGURES)}"
         )
     if not show:
-        pyplot.switch_backend("agg")  # where there is no screen
+        pyplot.switch_backend("agg")  # without a screen
     with waiting(f"reading {recording}"):
         loaded = [Recording.load(path, topic=topic) for path in (recording, *others)]
         if scene:
@@ -77,15 +80,17 @@ def plot(
     )
 )
 @click.argument("topics", nargs=-1, metavar="[TOPIC…]")
-@click.option("--out", type=_PATH, help="File (.mcap) or folder of a bag.  [default: by the time]")
+@click.option(
+    "--out", type=_PATH, help="File (.mcap) or folder of a bag.  [default: named by the time]"
+)
 @click.option(
     "--duration", type=click.FloatRange(min=0.0, min_open=True), help="How long to record, in s."
 )
 def record(topics: tuple[str, ...], out: Path | None, duration: float | None) -> None:
-    """Record TOPICs of a running system until Ctrl-C, all of them if none is named.
+    """Record TOPICs of a running system until Ctrl-C; all topics if none is given.
 
-    Every tick of a simulator with its whole state, from which it can be replayed to the bit, is
-    recorded by the simulator itself: ./arm sim SCENE --ros-args -p record:=FILE.
+    To record every tick of a simulator with its full state, for a bit-exact replay, let the
+    simulator record itself: ./arm sim SCENE --ros-args -p record:=FILE.
     """
     from time import monotonic
 
@@ -107,7 +112,7 @@ def record(topics: tuple[str, ...], out: Path | None, duration: float | None) ->
         for topic in node.missing:
             click.echo(f"        -  {topic}: no publisher")
         if node.thread.lost:
-            click.echo(f"{node.thread.lost} messages lost: the disk could not follow", err=True)
+            click.echo(f"{node.thread.lost} messages lost: the disk is too slow", err=True)
         click.echo(str(path))
         status = status or int(bool(node.thread.failure))
     sys.exit(status)
@@ -121,17 +126,18 @@ def record(topics: tuple[str, ...], out: Path | None, duration: float | None) ->
     )
 )
 @click.argument("recording", type=_PATH)
-@click.option("--scene", type=SCENE, help="Run another scene with the same joints.")
-@click.option("--integrator", help="Use another method.")
-@click.option("--tolerance", type=float, help="Use another tolerance.")
-@click.option("--out", type=_PATH, help="Save the new motion.")
-@click.option("--topics", is_flag=True, help="Publish it on topics instead, at its own pace.")
-@click.option("--topic", "names", multiple=True, help="With --topics: publish only this one.")
+@click.option("--scene", type=SCENE, help="Replay with another scene that has the same joints.")
+@click.option("--integrator", help="Replay with another integration method.")
+@click.option("--tolerance", type=float, help="Replay with another tolerance.")
+@click.option("--out", type=_PATH, help="Recording to save the new motion to.")
+@click.option(
+    "--topics", is_flag=True, help="Publish the recorded topics instead, at the recorded rate."
+)
+@click.option("--topic", "names", multiple=True, help="With --topics: publish only this topic.")
 @click.option(
     "--rate",
     type=click.FloatRange(min=0.0),
-    help="With --topics: recorded time per time of the clock, 1 if not said; 0: as fast as "
-    "possible.",
+    help="With --topics: playback speed, 1 if not given; 0: as fast as possible.",
 )
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def replay(
@@ -140,17 +146,19 @@ def replay(
 ) -> None:  # fmt: skip
     """Run the scene of a RECORDING again from its commands, and compare every state.
 
-    The scene, its robot, commands, changes and pushes are in the file. The exit status is 1 if a
-    state is another one, by as little as a bit.
+    The file contains the scene, its robot, commands, parameter changes and external forces. The
+    exit status is 1 if any state differs, by as little as one bit.
     """
     if topics:
         if scene or integrator or tolerance or out or as_json:
-            raise click.UsageError("--topics plays what is there; no other option but --rate")
+            raise click.UsageError(
+                "--topics plays the recording unchanged: only --rate is allowed"
+            )
         _play(recording, names, 1.0 if rate is None else rate)
         return
     if names or rate is not None:
         which = "--topic" if names else "--rate"
-        raise click.UsageError(f"{which} belongs to --topics, which plays the recording")
+        raise click.UsageError(f"{which} is allowed with --topics only")
     from arm_sim import Recording
     from arm_sim.replay import replay as again
 
@@ -165,12 +173,12 @@ def replay(
     screen = console()
     screen.print(repr(loaded), markup=False)
     for name in found.other_versions:
-        screen.print(f"{name} is of another version here; last bits may differ", markup=False)
+        screen.print(f"{name} has another version here; last bits may differ", markup=False)
     if found.equal:
-        screen.print(f"{len(loaded) - 1} ticks replayed, every state equal to the bit")
+        screen.print(f"{len(loaded) - 1} ticks replayed, every state bit-identical")
     if found.first is not None:
         screen.print(f"first difference: {found.first}", markup=False)
-        screen.print(f"positions are apart by {_largest(found.apart):.3g} rad or m at most")
+        screen.print(f"positions differ by {_largest(found.apart):.3g} rad or m at most")
     if found.failure:
         screen.print(f"the replay ends early: {found.failure}", markup=False)
     if out is not None:
@@ -179,7 +187,7 @@ def replay(
 
 
 def _facts(loaded: Recording, found: Replay) -> dict[str, Any]:
-    """What a replay found, for scripts."""
+    """The result of a replay, for scripts."""
     return {
         "equal": found.equal, "ticks": len(loaded) - 1,
         "first_difference": None if found.first is None else str(found.first),

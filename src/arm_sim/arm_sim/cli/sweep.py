@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm sweep``: many closed loops of a study, as a table and figures."""
+"""``./arm sweep``: simulate many closed loops of a study, as a table and figures."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ if TYPE_CHECKING:
 
 _PATH = click.Path(path_type=Path)
 _LISTED = 20  # runs up to which each is a line
-_EVERY = 5.0  # [s] between lines of progress where nobody looks
+_EVERY = 5.0  # [s] between lines of progress without a terminal
 
 
 @click.command(
@@ -33,19 +33,23 @@ _EVERY = 5.0  # [s] between lines of progress where nobody looks
 )
 @click.argument("study", type=_PATH)
 @click.option("--out", type=_PATH,
-              help="Folder of the table, figures and the journal from which a sweep that was "
-              "ended goes on.  [default: reports/sweeps/NAME]")  # fmt: skip
-@click.option("--workers", type=click.IntRange(1), help="Processes.  [default: one a core]")
+              help="Folder of the table, the figures and the journal, from which an interrupted "
+              "sweep continues.  [default: reports/sweeps/NAME]")  # fmt: skip
+@click.option(
+    "--workers",
+    type=click.IntRange(1),
+    help="Number of worker processes.  [default: one per core]",
+)
 @click.option("--cluster", metavar="ADDRESS",
-              help="Of a Dask scheduler, whose workers make the runs.")  # fmt: skip
+              help="Address of a Dask scheduler whose workers simulate the runs.")  # fmt: skip
 @click.option("--no-figures", is_flag=True, help="Draw none.")
 def sweep(
     study: Path, out: Path | None, workers: int | None, cluster: str | None, no_figures: bool
 ) -> None:
-    """Make all runs of a STUDY: closed loops of an arm with many parameters, and their metrics.
+    """Simulate all runs of a STUDY: closed loops with varied parameters, and their metrics.
 
-    Rows are kept as they come: the same command again goes on where it was ended. The table does
-    not depend on workers or order, to the bit.
+    Rows are saved as they are computed: repeating the command continues an interrupted sweep. The
+    table does not depend on the number of workers or their order, bit for bit.
     """
     from arm_sim.sweeps import sweep as make
     from arm_sim.sweeps.figures import draw
@@ -56,7 +60,8 @@ def sweep(
             done = make(study, folder, workers=workers, cluster=cluster, told=told)
     except KeyboardInterrupt:
         click.echo(
-            f"\nended; what is done is kept in {folder}, the same command goes on", err=True
+            f"\ninterrupted; finished runs are saved in {folder}; the same command continues",
+            err=True,
         )
         sys.exit(130)
     written = [done.table.save(folder)]
@@ -79,7 +84,7 @@ def _report(done: Sweep, written: list[Path]) -> None:
         )
         out.print(f"{lost.count(kind)} of {plan.runs} runs {kind}; {first}", markup=False)
     if done.dropped:
-        out.print("the last line of the journal was damaged; its run was made again")
+        out.print("the last line of the journal was damaged; its run was repeated")
     how = f"{plan.compiled} in compiled code" if plan.compiled else "controllers in Python"
     if done.made:
         rate = done.made * done.study.duration / max(done.seconds, 1e-9)
@@ -90,7 +95,7 @@ def _report(done: Sweep, written: list[Path]) -> None:
             markup=False,
         )
     else:
-        out.print(f"all {plan.runs} runs were there")
+        out.print(f"all {plan.runs} runs were done before")
     for path in written:
         out.print(str(path), markup=False)
 
@@ -125,7 +130,7 @@ def _show_groups(out: Console, done: Sweep) -> None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[Progress], None]]:
-    """Show how many runs are done and what time is left."""
+    """Show the number of finished runs and the remaining time."""
     if not sys.stderr.isatty():
         yield _Lines().tell
         return
@@ -146,7 +151,7 @@ def _progress() -> Iterator[Callable[[Progress], None]]:
 
 
 class _Lines:
-    """Writes a line now and then, where there is no terminal."""
+    """Prints a line of progress periodically, without a terminal."""
 
     def __init__(self) -> None:
         self._said, self._what = 0.0, ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm urdf``: the robot description of a scene, for nodes that want it as text."""
+"""``./arm urdf``: print the robot description of a scene, for nodes that need it as text."""
 
 from __future__ import annotations
 
@@ -27,14 +27,14 @@ STATES = ("position", "velocity", "effort")
 )
 @click.argument("scene", type=SCENE)
 @click.option("--ros2-control", "command", type=click.Choice(COMMANDS),
-              help="Add the tag of ros2_control's JointState-topic hardware, with joints "
-              "commanded by this.")  # fmt: skip
+              help="Add the ros2_control tag of the JointState-topic hardware with this "
+              "command interface.")  # fmt: skip
 @click.option("--commands-topic", default="/robot_joint_commands", show_default=True,
               help="Topic on which the hardware publishes commands.")  # fmt: skip
 @click.option("--states-topic", default="/robot_joint_states", show_default=True,
-              help="Topic on which it hears joint states.")  # fmt: skip
+              help="Topic on which the hardware receives joint states.")  # fmt: skip
 def urdf(scene: str, command: str | None, commands_topic: str, states_topic: str) -> None:
-    """Print the URDF of SCENE: of a ready scene by name, of a scene file, of a package:// URI."""
+    """Print the URDF of SCENE: the name of a ready scene, a scene file, or a package:// URI."""
     from arm_dynamics import ArmModel, load_scene
 
     loaded = load_scene(scene)
@@ -49,8 +49,8 @@ def with_hardware(model: ArmModel, command: str, topics: dict[str, str]) -> str:
     """The arm's URDF with the tag of the JointState-topic hardware.
 
     Args:
-        model: The arm; joints that it holds fast or that follow others are not commanded.
-        command: What its joints are commanded by.
+        model: The arm; locked and mimic joints are not commanded.
+        command: Command interface of its joints.
         topics: Names of the hardware's topics.
 
     Source: README of joint_state_topic_hardware_interface (ros-controls).
@@ -61,7 +61,7 @@ def with_hardware(model: ArmModel, command: str, topics: dict[str, str]) -> str:
     tag = ElementTree.SubElement(robot, "ros2_control", name="arm", type="system")
     hardware = ElementTree.SubElement(tag, "hardware")
     ElementTree.SubElement(hardware, "plugin").text = HARDWARE
-    # Not positive: it never falls silent, which would be taken for commands that stopped.
+    # Not positive: it publishes always, since silence would count as stopped commands.
     for name, value in {**topics, "trigger_joint_command_threshold": "-1"}.items():
         ElementTree.SubElement(hardware, "param", name=name).text = value
     for name, start in zip(model.joint_names, model.q0, strict=True):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Vectors on a command line: in the model's order, by joint name, or many points at once."""
+"""Vectors on the command line: in model order, by joint name, or many points at once."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ HOW = 'e.g. "0, 0.5, -1", "elbow=0.5 wrist=-1", "[[0, 1], [2, 3]]" for two point
 
 @dataclass(frozen=True)
 class Vector:
-    """What was written: rows of numbers, or numbers by name.
+    """Numbers as rows, or by name.
 
     Attributes:
-        rows: One row for each point; empty when names were given.
+        rows: One row for each point; empty if names were given.
         named: Numbers by joint name.
-        batch: Whether several points were meant, so that the answer has as many.
+        batch: Whether a list of points was given, so that the answer is a list.
     """
 
     rows: tuple[tuple[float, ...], ...]
@@ -33,13 +33,13 @@ class Vector:
     batch: bool = False
 
     def array(self, names: Sequence[str]) -> np.ndarray:
-        """Numbers as a row, or as a row for each point if several were meant; see ``flat``."""
+        """Numbers as a row, or a row for each point of a list; see ``flat``."""
         import numpy as np
 
         return np.array(self.rows if self.batch else self.flat(names), float)
 
     def flat(self, names: Sequence[str]) -> list[float]:
-        """Numbers point after point, of joints in this order; those not named get zero."""
+        """Numbers point after point, with joints in this order; zero for joints not named."""
         unknown = [name for name in self.named if name not in names]
         if unknown:
             raise click.ClickException(
@@ -52,14 +52,14 @@ class Vector:
 
 
 class VectorType(click.ParamType):
-    """Click's view of ``parse``."""
+    """The click type of ``parse``."""
 
     name = "numbers"
 
     def convert(
         self, value: Any, param: click.Parameter | None, ctx: click.Context | None
     ) -> Vector:
-        """Read what the user wrote, or end with a usage error."""
+        """Parse an argument, or fail with a usage error."""
         if isinstance(value, Vector):
             return value
         try:
@@ -71,7 +71,7 @@ class VectorType(click.ParamType):
 
 
 def parse(text: str) -> Vector:
-    """Read a vector.
+    """Parse a vector.
 
     Args:
         text: Numbers with commas or spaces between them, ``name=number`` likewise, JSON or YAML,
@@ -92,7 +92,7 @@ def parse(text: str) -> Vector:
     if "=" in text:
         return Vector((), dict(_pair(word) for line in lines for word in line))
     if len({len(line) for line in lines}) > 1:
-        raise ValueError(f"{_short(text)} has not as many numbers on every line")
+        raise ValueError(f"{_short(text)} does not have the same number of values on every line")
     return Vector(tuple(tuple(map(_number, line)) for line in lines), {}, len(lines) > 1)
 
 

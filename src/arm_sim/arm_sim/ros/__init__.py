@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The ROS 2 node that simulates an arm, and what it is made of.
+"""The ROS 2 node that simulates an arm, and its parts.
 
-``tick_engine`` and what it uses (``commands``, ``tick_queue``) know no ROS; the
+``tick_engine`` and the modules it uses (``commands``, ``tick_queue``) do not depend on ROS; the
 other modules connect the engine to topics, services, diagnostics and the clock. The folder may use
 the cores and ``arm_dynamics.ros``, not the command line. Public is ``SimNode``.
 """

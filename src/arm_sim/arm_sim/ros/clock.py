@@ -11,20 +11,20 @@ from arm_dynamics.ros.common.executor import steady_timer
 from arm_dynamics.ros.joint_state import Sink, address
 from arm_sim.ros.interfaces import CLOCK
 
-_PERIOD = 1.0  # [s] between looks at who else publishes
+_PERIOD = 1.0  # [s] between checks for other publishers
 
 
 class SimClock:
-    """Publishes simulated time, and sees when someone else does, too.
+    """Publishes simulated time, and detects other publishers of it.
 
     Attributes:
-        topic: Where it is published, resolved.
-        rivals: How many others publish there.
-        sink: What publishes in compiled code.
+        topic: Its topic, resolved.
+        rivals: Number of other publishers.
+        sink: Publishes in compiled code.
     """
 
     def __init__(self, node: Node) -> None:
-        """Advertise the clock; rivals are looked for once a second of real time."""
+        """Advertise the clock; other publishers are checked for once a second of real time."""
         self._node, self._handle = node, advertise(node, CLOCK).handle
         self._raw = bytearray(NATIVE + time_bytes(0))
         self.sink = Sink(
@@ -34,12 +34,12 @@ class SimClock:
         self._timer = steady_timer(node, _PERIOD, self.look)
 
     def tell(self, stamp: int) -> None:
-        """Publish a time in [ns]; for the ticking thread."""
+        """Publish a time in [ns]; only in the ticking thread."""
         self._handle.publish_raw(NATIVE + time_bytes(stamp))
 
     @property
     def complaint(self) -> str:
-        """What is wrong, in words; empty if nothing is."""
+        """Description of a problem; empty if there is none."""
         if not self.rivals:
             return ""
         return (
@@ -48,7 +48,7 @@ class SimClock:
         )
 
     def look(self) -> None:
-        """Count who else publishes, and warn when there is one more."""
+        """Count other publishers, and warn if there are more than before."""
         before = self.rivals
         self.rivals = max(self._node.count_publishers(self.topic) - 1, 0)
         if self.rivals > before:

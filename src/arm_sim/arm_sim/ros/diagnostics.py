@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the parts of the sim node are doing, for ``/diagnostics``."""
+"""Condition of the parts of the sim node, for ``/diagnostics``."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from arm_sim.ros.tick_engine import TickEngine
 
 @dataclass
 class SimDiagnostics:
-    """Looks at the parts of a sim node; counts that grew since the last look are reported."""
+    """Inspects the parts of a sim node; reports counts that grew since the last inspection."""
 
     node: Node
     params: SimParams
@@ -43,7 +43,7 @@ class SimDiagnostics:
     growth: Growth = field(default_factory=Growth)
 
     def __call__(self) -> list[Finding]:
-        """Look at every part."""
+        """Inspect every part."""
         found = [self._look_at_loop(), self._look_at_commands(), self._look_at_simulation()]
         if self.recorder is not None:
             found.append(self._look_at_recorder(self.recorder))
@@ -91,7 +91,7 @@ class SimDiagnostics:
         if slot.stale:
             found.complain(WARN, f"commands stopped: the policy '{policy}' acts")
         elif stopped:
-            found.complain(WARN, "commands stopped, and are back")
+            found.complain(WARN, "commands stopped, and have resumed")
         self.growth.warn(found, inputs.refused, "commands ignored")
         self.growth.warn(found, inputs.refused_wrenches, "wrenches ignored")
         if self.growth.of("conflicts", arbiter.refused) or arbiter.conflict:
@@ -114,7 +114,7 @@ class SimDiagnostics:
             "energy balance [J]": "closed" if account is None else account.balance,
             "energy [J]": "closed" if account is None else account.total,
         }  # fmt: skip
-        piled_up = "ticks were stepped through at first order: too many events"
+        piled_up = "ticks were time-stepped at first order: too many events"
         self.growth.warn(found, state.time_stepped, piled_up)
         if self.outputs.clock is not None and self.outputs.clock.rivals:
             found.complain(ERROR, self.outputs.clock.complaint)
@@ -125,7 +125,7 @@ class SimDiagnostics:
             found.complain(
                 WARN,
                 f"the energy account is off by {off:.2g} of the energy that moved, more than "
-                f"{TRUSTED:g}: with ticks of {dt:g} s a smaller dt or a tolerance is expected",
+                f"{TRUSTED:g}: with ticks of {dt:g} s reduce dt or set a tolerance",
             )
         return found
 
@@ -148,11 +148,11 @@ class SimDiagnostics:
         }  # fmt: skip
         self.growth.warn(found, lockstep.asked_again, "states had to be published again")
         if lockstep.gone:
-            found.complain(ERROR, "the partner gives no answer; time stands still")
+            found.complain(ERROR, "the partner does not answer; time stands still")
         return found
 
 
 def _at_stops(names: Sequence[str], torque: Array) -> str:
-    """Joints that lean on stops and the torques with which these hold them back, as text."""
+    """Joints at their stops and the torques of these, as text."""
     pushed = [f"{name} {x:.4g}" for name, x in zip(names, torque, strict=True) if x != 0.0]
     return ", ".join(pushed) or "none"

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands and wrenches that come in on topics: checked, and refused with a warning."""
+"""Incoming commands and wrenches: checked, and refused with a warning."""
 
 from __future__ import annotations
 
@@ -29,20 +29,20 @@ from arm_sim.ros.latency import RoundTrip
 from arm_sim.ros.tick_engine import TickEngine
 
 _THROTTLE = 2.0  # [s] between warnings of one kind
-_UNNAMED = "~/commands"  # the source of commands that cannot name one
+_UNNAMED = "~/commands"  # the source of commands without a header
 AT_ONCE = JOINT_COMMANDS.subscribe.depth  # messages read in one tick
 
 
 class Inputs:
-    """Hands commands and wrenches to the engine, which asks for commands before each tick.
+    """Passes commands and wrenches to the engine, which requests commands before each tick.
 
     Attributes:
-        reader: Of efforts, positions and velocities by joint name, in serialized JointStates.
-        source: Where those come from when the engine asks for them; None: from nowhere.
-        round_trip: How long commands take from state to effort.
-        refused: How many commands were refused.
-        refused_wrenches: How many wrenches were refused.
-        tap: Called with topic and message of what comes in, if it is there.
+        reader: Reads efforts, positions and velocities by joint name from serialized JointStates.
+        source: Source of these messages for the engine; None if there is none.
+        round_trip: Time from a state to its command.
+        refused: Number of commands that were refused.
+        refused_wrenches: Number of wrenches that were refused.
+        tap: Called with topic and message of every input, if set.
     """
 
     def __init__(self, node: Node, engine: TickEngine) -> None:
@@ -65,7 +65,7 @@ class Inputs:
         self.source = JointStateSource(node, JOINT_COMMANDS, self.reader)
 
     def follow(self, efforts: Numbers) -> None:
-        """Take note of efforts of all joints that were read elsewhere."""
+        """Register efforts of all joints that were read elsewhere."""
         self._joints.follow(efforts)
         if isinstance(self.reader, CompiledReader):
             self.reader.keep(efforts)
@@ -76,7 +76,7 @@ class Inputs:
             self.reader.open(subscription)
 
     def left(self) -> bytes | None:
-        """The message that compiled code has taken and left, if there is one."""
+        """The message that compiled code has received but not processed, if there is one."""
         reader = self.reader
         if not isinstance(reader, CompiledReader) or not reader.left:
             return None
@@ -84,7 +84,7 @@ class Inputs:
         return reader.raw
 
     def listen(self, tap: Callable[[Topic, Any], None]) -> None:
-        """Tell ``tap`` of everything that comes in from now on, as it came."""
+        """Pass every input to ``tap`` from now on, unchanged."""
         self.tap = tap
         if self.source is not None:
             self.source.tap = partial(tap, JOINT_COMMANDS)
@@ -98,15 +98,15 @@ class Inputs:
             self.source = None
 
     def reset_counters(self) -> None:
-        """Begin counting anew."""
+        """Reset the counters."""
         self.round_trip.reset()
         self.refused = self.refused_wrenches = 0
 
     def _read_waiting(self) -> None:
-        """Read the commands that came since the last tick; the newest that is admitted counts.
+        """Read the commands since the last tick; the newest that is admitted takes effect.
 
-        None is sought behind the answer to the newest state, unless others command too: a look
-        that finds nothing takes as long as one that finds something.
+        After the answer to the newest state no more are read, unless there are other sources: a
+        read without result takes as long as one with a message.
         """
         for _ in range(AT_ONCE):
             try:
@@ -122,7 +122,7 @@ class Inputs:
                 return
 
     def on_joint_commands(self, raw: bytes, arrival: int = 0) -> int | None:
-        """Take a command by joint name from a serialized JointState that came at ``arrival`` [ns].
+        """Accept a command by joint name from a JointState that arrived at ``arrival`` [ns].
 
         Returns:
             Its stamp in [ns], or None if it was refused.
@@ -139,7 +139,7 @@ class Inputs:
         return stamp
 
     def _put(self, stamp: int, numbers: list[Numbers]) -> None:
-        """Make what a JointState held the newest command."""
+        """Make the content of a JointState the newest command."""
         slot = self._engine.commands
         if slot.empty:
             self._joints.forget()
@@ -148,7 +148,7 @@ class Inputs:
             slot.put(command)
 
     def on_commands(self, message: Float64MultiArray) -> None:
-        """Take efforts in model order."""
+        """Accept efforts in model order."""
         if self.tap is not None:
             self.tap(COMMANDS, message)
         tau, n = np.array(message.data, float), self._model.n
@@ -167,7 +167,7 @@ class Inputs:
         self._engine.queue.ring()
 
     def on_wrench(self, message: WrenchStamped) -> None:
-        """Push the frame that the header names."""
+        """Apply a wrench to the frame in the header."""
         if self.tap is not None:
             self.tap(WRENCH, message)
         force, moment = message.wrench.force, message.wrench.torque
@@ -179,7 +179,7 @@ class Inputs:
             self._log.warning(f"wrench ignored: {plain(error)}", throttle_duration_sec=_THROTTLE)
 
     def _cut(self, tau: Numbers) -> Numbers:
-        """Cut efforts to their limits, with a warning."""
+        """Clip efforts to their limits, with a warning."""
         limits, model = self._limit, self._model
         joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)
         self._warn(

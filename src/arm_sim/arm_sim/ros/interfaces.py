@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Topics of the sim node alone; those it shares with others are in ``arm_dynamics.ros``."""
+"""Topics of the sim node; those it shares with other nodes are in ``arm_dynamics.ros``."""
 
 from __future__ import annotations
 
@@ -13,16 +13,16 @@ from std_msgs.msg import Float64MultiArray
 from arm_dynamics.ros.interfaces import LATCHED, NEWEST, Topic
 
 COMMANDS = Topic("~/commands", Float64MultiArray, subscribe=NEWEST)
-GROUND_TRUTH = Topic("~/ground_truth", JointState)  # where joint_states are what sensors tell
+GROUND_TRUTH = Topic("~/ground_truth", JointState)  # if joint_states are measurements
 ENERGY = Topic("~/energy", Energy)
 MULTIPLIERS = Topic("~/multipliers", Multipliers)
-CLOCK = Topic("/clock", Clock)  # where use_sim_time listens, in whatever namespace
+CLOCK = Topic("/clock", Clock)  # where use_sim_time listens, in any namespace
 WRENCH = Topic("~/wrench", WrenchStamped)
 ALL_JOINT_STATES = Topic("~/all_joint_states", JointState)
 
 
 def frames_topics() -> tuple[Topic, Topic] | None:
-    """Where frames go, those that move and those that do not; None without tf2_msgs."""
+    """Topics of moving and of fixed frames; None without tf2_msgs."""
     try:
         from tf2_msgs.msg import TFMessage
     except ImportError:

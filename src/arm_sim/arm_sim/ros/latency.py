@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long things take: a histogram of durations, and the round trip of commands."""
+"""Latency: a histogram of durations, and the round trip of commands."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _REMEMBERED = 256  # states; an answer to an older one is not counted
 
 @dataclass(frozen=True)
 class Percentiles:
-    """Summary of a histogram, in [s]; all zero when nothing was counted."""
+    """Summary of a histogram, in [s]; all zero if it is empty."""
 
     count: int
     p50: float
@@ -44,8 +44,8 @@ class Histogram(Structure):
 
     def __init__(self) -> None:
         self._counts = array("q", bytes(8 * (_FINE + _COARSE)))
-        # Views and room that stay: large arrays that come and go every second leave holes in the
-        # memory of a process that runs for days.
+        # Persistent arrays: allocating large arrays every second would fragment the memory of a
+        # process that runs for days.
         self._bins = np.frombuffer(self._counts, np.int64)
         self._below = np.zeros_like(self._bins)
         super().__init__(bins=self._bins.ctypes.data)
@@ -60,7 +60,7 @@ class Histogram(Structure):
             self.longest = nanoseconds
 
     def percentiles(self) -> Percentiles:
-        """Summarise what was counted so far; for one thread at a time."""
+        """Summarize the durations so far; for one thread at a time."""
         below = np.cumsum(self._bins, out=self._below)
         count = int(below[-1])
         p50, p99 = (_seconds(int(np.searchsorted(below, share * count))) for share in (0.5, 0.99))
@@ -68,7 +68,7 @@ class Histogram(Structure):
         return Percentiles(count, min(p50, longest), min(p99, longest), longest)
 
     def bars(self) -> tuple[tuple[float, int], ...]:
-        """Upper edge in [s] and number of the durations of every bin that has any."""
+        """Upper edge in [s] and count of every bin that is not empty."""
         bins = self._bins
         return tuple((_seconds(int(i) + 1), int(bins[i])) for i in np.flatnonzero(bins))
 
@@ -80,13 +80,13 @@ def _seconds(bin_: int) -> float:
 
 
 class RoundTrip(Structure):
-    """Time from a joint state to the command that bears its stamp.
+    """Time from a joint state to the command with its stamp.
 
     Attributes:
         newest: Stamp of the state published last, in [ns].
-        next: Where the next state goes among those that are remembered.
-        stamps: Address of their stamps in [ns], -1: answered.
-        times: Address of the system times at which they were published, in [ns].
+        next: Index of the next state in the ring buffer.
+        stamps: Address of the stamps in [ns], -1: answered.
+        times: Address of the system times of publication, in [ns].
         trips: Address of the histogram.
     """
 
@@ -102,28 +102,28 @@ class RoundTrip(Structure):
         self.reset()
 
     def reset(self) -> None:
-        """Begin counting anew."""
+        """Reset the counters."""
         self._histogram = Histogram()
         self.trips = addressof(self._histogram)
 
     def sent(self, stamp: int) -> None:
-        """Note that the state of ``stamp`` in [ns] is published now."""
+        """Register that the state of ``stamp`` in [ns] is published now."""
         place = self.next
         self._stamps[place], self._times[place] = stamp, time.time_ns()
         self.newest, self.next = stamp, (place + 1) % _REMEMBERED
 
     def answered(self, stamp: int, arrival: int) -> None:
-        """Note that a command for the state of ``stamp`` came; only the first one counts.
+        """Register that a command for the state of ``stamp`` arrived; only the first one counts.
 
         Args:
             stamp: Time of the state in [ns].
-            arrival: System time at which the command came in [ns].
+            arrival: System time of arrival in [ns].
         """
         if stamp not in self._stamps:
             return
         place = self.next
         while self._stamps[place := (place - 1) % _REMEMBERED] != stamp:
-            pass  # the newest of that stamp: time may have begun anew
+            pass  # the newest of that stamp: time may have been reset
         self._stamps[place] = -1
         self._histogram.add(arrival - self._times[place])
 

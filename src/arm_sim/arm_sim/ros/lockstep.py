@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sim and controller advance together: a tick is made when its state has been answered."""
+"""Lockstep of simulator and controller: a tick is executed when its state has been answered."""
 
 from __future__ import annotations
 
@@ -18,53 +18,53 @@ from arm_sim.ros.outputs import Outputs
 from arm_sim.ros.params import SimParams
 from arm_sim.ros.tick_engine import TickEngine
 
-_SOON = 300_000  # [ns] within which an answer is worth busy-waiting for
+_SOON = 300_000  # [ns] within which busy-waiting for an answer pays
 _STRETCH = 20_000_000  # [ns] after which other callbacks get their turn
 
 
 class Ahead(IntEnum):
-    """How it ended when answers were taken in compiled code; as in ticks.c.
+    """Outcome of processing answers in compiled code; as in ticks.c.
 
-    It cannot go on; a tick was made and told of; nothing came soon, or others have their turn; an
-    answer came, and its tick is to be made.
+    It cannot continue; a tick was executed and published; no answer arrived soon, or others have
+    their turn; an answer arrived, and its tick is due.
     """
 
     CANNOT, TOLD, NOTHING_CAME, ANSWERED = range(4)
 
 
 class Waiting(Structure):
-    """For which answer it waits.
+    """The state whose answer is awaited.
 
     Attributes:
-        stamp: Of the present state in [ns]; -1: for none.
-        asked: When that was published last, in [ns] of the monotonic clock.
+        stamp: Its stamp in [ns]; -1: none.
+        asked: When it was published last, in [ns] of the monotonic clock.
         first: When it was published first.
-        ignored: Commands that answered no state that was waiting.
-        soon: Time in [ns] within which an answer is worth busy-waiting for.
-        end: When others get their turn.
+        ignored: Number of commands that did not answer a waiting state.
+        soon: Time in [ns] within which busy-waiting for an answer pays.
+        end: When other callbacks get their turn.
     """
 
     _fields_ = tuple((name, c_int64) for name in "stamp asked first ignored soon end".split())
 
 
 class Lockstep:
-    """Waits for the command that bears the stamp of the present state, and asks for it again.
+    """Waits for the command with the stamp of the current state, and repeats the state if needed.
 
-    A state is answered by the command with its stamp, once; a command with another stamp is late
-    and makes no tick. A state that stays unanswered is published again, and a partner that does
-    not answer for ``lockstep_timeout`` is reported gone; time stands still until one answers. All
-    of it happens in the thread that spins the node.
+    A state is answered once, by the command with its stamp; a command with another stamp is late
+    and causes no tick. An unanswered state is published again, and a partner that does not answer
+    for ``lockstep_timeout`` is reported gone; time stands still until one answers. Everything
+    happens in the thread that spins the node.
 
     Attributes:
-        ahead: Takes answers in compiled code, and says how that ended.
-        asked_again: How often a state had to be published again.
+        ahead: Processes answers in compiled code, and returns the outcome.
+        asked_again: Number of states that were published again.
         gone: Whether the partner is reported gone.
     """
 
     def __init__(
         self, node: Node, params: SimParams, engine: TickEngine, inputs: Inputs, outputs: Outputs
     ) -> None:
-        """Listen to commands, and check on the partner by a timer."""
+        """Subscribe to commands, and monitor the partner by a timer."""
         self._engine, self._inputs, self._outputs = engine, inputs, outputs
         self._log, self._every = node.get_logger(), params.publish_every
         self._retry = round(1e9 * params.lockstep_retry)
@@ -83,17 +83,17 @@ class Lockstep:
 
     @property
     def ignored(self) -> int:
-        """Commands that answered no state that was waiting."""
+        """Number of commands that did not answer a waiting state."""
         return int(self._waiting.ignored)
 
     def reset_counters(self) -> None:
-        """Begin counting anew."""
+        """Reset the counters."""
         self.asked_again = self._waiting.ignored = 0
 
     def on_command(self, raw: bytes) -> None:
-        """Take a command, and those that come soon after it, for ``_STRETCH`` at most.
+        """Process a command, and those that arrive soon after it, for at most ``_STRETCH``.
 
-        To go to sleep and be woken again takes longer than most answers.
+        Sleeping and waking up takes longer than most answers.
         """
         self._waiting.end = time.monotonic_ns() + _STRETCH
         self._take(raw)
@@ -101,7 +101,7 @@ class Lockstep:
             pass
 
     def _take(self, raw: bytes) -> None:
-        """Tick to the next published state if the command answers the present one."""
+        """Tick to the next published state if the command answers the current one."""
         stamp = self._inputs.on_joint_commands(raw, time.time_ns())
         if stamp is None:
             return
@@ -110,19 +110,19 @@ class Lockstep:
             return
         if self.gone:
             self.gone = False
-            self._log.info("the partner is back")
+            self._log.info("the partner answers again")
         self._engine.tick_unattended()
         self._finish()
 
     def _finish(self) -> None:
-        """Tick on to the next state that is published, and wait for its answer."""
+        """Tick until the next published state, and wait for its answer."""
         engine = self._engine
         while not engine.paused and engine.simulator.step_count % self._every:
             engine.tick_unattended()
         self.wait()
 
     def _answered_soon(self) -> bool:
-        """Take commands that come soon; whether there may be more of them."""
+        """Process commands that arrive soon; return whether there may be more."""
         if not self.gone and self._waiting.stamp >= 0:
             match self.ahead(self._waiting):
                 case Ahead.NOTHING_CAME:
@@ -140,7 +140,7 @@ class Lockstep:
         return True
 
     def _soon(self) -> bytes | None:
-        """A command that comes within ``_SOON``; meanwhile others may have the processor."""
+        """A command that arrives within ``_SOON``; meanwhile other threads may run."""
         if (left := self._inputs.left()) is not None:
             return left
         waiting = self._waiting
@@ -158,7 +158,7 @@ class Lockstep:
         waiting.asked = waiting.first = time.monotonic_ns()
 
     def look(self) -> None:
-        """Ask again, or report the partner gone, when it is time to."""
+        """Publish the state again, or report the partner gone, when it is time."""
         if self._engine.paused:
             self._outputs.repeat(self._glance)
             return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the sim node publishes tick by tick, and when."""
+"""Messages that the sim node publishes in the course of ticks."""
 
 from __future__ import annotations
 
@@ -26,22 +26,22 @@ from arm_sim.ros.stamps import SIM, NodeTime, SimulatedTime
 from arm_sim.ros.tick_engine import TickEngine
 
 _IDLE_PERIOD = 0.1  # [s] between joint states while time stands still
-_GLANCE = 0.1  # [s] between looks for readers of what is published seldom
+_GLANCE = 0.1  # [s] between checks for subscribers of infrequent topics
 
 
 class Outputs:
-    """Joint states, beside the true ones where the scene has sensors; what else is asked for.
+    """Joint states, the exact ones as well if the scene has sensors, and other requested topics.
 
     Used by the ticking thread only.
 
     Attributes:
-        said: Positions, velocities and efforts that joint states tell of, each shape (n,).
-        states: What publishes joint states.
-        every: Ticks from one to the next.
-        plain: Whether joint states are all that a tick tells, and stand ready after it.
-        stamps: Where stamps come from.
-        clock: What tells others the time, or None.
-        tap: Called with topic, stamp in [ns] and bytes of what is published, if it is there.
+        said: Positions, velocities and efforts of joint states, each shape (n,).
+        states: Publishes joint states.
+        every: Ticks between joint states.
+        plain: Whether a tick publishes only joint states, which are ready after it.
+        stamps: Source of stamps.
+        clock: Publishes simulated time, or None.
+        tap: Called with topic, stamp in [ns] and bytes of every output, if set.
     """
 
     def __init__(
@@ -52,9 +52,9 @@ class Outputs:
         round_trip: RoundTrip,
         account_wanted: Callable[[], bool],
     ) -> None:
-        """Advertise the topics and follow the engine; ``round_trip`` is told of every state.
+        """Advertise the topics and attach to the engine; ``round_trip`` registers every state.
 
-        ``account_wanted`` tells whether something besides ``~/energy`` needs the energy account.
+        ``account_wanted`` returns whether anything besides ``~/energy`` needs the energy account.
         """
         self._engine, self._round_trip, self._account_wanted = engine, round_trip, account_wanted
         self._simulator = simulator = engine.simulator
@@ -87,7 +87,7 @@ class Outputs:
         self._multipliers = None
         if simulator.model.scene.bilateral:
             self._multipliers = advertise(node, MULTIPLIERS)
-            simulator.multipliers()  # builds what the loop should not have to wait for
+            simulator.multipliers()  # builds in advance what would delay the loop
         self.stamps = _stamps(node, params, simulator.dt)
         self.clock = SimClock(node) if params.publish_clock else None
         simulator.energy_account.prepare()
@@ -100,14 +100,14 @@ class Outputs:
 
     @property
     def seldom(self) -> int:
-        """Ticks between those after which there may be more to publish than joint states."""
+        """Number of ticks between checks for other topics than joint states."""
         multipliers = self._multipliers is not None and self._multipliers.get_subscription_count()
         if self._engine.accounted or multipliers:
             return self._energy_every
         return self._energy_every * max(1, round(self._glance / self._energy_every))
 
     def publish(self) -> None:
-        """Publish the present state, and the clock."""
+        """Publish the current state, and the clock."""
         self._idle = 0.0
         stamp = self.stamp()
         self._round_trip.sent(stamp)
@@ -124,18 +124,18 @@ class Outputs:
             self.clock.tell(stamp)
 
     def repeat(self, elapsed: float) -> None:
-        """Publish the present state now and then; ``elapsed`` in [s] since the last call."""
+        """Publish the current state periodically; ``elapsed`` in [s] since the last call."""
         self._release()
         self._idle += elapsed
         if self._idle >= _IDLE_PERIOD:
             self.publish()
 
     def stamp(self) -> int:
-        """Stamp of the present state in [ns]."""
+        """Stamp of the current state in [ns]."""
         return self.stamps.at(self._engine.stamp)
 
     def _release(self) -> None:
-        """While the arm waits for a command the clock goes on; while it is paused stamps stay."""
+        """While the arm waits for a command the clock advances; while it is paused stamps stay."""
         if not self._engine.paused:
             self.stamps.release()
 
@@ -148,7 +148,7 @@ class Outputs:
             self._publish_multipliers()
 
     def _publish_energy(self) -> None:
-        """Keep the account while it has subscribers; it opens with the first one."""
+        """Keep the energy account while it has subscribers."""
         heard = self._energy.get_subscription_count() > 0
         self._engine.keep_account(heard or self._account_wanted())
         if not heard:
@@ -165,7 +165,7 @@ class Outputs:
         self._publish(MULTIPLIERS, self._multipliers, message)
 
     def _publish(self, topic: Topic, publisher: Any, message: Any) -> None:
-        """Publish what is not for every tick."""
+        """Publish topics that are not published in every tick."""
         stamp = self.stamp()
         message.header.stamp = to_time(stamp)
         raw = as_bytes(message)

@@ -22,14 +22,14 @@ class SimParams(ThreadParams, RobotParams):
     """Parameters of the sim node."""
 
     scene: str = parameter("", f"{SCENE}; what is simulated")
-    integrator: str = parameter("", "Integration method; empty: as the scene says")
-    dt: float = parameter(0.0, "Length of a tick [s]; 0: as the scene says", low=0.0, high=1.0)
+    integrator: str = parameter("", "Integration method; empty: that of the scene")
+    dt: float = parameter(0.0, "Length of a tick [s]; 0: that of the scene", low=0.0, high=1.0)
     tolerance: float = parameter(
-        0.0, "Error allowed inside a tick; 0: as the scene says", low=0.0, high=1.0
+        0.0, "Error tolerance inside a tick; 0: that of the scene", low=0.0, high=1.0
     )
-    realtime: bool = parameter(True, "Tick by the clock; false: only when tick() is called")
+    realtime: bool = parameter(True, "Tick in real time; false: only when tick() is called")
     realtime_factor: float = parameter(
-        1.0, "Simulated time per time of the clock; 0: as fast as possible", low=0.0, high=1000.0
+        1.0, "Simulated time per real time; 0: as fast as possible", low=0.0, high=1000.0
     )
     overrun: str = parameter(
         CATCH_UP,
@@ -38,22 +38,22 @@ class SimParams(ThreadParams, RobotParams):
         choices=OVERRUN,
     )
     lockstep: bool = parameter(
-        False, "Tick when the present state has been answered, instead of by the clock"
+        False, "Tick when a command has answered the current state, instead of in real time"
     )
     lockstep_retry: float = parameter(
         0.02, "Time after which an unanswered state is published again [s]", low=0.001, high=10.0
     )
     lockstep_timeout: float = parameter(
-        1.0, "Time without answer after which the partner is reported gone [s]", low=0.01, high=1e4
+        1.0, "Time after which a silent partner is reported gone [s]", low=0.01, high=1e4
     )
     standard_services: bool = parameter(
         True, "Offer services and the action of simulation_interfaces where that is installed"
     )
     paused: bool = parameter(False, "Start paused")
     wait_for_command: bool = parameter(
-        False, "Let time stand still until the first command, also after a reset"
+        False, "Hold simulated time until the first command, also after a reset"
     )
-    publish_every: int = parameter(1, "Ticks from joint state to joint state", low=1, high=100_000)
+    publish_every: int = parameter(1, "Number of ticks between joint states", low=1, high=100_000)
     time: str = parameter(
         AUTO,
         "Stamps: sim (simulated time), ros (the node's clock), or auto: ros where the simulation "
@@ -95,7 +95,7 @@ class SimParams(ThreadParams, RobotParams):
     )
 
     def __post_init__(self) -> None:
-        """Refuse processors that cannot be read, and stamps that contradict what owns time."""
+        """Refuse invalid processor lists, and stamps that contradict the source of time."""
         super().__post_init__()
         owner = "lockstep" if self.lockstep else "publish_clock" if self.publish_clock else ""
         if owner and self.time == ROS:
@@ -106,7 +106,7 @@ class SimParams(ThreadParams, RobotParams):
 
     @property
     def stamps(self) -> str:
-        """What stamps are in force: ``sim`` or ``ros``."""
+        """The kind of stamps in use: ``sim`` or ``ros``."""
         if self.time != AUTO:
             return self.time
         follows = self.tick_source == CLOCK and self.realtime_factor == 1.0
@@ -114,12 +114,12 @@ class SimParams(ThreadParams, RobotParams):
 
     @property
     def tick_source(self) -> str:
-        """What makes the simulation tick: ``lockstep``, ``clock``, or a caller by ``hand``."""
+        """What triggers ticks: ``lockstep``, ``clock``, or a caller by ``hand``."""
         return LOCKSTEP if self.lockstep else CLOCK if self.realtime else HAND
 
 
 def simulator_of(scene: Scene, params: SimParams) -> Simulator:
-    """The simulation of a scene, by the method and the ticks that the parameters ask for.
+    """The simulation of a scene, with the method and tick of the parameters.
 
     Raises:
         ArmError: If it cannot be simulated.
@@ -129,7 +129,7 @@ def simulator_of(scene: Scene, params: SimParams) -> Simulator:
 
 
 def greeting(simulator: Simulator, params: SimParams) -> str:
-    """What is simulated and from where, in words for whoever has just started it."""
+    """Start-up message: the simulated robot, method, pace and source."""
     model, choice = simulator.model, simulator.choice
     at = ", ".join(
         f"{name} {place:.4g}" for name, place in zip(model.joint_names, model.q0, strict=True)

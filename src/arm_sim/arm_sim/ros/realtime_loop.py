@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thread that calls a function at absolute deadlines and measures how well it keeps them."""
+"""A thread that calls a function at absolute deadlines and measures its lateness."""
 
 from __future__ import annotations
 
@@ -20,11 +20,11 @@ _PR_SET_TIMERSLACK = 29
 
 @dataclass(frozen=True)
 class LoopReport:
-    """How a loop has kept its deadlines since it started or was reset.
+    """Timing of a loop since it started or was reset.
 
     Attributes:
-        ticks: Calls made.
-        elapsed: Time they took in [s].
+        ticks: Number of calls.
+        elapsed: Elapsed time in [s].
         missed: Ticks that began after the next one was due.
         dropped: Deadlines that were given up, left out or shifted.
         lateness: How long after their deadline ticks began.
@@ -43,13 +43,13 @@ class LoopReport:
 
 
 class Due(Structure):
-    """When ticks are due, in [ns].
+    """Deadlines of ticks, in [ns].
 
     Attributes:
-        deadline: When the next one is.
-        earliest: Before that it does not begin.
-        period: From deadline to deadline; 0: there are none.
-        closest: Least distance of ticks.
+        deadline: Deadline of the next tick.
+        earliest: Earliest start of the next tick.
+        period: Time between deadlines; 0: there are none.
+        closest: Shortest time between ticks.
         give_up: Lag beyond which deadlines are dropped, left out or shifted.
         slow_down: Whether they are shifted.
         missed: Ticks that began after the next one was due.
@@ -67,29 +67,28 @@ class Due(Structure):
 class RealtimeLoop:
     """Calls ``tick`` every ``period``, by deadlines that do not drift.
 
-    What follows a tick that begins after the next one was due is declared by ``overrun``:
+    ``overrun`` declares what follows a tick that begins after the next deadline:
 
-    * ``catch_up``: it is made up for. The following ticks come faster, though never closer than
-      ``closest`` of a period, so that partners still get to answer each of them. The loop is never
-      more than ``give_up`` behind: older deadlines are dropped, and counted.
-    * ``skip``: deadlines that have passed are left out; ticks stay on the grid of the clock.
-    * ``slow_down``: the grid itself is shifted; the next tick comes a period after the late one.
+    * ``catch_up``: the following ticks are faster, but at least ``closest`` of a period apart, so
+      that partners can answer each of them. The loop is never more than ``give_up`` behind: older
+      deadlines are dropped, and counted.
+    * ``skip``: deadlines that have passed are skipped; ticks stay on the grid of the clock.
+    * ``slow_down``: the grid is shifted; the next tick begins a period after the late one.
 
     With a period of zero, ticks follow one another as fast as they can, and nothing is late.
 
     Args:
-        tick: What to call; it must not raise.
+        tick: Function to call; it must not raise.
         period: Time between deadlines in [s]; 0: none.
         overrun: ``catch_up``, ``skip`` or ``slow_down``.
-        closest: Least distance of ticks while catching up, as a part of the period.
+        closest: Shortest time between ticks while catching up, as a fraction of the period.
         give_up: Lag in [s] beyond which deadlines are dropped while catching up.
         prepare: Called once by the thread, before its first tick.
-        ahead: Makes ticks that are due until one is not for it, and returns whether there is none
-            yet that is to be made by ``tick``.
-        clock: What tells the time and sleeps; the module ``time`` or the like.
+        ahead: Executes due ticks until one is left to ``tick``; returns whether none is left yet.
+        clock: Clock with sleep; the module ``time`` or an equivalent.
 
     Attributes:
-        lateness: How long after their deadline ticks began.
+        lateness: Delays of ticks after their deadlines.
     """
 
     _until: int | None
@@ -124,7 +123,7 @@ class RealtimeLoop:
         self._thread.start()
 
     def stop(self) -> None:
-        """Stop after the tick under way; the report stays."""
+        """Stop after the current tick; the report is kept."""
         self._running = False
         if self._thread is not None and self._thread is not threading.current_thread():
             self._thread.join()
@@ -132,14 +131,14 @@ class RealtimeLoop:
             self._until = self._clock.monotonic_ns()
 
     def reset(self) -> None:
-        """Begin counting anew."""
+        """Reset the counters."""
         self.lateness = Histogram()
         self._due.lateness = addressof(self.lateness)
         self._due.missed = self._due.dropped = 0
         self._since, self._until = self._clock.monotonic_ns(), None
 
     def report(self) -> LoopReport:
-        """How well deadlines were kept."""
+        """Timing so far."""
         lateness = self.lateness.percentiles()
         elapsed = 1e-9 * ((self._until or self._clock.monotonic_ns()) - self._since)
         return LoopReport(lateness.count, elapsed, self._due.missed, self._due.dropped, lateness)
@@ -175,7 +174,7 @@ class RealtimeLoop:
             due.deadline += self._shift(late)
 
     def _shift(self, late: int) -> int:
-        """How much later the next deadline is than it would have been."""
+        """Shift of the next deadline."""
         if self._due.slow_down:
             self._due.dropped += late // self._period
             return late
@@ -185,8 +184,8 @@ class RealtimeLoop:
 
 
 def _ask_for_exact_timers() -> None:
-    """Lower the kernel's timer slack of this thread, 50 µs by default, where that is possible."""
+    """Reduce the kernel's timer slack of this thread, 50 µs by default, if possible."""
     try:
         ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)
     except (OSError, AttributeError):
-        pass  # not Linux: ticks come up to 50 µs later
+        pass  # not Linux: ticks are up to 50 µs later

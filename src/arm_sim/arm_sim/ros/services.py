@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sim node's services; what they ask for happens between two ticks."""
+"""Services of the sim node, executed between two ticks."""
 
 from __future__ import annotations
 
@@ -18,14 +18,14 @@ from arm_sim.ros.tick_engine import TickEngine
 from arm_sim.runtime_changes import friction_change, payload_change
 
 Action = Callable[[], Any]
-_REACH = 1.0  # [rad] or [m]: farther a joint does not get within a tick of any use
+_REACH = 1.0  # [rad] or [m]: largest motion of a joint in a tick
 
 
 class SimServices:
-    """Answers requests to a simulation; a bad one changes nothing.
+    """Answers requests to a simulation; an invalid one changes nothing.
 
-    A service is an order: it is given request and response, prepares in the calling thread what
-    takes long, and returns the action to run between two ticks.
+    A service prepares lengthy work in the calling thread, and returns the action to run between
+    two ticks.
     """
 
     def __init__(self, node: Node, engine: TickEngine, reset_counters: Action) -> None:
@@ -51,7 +51,7 @@ class SimServices:
         return response
 
     def _step(self, request: Any, response: Any) -> Action:
-        """Advance by whole ticks while nothing else does."""
+        """Advance by whole ticks while the simulation is paused."""
 
         def action() -> None:
             try:
@@ -62,7 +62,7 @@ class SimServices:
         return action
 
     def _set_joint_state(self, request: Any) -> None:
-        """Named joints take the positions, or keep theirs, and the velocities, or stop."""
+        """Set positions (default: unchanged) and velocities (default: zero) of named joints."""
         simulator = self._engine.simulator
         state = simulator.state
         joints = joint_indices(request.joint_names, simulator.joint_names)
@@ -72,7 +72,7 @@ class SimServices:
         self._engine.change(lambda: simulator.set_state(q, v))
 
     def _refuse_fast(self, v: Array) -> None:
-        """Refuse speeds that no tick could follow, rather than stop at the next one."""
+        """Refuse velocities that are too large for a tick, which would fail afterwards."""
         simulator = self._engine.simulator
         limit = _REACH / simulator.dt
         for name, kind, speed in zip(
@@ -86,12 +86,12 @@ class SimServices:
                 )
 
     def _set_payload(self, request: Any, response: Any) -> Action:
-        """Another mass in the hand."""
+        """Change a payload."""
         load = request.index, request.mass, request.com, request.inertia
         return partial(self._engine.change, payload_change(self._engine.simulator, *load))
 
     def _set_friction(self, request: Any, response: Any) -> Action:
-        """Other viscous friction; joints that are not named keep theirs."""
+        """Change viscous friction; joints that are not named keep theirs."""
         simulator = self._engine.simulator
         joints = joint_indices(request.joint_names, simulator.joint_names)
         present = simulator.dynamics.model.viscous

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The sim node: a simulated arm that takes commands and publishes how it moves."""
+"""The sim node: a simulated arm that accepts commands and publishes joint states."""
 
 from __future__ import annotations
 
@@ -33,29 +33,29 @@ from arm_sim.ros.tick_engine import TickEngine
 class SimNode(Node):
     """Integrates the arm from joint commands and publishes its joint states.
 
-    With ``realtime`` a thread ticks by the clock; with ``lockstep`` the answer to a state makes
-    the next tick; without either, whoever calls ``tick`` is the clock.
+    With ``realtime`` a thread ticks in real time; with ``lockstep`` the answer to a state
+    triggers the next tick; without either, the caller of ``tick`` advances time.
 
     Attributes:
         simulator: The simulation.
-        params: Parameters in force.
-        engine: What advances the simulation; knows no ROS.
-        inputs: Commands and wrenches that come in.
-        lockstep: What waits for answers, or None.
-        display: What people look at: all joints, frames.
-        ordinary: What makes most ticks, in C.
-        loop: What ticks by the clock, and measures how well it keeps it.
+        params: Current parameters.
+        engine: Advances the simulation; independent of ROS.
+        inputs: Incoming commands and wrenches.
+        lockstep: Waits for answers, or None.
+        display: Publishes all joints and frames for visualization.
+        ordinary: Executes most ticks, in C.
+        loop: Ticks in real time, and measures its timing.
         requests: The services.
         standard: The standard services of simulators.
-        recorder: What records every tick, or None.
-        diagnostics: Looks at all of these.
+        recorder: Records every tick, or None.
+        diagnostics: Inspects all of these.
     """
 
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
         """Build the simulation and start it.
 
         Args:
-            scene: Anything ``load_scene`` takes; when None the parameter ``scene``, else a robot
+            scene: Anything ``load_scene`` accepts; if None, the parameter ``scene``, else a robot
                 description, from the parameter or topic ``robot_description``.
             **node_kwargs: For ``rclpy.node.Node``: context, namespace, parameter_overrides, …
 
@@ -137,7 +137,7 @@ class SimNode(Node):
         self.params = params
 
     def _claim_privileges(self) -> None:
-        """Ask the system for what the ticking thread should have."""
+        """Request the privileges of the ticking thread."""
         self._refused_privileges += self.params.claim()
         for refusal in self._refused_privileges:
             self.get_logger().warning(f"not granted: {refusal}")
@@ -150,7 +150,7 @@ class SimNode(Node):
             self.lockstep.reset_counters()
 
     def tick(self) -> None:
-        """Do what was asked for since the last tick, then advance by one unless paused."""
+        """Run requests since the last tick, then advance by one tick unless paused."""
         self.engine.tick()
 
     def _report_failure(self) -> None:
@@ -164,10 +164,10 @@ class SimNode(Node):
                 f"the policy '{self.params.stale_policy}' acts"
             )
         else:
-            self.get_logger().info("commands are back")
+            self.get_logger().info("commands have resumed")
 
     def destroy_node(self) -> None:
-        """Stop ticking, report how it went, and take the node down."""
+        """Stop ticking, log the timing, and destroy the node."""
         self.loop.stop()
         self.engine.queue.served = False
         self.inputs.close()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Stamps of what the sim node publishes: simulated time, or time of the node's clock."""
+"""Stamps of the sim node's messages: simulated time, or time of the node's clock."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from typing import Any
 
 AUTO, ROS, SIM = "auto", "ros", "sim"
 CHOICES = (AUTO, ROS, SIM)
-_WINDOW = 1_000_000_000  # [ns] over which the least lag is sought; a stall is made up for sooner
+_WINDOW = 1_000_000_000  # [ns] over which the smallest lag is determined
 _NEVER = 1 << 62
 
 
@@ -24,27 +24,27 @@ class SimulatedTime:
         return simulated
 
     def release(self) -> None:
-        """Nothing to do: simulated time never has to catch up with anything."""
+        """Nothing to do: simulated time never lags."""
 
 
 class NodeTime(Structure):
     """Stamps of the node's clock, in steps of the tick while the simulation keeps up with it.
 
-    A thread that ticks by the clock is woken some 50 µs late, now less, now more. Stamps that were
-    the time of waking would give a controller a reference that trembles by velocity times that
-    time: a Panda that moves by half a radian in two seconds is then 2e-4 to 3e-4 rad off instead
-    of 3e-6 (RMS, on a busy machine). So the stamp of a tick is when it is *due*: simulated time
-    plus an offset, where
+    A real-time thread wakes up about 50 µs late, with jitter. If stamps were the time of waking,
+    the reference of a controller would jitter by velocity times that time: a Panda that moves by
+    half a radian in two seconds would have an error of 2e-4 to 3e-4 rad instead of 3e-6 (RMS, on
+    a busy machine). So the stamp of a tick is the time when it is *due*: simulated time plus an
+    offset, where
 
-    * no stamp lies in the future: one that would lowers the offset;
-    * none falls behind by more than a tick for long: when the least lag of a second is longer, as
-      when ticks were dropped, stamps go half as fast again until it is made up for, and jump where
-      it is more than a second;
-    * stamps do not go backwards, not even when simulated time starts again, unless the clock is
-      set back by more than a second.
+    * no stamp lies in the future: the offset is reduced if one would;
+    * no stamp lags by more than a tick for long: if the smallest lag of a second is longer, as
+      after dropped ticks, stamps advance 1.5 times as fast until the lag is recovered, and jump
+      if it exceeds a second;
+    * stamps do not go backwards, not even when simulated time is reset, unless the clock is set
+      back by more than a second.
 
-    Where ticks are not due at even times, or the clock is someone else's simulated time, a stamp
-    is what the clock says.
+    If ticks are not due at even times, or the clock is another node's simulated time, stamps are
+    the time of the clock.
 
     Args:
         clock: The node's ``rclpy.clock.Clock``.
@@ -54,13 +54,13 @@ class NodeTime(Structure):
     Attributes:
         tick: As above.
         even: Whether stamps are simulated time plus an offset.
-        free: Whether the next stamp is what the clock says.
+        free: Whether the next stamp is the time of the clock.
         simulated: Simulated time of the last stamp in [ns].
         last: The last stamp in [ns].
         offset: Stamp of simulated time zero in [ns].
-        least: Least lag since the last look at it in [ns].
-        look: When to look at it, in [ns].
-        owed: Lag that is still to be made up for in [ns].
+        least: Smallest lag since the last check in [ns].
+        look: Time of the next check, in [ns].
+        owed: Lag that remains to be recovered in [ns].
     """
 
     _fields_ = tuple(
@@ -74,7 +74,7 @@ class NodeTime(Structure):
         self._see()
 
     def release(self) -> None:
-        """Time stood still and goes on: the next stamp is what the clock says."""
+        """After time stood still, the next stamp is the time of the clock."""
         self.free = True
 
     def at(self, simulated: int) -> int:
@@ -95,7 +95,7 @@ class NodeTime(Structure):
         return stamp
 
     def _now(self) -> int:
-        # The system's clock is the node's unless use_sim_time is set; to ask rclpy takes 6 µs.
+        # The node's clock is the system's unless use_sim_time is set; asking rclpy takes 6 µs.
         return int(self._clock.now().nanoseconds) if self._foreign else self._system()
 
     def _watch(self, now: int, lag: int) -> None:
@@ -109,6 +109,6 @@ class NodeTime(Structure):
             self._see()
 
     def _see(self) -> None:
-        """See whose time the clock tells."""
+        """Determine the source of the node's clock."""
         self._foreign = bool(self._clock.ros_time_is_active)
         self.even = bool(self.tick) and not self._foreign

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What happens in a tick of a running simulation, without ROS."""
+"""Ticks of a running simulation, without ROS."""
 
 from __future__ import annotations
 
@@ -25,33 +25,33 @@ from arm_sim.servo import JointCommand
 from arm_sim.simulator import Simulator
 
 MAX_STEPS = 10_000  # of one call
-_SILENCE = 1.0  # [s] after which a silent source is gone; a busy machine may well delay one
+_SILENCE = 1.0  # [s] after which a silent source is gone; a busy machine may delay one
 
 Listeners = list[Callable[[], None]]
 
 
 class TickEngine:
-    """A simulation that takes commands, wrenches and orders, and advances tick by tick.
+    """A simulation that accepts commands, wrenches and requests, and advances tick by tick.
 
-    All methods are for the thread that ticks; other threads go through ``queue``. Only ``push``
-    is for any thread.
+    All methods are for the ticking thread; other threads use ``queue``. Only ``push`` is for any
+    thread.
 
     Attributes:
         simulator: The simulation.
         commands: The slot for the newest command.
-        arbiter: Who may command.
+        arbiter: Decides which source may command.
         queue: Actions of other threads, run between ticks.
         paused: Whether time stands still.
         failure: Why the simulation paused itself, else empty.
-        stale_policy: What acts without a command or with an old one.
-        stopping: Stops and holds the arm where the policy says so.
+        stale_policy: What acts without a command or with a stale one.
+        stopping: Stops and holds the arm if the policy requires it.
         read_commands: Called before a tick, to fill the slot.
         on_tick: Called after each tick.
         on_idle: Called instead of a tick while time stands still.
         on_jump: Called when state or model changed other than by a tick.
-        on_pause: Called when time was stopped or released.
+        on_pause: Called when the simulation was paused or resumed.
         on_failure: Called when the simulation has paused itself.
-        on_staleness: Called when the stale policy begins or ceases to act.
+        on_staleness: Called when the stale policy starts or stops acting.
     """
 
     def __init__(
@@ -65,16 +65,16 @@ class TickEngine:
         wait_for_command: bool = False,
         background: Background | None = None,
     ) -> None:
-        """Prepare; the policy ``zero`` acts until ``configure`` says otherwise.
+        """Prepare; the policy ``zero`` acts until ``configure`` changes it.
 
         Args:
             simulator: The simulation.
-            wrench_timeout: Simulated time that a wrench acts in [s].
+            wrench_timeout: Simulated time for which a wrench acts in [s].
             wrench_reference: Axes of wrenches, see ``ExternalWrenches``.
             paused: Whether to start paused.
-            self_running: Whether a clock or a partner makes it tick, rather than a caller.
+            self_running: Whether a clock or a partner triggers ticks, rather than a caller.
             wait_for_command: Whether time stands still until the first command.
-            background: Where to build what the loop should not wait for; None: in the loop.
+            background: Builds functions without blocking the loop; None: in the loop.
         """
         self.simulator, self._q = simulator, simulator.x[: simulator.n]
         line: Line[Command] | None = command_line(simulator.model.scene, simulator.dt)
@@ -95,7 +95,7 @@ class TickEngine:
         self.configure(0.0, ZERO)
 
     def configure(self, command_timeout: float, stale_policy: str) -> None:
-        """Choose the simulated time in [s] after which a command is old, 0: never, and the policy.
+        """Set the simulated time in [s] after which a command is stale, 0: never, and the policy.
 
         The policy is one of ``commands.latest.POLICIES``, see ``LatestCommand``.
         """
@@ -116,10 +116,7 @@ class TickEngine:
 
     @property
     def held(self) -> str:
-        """What stops or holds the arm where no command leads it: ``brakes``, ``servos``, or none.
-
-        ``no`` stands for none.
-        """
+        """What stops or holds the arm without a command: ``brakes``, ``servos``, or ``no``."""
         stopping = self.stopping
         return "no" if not stopping.acts else "brakes" if stopping.locked else "servos"
 
@@ -141,7 +138,7 @@ class TickEngine:
         _call(self.on_idle)
 
     def tick_unattended(self) -> None:
-        """Tick where no caller would see an exception: one pauses the simulation."""
+        """Tick in a thread without a caller: an exception pauses the simulation."""
         try:
             self.tick()
         except Exception as error:
@@ -149,7 +146,7 @@ class TickEngine:
 
     @property
     def ordinary(self) -> bool:
-        """Whether efforts act in the next tick and nothing else is due; ``commands`` has a say."""
+        """Whether efforts act in the next tick and nothing else is due, also in ``commands``."""
         pushed = self._pushing or bool(self._wrenches.active)
         still = self.paused or self.stopping.acts or self._was_stale
         return not (still or pushed or self._remade)
@@ -168,19 +165,19 @@ class TickEngine:
         return self._meter is not None
 
     def made(self, ticks: int, states: Array, acted: Array) -> None:
-        """Take note of ticks that were made elsewhere, and told of but for the account.
+        """Register ticks that were executed and published elsewhere, except for the account.
 
         Args:
-            ticks: How many.
+            ticks: Number of ticks.
             states: With an account, the states after them, shape (ticks, nx).
-            acted: Likewise, what acted, shape (ticks, n).
+            acted: Likewise, the efforts that acted, shape (ticks, n).
         """
         self.simulator.passed(ticks)
         if self._meter is not None:
             self._meter.note_all(states, acted)
 
     def tell_unattended(self) -> None:
-        """Tell listeners of a tick that was made elsewhere, as ``tick_unattended``."""
+        """Notify listeners of a tick that was executed elsewhere, as ``tick_unattended``."""
         try:
             _call(self.on_tick)
         except Exception as error:
@@ -188,15 +185,15 @@ class TickEngine:
 
     @property
     def may_step(self) -> bool:
-        """Whether ``step`` is allowed: nothing else makes ticks."""
+        """Whether ``step`` is allowed: nothing else executes ticks."""
         return self.paused or not self._self_running
 
     def step(self, steps: int) -> None:
-        """Make some ticks with the newest command, which does not age.
+        """Execute some ticks with the newest command, which does not age.
 
         Raises:
-            InvalidInput: If the number is not allowed, or the simulation runs by itself.
-            SimulationDiverged: If it diverges on the way; the last good state is kept.
+            InvalidInput: If the number is not allowed, or the simulation is running.
+            SimulationDiverged: If it diverges; the last good state is kept.
         """
         if not 1 <= steps <= MAX_STEPS:
             raise InvalidInput(f"steps = {steps}; allowed: 1 to {MAX_STEPS}")
@@ -212,7 +209,7 @@ class TickEngine:
                 raise SimulationDiverged(f"after {done} of {steps} steps; that state is kept")
 
     def _advance(self, command: Command | Stop) -> bool:
-        """Make a tick; on divergence pause at the last good state and return False."""
+        """Execute a tick; on divergence pause at the last good state and return False."""
         if self._pushable:
             self._push()
         try:
@@ -229,7 +226,7 @@ class TickEngine:
         return True
 
     def _make(self, command: Command | Stop) -> bool:
-        """Make a tick under a command; whether the arm was free to move."""
+        """Execute a tick under a command; return whether the arm was free to move."""
         simulator, stopping = self.simulator, self.stopping
         if isinstance(command, Stop):
             led = stopping.command(command)
@@ -252,13 +249,13 @@ class TickEngine:
         return True
 
     def _release(self) -> None:
-        """Let the arm move; what may have to stop it is made ready."""
+        """Release the arm, and prepare the servos that may have to stop it."""
         self.stopping.release()
         if self._in_background and self.stale_policy in (BRAKE, SERVO):
             self._servos.ready  # noqa: B018 - begins to build them
 
     def _stand(self) -> None:
-        """Let a tick pass in which brakes hold the arm; what they take is told as a change."""
+        """Execute a tick in which brakes hold the arm; the energy they absorb is a change."""
         if not self.stopping.locked:
             self._accounted(self.simulator.lock)
             self.stopping.locked = True
@@ -268,20 +265,20 @@ class TickEngine:
         self.paused, self.failure = True, why
         _call(self.on_failure)
 
-    # --- orders --------------------------------------------------------------------------------
+    # --- requests ------------------------------------------------------------------------------
 
     def pause(self, stop: bool) -> None:
-        """Stop time, or let it go on."""
+        """Pause or resume the simulation."""
         self.paused = stop
         if not stop:
             self.failure = ""
         _call(self.on_pause)
 
     def reset(self, *state: Any) -> None:
-        """Go back to time zero, without commands, sources and wrenches.
+        """Reset to time zero, without commands, sources and wrenches.
 
         Args:
-            *state: q, v and z to begin with, see ``Simulator.reset``; none for the initial ones.
+            *state: q, v and z, see ``Simulator.reset``; none for the initial ones.
         """
         self.commands.clear()
         self.arbiter.forget()
@@ -292,7 +289,7 @@ class TickEngine:
         self.change(lambda: self.simulator.reset(*state))
 
     def change(self, action: Callable[[], Any]) -> None:
-        """Run what changes state or model at once; the energy account notes what it puts in."""
+        """Run a function that changes state or model, and note its energy in the account."""
         self._accounted(action)
         if self.stopping.acts:
             self.stopping.hold()  # where it is now
@@ -303,7 +300,7 @@ class TickEngine:
             action()
         else:
             self._meter.change(action)
-        self.commands.dynamics = self.simulator.dynamics  # the weight may be another one
+        self.commands.dynamics = self.simulator.dynamics  # gravity may have changed
 
     # --- wrenches ------------------------------------------------------------------------------
 
@@ -313,17 +310,16 @@ class TickEngine:
         return self._wrenches.active
 
     def push(self, frame: str, wrench: ArrayLike) -> None:
-        """Let a wrench act on a frame from the next tick on, in place of the one before.
+        """Apply a wrench to a frame from the next tick on, replacing the previous one.
 
-        Nothing is computed for wrenches before the first one; that one takes a second to build, in
-        the calling thread.
+        Code for wrenches is built with the first one, which takes a second in the calling thread.
 
         Args:
             frame: A frame that moves.
             wrench: Force in [N] and moment in [N m], shape (6,).
 
         Raises:
-            InvalidInput: If the frame is unknown or never moves, or a number is not finite.
+            InvalidInput: If the frame is unknown or fixed, or a number is not finite.
         """
         simulator = self.simulator
         if not self._pushable:
@@ -335,7 +331,7 @@ class TickEngine:
         self.queue.run(lambda: self._wrenches.push(frame, wrench, simulator.step_count + last))
 
     def _push(self) -> None:
-        """Let the wrenches act in the next tick."""
+        """Apply the wrenches in the next tick."""
         if self._wrenches.active or self._pushing:
             tau = self._wrenches.torque(self._q, self.simulator.step_count)
             self.simulator.set_parameter(EXTERNAL, tau)
@@ -344,7 +340,7 @@ class TickEngine:
     # --- energy --------------------------------------------------------------------------------
 
     def keep_account(self, wanted: bool) -> None:
-        """Open the energy account if it is closed, or close it where it has no reader."""
+        """Open the energy account if it is needed, or close it if it is not."""
         if not wanted:
             self._meter = None
         elif self._meter is None:
@@ -356,7 +352,7 @@ class TickEngine:
 
     @property
     def energy_error(self) -> float:
-        """Energy from nowhere in the last account, of the energy that moved; 0 without one."""
+        """Unexplained energy of the last account, relative to the energy that moved; else 0."""
         return 0.0 if self._meter is None else self._meter.error
 
 

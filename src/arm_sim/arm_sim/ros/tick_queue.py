@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Actions that other threads hand to the ticking thread, which runs them between two ticks."""
+"""Actions of other threads that the ticking thread runs between two ticks."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from arm_dynamics import InvalidInput
 
 
 class TickQueue:
-    """A queue of actions; while no thread serves it, an action runs at once.
+    """A queue of actions; while no thread serves it, an action runs immediately.
 
     Args:
-        timeout: How long a caller waits in [s].
+        timeout: Longest time that a caller waits in [s].
 
     Attributes:
         served: Whether another thread empties the queue.
-        bell: Not 0 while the ticking thread has something to see to between two ticks.
+        bell: Not 0 while the ticking thread has work between two ticks.
     """
 
     def __init__(self, timeout: float = 30.0) -> None:
@@ -29,10 +29,10 @@ class TickQueue:
         self._queue: SimpleQueue[tuple[Callable[[], Any], Future[Any]]] = SimpleQueue()
 
     def run(self, action: Callable[[], Any]) -> Any:
-        """Have an action run between two ticks; return its result, or raise its exception.
+        """Run an action between two ticks; return its result, or raise its exception.
 
         Raises:
-            InvalidInput: If it was not run in time; then it never will be.
+            InvalidInput: If it was not run in time; it is discarded then.
         """
         if not self.served:
             return action()
@@ -46,11 +46,11 @@ class TickQueue:
             raise InvalidInput(f"the simulation did not respond in {self._timeout:g} s") from None
 
     def ring(self) -> None:
-        """Let the ticking thread see to what changed, where it makes ticks in C."""
+        """Interrupt ticks in C, so that the ticking thread notices a change."""
         self.bell.value = 1
 
     def serve(self) -> None:
-        """Run what is queued."""
+        """Run the queued actions."""
         self.bell.value = 0
         while not self._queue.empty():
             action, future = self._queue.get()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What the commands of ``./arm call`` share: their group and options, and how answers look."""
+"""Common parts of the commands of ``./arm call``: group, options, and output of answers."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ if TYPE_CHECKING:
 
 VECTOR = VectorType()
 SHOWN = 20  # points of a batch on a terminal
-UNITS = {  # of turning joints and of sliding ones
+UNITS = {  # of revolute joints and of prismatic ones
     "position": ("rad", "m"), "seed": ("rad", "m"), "velocity": ("rad/s", "m/s"),
     "acceleration": ("rad/s²", "m/s²"), "effort": ("N m", "N"), "inertia": ("kg m²", "kg"),
     "damping": ("N m s/rad", "N s/m"),
 }  # fmt: skip
-_DUST = 1e-14  # of the largest number beside it
+_DUST = 1e-14  # relative to the largest number in the table
 _Command = Callable[..., Any]
 
 
@@ -41,26 +41,26 @@ _Command = Callable[..., Any]
 def call() -> None:
     """Call a service of a running node.
 
-    Vectors are in the model's order, or by joint name; joints that are not named are zero. Start
-    nodes by ./arm dynamics SCENE and ./arm sim SCENE.
+    Vectors are in model order, or by joint name; joints that are not named are zero. Start the
+    nodes with ./arm dynamics SCENE and ./arm sim SCENE.
     """
 
 
 # --- options -----------------------------------------------------------------------------------
 
 
-DYNAMICS, SIM = "dynamics", "sim"  # nodes to be asked, and the commands that start them
+DYNAMICS, SIM = "dynamics", "sim"  # nodes, and the commands that start them
 
 
 def asks(
     partner: str, check: Callable[..., None] = lambda **_: None
 ) -> Callable[[_Command], _Command]:
-    """A command with a client of a node, and the options that come with it.
+    """Decorator for a command that calls a node, with the common options.
 
     Args:
-        partner: The node. The function is called with ``client`` and ``as_json``, and with the
-            options of its own. Where the node does not answer or refuses, the command ends.
-        check: Called with these options before anything is asked.
+        partner: The node. The function is called with ``client``, ``as_json`` and its own options.
+            If the node does not answer or refuses, the command fails.
+        check: Called with these options before the node is called.
     """
 
     def decorate(command: _Command) -> _Command:
@@ -76,7 +76,7 @@ def asks(
             except NoAnswer as error:
                 raise click.ClickException(
                     f"{error}\n  start one in another terminal: ./arm {partner} SCENE"
-                    "\n  --node chooses another node, --timeout waits longer"
+                    "\n  --node selects another node, --timeout waits longer"
                 ) from None
             except Refused as error:
                 if as_json:
@@ -88,7 +88,8 @@ def asks(
             click.option("--json", "as_json", is_flag=True, help="Print JSON."),
             click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
                          help="How long to wait, in s."),
-            click.option("--node", default=f"/{partner}", show_default=True, help="Node to ask."),
+            click.option("--node", default=f"/{partner}", show_default=True,
+                         help="Name of the node, with its namespace."),
         ):  # fmt: skip
             option(run)
         return run
@@ -97,13 +98,13 @@ def asks(
 
 
 def vector(name: str, what: str, required: bool = False) -> Callable[[_Command], _Command]:
-    """An option for numbers of the joints, which are zero where they may be left out."""
+    """An option for joint values, which are zero if the option may be omitted and is."""
     rest = f"; {HOW}." if required else "; zero when omitted."
     return click.option(f"--{name}", type=VECTOR, required=required, help=what + rest)
 
 
 def split(_: click.Context, __: click.Parameter, value: str) -> list[str]:
-    """Words of an option, with commas or spaces between them."""
+    """Words of an option, separated by commas or spaces."""
     return value.replace(",", " ").split()
 
 
@@ -114,9 +115,9 @@ joints = click.option(
 
 
 def plain_rows(option: str, given: Vector) -> Any:
-    """Numbers that belong to no joints: a row, or a row for each point if several were given."""
+    """Numbers that do not belong to joints: a row, or a row for each point of a list."""
     if given.named:
-        raise click.ClickException(f"{option}: expected numbers without names")
+        raise click.ClickException(f"{option}: numbers without names are expected")
     return given.rows if given.batch else given.rows[0]
 
 
@@ -124,9 +125,9 @@ def plain_rows(option: str, given: Vector) -> Any:
 
 
 class Question:
-    """A question about motion: joints, their vectors, and how the answer is to look.
+    """A request about motion: joints, their vectors, and the format of the answer.
 
-    ``joints`` is the order of all vectors, empty for the model's; vectors not given are None.
+    ``joints`` is the order of all vectors, empty for model order; vectors not given are None.
     """
 
     def __init__(
@@ -140,19 +141,19 @@ class Question:
         self.batch = any(v.batch for v in vectors.values() if v is not None)
 
     def given(self, *names: str) -> list[np.ndarray | None]:
-        """Some of the vectors, None for each that was not given."""
+        """Some of the vectors; None for those that were not given."""
         return [self.vectors.get(name) for name in names]
 
     def points(self, values: np.ndarray) -> np.ndarray:
-        """Numbers of an answer as one entry a point."""
+        """Numbers of an answer with one entry per point."""
         return values if self.vectors["position"].ndim == 2 else values[None]
 
     def plain(self, values: np.ndarray) -> Any:
-        """Numbers for JSON: a list of points if points were given as a list."""
+        """Numbers for JSON: a list of points if a list of points was given."""
         return values.tolist() if self.batch else values.tolist()[0]
 
     def unit(self, quantity: str) -> str:
-        """The unit of a quantity for the joints at hand, both where both kinds are."""
+        """The unit of a quantity for these joints, or both units if both kinds occur."""
         return units((self.types.get(name, "") for name in self.names), *UNITS[quantity])
 
 
@@ -160,9 +161,9 @@ class Question:
 
 
 def print_joints(question: Question, quantity: str, values: np.ndarray, title: str = "") -> None:
-    """Print vectors of shape (k, n): one beside those that were given, or a line for each point.
+    """Print vectors of shape (k, n): one beside the given ones, or a line for each point.
 
-    ``quantity`` is one of ``UNITS``, ``title`` what they are called if not by it.
+    ``quantity`` is one of ``UNITS``, ``title`` the heading if it differs.
     """
     heading = f"{title or quantity} [{question.unit(quantity)}]"
     if question.batch:
@@ -189,7 +190,7 @@ def print_matrix(title: str, names: Sequence[str], heads: Sequence[str], values:
 def print_points(
     title: str, heads: Sequence[str], rows: Sequence[Sequence[str]], what: str = "point"
 ) -> None:
-    """Print a batch, a line for each of the first points, and say how many there are more."""
+    """Print a batch, a line for each of the first points, and the number of further points."""
     shown = [(str(k), *row) for k, row in enumerate(rows[:SHOWN])]
     show(console(), table((f"{what}: {title}", *heads), shown))
     say_more(len(rows))
@@ -201,17 +202,17 @@ def numbers(rows: np.ndarray) -> list[list[str]]:
 
 
 def readable(values: np.ndarray) -> np.ndarray:
-    """The same without the dust that rounding leaves in place of zero."""
+    """The numbers with rounding errors of zeros removed."""
     return values * (abs(values) >= _DUST * abs(values).max(initial=0.0))
 
 
 def say_more(points: int) -> None:
-    """Say how many points of a batch were not shown."""
+    """Print how many points of a batch are not shown."""
     if points > SHOWN:
         console().print(f"… and {points - SHOWN} more points; --json prints all")
 
 
 def print_json(refusal: str = "", /, **fields: Any) -> None:
-    """Print for scripts what a node answered, and why it declined if it did."""
+    """Print the answer of a node as JSON, with the reason if it refused."""
     head = {"success": False, "message": refusal} if refusal else {"success": True}
     click.echo(json.dumps({**head, **fields}))

@@ -15,12 +15,14 @@ if TYPE_CHECKING:
     from arm_dynamics.client import ArmClient
 
 
-@call.command(short_help="Reset the simulation to its start.", epilog=examples("./arm call reset"))
+@call.command(
+    short_help="Reset the simulation to its initial state.", epilog=examples("./arm call reset")
+)
 @asks(SIM)
 def reset(client: ArmClient, as_json: bool) -> None:
     """Put the simulation back to its initial state and time zero."""
     client.reset()
-    _print_done("back at its initial state, time zero", as_json)
+    _print_done("reset to the initial state at time zero", as_json)
 
 
 @call.command(epilog=examples("./arm call pause"))
@@ -46,7 +48,7 @@ def step(client: ArmClient, as_json: bool, steps: int) -> None:
     """Advance a paused simulation by STEPS ticks (1 when omitted)."""
     time = client.step(steps)
     ticks = f"{steps} tick{'s' if steps > 1 else ''}"
-    _print_done(f"{ticks} further, t = {time:.6g} s", as_json, time=time)
+    _print_done(f"advanced by {ticks}, t = {time:.6g} s", as_json, time=time)
 
 
 def _something_to_set(position: Vector | None, velocity: Vector | None, **_: Any) -> None:
@@ -55,7 +57,7 @@ def _something_to_set(position: Vector | None, velocity: Vector | None, **_: Any
 
 
 @call.command(
-    short_help="Put joints of the simulation somewhere at once.",
+    short_help="Set joint positions and velocities of the simulation.",
     epilog=examples('./arm call set-joint-state --position "panda_joint4=-1.5"'),
 )
 @click.option("--position", type=VECTOR, help=f"Joint positions in rad or m; {HOW}.")
@@ -65,7 +67,7 @@ def _something_to_set(position: Vector | None, velocity: Vector | None, **_: Any
 def set_joint_state(
     client: ArmClient, as_json: bool, joints: list[str], **vectors: Vector | None
 ) -> None:
-    """Place joints of the simulation at once; joints that are not named stay."""
+    """Set joint positions and velocities of the simulation; joints that are not named stay."""
     names, rows = _named_rows(joints, vectors)
     client.set_joint_state(rows.get("position"), rows.get("velocity"), names)
     _print_done(f"{', '.join(names) if names else 'all joints'} set", as_json)
@@ -76,16 +78,16 @@ def set_joint_state(
     epilog=examples('./arm call set-payload --mass 1.5 --com "0 0 0.05"'),
 )
 @click.option("--mass", required=True, type=float, help="Mass in kg.")
-@click.option("--com", type=VECTOR, default="0 0 0", help="Centre of mass in its frame, in m.")
+@click.option("--com", type=VECTOR, default="0 0 0", help="Center of mass in its frame, in m.")
 @click.option("--inertia", type=VECTOR, default="0 0 0 0 0 0",
-              help="About it: xx xy xz yy yz zz, in kg m².")  # fmt: skip
+              help="Inertia about it: xx xy xz yy yz zz, in kg m².")  # fmt: skip
 @click.option("--index", default=0, show_default=True, type=click.IntRange(0),
-              help="Which of the scene's payloads.")  # fmt: skip
+              help="Index of the payload in the scene.")  # fmt: skip
 @asks(SIM)
 def set_payload(
     client: ArmClient, as_json: bool, mass: float, com: Vector, inertia: Vector, index: int
 ) -> None:
-    """Change a payload; the scene has to declare payloads tunable."""
+    """Change a payload; the scene must declare payloads tunable."""
     client.set_payload(mass, com.flat(()), inertia.flat(()), index)
     _print_done(f"payload {index} has {mass:g} kg", as_json)
 
@@ -99,21 +101,21 @@ def set_payload(
 @joints
 @asks(SIM)
 def set_friction(client: ArmClient, as_json: bool, joints: list[str], viscous: Vector) -> None:
-    """Change viscous friction; the scene has to declare friction tunable."""
+    """Change viscous friction; the scene must declare friction tunable."""
     names, rows = _named_rows(joints, {"viscous": viscous})
     client.set_friction(rows["viscous"], names)
     _print_done(f"friction of {', '.join(names) if names else 'all joints'} set", as_json)
 
 
 @call.command(
-    short_help="Restart the counters of the simulation.",
+    short_help="Reset the counters of the simulation.",
     epilog=examples("./arm call reset-counters"),
 )
 @asks(SIM)
 def reset_counters(client: ArmClient, as_json: bool) -> None:
-    """Restart the counters of loop, commands and answers at zero."""
+    """Reset the counters of the loop, of commands and of answers to zero."""
     client.reset_counters()
-    _print_done("counters at zero", as_json)
+    _print_done("counters reset", as_json)
 
 
 def _named_rows(
@@ -123,7 +125,7 @@ def _named_rows(
     given = {name: vector for name, vector in vectors.items() if vector is not None}
     for vector in given.values():
         if vector.batch:
-            raise click.ClickException("expected one state, got several points")
+            raise click.ClickException("one state is expected, got several points")
         if vector.named and names and set(vector.named) != set(names):
             raise click.ClickException(
                 f"joints {', '.join(vector.named)} and {', '.join(names)}; allowed: the same "

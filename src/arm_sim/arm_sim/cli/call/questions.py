@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Questions to a dynamics node."""
+"""Commands that call a dynamics node."""
 
 from __future__ import annotations
 
@@ -130,13 +130,15 @@ def dynamics_terms(
         '      --position "panda_joint2=-0.8 panda_joint4=-2.4 panda_joint6=1.6"',
     ),
 )
-@click.option("--frame", required=True, help="A frame that moves; model-info lists them.")
+@click.option("--frame", required=True, help="A moving frame; model-info lists them.")
 @click.option("--reference", default="local_world_aligned", show_default=True,
               help="Axes and point: local_world_aligned, local or world.")  # fmt: skip
 @click.option("--axes", default="pose", show_default=True, callback=split,
               help='pose, position, orientation, or some of "x y z rx ry rz".')  # fmt: skip
 @click.option(
-    "--direction", type=VECTOR, help="Also tell the mass felt along it, one number an axis."
+    "--direction",
+    type=VECTOR,
+    help="Also print the effective mass along this direction, one number per axis.",
 )
 @vector("position", "Joint positions in rad or m", required=True)
 @vector("velocity", "Joint velocities")
@@ -152,11 +154,11 @@ def task_space(
     joints: list[str],
     **vectors: Vector | None,
 ) -> None:
-    """The equation of motion as seen at a frame: inertia, velocity terms, gravity, Jacobian."""
+    """The equation of motion in task space: inertia, velocity terms, gravity, Jacobian."""
     question = Question(client, joints, vectors)
     q, v = question.given("position", "velocity")
     if direction is not None and len(direction.rows) != 1:
-        raise click.ClickException("--direction: expected one row of numbers, one for each axis")
+        raise click.ClickException("--direction: one row of numbers is expected, one per axis")
     found = client.task_space(
         frame, q, v, reference=reference, axes=axes,
         direction=() if direction is None else direction.rows[0], joint_names=question.order,
@@ -179,14 +181,14 @@ def task_space(
         '      --pose "[[0.4, 0.2, 0.5, 0, 0, 0, 1], [0.4, 0.3, 0.5, 0, 0, 0, 1]]"',
     ),
 )
-@click.option("--frame", required=True, help="A frame that moves; model-info lists them.")
+@click.option("--frame", required=True, help="A moving frame; model-info lists them.")
 @click.option("--pose", type=VECTOR, required=True,
               help="Position x y z in m and quaternion x y z w of the frame in the world; "
                    "[[…], […]] for two poses, or @FILE.")  # fmt: skip
 @click.option("--axes", default="pose", show_default=True, callback=split,
               help='pose, position, orientation, or some of "x y z rx ry rz".')  # fmt: skip
 @click.option("--seed", type=VECTOR,
-              help="Joint positions to begin at; the scene's when omitted.")  # fmt: skip
+              help="Joint positions to start from; the scene's when omitted.")  # fmt: skip
 @joints
 @asks(DYNAMICS)
 def inverse_kinematics(
@@ -200,8 +202,8 @@ def inverse_kinematics(
 ) -> None:
     """Joint positions, within limits, that bring a frame to a pose.
 
-    Where a pose is not reached the nearest found is shown, and the exit status is 1. Of several
-    poses each search begins where the one before ended.
+    If a pose is not reached, the nearest solution is printed and the exit status is 1. For several
+    poses, each search starts from the result of the previous one.
     """
     from arm_dynamics.client import NotReached
 
@@ -229,7 +231,7 @@ def _one_direction(
     acceleration: Vector | None, **_: Any,
 ) -> None:  # fmt: skip
     if inverse and effort is not None:
-        raise click.UsageError("--effort is what --inverse asks for; allowed: one of the two")
+        raise click.UsageError("--effort and --inverse exclude each other; give one of them")
     if not inverse and (multipliers or acceleration):
         raise click.UsageError("--acceleration and --multipliers are allowed with --inverse only")
 
@@ -243,13 +245,11 @@ def _one_direction(
         '      --inverse --acceleration "wrist=2"',
     ),
 )
-@vector(
-    "position", "Joint positions in rad or m, where the constraints should hold", required=True
-)
+@vector("position", "Joint positions in rad or m that satisfy the constraints", required=True)
 @vector("velocity", "Joint velocities")
 @vector("effort", "Joint torques in N m or N")
 @click.option("--inverse", is_flag=True,
-              help="Ask for torques, from --acceleration and --multipliers.")  # fmt: skip
+              help="Compute torques, from --acceleration and --multipliers.")  # fmt: skip
 @vector("acceleration", "Joint accelerations")
 @click.option("--multipliers", type=VECTOR,
               help="Forces against the constraints in N or N m; zero when omitted.")  # fmt: skip
@@ -265,8 +265,8 @@ def constrained_dynamics(
 ) -> None:
     """Accelerations and forces that torques produce under the scene's constraints.
 
-    tau = M a + C v + G + S + F + A^T lambda with A v = 0. lambda is what the arm exerts against
-    the constraints: force and moment of a constraint's first frame upon its second.
+    tau = M a + C v + G + S + F + A^T lambda with A v = 0. lambda is the force of the arm on
+    the constraints: force and moment of a constraint's first frame on its second.
     """
     question = Question(client, joints, vectors)
     q, v, a, tau = question.given("position", "velocity", "acceleration", "effort")
@@ -299,7 +299,7 @@ def constrained_dynamics(
 )
 @asks(DYNAMICS)
 def model_info(client: ArmClient, as_json: bool) -> None:
-    """What the node knows about its arm: joints, limits, frames, mass."""
+    """Facts about the node's arm: joints, limits, frames, mass."""
     info = client.model_info()
     limits = ("position_lower", "position_upper", "velocity_limits", "effort_limits")
     if as_json:
@@ -325,7 +325,7 @@ def model_info(client: ArmClient, as_json: bool) -> None:
 def _print_motion(
     question: Question, field: str, answer: np.ndarray, as_json: bool, title: str = ""
 ) -> None:
-    """Print one vector of the joints, called ``field`` in JSON."""
+    """Print one joint vector, named ``field`` in JSON."""
     rows = question.points(answer)
     if as_json:
         print_json(joint_names=question.names, **{field: question.plain(rows)})
@@ -334,7 +334,7 @@ def _print_motion(
 
 
 def _points(question: Question, count: int) -> Iterator[int]:
-    """The points that are shown at length, each under a rule of its own."""
+    """The points that are printed in full, each under a heading."""
     for k in range(min(count, SHOWN)):
         if question.batch:
             console().rule(f"point {k}")
@@ -380,7 +380,7 @@ def _ended(reached: bool, distance: float, angle: float) -> tuple[str, str, str]
 
 
 def _numbered(names: list[str]) -> list[str]:
-    """Tell the numbers of one constraint apart."""
+    """Number the rows of a constraint."""
     return [
         f"{name} {names[: k + 1].count(name)}" if names.count(name) > 1 else name
         for k, name in enumerate(names)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which command acts: put together by joints, arbitrated between sources, kept until too old.
+"""Commands: merged by joints, arbitrated between sources, and valid until they are stale.
 
-And how the arm is stopped and held when none does. The folder knows no messages and no topics, and
-nothing else of the node.
+And how the arm is stopped and held without commands. The folder depends neither on messages and
+topics nor on other parts of the node.
 """
 
 from arm_sim.ros.commands.arbiter import Arbiter

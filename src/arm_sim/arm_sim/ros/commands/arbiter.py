@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lets one stream of commands at a time drive a joint."""
+"""Admits one stream of commands at a time for each joint."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from dataclasses import dataclass
 from arm_dynamics import InvalidInput
 from arm_dynamics.exceptions import plain
 
-STREAM = 10  # commands without a long silence that make a stream
+STREAM = 10  # commands without a long pause that form a stream
 
 
 @dataclass
 class Source:
-    """Who commands: which joints, the tick of its last command, and how many make a stream."""
+    """A source of commands: its joints, the tick of its last command, and its commands so far."""
 
     joints: frozenset[int]
     at: int
@@ -21,19 +21,19 @@ class Source:
 
 
 class Arbiter:
-    """Remembers who commands which joints; a stream of commands keeps them while it goes on.
+    """Tracks which source commands which joints; a stream of commands owns its joints.
 
-    A source is what a command's ``header.frame_id`` says; our controllers write their name and
-    process there. A source that has been silent for ``patience`` ticks loses its joints, and one
-    that sends a command now and then does not own any.
+    A source is identified by a command's ``header.frame_id``, in which our controllers write their
+    name and process. A source that has been silent for ``patience`` ticks loses its joints, and
+    one that sends only occasional commands does not own any.
 
     Args:
         patience: Ticks after which a silent source is gone.
 
     Attributes:
-        refused: How many commands were refused.
-        last_refusal: What the newest refusal said.
-        now: Ticks so far.
+        refused: Number of commands that were refused.
+        last_refusal: Message of the last refusal.
+        now: Number of ticks so far.
     """
 
     def __init__(self, patience: int) -> None:
@@ -50,7 +50,7 @@ class Arbiter:
 
     @property
     def sources(self) -> tuple[str, ...]:
-        """Sources that commanded joints lately."""
+        """Sources that commanded joints recently."""
         return tuple(source for source, heard in self._heard.items() if self._fresh(heard))
 
     @property
@@ -69,7 +69,7 @@ class Arbiter:
         return self.refused > 0 and self.now - self._refused_at <= self.patience
 
     def admit(self, source: str, joints: frozenset[int]) -> None:
-        """Take note of a command.
+        """Register a command.
 
         Raises:
             InvalidInput: If the stream of another source commands one of these joints.

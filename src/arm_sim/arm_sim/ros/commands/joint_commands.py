@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Commands of some joints put together to one of all joints."""
+"""Commands of some joints, merged into one command of all joints."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from arm_sim.servo import JointCommand
 
 
 class JointCommands:
-    """What each joint was commanded last, over messages that name some of them.
+    """The last command of each joint, from messages that name some of them.
 
-    A message commands the joints for which it has a number; the others keep what they were
-    commanded, be it an effort, a velocity or a position. While all joints have efforts, a command
-    is the efforts alone.
+    A message commands the joints for which it has a number; the others keep their last command, an
+    effort, a velocity or a position. While all joints have efforts, a command consists of efforts
+    only.
 
     Args:
         model: The arm.
         admit: Decides whether a source may command joints, see ``Arbiter.admit``.
-        warn: Is told of positions beyond stops.
+        warn: Called with a warning of positions beyond stops.
     """
 
     def __init__(
@@ -40,21 +40,21 @@ class JointCommands:
         self.forget()
 
     def admit(self, source: str, joints: frozenset[int]) -> None:
-        """Take note of the joints of a message of efforts, if it may command them."""
+        """Register the joints of a message of efforts, if its source may command them."""
         self._admit(source, joints)
         self._named = joints
 
     def note(self, source: str, joints: frozenset[int]) -> None:
-        """Take note of who sent a message that may have no number for some of its joints."""
+        """Register the source of a message that may lack numbers for some of its joints."""
         self._source, self._named = source, joints
 
     def forget(self) -> None:
-        """Begin without any command."""
+        """Discard all commands."""
         self._last: JointCommand | None = None
         self._efforts: Numbers | None = None
 
     def follow(self, efforts: Numbers) -> None:
-        """Take note of efforts of all joints that were read elsewhere."""
+        """Register efforts of all joints that were read elsewhere."""
         self._last, self._efforts = None, efforts
 
     def merged(self, stamp: int, numbers: list[Numbers]) -> Command | None:
@@ -62,7 +62,7 @@ class JointCommands:
 
         Args:
             stamp: Of the message in [ns].
-            numbers: Efforts of n joints, as they are with those of messages before; or efforts,
+            numbers: Efforts of n joints, merged with those of earlier messages; or efforts,
                 positions and velocities, NaN where the message has none.
 
         Raises:
@@ -85,7 +85,7 @@ class JointCommands:
         """Effort, position and velocity that a message commands, shape (3, n)."""
         rows = np.full((3, self._model.n), np.nan)
         rows[: len(numbers)] = numbers
-        if len(numbers) == 1:  # the others are those of messages before
+        if len(numbers) == 1:  # the others are from earlier messages
             rows[:, [i for i in range(self._model.n) if i not in self._named]] = np.nan
         return rows
 
@@ -98,7 +98,7 @@ class JointCommands:
         return rows
 
     def _reached(self, position: Array) -> Array:
-        """Positions that stops allow, NaN where there is none."""
+        """Positions clipped to the stops, NaN where there is none."""
         allowed: Array = np.clip(position, *self._places)
         beyond = (allowed != position) & ~np.isnan(position)
         if beyond.any():

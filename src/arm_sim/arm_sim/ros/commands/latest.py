@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What acts next: the newest command, or the policy when that one is too old."""
+"""The next effective command: the newest one, or the policy if that is stale."""
 
 from __future__ import annotations
 
@@ -18,33 +18,33 @@ POLICIES = (BRAKE, SERVO, ZERO, HOLD, GRAVITY)
 
 
 class Stop(Enum):
-    """The arm is stopped, and then held where it is."""
+    """The arm is stopped and then held."""
 
     BRAKES = BRAKE
     SERVO = SERVO
 
 
 type Command = Sequence[float] | JointCommand
-"""Efforts of n joints, or what each joint is commanded."""
+"""Efforts of n joints, or a command for each joint."""
 
 
 class LatestCommand:
     """A slot that one thread fills and another one reads; only the newest command counts.
 
-    Age is counted in ticks since a command was first used, so a run by hand is repeatable. Where
-    the scene's commands take time, or get lost, one is newest when it has arrived. Positions, and
-    velocities of zero, do not grow old: a robot holds where it was told to be.
+    Age is counted in ticks since a command was first used, so that a run by hand is reproducible.
+    If the scene delays or loses commands, a command counts when it has arrived. Positions, and
+    velocities of zero, never become stale: a robot holds its commanded position.
 
     Args:
-        dynamics: The arm whose weight the policy ``gravity`` carries.
-        line: What commands come on; None: they arrive at once.
+        dynamics: The arm whose gravity the policy ``gravity`` compensates.
+        line: Delays and losses of commands; None: they arrive immediately.
 
     Attributes:
-        dynamics: The arm whose weight the policy ``gravity`` carries; may be replaced.
+        dynamics: The arm whose gravity the policy ``gravity`` compensates; may be replaced.
         age: Ticks since the newest command was first used; 0 without one.
-        stale: Whether the policy is in force because commands have stopped.
-        stale_count: How often commands have stopped.
-        timeout: Ticks that a command may act; 0: for ever.
+        stale: Whether the policy acts because commands have stopped.
+        stale_count: Number of times that commands have stopped.
+        timeout: Ticks for which a command may act; 0: forever.
     """
 
     def __init__(self, dynamics: Dynamics, line: Line[Sequence[float]] | None = None) -> None:
@@ -73,13 +73,13 @@ class LatestCommand:
         self.configure(0, ZERO)
 
     def configure(self, timeout: int, policy: str) -> None:
-        """Choose when a command is old.
+        """Set when a command is stale.
 
         Args:
-            timeout: Ticks that a command may act; 0: for ever.
+            timeout: Ticks for which a command may act; 0: forever.
             policy: What acts after that and before the first command: ``brake`` and ``servo`` stop
-                the arm and hold it, ``zero`` effort, ``hold`` of the last command, or the effort
-                that carries what springs leave of the arm's weight, ``gravity``.
+                the arm and hold it, ``zero`` effort, ``hold`` of the last command, or ``gravity``,
+                the effort that compensates gravity and springs.
         """
         self.timeout, self._policy = timeout, self._policies[policy]
 
@@ -92,7 +92,7 @@ class LatestCommand:
             self._sent = command
 
     def arrive(self, tick: int) -> None:
-        """Where commands take time, make what has arrived by this tick the newest one."""
+        """If commands are delayed, make the one that arrived by this tick the newest."""
         if self._line is None:
             return
         if self._sent is not None:
@@ -101,7 +101,7 @@ class LatestCommand:
         self._newest = self._line.receive(tick)
 
     def clear(self) -> None:
-        """Forget all commands."""
+        """Discard all commands."""
         self._newest = self._used = self._sent = None
         self.age, self.stale, self._any = 0, False, False
         if self._line is not None:
@@ -109,14 +109,14 @@ class LatestCommand:
 
     @property
     def empty(self) -> bool:
-        """Whether no command has come yet."""
+        """Whether no command has arrived yet."""
         return not self._any
 
     def take(self, q: Array) -> Command | Stop:
-        """Return what acts in the next tick, and count that tick.
+        """Return the command of the next tick, and count that tick.
 
         Args:
-            q: Present positions in [rad], shape (n,).
+            q: Current positions in [rad], shape (n,).
         """
         newest = self._newest
         if newest is None:
@@ -133,26 +133,26 @@ class LatestCommand:
 
     @property
     def efforts(self) -> Sequence[float] | None:
-        """Efforts that act, and go on acting until they are too old; None: something else acts."""
+        """Efforts that act until they are stale; None if something else acts."""
         newest = self._newest
         if newest is not self._used or self.stale or self._line is not None:
             return None
         return None if isinstance(newest, JointCommand) else newest
 
     def acted(self, before: Sequence[float], efforts: Sequence[float], age: int) -> None:
-        """Note what acted in ticks that were made elsewhere.
+        """Register the efforts of ticks that were executed elsewhere.
 
         Args:
-            before: What ``efforts`` was before them; where it is not the newest command any more,
-                one came that has not acted yet.
-            efforts: What acted last.
-            age: Ticks since it acted first.
+            before: Value of ``efforts`` before them; if it is no longer the newest command, one
+                arrived that has not acted yet.
+            efforts: Efforts that acted last.
+            age: Ticks since they acted first.
         """
         if self._newest is before:
             self._newest = self._used = efforts
         self.age = age
 
     def held(self, q: Array) -> Command | Stop:
-        """Return what acts in a tick that does not make the newest command older."""
+        """Return the command of a tick that does not age it."""
         newest = self._newest
         return self._policy(q) if newest is None else newest

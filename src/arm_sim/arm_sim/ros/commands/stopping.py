@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How an arm is brought to rest and held when nobody commands it."""
+"""Stopping and holding an arm without commands."""
 
 from __future__ import annotations
 
@@ -10,16 +10,16 @@ from arm_sim.simulator import Simulator
 
 # Joints slower than this, in [rad/s] or [m/s], are held at once.
 SLOW = 1e-3
-# Time in [s] that a stop by the servos may take; after it brakes hold whatever still moves.
+# Longest duration in [s] of a stop by the servos; after it brakes hold all joints.
 LONGEST = 1.0
 
 
 class Servos:
-    """The servos of a simulation, built when they are first wanted.
+    """The servos of a simulation, built when they are first needed.
 
     Args:
         simulator: The simulation.
-        background: Where to build them while the loop goes on; None: where they are needed.
+        background: Builds them while the loop goes on; None: in the loop.
     """
 
     def __init__(self, simulator: Simulator, background: Background | None) -> None:
@@ -36,23 +36,22 @@ class Servos:
             return True
         if not background.busy:
             background.start(lambda: compiled.servo, lambda result: result() and None)
-        background.deliver()  # raises what building them raised
+        background.deliver()  # raises the exception of their construction
         return False
 
     def build(self) -> None:
-        """Build them now, where time waits for it."""
+        """Build them now, while time stands still."""
         self._simulator.compiled.servo  # noqa: B018 - builds it
 
 
 class Stopping:
     """Stops the arm by its servos, as a robot does on a stop of category 1, and then holds it.
 
-    IEC 60204-1, section 9.2.2: a controlled stop, power to the drives until it is achieved. The
-    servos take all speeds to zero within the limits of the drives, so contacts, loops and
-    flexible transmissions are what they are in any motion. When all joints are slower than
-    ``SLOW``, or after ``LONGEST``, brakes hold the joints, and the drives are off; where the
-    servos hold the arm, they go on. Without servos (they take a moment to build) brakes hold at
-    once.
+    IEC 60204-1, section 9.2.2: a controlled stop, with power to the drives until it is achieved.
+    The servos take all velocities to zero within the limits of the drives, so contacts, loops and
+    flexible transmissions are simulated as in any motion. When all joints are slower than
+    ``SLOW``, or after ``LONGEST``, brakes hold the joints, and the drives are off; with the policy
+    servo they stay on. Without servos (they take a moment to build) brakes hold immediately.
 
     Args:
         simulator: The simulation.
@@ -73,17 +72,17 @@ class Stopping:
         self.locked = False
 
     def release(self) -> None:
-        """Let the arm move: there is a command."""
+        """Release the arm for a command."""
         self.acts = self._holds = self.locked = False
         self._begun = self._place = None
 
     def hold(self) -> None:
-        """Hold the arm where it is from now on."""
+        """Hold the arm at its position from now on."""
         self.acts = self._holds = True
         self.locked, self._place = False, None
 
     def command(self, how: Stop) -> JointCommand | None:
-        """What the servos do in the next tick; None: brakes hold."""
+        """Command of the servos in the next tick; None if brakes hold."""
         self.acts = True
         if not self._holds:
             if self._slows_down():
@@ -96,7 +95,7 @@ class Stopping:
         return self._place
 
     def _slows_down(self) -> bool:
-        """Whether servos are still stopping the arm."""
+        """Whether servos are still decelerating the arm."""
         simulator = self._simulator
         if self._begun is None:
             self._begun = simulator.step_count
