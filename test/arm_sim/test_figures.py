@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Animations show what a motion says, and refuse what does not go with it."""
+"""Animations show what a motion says, and refuse what does not match it."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def test_everything_is_inside_the_picture() -> None:
 
 
 def test_a_trail_that_does_not_go_with_the_times_is_refused() -> None:
-    with pytest.raises(InvalidInput, match=r"\(400, 1, 2\) does not go with 401 times"):
+    with pytest.raises(InvalidInput, match=r"\(400, 1, 2\) does not match 401 times"):
         animation(TIME, [ROD], trail=np.zeros((400, 2)))
 
 
 @pytest.mark.parametrize("shape", [(400, 2, 2), (401, 2, 3), (2,)])
 def test_a_polyline_that_does_not_go_with_the_times_is_refused(shape: tuple[int, ...]) -> None:
-    with pytest.raises(InvalidInput, match="does not go with 401 times"):
+    with pytest.raises(InvalidInput, match="does not match 401 times"):
         animation(TIME, [np.zeros(shape)])
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulation and controller in one process, tick by tick: what the nodes do, without messages."""
+"""Simulation and controller in one process, tick by tick: as the nodes, without messages."""
 
 from __future__ import annotations
 
@@ -24,10 +24,10 @@ from arm_sim.state import State
 
 
 class ClosedLoop:
-    """A simulated arm and the controller that leads it, in lockstep.
+    """A simulated arm and its controller, in lockstep.
 
     The same classes do the same work in the same order as in the sim node and the controller node,
-    so a run equals one of the two nodes in lockstep to the bit.
+    so a run is bit-identical to one of the two nodes in lockstep.
 
     Example:
         >>> pair = ClosedLoop("panda.yaml")
@@ -48,10 +48,10 @@ class ClosedLoop:
         """Build both.
 
         Args:
-            scene: What is simulated; anything ``load_scene`` takes.
-            controller: Name of the controller, see ``arm_dynamics.control.NAMES``; or one of one's
-                own: its class, or that as ``package.module:Class``.
-            settings: What it is tuned to.
+            scene: The simulated scene; anything ``load_scene`` accepts.
+            controller: Name of the controller, see ``arm_dynamics.control.NAMES``; or a class of
+                your own, also as ``package.module:Class``.
+            settings: Settings of the controller.
             controller_scene: The controller's scene; None for the simulated one.
             acceleration_limit: Of trajectories in [rad/s²] or [m/s²].
             **simulator: For ``Simulator``: integrator, dt, tolerance, backend.
@@ -75,15 +75,15 @@ class ClosedLoop:
         return round(1e9 * self.simulator.state.time)
 
     def follow(self, waypoints: Sequence[Waypoint], start: int | None = None) -> Trajectory:
-        """Follow waypoints from the stamp ``start`` in [ns] on; see ``Follower.follow``."""
+        """Follow waypoints from the stamp ``start`` in [ns]; see ``Follower.follow``."""
         return self._follower.follow(waypoints, self.stamp, start)
 
     def run(self, duration: float) -> Recording:
-        """Advance for a while in [s] and record every tick.
+        """Advance by a duration in [s] and record every tick.
 
         Raises:
             InvalidInput: If the duration is not allowed.
-            SimulationDiverged: If a number stops being finite; it holds the motion so far.
+            SimulationDiverged: If the state becomes non-finite; it has the recording so far.
         """
         return self.simulator.run(duration, self._answer)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene made ready to run: equations, compiled ticks, and what follows from them on demand."""
+"""A scene ready to run: equations, compiled ticks, and derived objects on demand."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ EXTERNAL = "external"
 
 
 class CompiledScene:
-    """Everything built from one plant and one choice of method; replaced as a whole, not changed.
+    """Everything built from one plant and one choice of method; immutable, replaced as a whole.
 
     Args:
         plant: The equation of motion.
@@ -36,9 +36,9 @@ class CompiledScene:
         self._controlled: tuple[CompiledControl, Stepper] | None = None
 
     def pushable(self) -> CompiledScene:
-        """The same with pushes from outside: joint torques that are the quantity ``external``.
+        """The same with external joint torques, the quantity ``external``.
 
-        Nothing is computed for pushes in a scene without; the equations are built anew here.
+        Scenes without them compute nothing for them; the equations are rebuilt here.
         """
         scene = self.plant.model.scene
         if EXTERNAL in scene.tunable:
@@ -47,7 +47,7 @@ class CompiledScene:
         return CompiledScene(Plant(model), self.choice, self.backend)
 
     def restart(self) -> None:
-        """Forget what was learned from earlier ticks."""
+        """Reset the state of the stepper."""
         self.stepper.restart()
         self._controlled = None
         if self.has_servo:
@@ -68,22 +68,22 @@ class CompiledScene:
 
     @cached_property
     def servo(self) -> Servo:
-        """What takes positions and velocities as commands; built when first asked for."""
+        """The servos, for position and velocity commands; built on first use."""
         return Servo(self.plant, self.choice.dt, self.backend)
 
     @cached_property
     def present(self) -> PresentDynamics:
-        """Numeric dynamics under the tunable quantities of the moment, by Pinocchio."""
+        """Numeric dynamics with the current tunable quantities, by Pinocchio."""
         return PresentDynamics(self.plant)
 
     @cached_property
     def energy_account(self) -> EnergyAccount:
-        """What keeps the energy account of motions."""
+        """Computes the energy account of motions."""
         return EnergyAccount(self.plant, self.present, self.choice, self.backend)
 
     @cached_property
     def plan(self) -> Plan:
-        """What a tick computes, what it skips, and why."""
+        """The parts that a tick computes and skips, with reasons."""
         return Plan(self.plant, self.choice, self.stepper)
 
     @cached_property

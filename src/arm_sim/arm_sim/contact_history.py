@@ -19,13 +19,13 @@ class ContactHistory:
     """What the contacts of a recorded run did; arrays are read-only.
 
     Attributes:
-        names: Of the nc contacts.
+        names: Names of the nc contacts.
         gap: Distances from the planes in [m], shape (k+1, nc).
-        force: Forces of the planes on what touches them in the world frame in [N], shape
+        force: Forces of the planes on the contact points in the world frame in [N], shape
             (k+1, nc, 3).
         point: Where they act in the world frame in [m], shape (k+1, nc, 3).
-        impact_loss: Energy that impacts have taken out by each time in [J], shape (k+1,).
-        friction_loss: Energy that friction of contacts has, likewise.
+        impact_loss: Energy lost in impacts up to each time in [J], shape (k+1,).
+        friction_loss: Energy lost in friction of contacts, likewise.
     """
 
     names: tuple[str, ...]
@@ -42,7 +42,7 @@ class _Simulated(Protocol):
 
 
 def contact_history(sim: _Simulated, recording: Recording) -> ContactHistory:
-    """Forces and losses of a run, found by computing its ticks again.
+    """Forces and losses of a run, computed by repeating its ticks.
 
     Args:
         sim: The simulator that recorded it; its state does not change.

@@ -21,7 +21,7 @@ class _Push:
 
 
 class ExternalWrenches:
-    """The newest wrench on each frame, for as long as it acts.
+    """The newest wrench on each frame, while it acts.
 
     Virtual work: f·(J q̇) = (Jᵀ f)·q̇ for every q̇ (Craig, Introduction to Robotics, section 5.9).
     """
@@ -42,11 +42,11 @@ class ExternalWrenches:
 
     @property
     def active(self) -> tuple[str, ...]:
-        """Frames that are pushed."""
+        """Frames with a wrench."""
         return tuple(self._pushes)
 
     def push(self, frame: str, wrench: ArrayLike, until: int) -> None:
-        """Push a frame.
+        """Apply a wrench to a frame.
 
         Args:
             frame: A frame that moves.
@@ -54,17 +54,17 @@ class ExternalWrenches:
             until: Last tick in which it acts.
 
         Raises:
-            InvalidInput: If the frame is unknown or never moves, or a number is not finite.
+            InvalidInput: If the frame is unknown or fixed, or a number is not finite.
         """
         task = TaskSpace(self._dynamics, frame, self._reference)
         self._pushes[frame] = _Push(task, vector("wrench", wrench, 6), until)
 
     def clear(self) -> None:
-        """Let go."""
+        """Remove all wrenches."""
         self._pushes.clear()
 
     def torque(self, q: Array, tick: int) -> Array:
-        """Joint torques of all wrenches that act in a tick, shape (n,); those that are over end.
+        """Joint torques of all wrenches that act in a tick, shape (n,); expired ones are removed.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,).

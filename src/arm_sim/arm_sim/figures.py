@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures and animations that look alike.
+"""Figures and animations in a common style.
 
 Matplotlib is imported when the first one is made.
 """
@@ -23,7 +23,7 @@ STYLE = {
     "axes.spines.top": False, "axes.spines.right": False, "axes.axisbelow": True,
     "grid.color": "0.9", "lines.linewidth": 1.7, "legend.frameon": False, "figure.dpi": 110.0,
 }  # fmt: skip
-MOST_FRAMES = 60  # of an animation: a page with one stays below a megabyte
+MOST_FRAMES = 60  # of an animation, so that a page with one stays below a megabyte
 FILM_DPI = 72.0  # likewise
 Chain = Array | tuple[Array, dict[str, Any]]
 
@@ -37,14 +37,14 @@ def figure(
     folder: Path = FOLDER,
     **axes: Any,
 ) -> Iterator[Any]:
-    """A figure to draw in, which is written at the end of the ``with`` block.
+    """A figure that is saved at the end of the ``with`` block.
 
     Args:
-        name: Of the file, without suffix.
-        rows: Of axes.
-        columns: Of axes.
-        size: In inches; None for one that suits.
-        folder: Where the file goes.
+        name: Name of the file, without suffix.
+        rows: Rows of axes.
+        columns: Columns of axes.
+        size: In inches; None for a suitable one.
+        folder: Folder of the file.
         **axes: As for ``matplotlib.figure.Figure.subplots``.
 
     Yields:
@@ -65,7 +65,7 @@ def figure(
 
 
 def use_style() -> None:
-    """Let all further figures of pyplot, in a script or a notebook, have the style of ours."""
+    """Apply the suite's style to all further figures of pyplot."""
     import matplotlib as mpl
 
     mpl.rcParams.update(STYLE | {"figure.constrained_layout.use": True})
@@ -80,23 +80,23 @@ def animation(
     size: tuple[float, float] = (4.4, 4.4),
     title: str = "",
 ) -> Any:
-    """A stick figure that moves: polylines over time, in a plane with equal axes.
+    """An animated stick figure: polylines over time, in a plane with equal axes.
 
     Args:
         time: Of a recording in [s], shape (k,).
-        chains: Polylines in [m], each of shape (k, m, 2), or (m, 2) where it stands still; or a
-            pair of that and properties of Matplotlib's ``Line2D``. What is NaN is not drawn.
-        trail: Points whose path is drawn up to the present, in [m], shape (k, 2).
-        speed: Of the film against real time.
+        chains: Polylines in [m], each of shape (k, m, 2), or (m, 2) if it does not move; or a
+            pair of that and properties of Matplotlib's ``Line2D``. NaN is not drawn.
+        trail: Points whose path is drawn up to the current time, in [m], shape (k, 2).
+        speed: Speed of the animation relative to real time.
         size: In inches.
-        title: Above the picture.
+        title: Title of the figure.
 
     Returns:
         A ``matplotlib.animation.FuncAnimation`` of at most ``MOST_FRAMES`` frames; keep it as long
-        as it is to be seen.
+        as it is shown.
 
     Raises:
-        InvalidInput: If a shape does not go with ``time``, or the speed is not positive.
+        InvalidInput: If a shape does not match ``time``, or the speed is not positive.
     """
     from matplotlib import pyplot as plt
     from matplotlib.animation import FuncAnimation
@@ -126,7 +126,7 @@ def animation(
         return [behind, *drawn, clock]
 
     class Film(FuncAnimation):  # type: ignore[misc]  # Matplotlib is untyped here
-        """One that nobody looked at, as in a script without a screen, ends without a warning."""
+        """An animation that may stay unused without a warning, as in a script without a screen."""
 
         def __del__(self) -> None:
             """Say nothing."""
@@ -137,7 +137,7 @@ def animation(
 
 
 def _around(points: Array) -> dict[str, Any]:
-    """Axes of a plane in which points, shape (k, 2), have some room; what is NaN has none."""
+    """Axes limits around points, shape (k, 2), with a margin; NaN is ignored."""
     low, high = np.nanmin(points, axis=0), np.nanmax(points, axis=0)
     margin = 0.08 * max(high - low) or 1.0
     (left, right), (bottom, top) = np.column_stack([low - margin, high + margin])
@@ -152,21 +152,21 @@ def _link(chain: Chain, count: int) -> tuple[Array, dict[str, Any]]:
     still = points.ndim == 2
     if points.ndim not in (2, 3) or points.shape[-1] != 2 or not (still or len(points) == count):
         raise InvalidInput(
-            f"a polyline of shape {points.shape} does not go with {count} times; allowed: "
-            f"({count}, m, 2), or (m, 2) for what stands still"
+            f"a polyline of shape {points.shape} does not match {count} times; allowed: "
+            f"({count}, m, 2), or (m, 2) if it does not move"
         )
     usual = {"color": "0.6"} if still else {"color": "tab:blue", "marker": "o", "linewidth": 2.5}
     return np.broadcast_to(points, (count, *points.shape[-2:])), usual | properties
 
 
 def frame_points(dynamics: Dynamics, q: Array, frames: Sequence[str], axes: str = "xz") -> Array:
-    """Where frames of an arm are, for ``animation``.
+    """Positions of frames of an arm, for ``animation``.
 
     Args:
         dynamics: Of the arm.
         q: Positions in [rad] or [m], shape (k, n).
         frames: Names of links or joints.
-        axes: Two of ``xyz``: what is seen of the world.
+        axes: Two of ``xyz``: the projection of the world.
 
     Returns:
         Points in [m], shape (k, number of frames, 2).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Checks of what a caller hands to the simulator, and what is said of it."""
+"""Checks of the simulator's arguments, and notices."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ _log = logging.getLogger(__name__)
 
 
 def torque(tau: Any, joints: Joints) -> list[float]:
-    """Check torques for one tick, finite numbers of shape (n,), and give n plain numbers back."""
+    """Check torques for one tick, finite numbers of shape (n,); return n plain numbers."""
     n = count(joints)
     command = tau if type(tau) is np.ndarray and tau.dtype == float else real_array("tau", tau)
     if command.shape != (n,):
         raise InvalidInput(f"tau has shape {command.shape}; expected ({n},)")
     numbers: list[float] = command.tolist()
     if not finite_numbers(numbers):
-        vector("tau", command, joints)  # which says what is wrong
+        vector("tau", command, joints)  # which raises the error
     return numbers
 
 
@@ -41,13 +41,13 @@ def answers(
 
     Args:
         control: An object with ``torque(state, reference)``.
-        reference: What it is to follow from the state ``begin`` on; None: stay there.
-        dynamics: Of the arm, for drives that take something else than torques.
-        begin: Where the run begins.
+        reference: The reference from the state ``begin`` on; None: stay there.
+        dynamics: Dynamics of the arm, for drives with commands other than torques.
+        begin: The state at the start of the run.
     """
     if inspect.isclass(control):
         raise InvalidInput(
-            f"control is the class {control.__name__}; an object made of it is expected"
+            f"control is the class {control.__name__}; an instance of it is expected"
         )
     motion: Motion = hold(begin.q) if reference is None else reference
 
@@ -73,7 +73,7 @@ def torque_table(control: Any, ticks: int, joints: Joints, dt: float) -> Array:
 
 
 def row(name: str, value: Any, joints: Joints) -> Array:
-    """Check one row of finite numbers, by joint or so many; there may be none."""
+    """Check one row of finite numbers, by joint or count; it may be empty."""
     if joints == np.size(value) == 0:
         return np.zeros(0)
     given = vector(name, value, joints)
@@ -89,7 +89,7 @@ def whole(name: str, value: Any, least: int) -> None:
 
 
 def named(scene: Any) -> str:
-    """What a scene is called that was given as a path or a name; else nothing."""
+    """Path or name of a scene that was given as one; else empty."""
     text = os.fspath(scene) if isinstance(scene, str | os.PathLike) else ""
     return "" if "<" in text or "\n" in text else str(text)
 
@@ -108,10 +108,10 @@ def tick_count(duration: Any, dt: float) -> int:
 
 
 class SaturationNotice:
-    """Says once that a command was cut at its limit.
+    """Warns once that a command was clipped at its limit.
 
     Attributes:
-        said: Whether it was said, or there are no limits.
+        said: Whether the warning was logged, or there are no limits.
     """
 
     def __init__(self, model: ArmModel) -> None:
@@ -120,12 +120,12 @@ class SaturationNotice:
         self._compensated = gravity_compensated(model.scene)
 
     def look(self, command: Array, effort: Array) -> None:
-        """Compare commands with what acted, both of shape (n,) or (k, n)."""
-        # Bytes of a single row are compared in a tenth of the time; -0.0 is looked at again.
+        """Compare commands with the effective ones, both of shape (n,) or (k, n)."""
+        # Comparing the bytes of a single row takes a tenth of the time; -0.0 is compared again.
         if self.said or command.tobytes() == effort.tobytes():
             return
         cut = np.atleast_2d(command) != effort
-        if self._compensated:  # by itself the arm adds to commands, too
+        if self._compensated:  # the arm's gravity compensation changes commands, too
             cut &= abs(effort) >= self._model.command_limit
         if not cut.any():
             return

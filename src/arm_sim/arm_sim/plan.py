@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a tick of a scene computes, what it skips, and what that costs."""
+"""The plan of a tick: the parts it computes and skips, and their cost."""
 
 from __future__ import annotations
 
@@ -28,12 +28,12 @@ LAW_EVALUATIONS, LAW_REPEATS = 1000, 20
 
 @dataclass(frozen=True)
 class Part:
-    """One piece of physics.
+    """One part of the physics.
 
     Attributes:
-        name: What it is.
+        name: Its name.
         on: Whether it is computed.
-        why: What in the scene decided so.
+        why: The reason, from the scene.
     """
 
     name: str
@@ -43,10 +43,10 @@ class Part:
 
 @dataclass(frozen=True)
 class LawCost:
-    """A law and what one evaluation of it costs.
+    """A law and the cost of one evaluation.
 
     Attributes:
-        title: Which law.
+        title: Name of the law.
         states: Its states, as text.
         operations: Arithmetic operations of one evaluation; a step takes several.
         nanoseconds: Time of one evaluation in [ns], measured.
@@ -66,7 +66,7 @@ class LawCost:
 
 
 class Plan:
-    """What is computed and what is skipped.
+    """Parts that are computed and skipped.
 
     Attributes:
         parts: The physics, computed and skipped.
@@ -74,8 +74,8 @@ class Plan:
         evaluation: Operations of one evaluation of the acceleration.
         algorithm: How accelerations are computed.
         integrator: Name of the method.
-        reason: Why this method.
-        backend: What runs the code.
+        reason: Why this method was selected.
+        backend: What executes the code.
     """
 
     def __init__(self, plant: Plant, choice: Choice, stepper: Stepper) -> None:
@@ -92,7 +92,7 @@ class Plan:
     def nanoseconds(self) -> float:
         """Time of one tick in [ns], measured now.
 
-        It is the best of some runs from the initial state without torque.
+        The minimum of several runs from the initial state without torque.
         """
         model, nx = self._plant.model, self._plant.nx
         trace, effort = np.empty((TIMED_TICKS, nx)), np.empty((TIMED_TICKS, model.n))
@@ -108,7 +108,7 @@ class Plan:
 
     @cached_property
     def laws(self) -> tuple[LawCost, ...]:
-        """States and cost of each law that has states or stands in for the command, measured."""
+        """States and measured cost of each law that has states or replaces the command."""
         laws, n = self._plant.laws, self._plant.model.n
         backend = "auto" if self._stepper.kernel.native else "vm"
         return tuple(_cost_of(law, n, backend) for law in laws.laws) if laws else ()
@@ -192,7 +192,7 @@ def _stops(stops: Stops) -> str:
 
 
 def _contacts(scene: Scene) -> str:
-    """How many contacts there are of what kind, and what carries their planes if not the world."""
+    """Numbers of contacts by kind, and the frames of planes that are not fixed to the world."""
     contacts = [contact for _, contact in scene.contacts]
     balls = sum(contact.radius > 0 for contact in contacts)
     kinds = {"points": len(contacts) - balls, "ball" if balls == 1 else "balls": balls}
@@ -202,7 +202,7 @@ def _contacts(scene: Scene) -> str:
 
 
 def _sensors(scene: Scene) -> str:
-    """What is not perfect about them."""
+    """Imperfections of the sensors, as text."""
     if (sensors := scene.sensors) is None:
         return ""
     given = {"position": sensors.position, "velocity": sensors.velocity, "effort": sensors.effort}
@@ -226,7 +226,7 @@ def _law_part(kind: type[FrictionLaw], laws: tuple[StatefulLaw, ...]) -> Part:
 
 
 def _springs(model: ArmModel) -> str:
-    """How many of each kind, for display."""
+    """Numbers of springs by kind, for display."""
     springs = model.springs
     joints = np.count_nonzero(springs.stiffness + springs.damping)
     numbers = {"of joints": joints, "between points": len(springs.points)}

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recorded run made again, and compared with what was recorded."""
+"""Replay of a recorded run, and comparison with the recording."""
 
 from __future__ import annotations
 
@@ -26,14 +26,14 @@ _PARTS = ("position", "velocity")
 
 @dataclass(frozen=True)
 class Difference:
-    """The first number that came out otherwise.
+    """The first value that differs.
 
     Attributes:
-        tick: Of which tick, counted from the beginning of the recording.
-        time: At its end in [s].
-        what: The joint and what of it, or the state of a law.
-        recorded: What was recorded.
-        replayed: What came out.
+        tick: Its tick, counted from the beginning of the recording.
+        time: Time at the end of the tick in [s].
+        what: The joint and quantity, or the state of a law.
+        recorded: The recorded value.
+        replayed: The replayed value.
     """
 
     tick: int
@@ -44,7 +44,7 @@ class Difference:
 
     @property
     def size(self) -> float:
-        """How much they differ."""
+        """Absolute difference."""
         return abs(self.recorded - self.replayed)
 
     def __str__(self) -> str:
@@ -57,15 +57,15 @@ class Difference:
 
 @dataclass(frozen=True)
 class Replay:
-    """What a replay came to.
+    """Result of a replay.
 
     Attributes:
-        recording: The motion as it came out this time.
-        first: The first difference; None if every state is equal to the bit.
-        apart: How far positions are apart at each time, the largest of all joints in [rad] or
-            [m], shape (k+1,); NaN from where the replay could not go on.
-        other_versions: What computes here in another version than there, by name.
-        failure: Why the replay could not go on; empty if it could.
+        recording: The replayed motion.
+        first: The first difference; None if every state is bit-identical.
+        apart: Largest difference of joint positions at each time in [rad] or [m], shape (k+1,);
+            NaN after the replay failed.
+        other_versions: Libraries whose version here differs from the recording's, by name.
+        failure: Why the replay failed; empty if it did not.
     """
 
     recording: Recording
@@ -76,7 +76,7 @@ class Replay:
 
     @property
     def equal(self) -> bool:
-        """Whether every state is equal to the bit."""
+        """Whether every state is bit-identical."""
         return self.first is None and not self.failure
 
 
@@ -86,19 +86,19 @@ def replay(
     integrator: str | None = None,
     tolerance: float | None = None,
 ) -> Replay:
-    """Run the scene of a recording again from its commands, changes and pushes.
+    """Run the scene of a recording again with its commands, changes and external forces.
 
     Args:
-        recording: What is repeated.
+        recording: The recording to repeat.
         scene: Another scene with the same joints; None for the recorded one.
         integrator: Another method, or None.
         tolerance: Another tolerance, or None.
 
     Returns:
-        The motion, and where it is another one.
+        The motion, and its differences from the recording.
 
     Raises:
-        InvalidInput: If the recording cannot be repeated: it is of a robot, or the other scene has
+        InvalidInput: If the recording cannot be replayed: it is of a robot, or the other scene has
             other joints or another length of ticks.
     """
     if recording.origin is None or recording.of_robot:
@@ -122,7 +122,7 @@ class _Run:
             base = _with_tunable(base, recording.jumps[0].tunable)
         if integrator is None and tolerance is None:
             integrator, tolerance = origin.integrator, origin.tolerance
-        # What lies between arm and controller has had its effect on the commands already.
+        # Imperfections between arm and controller have affected the commands already.
         plain = base.model_copy(update={"sensors": None, "commands": None})
         self._sim = sim = Simulator(plain, integrator, origin.dt, tolerance)
         if sim.joint_names != recording.joint_names:
@@ -131,7 +131,7 @@ class _Run:
                 f"{', '.join(recording.joint_names)}"
             )
         self._x = np.hstack([recording.q, recording.v, recording.z])
-        self._ended = self._x.copy()  # at the end of each tick, before what changed it
+        self._ended = self._x.copy()  # at the end of each tick, before changes
         for jump in reversed(recording.jumps):
             self._ended[jump.row] = jump.x
         self._jumps = {jump.row: i for i, jump in enumerate(recording.jumps)}
@@ -141,7 +141,7 @@ class _Run:
         self._out, self._out_ended = np.full((rows, nx), np.nan), np.full((rows, nx), np.nan)
 
     def _quantities(self) -> list[str]:
-        """Names of the tunable quantities that are taken from the recording."""
+        """Names of the tunable quantities that come from the recording."""
         found, p = [], self._recording.p
         for name in self._there.names:
             column = p[:, self._there.place(name)]
@@ -155,12 +155,12 @@ class _Run:
         return found
 
     def made(self) -> Replay:
-        """Run it."""
+        """Run the replay."""
         edges, failure = self._edges(), ""
         for row, end in zip(edges, [*edges[1:], None], strict=True):
             self._begin(row)
             if end is None or end in self._recording.gaps:
-                continue  # the tick that would lead across a gap is none
+                continue  # there is no tick across a gap
             try:
                 self._advance(row, end)
             except SimulationDiverged as error:
@@ -169,7 +169,7 @@ class _Run:
         return self._compared(failure)
 
     def _edges(self) -> list[int]:
-        """Rows at which something begins: what was changed, is tuned, or holds the arm."""
+        """Rows at which a change, a tuning or a hold begins."""
         recording, last = self._recording, len(self._recording) - 1
         p, gaps = recording.p, recording.gaps
         tuned = np.flatnonzero(np.any(p[1:] != p[:-1], axis=1)) + 1
@@ -179,7 +179,7 @@ class _Run:
         return sorted(edges | {*tuned.tolist(), *held.tolist()})
 
     def _begin(self, row: int) -> None:
-        """Take over what was changed at a time, by anything but a tick."""
+        """Apply changes at a time other than by ticks."""
         recording, sim = self._recording, self._sim
         jump = recording.jumps[self._jumps[row]] if row in self._jumps else None
         if EXTERNAL in self._tunable_at(row) and EXTERNAL not in sim.plant.parameters.names:
@@ -192,12 +192,12 @@ class _Run:
         self._out[row] = sim.x
 
     def _tunable_at(self, row: int) -> tuple[str, ...]:
-        """Names of what was tunable from a time on."""
+        """Names of the quantities that were tunable from a time on."""
         later = [jump.tunable for jump in self._recording.jumps if jump.row > row]
         return later[0] if later else tunable_names(self._recording.plant.model.scene)
 
     def _place(self, x: Array, row: int, substep: float) -> None:
-        """Put the arm somewhere, with what was tuned at a time."""
+        """Set the state, with the quantities tuned at a time."""
         sim, here = self._sim, self._sim.plant.parameters
         values = {name: self._there.of(name, self._recording.p[row]) for name in self._told}
         values = {name: value for name, value in values.items() if name in here.names}
@@ -208,7 +208,7 @@ class _Run:
         sim.restore(x.copy(), here.merged(values, here.nominal), step, substep)
 
     def _advance(self, row: int, end: int) -> None:
-        """Make the ticks between two times at which something begins."""
+        """Run the ticks between two edges."""
         recording, sim = self._recording, self._sim
         hold = FREE if recording.hold is None else recording.hold[row]
         for k in range(row, end) if hold != FREE else ():
@@ -227,9 +227,9 @@ class _Run:
         self._out[row + 1 : row + 1 + len(x)] = self._out_ended[row + 1 : row + 1 + len(x)] = x
 
     def _hold(self, row: int, how: int) -> None:
-        """Make a tick in which something held the arm where it was."""
+        """Run a tick in which the arm was held."""
         sim, n = self._sim, self._sim.n
-        if how == BRAKES:  # nothing is computed there: the state is what is told
+        if how == BRAKES:  # nothing is computed there: the state is the recorded one
             self._place(self._ended[row + 1], row, sim.substep)
         else:
             place = sim.x[:n].copy()
@@ -246,7 +246,7 @@ class _Run:
         ticks[[0, *recording.gaps]] = False
         apart = np.where(ticks, abs(there - here)[:, : sim.n].max(axis=1), 0.0)
         reached = ~np.isnan(here[:, 0])
-        # Bits, not numbers: zero has a sign.
+        # Compares bits, not numbers: zero has a sign.
         other = (there.copy().view(np.int64) != here.copy().view(np.int64)).any(axis=1)
         rows = np.flatnonzero(other & ticks & reached)
         first = self._difference(int(rows[0]), there, here) if len(rows) else None
@@ -264,7 +264,7 @@ class _Run:
         return Difference(row, time, what, float(there[row, k]), float(here[row, k]))
 
     def _motion(self, reached: NDArray[np.bool_]) -> Recording:
-        """What came out, as far as it came."""
+        """The replayed motion, up to a failure."""
         recording, sim = self._recording, self._sim
         ends = np.flatnonzero(~np.isnan(self._out[:, 0]))
         rows = int(ends[-1]) + 1 if len(ends) else 0
@@ -292,7 +292,7 @@ class _Run:
 
 
 def _with_tunable(scene: Scene, names: Sequence[str]) -> Scene:
-    """A scene of which no more than these quantities are tunable."""
+    """A scene with only these quantities tunable."""
     return scene.model_copy(
         update={"tunable": tuple(name for name in scene.tunable if name in names)}
     )

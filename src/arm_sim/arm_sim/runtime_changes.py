@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Changes to a running simulation: payload, friction, and pushes from outside.
+"""Changes to a running simulation: payload, friction, and external torques.
 
-What takes time is done when a change is prepared; the simulator then takes over the result between
-two ticks. Models, plants and compiled scenes never change: a change makes new ones.
+A change is prepared in advance, which takes time; the simulator then applies the result between
+two ticks. Models, plants and compiled scenes are immutable: a change creates new ones.
 """
 
 from __future__ import annotations
@@ -19,24 +19,24 @@ from arm_sim.inputs import row
 from arm_sim.simulator import Simulator
 
 Change = Callable[[], None]
-"""Puts in force what was prepared: quick, to be called between two ticks."""
+"""Applies a prepared change: fast, to be called between two ticks."""
 
 
 def payload_change(
     simulator: Simulator, index: int, mass: float, com: ArrayLike, inertia: ArrayLike
 ) -> Change:
-    """Prepare another payload; the scene has to declare ``payload`` tunable.
+    """Prepare another payload; the scene must declare ``payload`` tunable.
 
     Args:
         simulator: The simulation.
-        index: Which of the scene's payloads.
+        index: Index of the payload in the scene.
         mass: In [kg].
-        com: Centre of mass in the payload's frame in [m], shape (3,).
+        com: Center of mass in the payload's frame in [m], shape (3,).
         inertia: ixx, ixy, ixz, iyy, iyz, izz about it in [kg m²].
 
     Raises:
         InvalidInput: If payloads are not tunable or there is none of that index.
-        SceneError: If the numbers are no rigid body's.
+        SceneError: If the numbers are not those of a rigid body.
     """
     _demand(simulator, "payload")
     model = simulator.dynamics.model
@@ -53,7 +53,7 @@ def payload_change(
 
 
 def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
-    """Prepare other viscous friction; the scene has to declare ``friction`` tunable.
+    """Prepare other viscous friction; the scene must declare ``friction`` tunable.
 
     Args:
         simulator: The simulation.
@@ -68,9 +68,9 @@ def friction_change(simulator: Simulator, viscous: ArrayLike) -> Change:
 
 
 def external_change(simulator: Simulator) -> Change:
-    """Prepare a simulation for pushes from outside: the parameter ``external`` of shape (n,).
+    """Prepare a simulation for external torques: the parameter ``external`` of shape (n,).
 
-    A simulation without pushes computes nothing for it; the equations are built anew here.
+    A simulation without them computes nothing for them; the equations are rebuilt here.
     """
     compiled = simulator.compiled.pushable()
     if compiled is simulator.compiled:

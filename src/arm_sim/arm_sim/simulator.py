@@ -55,8 +55,8 @@ from arm_sim.view.server import HERE
 
 Control = Callable[[State], Any]
 
-# Joints slower than this, in [rad/s] or [m/s], that a servo holds at a place stand still: what is
-# left is rounding, or acceleration under 1e-7 rad/s² at ticks of 1 ms.
+# Joints slower than this, in [rad/s] or [m/s], that a servo holds at a position are at rest: the
+# remainder is rounding, or acceleration below 1e-7 rad/s² at ticks of 1 ms.
 AT_REST = 1e-10
 
 
@@ -64,11 +64,11 @@ class Simulator:
     """Simulated arm; keep one instance per thread.
 
     Args:
-        scene: A scene, anything ``load_scene`` takes, or a model that was built already.
-        integrator: Name of a method, or ``auto``; None takes the scene's word, else ``auto``.
-        dt: Length of a tick in [s], for which a torque is held; None takes the scene's.
-        tolerance: Turns on error control: scaled error |e| / (1 + |x|) that each sub-step inside a
-            tick may have.
+        scene: A scene, anything ``load_scene`` accepts, or a model that was built already.
+        integrator: Name of a method, or ``auto``; None for the scene's, else ``auto``.
+        dt: Length of a tick in [s], for which a torque is held; None for the scene's.
+        tolerance: Turns on error control: largest scaled error |e| / (1 + |x|) of each sub-step
+            inside a tick.
         backend: ``auto``, ``native`` (compiled) or ``vm`` (CasADi's virtual machine).
 
     Attributes:
@@ -76,15 +76,15 @@ class Simulator:
         joint_names: Order of every vector.
         z_names: The states z of the scene's laws, with joint and unit.
         dt: Length of a tick in [s].
-        source: What the scene was called; empty where it was none of a file.
-        x: The state (q, v, z) as it is now, shape (nx,): a read-only view that steps change.
-        acted: ``command`` as it is now, likewise.
+        source: Name or path of the scene; empty if it is not from a file.
+        x: The current state (q, v, z), shape (nx,): a read-only view that steps change.
+        acted: The current ``command``, likewise.
         hold: What held the arm in the last tick: ``FREE``, ``BRAKES`` or ``SERVOS``, see
             ``Recording``.
-        notes: Estimated error and time-stepped ticks as they are now, see ``State``, likewise.
-        pointers: Where compiled code of others finds the tick, see ``passed``; None where the
-            scene runs on the virtual machine. Replaced by ``use``.
-        sensors: What the scene's sensors tell, tick by tick; None if it has none.
+        notes: Current estimated error and number of time-stepped ticks, see ``State``, likewise.
+        pointers: The tick for other compiled code, see ``passed``; None if the scene runs on the
+            virtual machine. Replaced by ``use``.
+        sensors: The scene's sensors; None if it has none.
 
     Raises:
         InvalidInput: If the method is unknown, or dt or tolerance is out of range.
@@ -126,17 +126,17 @@ class Simulator:
 
     @property
     def compiled(self) -> CompiledScene:
-        """What runs: equations and compiled ticks, see ``use``."""
+        """Equations and compiled ticks, see ``use``."""
         return self._compiled
 
     @property
     def plant(self) -> Plant:
-        """The equation of motion that runs."""
+        """The equation of motion."""
         return self._compiled.plant
 
     @property
     def model(self) -> ArmModel:
-        """The arm that was built, whatever was tuned since; see ``dynamics.model``."""
+        """The arm as built, without later tuning; see ``dynamics.model``."""
         return self._compiled.plant.model
 
     @property
@@ -146,7 +146,7 @@ class Simulator:
 
     @property
     def state(self) -> State:
-        """Where the robot is; read-only arrays that later steps do not touch."""
+        """The current state; read-only arrays that later steps do not change."""
         if (state := self._state) is None:
             notes = self._notes.tolist()[0]
             self._state = state = State.of(self._x, self.n, self._step, self.dt, *notes)
@@ -154,9 +154,9 @@ class Simulator:
 
     @property
     def measured(self) -> State:
-        """The state as the scene's sensors tell it now; without any, the state itself.
+        """The state as measured by the scene's sensors; without sensors, the exact state.
 
-        States z have no sensors and are told as they are.
+        States z have no sensors and are exact.
         """
         state, n = self.state, self.n
         if self.sensors is None:
@@ -179,12 +179,12 @@ class Simulator:
 
     @property
     def command(self) -> Array:
-        """What was commanded in the last tick, limits applied, shape (n,)."""
+        """Command of the last tick, limits applied, shape (n,)."""
         return self.acted.copy()
 
     @property
     def parameters(self) -> Array:
-        """Tunable quantities as they are now, in the order of the plant's, shape (np,)."""
+        """Current tunable quantities, in the order of the plant's, shape (np,)."""
         return self._stepper.p.copy()
 
     @property
@@ -194,7 +194,7 @@ class Simulator:
 
     @property
     def origin(self) -> Origin:
-        """What makes the motion: scene, method and versions, to be kept with a recording."""
+        """Scene, method and versions, to be stored with a recording."""
         choice, scene = self.choice, self.plant.model.scene
         return Origin(scene, choice.method.name, choice.dt, choice.tolerance, self.source)
 
@@ -207,32 +207,32 @@ class Simulator:
     def stop_torque(self) -> Array:
         """Torques with which stops hold joints back under the last command, shape (n,).
 
-        In [N m] or [N]: positive at a lower stop, negative at an upper one, zero elsewhere. What
-        friction at rest may take of it is not told apart.
+        In [N m] or [N]: positive at a lower stop, negative at an upper one, zero elsewhere. A part
+        that static friction may bear is included.
         """
         return self._stepper.stop_torque(self._x, self.command)
 
     @property
     def dynamics(self) -> Dynamics:
-        """Numeric dynamics of the arm as it is now, with what was tuned, by Pinocchio."""
+        """Numeric dynamics of the arm with the current tuning, by Pinocchio."""
         return self._compiled.present.at(self._stepper.p)
 
     @property
     def energy_account(self) -> EnergyAccount:
-        """What keeps the energy account of motions of this scene."""
+        """Computes the energy account of motions of this scene."""
         return self._compiled.energy_account
 
     @property
     def plan(self) -> Plan:
-        """What a tick computes, what it skips, and why; ``str(sim.plan)`` is readable."""
+        """The parts that a tick computes and skips, with reasons; print it to read it."""
         return self._compiled.plan
 
     def step(self, tau: ArrayLike | JointCommand) -> State:
         """Advance one tick with the torque held.
 
         Args:
-            tau: Joint torques in [N m] or [N], or what a joint's drive takes in its place, shape
-                (n,); saturated at the limits. Or a ``JointCommand``: positions and velocities.
+            tau: Joint torques in [N m] or [N], or the command of a joint's drive, shape (n,);
+                clipped at the limits. Or a ``JointCommand``: positions and velocities.
                 With ``commands`` in the scene it acts when it arrives.
 
         Returns:
@@ -240,7 +240,7 @@ class Simulator:
 
         Raises:
             InvalidInput: If ``tau`` has the wrong shape or is not finite.
-            SimulationDiverged: If the tick gives numbers that are not finite; the state stays.
+            SimulationDiverged: If the tick gives numbers that are not finite; the state is kept.
         """
         if isinstance(tau, JointCommand):
             next(tau.rows(1, self.n, self.dt))  # which checks the shape
@@ -254,18 +254,18 @@ class Simulator:
         return self.state
 
     def advance(self, tau: Sequence[float]) -> None:
-        """As ``step`` for n finite numbers, for a loop that looks at ``x``: no state is made.
+        """As ``step`` for n finite numbers, for a loop that reads ``x``: no State is created.
 
-        They act at once: a loop that calls this carries commands itself.
+        They act immediately: a loop that calls this implements delays of commands itself.
         """
         self._put(self._command, 0, *tau)
         self._advance()
 
     def follow(self, command: JointCommand) -> None:
-        """As ``step`` for a command of shape (n,), for a loop that looks at ``x``.
+        """As ``step`` for a command of shape (n,), for a loop that reads ``x``.
 
-        The same object counts as the same command; another one, as the next of a stream. What a
-        servo holds at a place stands still when it is there, to the bit.
+        The same object counts as the same command; another one, as the next of a stream. A joint
+        that a servo holds at a position stays exactly at rest there.
         """
         servo, x, n = self._compiled.servo, self._x, self.n
         self._command[:] = servo.command(command, x, self._stepper.p, self._step)
@@ -276,7 +276,7 @@ class Simulator:
             x[:n], x[n : 2 * n], self.hold = place, 0.0, SERVOS
 
     def lock(self) -> None:
-        """Let brakes close: joints and motors lose their speed at once, and drives go off."""
+        """Close the brakes: joints and motors stop at once, and drives are switched off."""
         self._x[self.n : 2 * self.n] = 0.0
         for k, name in enumerate(self.z_names, 2 * self.n):
             if "velocity" in name or "current" in name:
@@ -284,18 +284,18 @@ class Simulator:
         self._effort[:], self._state = 0.0, None
 
     def stand(self) -> None:
-        """Let a tick pass in which closed brakes hold every joint, see ``lock``."""
+        """Advance by a tick in which closed brakes hold every joint, see ``lock``."""
         self._step, self._state, self.hold = self._step + 1, None, BRAKES
         if self.sensors is not None:
             self.sensors.look(self._step, self._q, self._v, self._driving)
 
     @property
     def notices_cuts(self) -> bool:
-        """Whether the first command that is cut at its limit is still to be told."""
+        """Whether no command has been clipped at its limit yet, which would be logged."""
         return not self._saturation.said
 
     def passed(self, ticks: int) -> None:
-        """Take note of ticks that others made by ``pointers``, as ``advance`` would have."""
+        """Register ticks that other code executed by ``pointers``, as ``advance`` would have."""
         self._step, self._state, self.hold = self._step + ticks, None, FREE
         self._saturation.look(self._command, self._effort)
 
@@ -313,7 +313,7 @@ class Simulator:
         control: Control | CompiledControl | AnyController | ArrayLike | None = None,
         reference: Motion | None = None,
     ) -> Recording:
-        """Advance for a while and record every tick.
+        """Advance by a duration and record every tick.
 
         Args:
             duration: In [s]; rounded to whole ticks.
@@ -322,16 +322,16 @@ class Simulator:
                 ``torque(state, reference)``), or a function of the state that returns torques;
                 positions and velocities as ``JointCommand``, held, a table or a function's. All
                 but controllers, functions and servos run in compiled code; controllers and
-                functions are given the state as the scene's sensors tell it.
-            reference: What a controller is to follow from now on, such as
+                functions receive the state as measured by the scene's sensors.
+            reference: Reference of a controller from now on, such as
                 ``trajectory.quintic(…)``; None: stay where it is.
 
         Returns:
-            The motion, the present state first.
+            The motion, starting with the current state.
 
         Raises:
-            InvalidInput: If an argument is not allowed; the state stays.
-            SimulationDiverged: If a number stops being finite; it holds the motion so far.
+            InvalidInput: If an argument is not allowed; the state is kept.
+            SimulationDiverged: If the state becomes non-finite; it has the recording so far.
         """
         ticks = tick_count(duration, self.dt)
         if hasattr(control, "torque"):
@@ -394,12 +394,12 @@ class Simulator:
         v: ArrayLike | None = None,
         z: ArrayLike | None = None,
     ) -> State:
-        """Start again at time zero.
+        """Reset the simulation to time zero.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,); None for the scene's initial ones.
             v: Joint velocities in [rad/s] or [m/s], likewise.
-            z: States of the laws, shape (nz,); None for those that suit q and v.
+            z: States of the laws, shape (nz,); None for those consistent with q and v.
 
         Raises:
             InvalidInput: If a shape or value is not allowed; the state stays.
@@ -419,12 +419,12 @@ class Simulator:
         v: ArrayLike | None = None,
         z: ArrayLike | None = None,
     ) -> State:
-        """Put the robot somewhere else while time goes on.
+        """Set the state without changing the time.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,); None keeps them.
             v: Joint velocities in [rad/s] or [m/s], shape (n,); None keeps them.
-            z: States of drives and friction, shape (nz,); None: those that suit q and v.
+            z: States of drives and friction, shape (nz,); None: those consistent with q and v.
         """
         q, v = self.state.q if q is None else q, self.state.v if v is None else v
         self._x[:] = placed(self.plant, q, v, z, self.held_constraints)
@@ -435,13 +435,13 @@ class Simulator:
         return self.state
 
     def restore(self, x: Array, p: Array, step: int, substep: float = 0.0) -> None:
-        """Go on from a recorded state, taken to the bit: nothing is moved to where it may be.
+        """Continue from a recorded state, bit for bit, without projecting it onto constraints.
 
         Args:
             x: The state (q, v, z), shape (nx,).
             p: Tunable quantities, shape (np,).
             step: Ticks since the last reset.
-            substep: What ``substep`` was.
+            substep: Value of ``substep``.
 
         Raises:
             InvalidInput: If a shape or value is not allowed; nothing changes.
@@ -454,10 +454,10 @@ class Simulator:
         self._begin_anew()
 
     def imperfect(self, scene: Scene) -> None:
-        """Take the sensors and lines of another scene of the same joints, and begin them anew.
+        """Use the sensors and commands of another scene with the same joints, and restart them.
 
         Raises:
-            SceneError: If a filter's cut-off frequency cannot be had at this rate.
+            SceneError: If a filter's cut-off frequency is too high for this rate.
         """
         self.sensors = sensors_of(scene, self.joint_names, self.dt)
         self._line = command_line(scene, self.dt)
@@ -482,13 +482,13 @@ class Simulator:
         threads: int | None = None,
         lanes: int | None = None,
     ) -> Array:
-        """Advance many arms at once; the simulator's own state does not change.
+        """Simulate many arms at once; the simulator's own state does not change.
 
         Args:
             q0: Initial positions in [rad] or [m], shape (b, n).
             v0: Initial velocities in [rad/s] or [m/s], shape (b, n).
-            tau: Torques in [N m] or [N], shape (n,), (b, n) or (b, steps, n); they act when they
-                arrive, by chance of each arm's own, for the first the simulator's.
+            tau: Torques in [N m] or [N], shape (n,), (b, n) or (b, steps, n); delays and losses
+                are drawn for each arm; those of the first are the simulator's.
             steps: Ticks to advance.
             parameters: Tunable quantities by name, shape (size,) or (b, size).
             last_only: Whether to return only the last states.
@@ -518,8 +518,8 @@ class Simulator:
 
         Raises:
             InvalidInput: If an argument is not allowed.
-            NotDifferentiable: If a tick has no derivative: a state on the edge of a mode, events
-                at the same instant, a contact that is grazed.
+            NotDifferentiable: If a tick has no derivative: a state on the boundary of a mode,
+                events at the same instant, a contact that is grazed.
             SimulationDiverged: If a tick cannot be computed.
         """
         whole("ticks", ticks, 1)
@@ -551,8 +551,8 @@ class Simulator:
             lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
 
         Returns:
-            A of shape (b, nx, nx) and B of shape (b, nx, n). States z of laws are those that suit
-            q and v, as after a reset.
+            A of shape (b, nx, nx) and B of shape (b, nx, n). States z of laws are those
+            consistent with q and v, as after a reset.
 
         Raises:
             InvalidInput: If an argument is not allowed.
@@ -578,16 +578,16 @@ class Simulator:
         threads: int | None = None,
         lanes: int | None = None,
     ) -> RolloutGradient:
-        """Gradient of a function L of the states of ``rollout``, by all that the rollout is given.
+        """Gradient of a function L of the states of ``rollout``, by all arguments of the rollout.
 
-        It takes the work of some four rollouts, and as memory the motion of the arms that are
-        advanced side by side: threads × lanes × (steps + 1) × nx numbers, beside what is given and
-        returned. Where motion has events, or with error control, A and B of every tick of an arm.
+        It costs about as much as four rollouts. It stores the motion of the arms that are advanced
+        side by side: threads × lanes × (steps + 1) × nx numbers, besides arguments and results;
+        with events, or with error control, A and B of every tick of an arm.
 
         Args:
-            q0: As for ``rollout``; under bilateral constraints states that obey them.
+            q0: As for ``rollout``; with bilateral constraints, states that satisfy them.
             v0: As for ``rollout``.
-            tau: As for ``rollout``; they act at once.
+            tau: As for ``rollout``; they act immediately.
             steps: Ticks to advance.
             g: ∂L/∂states at the states that ``rollout`` returns, shape (b, steps + 1, 2n).
             parameters: As for ``rollout``.
@@ -605,7 +605,7 @@ class Simulator:
         weights = np.ascontiguousarray(real_array("g", g))
         if weights.shape != shape or not np.isfinite(weights).all():
             raise InvalidInput(
-                f"g has shape {weights.shape}; finite numbers of {shape} are needed"
+                f"g has shape {weights.shape}; finite numbers of shape {shape} are expected"
             )
         found = self._compiled.gradients.run(batch, weights, threads, lanes)
         return gradient_of(self.plant, batch, found, np.shape(tau))
@@ -622,19 +622,20 @@ class Simulator:
     def set_constraint(self, name: str, on: bool) -> State:
         """Switch a constraint that the scene declares switchable.
 
-        What is switched on takes hold at once: velocities across it are lost, as in a blow without
-        rebound, and a position that it does not allow is moved to the nearest one that it does.
+        A constraint that is switched on holds at once: velocities across it are lost, as in an
+        impact without restitution, and a position that violates it is moved to the nearest one
+        that satisfies it.
 
         Args:
-            name: Of the constraint.
+            name: Name of the constraint.
             on: Whether it holds from now on.
 
         Returns:
             The state, time unchanged.
 
         Raises:
-            InvalidInput: If the constraint does not exist or is not switchable; the state stays.
-            ConstraintError: If it cannot hold from here; the state stays.
+            InvalidInput: If the constraint does not exist or is not switchable; the state is kept.
+            ConstraintError: If it cannot be closed from here; the state is kept.
         """
         constraints = self.model.scene.constraints
         places = [label(constraints[i], i) for i in switchable(constraints)]
@@ -649,7 +650,7 @@ class Simulator:
         return self.set_state(x[: self.n], x[self.n :], state.z)
 
     def contact_forces(self) -> tuple[ContactForce, ...]:
-        """Forces of the contacts at the present state, under the torque of the last tick.
+        """Forces of the contacts at the current state, under the torque of the last tick.
 
         Returns:
             One for each contact, in the order of the scene.
@@ -660,33 +661,33 @@ class Simulator:
         return contact_forces(self.plant, self._stepper, self._x, self.command)
 
     def view(self, name: str = "arm", host: str = HERE, port: int | None = None) -> View:
-        """Show it in a browser, to be run, stepped, placed, pushed and pulled.
+        """Show the simulator in a browser, to be run, stepped, placed, pushed and pulled.
 
-        The page moves it on a thread of its own. In a loop of one's own, leave the page's buttons
-        alone and call ``draw()`` of what is returned.
+        The page runs the simulation in a thread of its own. In a loop of your own, do not use the
+        page's buttons, and call ``draw()`` of the returned page.
 
         Args:
-            name: What the page calls the arm.
-            host: Address that the page listens at.
-            port: Port; None for 8080 or the next one that is free.
+            name: Name of the arm on the page.
+            host: Address that the page listens on.
+            port: Port; None for 8080 or the next free one.
 
         Returns:
-            The page, in a notebook the page itself; ``close()`` ends it.
+            The page, which a notebook displays; ``close()`` ends it.
 
         Raises:
-            ViewError: If the library that draws is missing, or the address cannot be used.
+            ViewError: If the visualization library is missing, or the address cannot be used.
         """
         return show_rigs([self.rig()], [name], host, port)
 
     def rig(self) -> Rig:
-        """The simulator as a page takes it, which may show several."""
+        """The simulator as an item of a page, which may show several."""
         account = LiveAccount(
             lambda: self.energy_account.prepare(), lambda: EnergyMeter(self), bool(self.z_names)
         )
         return Rig(self, self._seen, lambda: self.use(self._compiled.pushable()), account)
 
     def _seen(self) -> Instant:
-        """What there is to see now, under the torque of the last tick."""
+        """The picture of the current state, under the torque of the last tick."""
         scene, state = self.model.scene, self.state
         forces = self.contact_forces() if scene.contacts else ()
         return Instant(
@@ -698,9 +699,9 @@ class Simulator:
         )
 
     def use(self, compiled: CompiledScene, **parameters: Any) -> None:
-        """Go on with another compiled scene of the same states, between two ticks.
+        """Continue with another compiled scene of the same states, between two ticks.
 
-        Tunable quantities keep their values, but for those given by name.
+        Tunable quantities keep their values, except those given by name.
 
         Raises:
             InvalidInput: If a quantity is not tunable; nothing changes.
@@ -753,7 +754,7 @@ class Simulator:
     def _arrived[C: (list[float], JointCommand)](
         self, command: C, ahead: int = 0
     ) -> C | list[float] | JointCommand:
-        """What acts when ``command`` is given, some ticks ahead of the present one."""
+        """The effective command when ``command`` is sent, some ticks after the current one."""
         if self._line is None:
             return command
         return self._line.carry(self._step + ahead, command) or [0.0] * self.n
@@ -763,7 +764,7 @@ class Simulator:
         return self._effort[0] if self.plant.torques is None else self.effort
 
     def _begin_anew(self) -> None:
-        """Nothing is on the way, and sensors have settled."""
+        """Restart without commands in transit, and with settled sensors."""
         if self._line is not None:
             self._line.restart()
         self._sense_anew()
@@ -773,7 +774,7 @@ class Simulator:
             self.sensors.restart(self._step, self._q, self._v, self._driving)
 
     def _look_over(self, trace: Array, command: Array, told: Array | None) -> None:
-        """Let sensors look at ticks that were made in one go."""
+        """Update the sensors with ticks that were executed in one call."""
         if self.sensors is None or told is None:
             return
         n, first = self.n, self._step - len(trace) + 1

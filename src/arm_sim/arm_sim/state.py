@@ -9,7 +9,7 @@ from arm_dynamics.arrays import Array
 
 
 def read_only(x: Array) -> Array:
-    """A view of numbers that may be looked at only."""
+    """A read-only view of numbers."""
     view = x.view()
     view.setflags(write=False)
     return view
@@ -17,7 +17,7 @@ def read_only(x: Array) -> Array:
 
 @dataclass(frozen=True, slots=True)
 class State:
-    """Where the robot is; arrays are read-only.
+    """State of the robot; arrays are read-only.
 
     Attributes:
         time: ``step * dt`` in [s], never accumulated.
@@ -26,8 +26,8 @@ class State:
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
         z: States of the other laws that the scene uses, shape (nz,).
         error: Estimated error of q since the last reset in [rad] or [m]; 0 if the method has none.
-        time_stepped: Ticks since the last reset in which so many events piled up that the rest of
-            the tick was stepped through at first order.
+        time_stepped: Number of ticks since the last reset with so many events that the rest of
+            the tick was time-stepped at first order.
     """
 
     time: float

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Random numbers by tick: what a tick draws depends on its number alone."""
+"""Random numbers by tick: the numbers of a tick depend only on its index."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ _ARMS = 1 << 32
 
 
 class Channel(IntEnum):
-    """What numbers are for; every channel has numbers of its own."""
+    """Purpose of random numbers; every channel has its own."""
 
     POSITION = 0
     VELOCITY = 1
@@ -33,14 +33,14 @@ class Chance:
 
     They come from a counter-based generator (Philox 4x64-10; Salmon, Moraes, Dror and Shaw,
     "Parallel random numbers: as easy as 1, 2, 3", SC 2011) whose key is seed, arm and channel and
-    whose counter is the tick's: so they do not depend on what was drawn before, on threads or on
+    whose counter is the tick's: so they do not depend on earlier draws, on threads or on
     lanes.
 
     Args:
-        seed: Of the scene.
-        channel: What they are for.
+        seed: Seed of the scene.
+        channel: Their purpose.
         draw: Their distribution.
-        arm: Which arm of a batch; 0 is the one of a simulator.
+        arm: Index of the arm in a batch; 0 is that of a simulator.
     """
 
     def __init__(self, seed: int, channel: Channel, draw: Draw, arm: int = 0) -> None:
@@ -70,5 +70,5 @@ def normal(mean: Array, deviation: Array) -> Draw:
 
 
 def even(size: int) -> Draw:
-    """Numbers spread evenly over [0, 1)."""
+    """Uniform numbers in [0, 1)."""
     return lambda generator, ticks: generator.random((ticks, size))

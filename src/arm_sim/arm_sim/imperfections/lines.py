@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lines that carry messages from tick to tick: late, unevenly late, some of them never."""
+"""Transmission of messages from tick to tick, with delay, jitter and loss."""
 
 from __future__ import annotations
 
@@ -17,17 +17,17 @@ _ROUNDED = 1e-6  # of a tick
 
 
 class Line[T]:
-    """Brings the newest message that has arrived; one that was overtaken never shows.
+    """Delivers the newest message that has arrived; overtaken messages are dropped.
 
-    Both ends look once a tick: a message of tick j that takes the time T shows at the first tick
-    that is not before j dt + T.
+    Both ends are sampled once a tick: a message of tick j with the delay T is delivered at the
+    first tick that is not before j dt + T.
 
     Args:
-        line: What the scene says of it.
+        line: Its keys in the scene.
         dt: Length of a tick in [s].
-        seed: Of the scene.
-        channel: What it carries.
-        arm: Which arm of a batch.
+        seed: Seed of the scene.
+        channel: Kind of its messages.
+        arm: Index of the arm in a batch.
     """
 
     def __init__(
@@ -37,16 +37,16 @@ class Line[T]:
         self._loss = line.loss
         self._chance = Chance(seed, channel, even(2), arm)
         self._draws = bool(line.jitter or line.loss)
-        self._waiting: deque[tuple[int, T]] = deque()  # by arrival, which is by age as well
+        self._waiting: deque[tuple[int, T]] = deque()  # sorted by arrival, and so by age
         self._newest: T | None = None
 
     def restart(self, known: T | None = None) -> None:
-        """Forget what is on the way; ``known`` has arrived already."""
+        """Discard messages in transit; ``known`` has arrived already."""
         self._waiting.clear()
         self._newest = known
 
     def send(self, tick: int, message: T) -> None:
-        """Put a message on the way; ticks must not go backwards."""
+        """Send a message; ticks must not decrease."""
         late = 0.0
         if self._draws:
             lost, late = self._chance.at(tick).tolist()
@@ -71,7 +71,7 @@ class Line[T]:
 
 
 def command_line[T](scene: Scene, dt: float, arm: int = 0) -> Line[T] | None:
-    """The line of a scene's commands; None if they arrive at once."""
+    """The line of a scene's commands; None if they arrive immediately."""
     if scene.commands is None or scene.commands.perfect:
         return None
     seed = scene.sensors.seed if scene.sensors else 0
@@ -79,16 +79,16 @@ def command_line[T](scene: Scene, dt: float, arm: int = 0) -> Line[T] | None:
 
 
 def delivered(scene: Scene, dt: float, commands: Array) -> Array:
-    """What arrives of the commands of many arms, each from its tick 0 on.
+    """Commands of many arms as they arrive, each from its tick 0 on.
 
     Args:
-        scene: Whose line it is.
+        scene: The scene of the line.
         dt: Length of a tick in [s].
         commands: By arm and tick, shape (b, ticks, n).
 
     Returns:
-        What acts, of the same shape: zero until something has arrived; the commands themselves if
-        they arrive at once.
+        Effective commands, of the same shape: zero until one has arrived; the commands themselves
+        if they arrive immediately.
     """
     if command_line(scene, dt) is None:
         return commands

@@ -17,7 +17,7 @@ def coefficients(order: int, cutoff: float, dt: float) -> tuple[Array, Array]:
     Args:
         order: 1 or 2.
         cutoff: f in [Hz], where the gain is 1/√2; below half the sampling rate.
-        dt: Time from sample to sample in [s].
+        dt: Sampling interval in [s].
 
     Returns:
         b and a of H(z) = (b0 + b1 z⁻¹ + b2 z⁻²) / (1 + a1 z⁻¹ + a2 z⁻²), shape (3,) each.
@@ -37,8 +37,8 @@ class LowPass:
 
     Args:
         order: 1 or 2.
-        cutoff: For each of n signals in [Hz]; 0: lets everything pass.
-        dt: Time from sample to sample in [s].
+        cutoff: For each of n signals in [Hz]; 0: no filter.
+        dt: Sampling interval in [s].
     """
 
     def __init__(self, order: int, cutoff: list[float], dt: float) -> None:
@@ -58,7 +58,7 @@ class LowPass:
         self._next, self._product = np.zeros((order + 1, n)), np.zeros(step.shape)
 
     def settle(self, x: Array) -> None:
-        """Begin as if the signal had always been ``x``, shape (n,)."""
+        """Start as if the signal had always been ``x``, shape (n,)."""
         b, a = self._b, self._a
         if len(self._w) == 3:
             self._w[2] = (b[:, 2] - a[:, 2]) * x

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What sensors tell of a motion: rounded, noisy, filtered, and later than it happens."""
+"""Sensor measurements of a motion: quantized, noisy, filtered and delayed."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from arm_sim.imperfections.low_pass import LowPass
 
 @dataclass(frozen=True)
 class Measured:
-    """What the control was told in a run, at each time of the recording; arrays are read-only.
+    """Measurements at each time of a recording; arrays are read-only.
 
     Attributes:
         q: Positions in [rad] or [m], shape (k+1, n).
@@ -39,23 +39,23 @@ class Measured:
 
 
 class Sensors:
-    """Sensors of all joints, and the line on which what they tell comes; looks at every tick.
+    """Sensors of all joints, and the transmission of their measurements, sampled every tick.
 
     Attributes:
-        said: What is known of (q, v, effort) at the tick that was looked at last, shape (3n,): an
-            array that stays, and changes with every look.
+        said: Measured (q, v, effort) at the last sampled tick, shape (3n,): a persistent array
+            that changes with every sample.
     """
 
     def __init__(self, scene: schema.Sensors, names: Sequence[str], dt: float) -> None:
         """Prepare.
 
         Args:
-            scene: What the scene says of them.
+            scene: Their keys in the scene.
             names: Joints.
-            dt: Time from tick to tick in [s].
+            dt: Length of a tick in [s].
 
         Raises:
-            SceneError: If a filter's cut-off frequency cannot be had at this rate.
+            SceneError: If a filter's cut-off frequency is too high for this rate.
         """
         n, velocity = len(names), scene.velocity
         self._rate, self._rounding = 1.0 / dt, _rounding(scene.position, names)
@@ -77,9 +77,9 @@ class Sensors:
             self.said = np.zeros(3 * n)
 
     def restart(self, tick: int, q: Array, v: Array, effort: Array) -> None:
-        """Begin anew: the state is known at once, and filters have settled.
+        """Restart: the state is known at once, and filters have settled.
 
-        Velocities that are differences of positions are told as they are at this tick.
+        Velocities that are differences of positions are exact at this tick.
         """
         self._position(tick, q)
         if self._filter is not None:
@@ -90,10 +90,10 @@ class Sensors:
             self.said[:] = self._now
 
     def look(self, tick: int, q: Array, v: Array, effort: Array) -> None:
-        """Look at the state at the end of the tick before, and say what is known of it by now.
+        """Sample the state at the end of the previous tick, and return the measurements by now.
 
         Args:
-            tick: Its number, one more than at the last look.
+            tick: Its index, one more than at the last sample.
             q: Positions in [rad] or [m], shape (n,).
             v: Velocities in [rad/s] or [m/s], shape (n,).
             effort: Torques that acted in [N m] or [N], shape (n,).
@@ -137,7 +137,7 @@ class _Rounding:
 
 
 def _told(place: Array, value: Array, error: Chance | Array | None, tick: int) -> None:
-    """Put a value with its error, shape (n,), into a place."""
+    """Write a value with its error, shape (n,), to an array."""
     if error is None:
         place[:] = value
     else:
@@ -167,7 +167,7 @@ def sensors_of(scene: Scene, names: Sequence[str], dt: float) -> Sensors | None:
 
 
 def _rounding(position: schema.PositionSensor, names: Sequence[str]) -> _Rounding | None:
-    """Steps by which encoders tell positions; a joint's own entry goes before that of all."""
+    """Resolutions of encoders; a joint's own entry takes precedence over that of all."""
     turns = {name: 2.0 * np.pi / counts for name, counts in position.counts.items()}
     given = [{schema.ALL: 0.0}, position.resolution, turns]
     common = next(steps[schema.ALL] for steps in reversed(given) if schema.ALL in steps)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which method integrates a scene, and why."""
+"""Selection of the integration method of a scene."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ TOLERANCE_RANGE = (1e-14, 1e-1)
 # Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
 # Differential Equations II, figure IV.2.1); the rate grows as the arm folds, hence the margin.
 STIFF = 1.4
-# Error of a sub-step through stiff bristles unless the caller says: a tick is 1.1 to 2.7 sub-steps
-# on the average, 150 where a joint reverses, and half a second ends within 1e-7 rad of the truth.
+# Default error of a sub-step with stiff bristles: a tick takes 1.1 to 2.7 sub-steps on average,
+# 150 where a joint reverses, and half a second ends within 1e-7 rad of the exact motion.
 STIFF_LAW = 1e-6
 # Drives answer within a tick, so a step of fixed length is never sure of them: see
 # docs/concepts/drives.md for what these tolerances cost. From about this rate on,
@@ -36,13 +36,13 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class Choice:
-    """How a scene is integrated.
+    """Integration method and parameters of a scene.
 
     Attributes:
         method: The method.
         dt: Length of a tick in [s].
         tolerance: Scaled error per sub-step, None for one step of fixed length per tick.
-        reason: Why this method, as text.
+        reason: Why this method was selected, as text.
     """
 
     method: Method
@@ -52,7 +52,7 @@ class Choice:
 
     @property
     def remark(self) -> str:
-        """What to try when a tick cannot be computed."""
+        """Advice for a tick that cannot be computed."""
         if self.tolerance is None:
             return f" at dt = {self.dt:g} s (a smaller dt or a tolerance may help)"
         return f" to a tolerance of {self.tolerance:g} (a larger one may help)"
@@ -61,7 +61,7 @@ class Choice:
 def choose(
     plant: Plant, integrator: str | None, dt: float | None, tolerance: float | None
 ) -> Choice:
-    """Settle method, tick and tolerance: the caller's word, else the scene's, else the default.
+    """Choose method, tick and tolerance: the caller's, else the scene's, else the default.
 
     Args:
         plant: The scene's equation of motion.
@@ -73,7 +73,7 @@ def choose(
         The choice.
 
     Raises:
-        InvalidInput: If one of them is not allowed or they do not go together.
+        InvalidInput: If one of them is not allowed or they cannot be combined.
     """
     scene = plant.model.scene
     name = integrator or scene.sim.integrator or "auto"
@@ -127,7 +127,7 @@ def _driven(plant: Plant, dt: float, tolerance: float | None) -> Choice:
 
 
 def fastest_rate(plant: Plant) -> float:
-    """How fast the scene answers at its initial state, in [1/s].
+    """Fastest rate of the scene at its initial state, in [1/s].
 
     Args:
         plant: The scene's equation of motion.
@@ -156,7 +156,7 @@ def _response_rate(plant: Plant) -> float:
 
 
 def law_rate(model: ArmModel) -> tuple[float, str]:
-    """How fast friction with states answers in [1/s], and the title of its law; 0 without any."""
+    """Fastest rate of friction with states in [1/s], and the title of its law; 0 without any."""
     if not (laws := friction_laws(model)):
         return 0.0, ""
     M = Dynamics(model).mass_matrix(model.q0)
@@ -186,7 +186,7 @@ def damping_rate(model: ArmModel) -> float:
 
 
 def spring_rate(model: ArmModel) -> float:
-    """How fast the arm answers on its springs at the initial position, in [1/s].
+    """Fastest rate of the arm on its springs at the initial position, in [1/s].
 
     A cord counts as taut: it may be slack now and pull later.
 

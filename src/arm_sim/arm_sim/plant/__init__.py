@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The equation of motion of a scene, x' = f(x, u, p), with only the terms that the scene needs.
+"""The equation of motion of a scene, x' = f(x, u, p), with only the terms that it needs.
 
 Combines drives, friction, bilateral constraints and contacts, and defines tunable parameters and
 admissible states. Depends on the equations and the model, and not on integration.

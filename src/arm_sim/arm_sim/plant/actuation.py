@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a reference or command to what acts: the compiled controller, if any, then the limits."""
+"""From a reference or command to the effective command: controller, if any, then limits."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from arm_sim.plant.plant import Plant
 
 @dataclass(frozen=True)
 class CompiledControl:
-    """A controller that runs in compiled code, once a tick, on the state at the tick's beginning.
+    """A controller in compiled code, evaluated once a tick at the state at its beginning.
 
     Attributes:
         law: CasADi function (x, r) -> command of shape (n,), with x = (q, v).
@@ -41,14 +41,14 @@ def computed_torque(
     """Computed torque as ``arm_dynamics.control.ComputedTorque``, compiled into the simulator.
 
     Args:
-        model: The controller's model; another than the plant's to see what a wrong one does.
+        model: The controller's model; it may differ from the plant's, to study model errors.
         sample: Reference at a time, such as ``Trajectory.sample``.
         bandwidth: ω in [rad/s], a number or shape (n,).
         damping_ratio: ζ, a number or shape (n,).
         dt: Time in [s] for which a torque is held, 0 for none.
 
     Returns:
-        A controller for ``Simulator.run``; it answers with what the model's drives take.
+        A controller for ``Simulator.run``; it returns commands of the model's drives.
 
     Raises:
         InvalidInput: If a gain or dt is not allowed.
@@ -68,16 +68,16 @@ def computed_torque(
 def actuation(
     plant: Plant, control: CompiledControl | None = None, *, compensated: bool = True
 ) -> ca.Function:
-    """Compose controller, the arm's own gravity compensation if the scene asks for it, and limits.
+    """Compose controller, the arm's own gravity compensation, if any, and limits.
 
     Args:
         plant: The plant, for its limits.
         control: A controller, or None if commands are given directly.
-        compensated: Whether that compensation is still to be added to commands.
+        compensated: Whether that compensation must be added to commands.
 
     Returns:
-        CasADi function ``actuate`` (x, r) -> command that acts, shape (n,): a torque, or what
-        the joint's drive takes.
+        CasADi function ``actuate`` (x, r) -> effective command, shape (n,): a torque, or the
+        command of the joint's drive.
     """
     n = plant.model.n
     x = ca.SX.sym("x", plant.nx)

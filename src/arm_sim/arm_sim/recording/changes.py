@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is changed in the middle of a run: tunable quantities, or where the robot is."""
+"""Changes during a run: of tunable quantities, or of the state."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class Jump:
     """A change between two ticks.
 
     Attributes:
-        row: Of the recording: its time is that of the change, and its state the one after it.
+        row: Row of the recording with the time of the change and the state after it.
         x: State before, shape (nx,).
         p: Tunable quantities before, shape (np,).
         tunable: Names of those that were tunable before.
@@ -47,10 +47,10 @@ class _Changing(Protocol):
 
 
 class Changes:
-    """Notes what a controller changes in the simulation that it controls.
+    """Registers changes that a controller makes in its simulation.
 
     Args:
-        simulator: At the beginning of a run.
+        simulator: The simulator at the start of a run.
     """
 
     def __init__(self, simulator: _Changing) -> None:
@@ -60,7 +60,7 @@ class Changes:
         self._tuned, self._last = [self._present()], self._token()
 
     def look(self, row: int, x: Array) -> None:
-        """Compare with the last look; a state that was changed is put into its row of ``x``."""
+        """Compare with the last call; a changed state is written to its row of ``x``."""
         token, here = self._token(), self._simulator.x
         if token == self._last and here.tobytes() == x[row].tobytes():
             return
@@ -71,11 +71,11 @@ class Changes:
         self._last, x[row] = token, here
 
     def held(self, row: int, how: int) -> None:
-        """Note what held the arm in the tick that begins at a row."""
+        """Register what held the arm in the tick that begins at a row."""
         self._holds[row] = how
 
     def hold(self, rows: int) -> NDArray[np.uint8] | None:
-        """What held the arm in the tick from each time on, shape (rows,); None if nothing did."""
+        """What held the arm in the tick from each time, shape (rows,); None if nothing did."""
         if not self._holds:
             return None
         hold = np.zeros(rows, np.uint8)
@@ -83,7 +83,7 @@ class Changes:
         return hold
 
     def parameters(self, rows: int) -> Array:
-        """Tunable quantities from each time on, shape (rows, np)."""
+        """Tunable quantities from each time, shape (rows, np)."""
         ends = [*self._rows[1:], rows]
         parts = [
             np.broadcast_to(self._merged(tuned), (max(0, end - first), self._size))
@@ -92,7 +92,7 @@ class Changes:
         return read_only(np.concatenate(parts))
 
     def jumps(self) -> tuple[Jump, ...]:
-        """What was changed, in the order of time."""
+        """The changes, in order of time."""
         before = zip(self._rows[1:], self._states, self._tuned, self._substeps, strict=False)
         return tuple(
             Jump(row, read_only(x), self._merged(tuned), tuple(tuned), substep)
@@ -104,11 +104,11 @@ class Changes:
         return len(self._simulator.plant.parameters.nominal)
 
     def _token(self) -> tuple[Plant, bytes]:
-        """What differs when a tunable quantity does."""
+        """A key that differs if a tunable quantity does."""
         return self._simulator.plant, self._simulator.parameters.tobytes()
 
     def _present(self) -> dict[str, bytes]:
-        """By name, for a run may make more of them tunable."""
+        """Current values by name, since a run may make more of them tunable."""
         parameters, p = self._simulator.plant.parameters, self._simulator.parameters
         return {name: parameters.of(name, p).tobytes() for name in parameters.names}
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a recording is made of, in memory and in files."""
+"""Content of a recording, in memory and in files."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ FREE, BRAKES, SERVOS = range(3)  # as in arm_msgs/Tick
 
 @dataclass(frozen=True)
 class Event:
-    """Something that was noted while a system ran.
+    """An event during a recording.
 
     Attributes:
-        time: When, in [s] of the recording.
-        text: What.
+        time: Its time in the recording in [s].
+        text: Its description.
     """
 
     time: float
@@ -32,31 +32,31 @@ class Event:
 
 @dataclass(frozen=True, repr=False)
 class Contents:
-    """States at the beginning of a run and after each of its k ticks; arrays are read-only.
+    """States at the start of a run and after each of its k ticks; arrays are read-only.
 
     Attributes:
-        time: In [s], shape (k+1,). Where a simulation was reset in between, it goes on.
+        time: In [s], shape (k+1,). It continues across resets of the simulation.
         q: Joint positions in [rad] or [m], shape (k+1, n).
-        v: Joint velocities in [rad/s] or [m/s], shape (k+1, n); NaN where a robot told none.
+        v: Joint velocities in [rad/s] or [m/s], shape (k+1, n); NaN where a robot reported none.
         z: States of the scene's laws, shape (k+1, nz).
-        command: What acted from each time on, limits applied, shape (k+1, n): torques in [N m] or
-            [N], or what a joint's drive takes; the last row repeats the last tick's. Of a robot,
-            the effort that it measured, NaN where it told none.
+        command: Effective command from each time, limits applied, shape (k+1, n): torques in
+            [N m] or [N], or the command of a joint's drive; the last row repeats the last tick's.
+            Of a robot, its measured effort, NaN where it reported none.
         error: Estimated error of q in [rad] or [m], shape (k+1,); zeros without error control.
-        time_stepped: By each time, ticks in which events piled up; see ``State``, shape (k+1,).
+        time_stepped: Number of time-stepped ticks up to each time; see ``State``, shape (k+1,).
         joint_names: Order of the joints in each row.
-        p: Tunable quantities from each time on, shape (k+1, np).
-        origin: Scene, method and versions; None for what is not known to have one.
+        p: Tunable quantities from each time, shape (k+1, np).
+        origin: Scene, method and versions; None if unknown.
         held: Names of the constraints that held.
-        jumps: What was changed between two ticks.
-        events: What was noted meanwhile.
+        jumps: Changes between two ticks.
+        events: Events during the recording.
         hold: What held the arm in the tick that begins at each time, shape (k+1,): ``FREE``,
             ``BRAKES`` or ``SERVOS``; None if nothing ever did.
-        gaps: Rows before which ticks are missing: a recorder that could not follow, or a file
-            that is damaged.
-        substep: Sub-step with which error control began, in [s]; see ``Simulator.substep``.
-        measured: What the scene's sensors told at each time; None if it has none.
-        of_robot: Whether it is of a robot, or of another simulator, and not of ticks of ours.
+        gaps: Rows before which ticks are missing, because the recorder was too slow or the file
+            is damaged.
+        substep: Initial sub-step of the error control, in [s]; see ``Simulator.substep``.
+        measured: Sensor measurements at each time; None if the scene has no sensors.
+        of_robot: Whether it is of a robot or of another simulator, and not of our ticks.
     """
 
     time: Array

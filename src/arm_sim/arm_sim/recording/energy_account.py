@@ -1,13 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy account of a motion: what its laws store, what came in and what went out as heat.
+"""The energy account of a motion: energy stored in laws, work supplied and heat lost.
 
-Where a motion is smooth and the command is the torque, both can be had from the recorded states,
-to fourth order. Under error control that would be less than was asked for. Where laws have states,
-a current rises and bristles snap within a tick, and where there are events friction and stops jump
-within one: a quadrature on the recorded states would miss it. There every tick is made again from
-its recorded beginning, by the same method, with the work that came in and the heat that went out
-since as further states. They are integrated as accurately as the motion itself.
-Nothing of this is done before it is asked for.
+If a motion is smooth and the command is the torque, both follow from the recorded states, to
+fourth order. With error control that is not accurate enough. If laws have states, a current rises
+and bristles snap within a tick, and with events friction and stops jump within one: a quadrature
+over the recorded states would miss it. Then every tick is repeated from its recorded start, by
+the same method, with work and heat as additional states, which are integrated as accurately as
+the motion itself. All of this is computed on demand.
 """
 
 from __future__ import annotations
@@ -29,27 +28,27 @@ from arm_sim.plant.plant import Plant, Power, split
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.stepping.stepper import Stepper
 
-# How many ticks a joint may be away from a stop, at its speed, and still have met it in a tick.
+# Number of ticks that a joint may be away from a stop, at its velocity, and still have hit it.
 MARGIN = 2.0
 
 FLOWS = (
     "work supplied [J]", "heat lost [J]", "heat of friction [J]", "work from outside [J]",
     "lost in contacts [J]",
 )  # fmt: skip
-"""Energies that a tick made again integrates."""
+"""Energies that a repeated tick integrates."""
 
 TRUSTED = 1e-3
-"""Part of the energy that moved by which an account may be off for a motion to be trusted."""
+"""Largest error of an account, relative to the energy that moved, of a trusted motion."""
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Ledger(Ensemble):
-    """The laws of a scene with the energies that flow as states more, all of them last.
+    """The laws of a scene with energy flows as additional states, which come last.
 
-    They are the work supplied and the heat lost in laws, and those of ``Plant.accounted``: heat of
-    the joints' friction and of dampers, work from outside, and what friction of contacts and
-    compliant stops take. Impacts are no part of it.
+    They are the work supplied to laws and the heat lost in them, and those of ``Plant.accounted``:
+    heat of the joints' friction and of dampers, external work, and losses in friction of contacts
+    and in compliant stops. Impacts are not included.
     """
 
     @property
@@ -59,7 +58,7 @@ class Ledger(Ensemble):
 
     @property
     def scale(self) -> Array:
-        """Size that matters of each of them, shape (nz + 5,)."""
+        """Scale of each of them, shape (nz + 5,)."""
         return np.concatenate([super().scale, np.ones(len(FLOWS))])
 
     def initial(self, q: Array, v: Array) -> Array:
@@ -67,13 +66,13 @@ class Ledger(Ensemble):
         return np.concatenate([super().initial(q, v), np.zeros(len(FLOWS))])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What the laws do, and their powers as slopes of the first two energies."""
+        """Equations of the laws, and their powers as rates of the first two energies."""
         flow = super().equations(q, v, z, u)
         return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, flow.lost))
 
 
 class EnergyAccount:
-    """The energy account of one scene; nothing is built before it is asked for.
+    """The energy account of one scene; everything is built on demand.
 
     Args:
         plant: The scene's equation of motion.
@@ -91,7 +90,7 @@ class EnergyAccount:
 
     @property
     def may_make_ticks_again(self) -> bool:
-        """Whether some motion of the scene needs ticks made again."""
+        """Whether some motion of the scene needs repeated ticks."""
         return self._always or self._plant.eventful
 
     @property
@@ -99,7 +98,7 @@ class EnergyAccount:
         return self._plant.laws is not None or self._choice.tolerance is not None
 
     def prepare(self) -> None:
-        """Build now what the first ``flows`` would have to build."""
+        """Build in advance what the first ``flows`` needs."""
         if self.may_make_ticks_again:
             self._ledger.restart()
 
@@ -112,7 +111,7 @@ class EnergyAccount:
         if self._always or (self._plant.eventful and not self._plant.free):
             return True
         q, v = x[:, : model.n], x[:, model.n : 2 * model.n]
-        # A rebound shows in how fast a joint leaves, even if it is nowhere at the stop in between.
+        # A rebound shows in the velocity after it, even if no recorded position is at the stop.
         near = [q, *(q + way * self._choice.dt * v for way in (-MARGIN, MARGIN))]
         return any(model.stops.touched(place).any() for place in near)
 
@@ -170,7 +169,7 @@ class EnergyAccount:
             p: Tunable quantities in each tick, shape (k, np).
 
         Returns:
-            Work and heat in [J], shape (k, 2); NaN if a tick cannot be made again.
+            Work and heat in [J], shape (k, 2); NaN if a tick cannot be repeated.
         """
         if not len(u):
             return np.zeros((0, 2))
@@ -180,7 +179,7 @@ class EnergyAccount:
         pushed = self._plant.parameters.place("external")
         acting = u if pushed is None else u + p[:, pushed]
         way = self._parts(after)[0] - self._parts(x)[0]
-        work = np.sum(acting * way, axis=1)  # exact: what acts is held over its tick
+        work = np.sum(acting * way, axis=1)  # exact: the command is constant over its tick
         heat = [
             dissipated_work(
                 self._present.at(p[run.start]), self._choice.dt,
@@ -191,7 +190,7 @@ class EnergyAccount:
         return np.stack([work, np.concatenate(heat)], axis=1)
 
     def contact_losses(self, x: Array, u: Array, p: Array) -> Array:
-        """Energy that impacts, and friction of contacts, took out in each tick, made again.
+        """Energy lost in impacts, and in friction of contacts, in each tick, by repeating it.
 
         In [J], shape (k, 2); arguments as those of ``flows``.
         """
@@ -224,7 +223,7 @@ class EnergyAccount:
 
     @cached_property
     def stepper(self) -> Stepper:
-        """The scene's own, for looks at recorded states."""
+        """A stepper of the scene, to evaluate recorded states."""
         return Stepper(self._plant, self._choice, self._backend, acted=True)
 
     @cached_property
@@ -236,12 +235,12 @@ class EnergyAccount:
 
 
 def relative_error(balance: float, moved: float, size: float) -> float:
-    """Energy from nowhere over the energy that moved.
+    """Unexplained energy relative to the energy that moved.
 
     Args:
-        balance: Energy from nowhere in [J].
-        moved: Energy that changed its form, came in or went out, in [J].
-        size: Largest energy there was in [J]; ``ROUNDING`` of it is no motion, but rounding.
+        balance: Unexplained energy in [J].
+        moved: Energy that changed its form, was supplied or lost, in [J].
+        size: Largest energy in [J]; ``ROUNDING`` of it counts as rounding, not motion.
 
     Returns:
         A ratio; infinite where an energy is not finite.
@@ -252,7 +251,7 @@ def relative_error(balance: float, moved: float, size: float) -> float:
 
 
 def friction_heat(plant: Plant) -> Power:
-    """Power that the joints' friction and dampers turn into heat, but for laws with states."""
+    """Power lost in the joints' friction and dampers, without laws with states."""
     model, tuned = plant.model, plant.parameters.place("friction")
     law, tree = model.friction, tree_of(model)
 
@@ -266,7 +265,7 @@ def friction_heat(plant: Plant) -> Power:
 
 
 def outside_work(plant: Plant) -> Power:
-    """Power of the torques from outside."""
+    """Power of external torques."""
     pushed = plant.parameters.place("external")
 
     def power(q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
@@ -278,7 +277,7 @@ def outside_work(plant: Plant) -> Power:
 def dissipated_work(
     dynamics: Dynamics, dt: float, states: tuple[Array, Array], tau: Array
 ) -> Array:
-    """Energy that friction and dampers take out in each tick: their power by Simpson's rule.
+    """Energy lost in friction and dampers in each tick: their power by Simpson's rule.
 
     Position and velocity in the middle of a tick are those of the cubic through both ends
     (Hermite).

@@ -25,34 +25,34 @@ class Account(NamedTuple):
 
 
 class Metered(Protocol):
-    """A simulation whose energies are looked at; ``Simulator`` is one."""
+    """A simulation with an energy account, such as a ``Simulator``."""
 
     @property
     def x(self) -> Array:
-        """Its state now, shape (nx,)."""
+        """Its current state, shape (nx,)."""
 
     @property
     def command(self) -> Array:
-        """What acted in the last tick, shape (n,)."""
+        """Effective command of the last tick, shape (n,)."""
 
     @property
     def parameters(self) -> Array:
-        """Tunable quantities now, shape (np,)."""
+        """Current tunable quantities, shape (np,)."""
 
     @property
     def energy_account(self) -> EnergyAccount:
-        """What keeps the account."""
+        """Computes the account."""
 
 
 class EnergyMeter:
     """Notes every tick cheaply and adds up when asked.
 
     Attributes:
-        error: Largest energy from nowhere when it was asked, relative to the energy that moved.
+        error: Largest unexplained energy so far, relative to the energy that moved.
     """
 
     def __init__(self, simulator: Metered) -> None:
-        """Open the account at the simulator's present state."""
+        """Open the account at the simulator's current state."""
         self._simulator, self.error = simulator, 0.0
         self._last, self._ticks = simulator.x.copy(), list[tuple[Array, Array, Array]]()
         self._flows, self._changed = np.zeros(2), 0.0
@@ -83,7 +83,7 @@ class EnergyMeter:
         self._changed += sum(self._energies()) - before
 
     def account(self) -> Account:
-        """Add up what happened since the account was opened."""
+        """Sum up the energies since the account was opened."""
         self._add_up()
         energies = self._energies()
         total, (supplied, lost) = float(sum(energies)), self._flows.tolist()

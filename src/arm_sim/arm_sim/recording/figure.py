@@ -52,7 +52,7 @@ def draw(recordings: Sequence[Motion], joints: Sequence[str]) -> Any:
 
 
 def _joints(recordings: Sequence[Motion], asked: Sequence[str]) -> list[str]:
-    """Joints that are drawn: those asked for, else all that every recording has."""
+    """Joints to draw: the requested ones, else all that every recording has."""
     shared = [
         name for name in recordings[0].joint_names
         if all(name in recording.joint_names for recording in recordings)
@@ -62,13 +62,13 @@ def _joints(recordings: Sequence[Motion], asked: Sequence[str]) -> list[str]:
         raise InvalidInput(f"the recordings share no joint: {told}")
     if unknown := [name for name in asked if name not in shared]:
         raise InvalidInput(
-            f"no joint {known_names(unknown)}; there are {choices(unknown[0], shared)}"
+            f"unknown joint {known_names(unknown)}; allowed: {choices(unknown[0], shared)}"
         )
     return list(asked) or shared
 
 
 def _there(recordings: Sequence[Motion], part: str) -> bool:
-    """Whether any of them knows a quantity."""
+    """Whether any of them has a quantity."""
     return any(np.isfinite(parts(recording)[part]).any() for recording in recordings)
 
 
@@ -90,7 +90,7 @@ def _joint_lines(
 
 
 def _thinned(time: Array, values: Array) -> tuple[Array, Array]:
-    """A line of few points that covers the same ground: the least and the largest of each span."""
+    """A line with fewer points: the smallest and the largest value of each span."""
     size = -(-2 * len(time) // _POINTS)
     if size <= 2:
         return time, values
@@ -104,7 +104,7 @@ def _thinned(time: Array, values: Array) -> tuple[Array, Array]:
 
 
 def _stops(axis: Any, recording: Motion, names: list[str], colors: Any) -> None:
-    """Marks where joints come to their stops."""
+    """Marks where joints reach their stops."""
     if recording.physics is None:
         return
     touched = recording.physics.model.stops.touched(recording.q)
@@ -127,7 +127,7 @@ def _energy(axis: Any, recordings: Sequence[Motion]) -> None:
 
 
 def _account(recording: Motion) -> list[tuple[str, Array]]:
-    """What came in and went out, where it is cheap to know; else what there is."""
+    """Work and heat, if they are cheap to compute; else the stored energies."""
     start = recording.energy[0]
     found = [("kinetic", recording.kinetic), ("total, less the initial", recording.energy - start)]
     state = np.hstack([recording.q, recording.v, recording.z])
@@ -137,11 +137,11 @@ def _account(recording: Motion) -> list[tuple[str, Array]]:
             ("unaccounted for", recording.balance)]  # fmt: skip
 
 
-_AGAIN = 60_001  # rows up to which ticks are made again for a figure
+_AGAIN = 60_001  # rows up to which ticks are repeated for a figure
 
 
 def _marks(axis: Any, recording: Motion) -> None:
-    """Lines where something was changed, and grey where ticks are missing."""
+    """Lines at changes, and gray areas where ticks are missing."""
     times = [recording.time[jump.row] for jump in recording.jumps]
     times += [event.time for event in recording.events]
     for time in sorted(set(times))[:_MARKS]:

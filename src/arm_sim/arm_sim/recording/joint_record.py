@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording as identification takes it: what was measured, by joint names."""
+"""A recording as input of an identification: measurements by joint names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from arm_sim.recording.recording import Recording
 
 
 def joint_record(recording: Recording, name: str = "recording") -> JointRecord:
-    """What a recording says of a motion and its torques; see ``JointRecord.from_recording``."""
+    """Motion and torques of a recording; see ``JointRecord.from_recording``."""
     return JointRecord.from_recording(recording, name)
 
 
@@ -20,7 +20,7 @@ def read_joint_record(path: str | os.PathLike[str], topic: str | None = None) ->
     """Read a file of any kind that ``Recording.load`` opens; see there.
 
     Raises:
-        InvalidInput: If it is damaged beyond use or something else.
+        InvalidInput: If it is not a recording, or too damaged to be used.
         OSError: If it cannot be read.
     """
     path = Path(path)

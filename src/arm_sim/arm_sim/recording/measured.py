@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A scene for a recording that brings none."""
+"""A scene for a recording without one."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from arm_sim.recording.origin import Origin
 
 
 def with_scene(contents: Contents, scene: Any) -> Contents:
-    """A recording as one of a scene: joints in the scene's order, others left out.
+    """A recording with a scene: joints in the scene's order, without others.
 
     Args:
         contents: A recording of a robot.
-        scene: Anything ``load_scene`` takes.
+        scene: Anything ``load_scene`` accepts.
 
     Raises:
         SceneError: If the scene cannot be used, or the recording lacks one of its joints.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a recording comes from: scene, method and versions, and what its answers need of them."""
+"""Origin of a recording: scene, method and versions, and the equations derived from them."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ SCENE_FILE, URDF_FILE = "scene.yaml", "robot.urdf"
 
 
 def versions() -> dict[str, str]:
-    """What computes here: where one of these differs, the last bits of a replay may."""
+    """Versions of the computation; if one differs, the last bits of a replay may differ."""
     return {
         "python": platform.python_version(),
         "numpy": np.__version__,
@@ -37,15 +37,15 @@ def versions() -> dict[str, str]:
 
 @dataclass(frozen=True)
 class Origin:
-    """What made a recording; all that a run needs to be repeated, but for its torques.
+    """Origin of a recording; all that is needed to repeat a run, except its commands.
 
     Attributes:
-        scene: The scene, with what was tunable at the end of the run.
+        scene: The scene, with the quantities that were tunable at the end of the run.
         integrator: Name of the method.
         dt: Length of a tick in [s].
         tolerance: Scaled error per sub-step, None for steps of fixed length.
-        source: What the scene was called when it was loaded; empty if that is not known.
-        versions: Of what computed it.
+        source: Name or path of the scene when it was loaded; empty if unknown.
+        versions: Versions of the computation.
     """
 
     scene: Scene
@@ -56,7 +56,7 @@ class Origin:
     versions: Mapping[str, str] = field(default_factory=versions)
 
     def texts(self) -> dict[str, str]:
-        """Files from which ``read`` makes the scene again."""
+        """Files from which ``read`` restores the scene."""
         urdf = self.scene.robot.urdf
         return {SCENE_FILE: scene_text(self.scene, URDF_FILE), URDF_FILE: urdf}
 
@@ -70,7 +70,7 @@ class Origin:
 
     @classmethod
     def read(cls, texts: Mapping[str, str], about: Mapping[str, str]) -> Self:
-        """The origin that ``texts`` and ``about`` tell of.
+        """The origin from ``texts`` and ``about``.
 
         Raises:
             SceneError: If the scene cannot be used.
@@ -83,7 +83,7 @@ class Origin:
         except (KeyError, ValueError) as error:
             if isinstance(error, InvalidInput):
                 raise
-            raise InvalidInput(f"the recording does not tell where it is from: {error}") from None
+            raise InvalidInput(f"the recording has no valid origin: {error}") from None
         if integrator not in METHODS or not 0.0 < dt < np.inf:
             raise InvalidInput(
                 f"the recording's method is '{integrator}' with dt = {dt!r}; allowed: "
@@ -95,7 +95,7 @@ class Origin:
 
 
 class Physics:
-    """The equations of a scene that a recording's answers need; built when they are first used.
+    """The equations of a recording's scene, built on first use.
 
     Args:
         origin: Scene and method.
@@ -112,7 +112,7 @@ class Physics:
     def built(
         cls, origin: Origin, plant: Plant, present: PresentDynamics, account: EnergyAccount
     ) -> Self:
-        """With what is there already."""
+        """With parts that exist already."""
         made = cls(origin)
         vars(made).update(plant=plant, model=plant.model, present=present, account=account)
         return made
@@ -134,7 +134,7 @@ class Physics:
 
     @cached_property
     def account(self) -> EnergyAccount:
-        """What keeps the energy account."""
+        """Computes the energy account."""
         origin = self.origin
         choice = Choice(METHODS[origin.integrator], origin.dt, origin.tolerance, "as recorded")
         return EnergyAccount(self.plant, self.present, choice, self._backend)

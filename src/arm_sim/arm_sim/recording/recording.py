@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a run leaves behind."""
+"""The recording of a run."""
 
 from __future__ import annotations
 
@@ -33,10 +33,10 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True, repr=False)
 class Recording(Contents):
-    """A motion, tick by tick, and what follows from it; see ``Contents`` for its arrays.
+    """A motion, tick by tick, and derived quantities; see ``Contents`` for its arrays.
 
     Attributes:
-        physics: The equations that answers need; None where the scene is not known.
+        physics: The equations for derived quantities; None if the scene is unknown.
     """
 
     physics: Physics | None = None
@@ -71,11 +71,11 @@ class Recording(Contents):
             path: A file of ``save``; a bag of ROS 2 (``.mcap``, ``.db3`` or a folder of them) with
                 joint states; or a ``.csv`` with columns ``time`` and ``position.NAME``,
                 ``velocity.NAME``, ``effort.NAME``.
-            scene: For a recording that brings none: anything ``load_scene`` takes.
-            topic: Which topic of joint states, where a bag has several.
+            scene: For a recording without one: anything ``load_scene`` accepts.
+            topic: Topic of the joint states, if a bag has several.
 
         Raises:
-            InvalidInput: If it is damaged beyond use or something else.
+            InvalidInput: If it is not a recording, or too damaged to be used.
             SceneError: If the scene cannot be used or is of another robot.
             OSError: If it cannot be read.
         """
@@ -85,7 +85,7 @@ class Recording(Contents):
         return loaded if scene is None else loaded.of(scene)
 
     def of(self, scene: Any) -> Self:
-        """A recording that brings no scene as one of this scene, with the scene's joints.
+        """A recording without a scene, combined with a scene and restricted to its joints.
 
         Raises:
             SceneError: If the scene cannot be used, or is of another robot.
@@ -100,8 +100,8 @@ class Recording(Contents):
     def to_dict(self) -> dict[str, Array]:
         """Columns by name, each of shape (k+1,), such as ``time`` and ``position.elbow``.
 
-        Of positions, velocities, efforts (torques on the joints), commands where a drive makes
-        these of them, and of states of laws.
+        Positions, velocities, efforts (torques on the joints), commands of joints with drives, and
+        states of laws.
         """
         return columns(self)
 
@@ -125,8 +125,8 @@ class Recording(Contents):
         """Draw positions, velocities, torques and the energy account.
 
         Args:
-            *others: Recordings to lay over this one, dashed.
-            joints: Which joints; all of them if none is named.
+            *others: Recordings to draw over this one, dashed.
+            joints: Joints to draw; all if none is named.
 
         Returns:
             A ``matplotlib.figure.Figure``.
@@ -136,11 +136,11 @@ class Recording(Contents):
         """
         return draw((self, *others), joints)
 
-    # --- what it is of -------------------------------------------------------------------------
+    # --- origin --------------------------------------------------------------------------------
 
     @property
     def scene(self) -> Scene | None:
-        """The scene; None if it is not known."""
+        """The scene; None if it is unknown."""
         return None if self.origin is None else self.origin.scene
 
     @property
@@ -150,7 +150,7 @@ class Recording(Contents):
 
     @property
     def account(self) -> EnergyAccount:
-        """What keeps the energy account, when asked."""
+        """Computes the energy account on demand."""
         return self._known.account
 
     @property
@@ -162,12 +162,12 @@ class Recording(Contents):
     def _known(self) -> Physics:
         if self.physics is None:
             raise InvalidInput(
-                "the recording brings no scene, from which this would follow; give it one: "
+                "the recording has no scene, which this needs; load it with one: "
                 "Recording.load(path, scene=…)"
             )
         return self.physics
 
-    # --- what follows --------------------------------------------------------------------------
+    # --- derived quantities --------------------------------------------------------------------
 
     def __len__(self) -> int:
         """Number of recorded states."""
@@ -175,10 +175,10 @@ class Recording(Contents):
 
     @cached_property
     def tau(self) -> Array:
-        """Torques that act on the joints from each time on in [N m] or [N], shape (k+1, n).
+        """Torques that act on the joints from each time in [N m] or [N], shape (k+1, n).
 
-        The command, or what a joint's drive makes of it by the end of the tick; of a robot what it
-        measured.
+        The command, or the torque of a joint's drive at the end of the tick; of a robot its
+        measured effort.
         """
         if self.of_robot:
             return self.command
@@ -196,12 +196,12 @@ class Recording(Contents):
 
     @property
     def potential(self) -> Array:
-        """Potential energy of weight and springs in [J], shape (k+1,)."""
+        """Potential energy of gravity and springs in [J], shape (k+1,)."""
         return self._energies[:, 1]
 
     @property
     def stored(self) -> Array:
-        """What the laws store in [J], shape (k+1,): in flexible drives, coils, bristles."""
+        """Energy stored in laws in [J], shape (k+1,): flexible drives, inductances, bristles."""
         return self._energies[:, 2]
 
     @cached_property
@@ -211,12 +211,12 @@ class Recording(Contents):
 
     @property
     def supplied(self) -> Array:
-        """Work that came in by each time in [J], shape (k+1,): torque or voltage at work."""
+        """Work supplied up to each time in [J], shape (k+1,), by torque or voltage."""
         return self._flows[:, 0]
 
     @property
     def lost(self) -> Array:
-        """Heat that went out by each time in [J], shape (k+1,): friction, windings, damping."""
+        """Heat lost up to each time in [J], shape (k+1,): friction, windings, damping."""
         return self._flows[:, 1]
 
     @cached_property
@@ -251,17 +251,17 @@ class Recording(Contents):
 
     @cached_property
     def balance(self) -> Array:
-        """Energy from nowhere in [J], shape (k+1,): E - E(0) - supplied - changed + lost."""
+        """Unexplained energy in [J], shape (k+1,): E - E(0) - supplied - changed + lost."""
         start = self.energy[0] - self.changed[0]
         balance: Array = self.energy - start - self.supplied - self.changed + self.lost
         return balance
 
     @cached_property
     def changed(self) -> Array:
-        """What changes between ticks had put in by each time in [J], shape (k+1,).
+        """Energy added by changes between ticks up to each time in [J], shape (k+1,).
 
-        Of payload, gravity or friction, by ``set_parameter`` and its like, and of the state, by
-        ``set_state`` and ``set_constraint``, while the run went on.
+        Changes of payload, gravity or friction, by ``set_parameter`` and similar methods, and of
+        the state, by ``set_state`` and ``set_constraint``, during the run.
         """
         changed = np.zeros(len(self))
         for jump in self.jumps:
@@ -270,16 +270,16 @@ class Recording(Contents):
         for row in self.gaps:
             if row not in {jump.row for jump in self.jumps}:
                 changed[row] = self.energy[row] - self.energy[row - 1]
-        if self.hold is not None:  # brakes take what was moving
+        if self.hold is not None:  # brakes absorb the kinetic energy
             taken = self.hold[:-1] == BRAKES
             changed[1:][taken] += np.diff(self.energy)[taken]
         return np.cumsum(changed)
 
     @cached_property
     def energy_error(self) -> float:
-        """Largest energy from nowhere, relative to the energy that moved; inf if it is unknown.
+        """Largest unexplained energy, relative to the energy that moved; inf if it is unknown.
 
-        Above 1e-3 the motion is not to be trusted: a warning is logged once for each recording.
+        Above 1e-3 the motion cannot be trusted: a warning is logged once for each recording.
         """
         parts = np.column_stack([self._energies, self.supplied, self.lost, self.changed])
         moved = float(np.ptp(parts, axis=0).sum())
@@ -291,14 +291,13 @@ class Recording(Contents):
 
     @property
     def trusted(self) -> bool:
-        """Whether the energy account is off by no more than 1e-3 of the energy that moved."""
+        """Whether the error of the energy account is at most 1e-3 of the energy that moved."""
         return self.energy_error <= TRUSTED
 
     def __repr__(self) -> str:
-        """A few lines: how long, of what, what happened, and whether it is to be trusted.
+        """A summary: duration, origin, events, and the error of the energy account.
 
-        The energy account is looked at here where that is cheap: where no tick has to be made
-        again.
+        The energy account is computed here only if no tick must be repeated for it.
         """
         span = f"{self.time[0]:g} to {self.time[-1]:g} s" if len(self) else "empty"
         joints = f"{len(self.joint_names)} joints: {known_names(self.joint_names, 8)}"
@@ -312,7 +311,7 @@ class Recording(Contents):
         return "<Recording: " + "\n  ".join(lines) + ">"
 
     def _told_origin(self) -> list[str]:
-        """What made it, and whether its energy account closes."""
+        """Origin, and error of the energy account, as text."""
         if self.of_robot:
             return ["measured: without a scene" if self.origin is None else "measured"]
         if self.origin is None or self.physics is None:
@@ -337,12 +336,12 @@ class Recording(Contents):
         )
 
     def part(self, rows: ArrayLike) -> Recording:
-        """Choose some of its states.
+        """Select some of its states.
 
-        What happens between states, such as work and heat, cannot be asked of the part.
+        Quantities between states, such as work and heat, are not available of the part.
 
         Args:
-            rows: Places of the states, shape (k,).
+            rows: Indices of the states, shape (k,).
         """
         here = np.asarray(rows)
         states = ("time", "q", "v", "z", "command", "error", "time_stepped", "p")
@@ -356,20 +355,20 @@ class Recording(Contents):
         host: str = HERE,
         port: int | None = None,
     ) -> View:
-        """Show the motion in a browser: to and fro in time, at any speed, with its forces.
+        """Show the motion in a browser: at any time and speed, with its forces.
 
         Args:
-            *others: Recordings to be laid over it.
-            name: What the page calls the arm.
-            host: Address that the page listens at.
-            port: Port; None for 8080 or the next one that is free.
+            *others: Recordings to overlay.
+            name: Name of the arm on the page.
+            host: Address that the page listens on.
+            port: Port; None for 8080 or the next free one.
 
         Returns:
-            The page, in a notebook the page itself; ``close()`` ends it.
+            The page, which a notebook displays; ``close()`` ends it.
 
         Raises:
-            ViewError: If the library that draws is missing, or the address cannot be used.
-            InvalidInput: If a recording brings no scene.
+            ViewError: If the visualization library is missing, or the address cannot be used.
+            InvalidInput: If a recording has no scene.
         """
         films = [film_of(recording, name) for recording in (self, *others)]
         return show_films(films, host, port, together=True)
@@ -390,7 +389,7 @@ class Recording(Contents):
             if jump.row > 0:
                 after[jump.row - 1] = jump.x
         flows = self.account.flows(x[:-1], after, self.command[:-1], self.p[:-1])
-        flows[[row - 1 for row in self.gaps]] = 0.0  # what went on there is not known
+        flows[[row - 1 for row in self.gaps]] = 0.0  # the motion there is unknown
         if self.hold is not None:
             flows[self.hold[:-1] == BRAKES] = 0.0
         return np.vstack([np.zeros(2), np.cumsum(flows, axis=0)])

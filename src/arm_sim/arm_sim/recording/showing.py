@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A recording as a film: what there is to see of it, and curves beside it."""
+"""A recording as a film: pictures over time, with plots."""
 
 from __future__ import annotations
 
@@ -15,11 +15,11 @@ from arm_sim.recording.energy_account import EnergyAccount
 from arm_sim.stepping.contact_forces import contact_forces
 from arm_sim.view import Chart, Film, Instant, looks
 
-LONG = 50_000  # ticks that the energy account makes again for a chart, at most
+LONG = 50_000  # largest number of ticks that the energy account repeats for a chart
 
 
 class Recorded(Protocol):
-    """What is looked at of a recording; ``Recording`` has it."""
+    """The parts of a recording that are shown; a ``Recording`` has them."""
 
     @property
     def time(self) -> Array:
@@ -59,11 +59,11 @@ class Recorded(Protocol):
 
     @property
     def of_robot(self) -> bool:
-        """Whether a robot made it, and not our ticks."""
+        """Whether it is of a robot, and not of our ticks."""
 
     @property
     def account(self) -> EnergyAccount:
-        """What keeps the energy account."""
+        """Computes the energy account."""
 
     def __len__(self) -> int:
         """Number of states."""
@@ -89,15 +89,15 @@ class Recorded(Protocol):
 
     @property
     def supplied(self) -> Array:
-        """Work that came in, shape (k,)."""
+        """Work supplied, shape (k,)."""
 
     @property
     def lost(self) -> Array:
-        """Heat that went out, shape (k,)."""
+        """Heat lost, shape (k,)."""
 
     @property
     def balance(self) -> Array:
-        """Energy from nowhere, shape (k,)."""
+        """Unexplained energy, shape (k,)."""
 
     @property
     def multipliers(self) -> Array:
@@ -109,11 +109,11 @@ class Recorded(Protocol):
 
 
 def film_of(recording: Recorded, name: str) -> Film:
-    """A recording as something to look at; all that is computed for it is computed here.
+    """The film of a recording, with everything computed in advance.
 
     Args:
         recording: The run.
-        name: What the page calls it.
+        name: Its name on the page.
     """
     rows = looks(len(recording))
     part = recording.part(rows)
@@ -123,12 +123,12 @@ def film_of(recording: Recorded, name: str) -> Film:
 
 
 def _stills(part: Recorded) -> Iterator[Instant]:
-    """Instants with forces of contacts, constraints and stops, where the scene has any."""
+    """Pictures with forces of contacts, constraints and stops, if the scene has any."""
     plant, x = part.plant, np.hstack([part.q, part.v, part.z])
     tied, touching = bool(plant.model.scene.bilateral), plant.contact is not None
     stopped = bool(plant.model.stops.touched(part.q).any())
     if part.of_robot or not (tied or touching or stopped):
-        return  # of a robot it is not known what holds it
+        return  # the holding torques of a robot are unknown
     nothing = np.zeros((len(part), 0))
     multipliers = part.multipliers if tied else nothing
     stops = part.stop_torque if stopped else np.zeros_like(part.q)
@@ -153,7 +153,7 @@ def _charts(recording: Recorded, part: Recorded, rows: Array) -> Iterator[Chart]
         if np.isfinite(values).any():
             yield Chart(title, names, time, values)
     if recording.of_robot:
-        return  # what came in and went out between its states is not known
+        return  # work and heat between its states are unknown
     if recording.error.any():
         yield Chart("error [rad]", ("estimated error of q",), time, recording.error[:, None])
     curves = {"kinetic": part.kinetic, "potential": part.potential}

@@ -15,7 +15,7 @@ from arm_sim.recording.origin import Origin, Physics
 
 
 class Motion(Protocol):
-    """What tables and figures ask of a ``Recording``."""
+    """The parts of a ``Recording`` that tables and figures use."""
 
     @property
     def time(self) -> Array: ...  # noqa: D102 - see Recording, as with all that follow
@@ -64,7 +64,7 @@ UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m
 
 
 def parts(recording: Motion) -> dict[str, Array]:
-    """Position, velocity and effort, and the command where it is no effort, shapes (k+1, n)."""
+    """Position, velocity, effort, and the command if it is not an effort, shapes (k+1, n)."""
     found = {"position": recording.q, "velocity": recording.v, "effort": recording.tau}
     if not recording.of_robot and recording.plant.torques is not None:
         found["command"] = recording.command
@@ -118,4 +118,4 @@ def _laws(recording: Motion) -> tuple[str, ...]:
 
 
 def _missing(name: str, method: str) -> str:
-    return f"{method} needs {name}, which is not installed; to_dict needs nothing more"
+    return f"{method} needs {name}, which is not installed; to_dict works without it"

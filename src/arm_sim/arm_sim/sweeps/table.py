@@ -42,7 +42,7 @@ class Table:
     def __getitem__(self, name: str) -> NDArray[Any]:
         """A column by its name, or raise InvalidInput."""
         if name not in self.columns:
-            raise InvalidInput(f"no column '{name}'; there are {choices(name, self.columns)}")
+            raise InvalidInput(f"unknown column '{name}'; allowed: {choices(name, self.columns)}")
         return self.columns[name]
 
     @property

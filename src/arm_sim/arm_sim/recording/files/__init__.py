@@ -33,7 +33,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
     Args:
         contents: The recording.
         path: Where.
-        efforts: Tells the torques that act on the joints from each time on, shape (k+1, n).
+        efforts: Returns the torques that act on the joints from each time, shape (k+1, n).
     """
     path = Path(path)
     if path.suffix == ".npz":
@@ -58,11 +58,11 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
 
 
 def where(path: Path) -> tuple[Path, Path | None]:
-    """The MCAP file that a path means, and the bag's folder if it means one, which is made.
+    """The MCAP file of a path, and the bag's folder if it is one, which is created.
 
     Raises:
         InvalidInput: If it is neither.
-        OSError: If the folder cannot be made.
+        OSError: If the folder cannot be created.
     """
     if path.suffix == ".mcap":
         return path, None
@@ -72,12 +72,12 @@ def where(path: Path) -> tuple[Path, Path | None]:
         )
     path.mkdir(parents=True, exist_ok=True)
     if strange := [file.name for file in path.iterdir() if file.suffix not in (*BAGS, ".yaml")]:
-        raise InvalidInput(f"'{path}' is no bag's folder: it holds '{strange[0]}'")
+        raise InvalidInput(f"'{path}' is not the folder of a bag: it contains '{strange[0]}'")
     return path / f"{path.name}_0.mcap", path
 
 
 def bag_metadata(mcap: McapWriter, name: str) -> str:
-    """What ``metadata.yaml`` of a bag's folder says; layout of rosbag2, version 9."""
+    """Content of ``metadata.yaml`` of a bag's folder; layout of rosbag2, version 9."""
     first, last = mcap.span
     span = {
         "duration": {"nanoseconds": last - first},

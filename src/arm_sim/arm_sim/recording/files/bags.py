@@ -17,14 +17,14 @@ SQLITE = b"SQLite format 3\0"
 
 
 def read_bag(path: Path, wanted: Callable[[str, str], bool]) -> Found:
-    """What is in a bag; see ``Found.read``."""
+    """Content of a bag; see ``Found.read``."""
     if path.is_dir():
         return _folder(path, wanted)
     return _sqlite(path, wanted) if path.suffix == ".db3" else Found.read(path, wanted)
 
 
 def _folder(path: Path, wanted: Callable[[str, str], bool]) -> Found:
-    """The files of a bag, which follow one another by their names."""
+    """The files of a bag, in the order of their names."""
     files = [file for suffix in BAGS for file in path.glob(f"*{suffix}")]
     if not files:
         raise InvalidInput(f"'{path}' holds no {' and no '.join(BAGS)}; a bag's folder does")
@@ -79,5 +79,5 @@ def _sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Found:
 
 
 def told(found: Found) -> str:
-    """Topics and types of a bag, for a message."""
+    """Topics and types of a bag, for an error message."""
     return known_names(f"{topic} ({kind})" for topic, kind in found.topics.values())

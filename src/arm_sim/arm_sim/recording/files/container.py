@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""MCAP files, written chunk by chunk and read as far as they go.
+"""MCAP files, written chunk by chunk and read as far as they are intact.
 
-So whatever breaks loses the last chunk at most. Specification: https://mcap.dev/spec. The library
-``mcap`` writes and reads every kind of record but messages: one takes it 20 µs in Python, and a
-recording of ten minutes has two million. Here a chunk of them is one array.
+So a failure loses at most the last chunk. Specification: https://mcap.dev/spec. The library
+``mcap`` writes and reads every kind of record except messages: it takes 20 µs for one in Python,
+and a recording of ten minutes has two million. Here a chunk of them is one array.
 """
 
 from __future__ import annotations
@@ -39,23 +39,22 @@ MESSAGE = struct.Struct("<BQHIQQ")
 """Head of a message: opcode, length, channel, sequence, log time and publish time in [ns]."""
 _PREFIX, _CHUNK = struct.Struct("<BQ"), struct.Struct("<QQQI")
 _IDS_AND_TIMES = 22  # bytes of a message's record before its data
-_LEVEL = 1  # of zstd; see docs/how-to/recordings.md for what others take and gain
+_LEVEL = 1  # of zstd; see docs/how-to/recordings.md for a comparison
 
 
 class McapWriter:
     """Writes one file.
 
     Args:
-        path: Of the file, which is replaced.
-        library: What writes it.
+        path: Path of the file, which is overwritten.
+        library: Name of the writing library, for the header.
 
     Attributes:
         written: Bytes in the file.
-        messages: How many messages each channel has.
+        messages: Number of messages of each channel.
 
     Raises:
-        OSError: If the file cannot be written, as with all that follows; what had been written
-            before is whole then.
+        OSError: If the file cannot be written, as in all methods; earlier content stays intact.
     """
 
     def __init__(self, path: Path, library: str = "arm_sim") -> None:
@@ -68,7 +67,7 @@ class McapWriter:
         self.put(MAGIC + _bytes(records.Header(profile="ros2", library=library)))
 
     def put(self, piece: bytes) -> int:
-        """Append bytes as a whole or not at all; return where they begin."""
+        """Append bytes completely or not at all; return their offset."""
         start, left = self.written, memoryview(piece)
         try:
             while left:
@@ -81,7 +80,7 @@ class McapWriter:
         return start
 
     def attach(self, name: str, text: str) -> None:
-        """Put in a file."""
+        """Attach a file."""
         data, kind = text.encode(), "text/plain"
         record = records.Attachment(
             create_time=0, log_time=0, name=name, media_type=kind, data=data
@@ -96,13 +95,13 @@ class McapWriter:
         )  # fmt: skip
 
     def tell(self, name: str, facts: Mapping[str, str]) -> None:
-        """Put in facts by name."""
+        """Add metadata by name."""
         piece = _bytes(records.Metadata(name=name, metadata=dict(facts)))
         start = self.put(piece)
         self._metadata.append(records.MetadataIndex(offset=start, length=len(piece), name=name))
 
     def channel(self, topic: str, kind: str, text: str, profile: str = "") -> int:
-        """Begin a topic of messages of a type that ``text`` defines; return its number."""
+        """Add a channel for messages of a type that ``text`` defines; return its number."""
         if kind not in self._schemas:
             number, data = len(self._schemas) + 1, text.encode()
             schema = records.Schema(id=number, data=data, encoding="ros2msg", name=kind)
@@ -122,7 +121,7 @@ class McapWriter:
 
         Args:
             data: Their records, one after another.
-            offsets: Where in it each one begins, in the order of time.
+            offsets: Offset of each record, in order of time.
         """
         if not len(offsets):
             return
@@ -173,14 +172,14 @@ class McapWriter:
         ]
 
     def close(self) -> None:
-        """Write the summary, with which readers find everything at once, and close the file."""
+        """Write the summary, the index for readers, and close the file."""
         try:
             self.put(self._ending())
         finally:
             self._file.close()
 
     def abandon(self) -> None:
-        """Close the file without a summary; readers go through it from the beginning."""
+        """Close the file without a summary; readers then scan it from the beginning."""
         self._file.close()
 
     def _ending(self) -> bytes:
@@ -223,16 +222,16 @@ class McapWriter:
 
 @dataclass
 class Found:
-    """What is in a file, or in the part of it that can be read.
+    """Content of a file, or of its readable part.
 
     Attributes:
         topics: Topic and type of each channel by its number.
         texts: Attached files.
         facts: Metadata by name.
-        messages: Of each channel that was wanted: place in the order of the file, log time in
-            [ns], and data of every message.
-        damage: What could not be read, as text.
-        holes: Places in the order of the file at which messages are missing.
+        messages: Of each requested channel: position in the file, log time in [ns], and data of
+            every message.
+        damage: Description of unreadable parts.
+        holes: Positions in the file at which messages are missing.
     """
 
     topics: dict[int, tuple[str, str]] = field(default_factory=dict)
@@ -253,14 +252,14 @@ class Found:
 
     @classmethod
     def read(cls, path: Path, wanted: Callable[[str, str], bool]) -> Self:
-        """Go through a file from its beginning to its end, or to where it breaks off.
+        """Read a file from beginning to end, or to where it is truncated.
 
         Args:
-            path: Of the file.
-            wanted: Tells from topic and type whether messages are to be kept.
+            path: Path of the file.
+            wanted: Decides by topic and type whether messages are kept.
 
         Raises:
-            InvalidInput: If it is no MCAP file.
+            InvalidInput: If it is not an MCAP file.
             OSError: If it cannot be read.
         """
         found, schemas = cls(), dict[int, str]()
@@ -273,7 +272,7 @@ class Found:
         return found
 
     def _records(self, raw: mmap.mmap) -> Iterator[tuple[int, int, int]]:
-        """Opcode, begin and end of each record that is whole."""
+        """Opcode, start and end of each complete record."""
         at, ended = len(MAGIC), False
         while at + _PREFIX.size <= len(raw) and not ended:
             opcode, length = _PREFIX.unpack_from(raw, at)

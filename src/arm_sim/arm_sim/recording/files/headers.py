@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What columns of a table are, by the names that loggers give them."""
+"""Meaning of a table's columns, by the names that loggers give them."""
 
 from __future__ import annotations
 
@@ -30,8 +30,8 @@ class Column:
     """A column of numbers.
 
     Attributes:
-        place: Which one.
-        factor: What a number is to be multiplied with, to be in SI units.
+        place: Index of the column.
+        factor: Factor that converts values to SI units.
     """
 
     place: int
@@ -40,10 +40,10 @@ class Column:
 
 @dataclass(frozen=True)
 class Header:
-    """What a table has.
+    """Columns of a table.
 
     Attributes:
-        clock: Times; None if there are none.
+        clock: Column of times; None if there is none.
         joints: In the order of their first column.
         columns: By part and joint.
     """
@@ -56,13 +56,13 @@ class Header:
 def read_header(names: Sequence[str]) -> Header:
     """Times and joints among columns.
 
-    ``position.elbow`` and its like are what ``./arm record`` writes. Others are taken that say the
-    same: ``elbow_position``, ``q_elbow [rad]``, ``/joint_states/elbow/position``, and numbers such
-    as ``q1``, which stand for ``joint1`` (``q0`` where they begin with 0). Units are read where
-    they stand in brackets.
+    ``./arm record`` writes names such as ``position.elbow``. Equivalent names are accepted:
+    ``elbow_position``, ``q_elbow [rad]``, ``/joint_states/elbow/position``, and numbered names
+    such as ``q1``, which stands for ``joint1`` (``q0`` if they begin with 0). Units in brackets
+    are recognized.
 
     Args:
-        names: Of the columns.
+        names: Names of the columns.
     """
     clock, found = None, dict[tuple[str, str], Column]()
     for place, name in enumerate(names):
@@ -82,19 +82,19 @@ def read_header(names: Sequence[str]) -> Header:
 
 
 def _unit(name: str) -> tuple[str, str]:
-    """A name without the unit in brackets behind it, and that unit."""
+    """A name without its unit in brackets, and the unit."""
     match = re.fullmatch(r"(.*?)\s*[\[(]([^\])]*)[\])]", name.strip())
     return (match[1], match[2].strip().lower()) if match else (name.strip(), "")
 
 
 def _clock(name: str, unit: str) -> float | None:
-    """Seconds in a unit of times; None if it is no column of times."""
+    """Seconds per unit of a time column; None if it is not one."""
     match = re.fullmatch(rf"{_CLOCKS}(?:_(s|sec|ms|us|ns))?", name.lower())
     return _TIMES.get(match[1] or unit or "s") if match else None
 
 
 def _part(name: str) -> tuple[str, str] | None:
-    """Which part of which joint a column is."""
+    """The joint and quantity of a column."""
     for part in PARTS:
         if name.startswith(f"{part}."):
             return part, name.removeprefix(f"{part}.")
