@@ -172,7 +172,7 @@ BAD = [
     (changed(pose(), lambda p: setattr(p.orientation, "w", 3.0)), "quaternion"),
     (PoseStamped(), "cannot be brought"),
     (Path(), "no poses"),
-    (path([0, 0.1, 0], [9.0, 0, 0]), "of its way"),
+    (path([0, 0.1, 0], [9.0, 0, 0]), "of its length"),
     (path([0, 0.1, 0], frame_id="nowhere"), "pose 0: poses in frame 'nowhere'"),
 ]
 

@@ -95,7 +95,7 @@ def test_a_rotation_may_be_off_by_rounding(by: float) -> None:
 def test_what_is_no_rotation_is_refused_with_how_far_it_is_off(
     rotation: np.ndarray, off: str, det: str
 ) -> None:
-    said = rf"is no rotation: R Rᵀ is off by {off}, det R = {det}; allowed: 1e-6"
+    said = rf"is not a rotation: R Rᵀ is off by {off}, det R = {det}; allowed: 1e-6"
     with pytest.raises(InvalidInput, match=said):
         checked_pose(Pose(np.zeros(3), rotation))
 
@@ -218,7 +218,7 @@ def test_infeasible_requests_are_refused() -> None:
         torque_stretch(dyn, q, v, a, np.full(7, 1.0))
     start = task.pose(dyn.model.q0)
     far = Pose(start.position + [1.5, 0.0, 0.0], start.rotation)
-    with pytest.raises(Unreachable, match="of its way|of the path"):
+    with pytest.raises(Unreachable, match="of its length|of the path"):
         joint_path(task, timed(line(start, far), 0.5, 2.0))
     with pytest.raises(InvalidInput, match="are the same"):
         line(start, start)

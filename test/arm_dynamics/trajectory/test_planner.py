@@ -180,7 +180,7 @@ def test_bad_goals_are_refused() -> None:
     with pytest.raises(InvalidInput, match=r"pose.position\[0\] = nan"):
         planner.line(here, Pose(np.array([np.nan, 0.0, 0.0]), pose.rotation))
     far = [moved(pose, [0.0, 0.1, 0.0]), pose] * 1100
-    with pytest.raises(InvalidInput, match="the way is 220 m; allowed: 200 m"):
+    with pytest.raises(InvalidInput, match="the path is 220 m; allowed: 200 m"):
         planner.through(here, far)
 
 

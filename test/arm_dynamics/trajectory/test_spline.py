@@ -90,5 +90,5 @@ def test_stretched_it_passes_the_same_points_with_velocities_that_shrink() -> No
 
 def test_what_no_pace_brings_within_limits_is_refused() -> None:
     path = [Waypoint(0.0, [0, 0], REST, REST), Waypoint(1.0, [1, 0])]
-    with pytest.raises(InvalidInput, match="no pace"):
+    with pytest.raises(InvalidInput, match="no factor brings"):
         stretched_spline(path, lambda trajectory: 2.0)

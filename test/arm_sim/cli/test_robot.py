@@ -178,7 +178,7 @@ def test_parameters_are_shown_and_set(shell: Shell, domain: int) -> None:
     said = shell(domain, "get").output.split()
     assert {"/sim", "/controller"} <= set(said)
     said = shell(domain, "get", "controller").output
-    assert re.search(r"bandwidth +\[20\.0\] +double\[\].*How fast errors vanish", said)
+    assert re.search(r"bandwidth +\[20\.0\] +double\[\].*Bandwidth of the error", said)
     assert re.search(r"switch_time +0\.2 +double +0 to 60, fixed", said)
     done = shell(domain, "set", "controller", "bandwidth", "30", "observer", "1e1")
     assert done.exit_code == 0 and "observer: 0.0 → 10.0" in done.output

@@ -58,26 +58,26 @@ class Measured:
 
 
 class Checked(Measured):
-    """A state of which it is known that shapes fit and numbers are finite."""
+    """A state whose shapes and finiteness have been checked."""
 
     __slots__ = ()
 
 
 class Controller[Goal](Protocol):
-    """Answers what torque leads a moving arm to its reference, of joints or of a frame.
+    """Computes the torque that moves an arm to its reference, of joints or of a frame.
 
-    A class of one's own has to offer this one method. It need not derive from this protocol, but
-    may; with a method ``restart()`` it is told when its past is over: time jumped, or it takes
-    over from another controller. What it needs to know (``dynamics``, ``dt``, …) it asks for in
-    its constructor, see ``make_controller``.
+    A class of your own must have this one method. It may derive from this protocol, but need not;
+    its method ``restart()``, if any, is called when time jumps, or when it takes over from
+    another controller. Its constructor names the arguments that it needs (``dynamics``, ``dt``,
+    …), see ``make_controller``.
     """
 
     def torque(self, state: Moving, reference: Goal) -> Array:
-        """Return joint torques in [N m] or [N], finite, shape (n,), held until the next call.
+        """Return joint torques in [N m] or [N], finite, shape (n,), constant until the next call.
 
         Args:
             state: Joint positions ``q`` and velocities ``v``, each of shape (n,), read-only.
-            reference: Where the joints should be: ``q``, ``v`` and ``a``, each of shape (n,), of a
+            reference: Desired joint motion: ``q``, ``v`` and ``a``, each of shape (n,), of a
                 ``trajectory.Reference``.
         """
 
@@ -91,9 +91,9 @@ class ComputedTorque:
     ticks, falls as that equation says (``held_gains``). With dt = 0 they are the textbooks',
     K_p = ω² and K_d = 2 ζ ω.
 
-    Dry friction of a joint at rest is compensated in the direction of the reference: the joint's
-    own motion would say nothing and leave it stuck. Saturating actuators break the promise, and
-    only feedback counters model errors.
+    Dry friction of a joint at rest is compensated in the direction of the reference, since the
+    joint's own motion has no direction. The error equation does not hold while actuators saturate,
+    and only feedback counteracts model errors.
     """
 
     def __init__(
@@ -123,8 +123,8 @@ class ComputedTorque:
         """Return joint torques in [N m], shape (n,).
 
         Args:
-            state: Where the arm is and how it moves.
-            reference: Where it should be and how it should move.
+            state: Measured positions and velocities.
+            reference: Desired motion.
         """
         q, v = checked(state, self._n, reference)
         friction, desired = self._friction, (reference.q, reference.v, reference.a)
@@ -147,12 +147,12 @@ def demanded_torque(
 
     Args:
         inverse: M a + C v + G + S of positions, velocities and accelerations.
-        friction: What is added to it.
+        friction: Friction that is added to it.
         q: Joint positions in [rad] or [m], an array or expression of shape (n,).
         v: Joint velocities, likewise.
         desired: Position, velocity and acceleration of the reference, likewise.
         tuning: K_p and K_d of shape (n,), and the time dt for which a torque is held.
-        sliding: Which way joints slide, -1 to 1, shape (n,).
+        sliding: Direction in which joints slide, -1 to 1, shape (n,).
 
     Returns:
         Joint torques in [N m] or [N], shape (n,).
@@ -214,7 +214,7 @@ def gain(name: str, value: ArrayLike, n: int) -> Array:
     """Check a gain of every joint.
 
     Args:
-        name: What it is called, for messages.
+        name: Name of the gain, for messages.
         value: A number or shape (n,), not negative.
         n: Number of joints.
 
@@ -236,10 +236,9 @@ def checked(state: Moving, n: int, reference: object = _NONE) -> tuple[Array, Ar
     """Positions and velocities of a state, each of shape (n,) and finite.
 
     Args:
-        state: How the arm moves. Whoever knows that it is right makes a ``Checked`` one, and has a
-            right reference too: then nothing is looked at.
+        state: State of the arm. A ``Checked`` one, with a valid reference, is not checked again.
         n: Number of joints.
-        reference: What is to be followed, if its shapes are to be looked at as well.
+        reference: The reference, if its shapes must be checked as well.
 
     Raises:
         InvalidInput: If they are anything else.
@@ -277,8 +276,8 @@ _log = logging.getLogger(__name__)
 class CompiledComputedTorque(ComputedTorque):
     """The same controller, compiled for the arm.
 
-    It is built for a model when the first torque is asked for, unless ``build`` has done so. Where
-    it cannot be had, or differs from ``ComputedTorque``, the latter answers, and that is logged.
+    It is built for a model with the first torque, unless ``build`` has done so. If it cannot be
+    built, or differs from ``ComputedTorque``, the latter is used, and that is logged.
     """
 
     def torque(self, state: Moving, reference: Reference) -> Array:
@@ -318,12 +317,12 @@ _built: WeakKeyDictionary[ArmModel, Kernel | None] = WeakKeyDictionary()
 
 
 def is_built(model: ArmModel) -> bool:
-    """Tell whether the controller of a model is built already."""
+    """Whether the controller of a model is built already."""
     return model in _built
 
 
 def build(model: ArmModel) -> Kernel | None:
-    """The kernel, built once for a model; None where it cannot be had, or is wrong."""
+    """The kernel, built once for a model; None if it cannot be built, or is wrong."""
     if model not in _built:
         _built[model] = _compiled(model) if compiler.may_build() else None
     return _built[model]

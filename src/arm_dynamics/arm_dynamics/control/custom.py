@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers of one's own: found by name, made with what they ask for, and watched.
+"""User-defined controllers: found by name, constructed with the arguments they need, and checked.
 
 The contract is that of ``Controller``: an object with ``torque(state, reference)``, and with
-``restart()`` if it remembers. ``made`` puts ``Watched`` around it, so that what it raises or
-returns never reaches an arm unchecked.
+``restart()`` if it has a memory. ``made`` wraps it in ``Watched``, so that its exceptions and
+results never reach an arm unchecked.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from arm_dynamics.exceptions import ControllerFailed, InvalidInput, choices, kno
 from arm_dynamics.trajectory.reference import Reference
 
 Maker = Callable[..., Any]
-"""A class of controllers, or a function that makes one; ``make_controller`` says of what."""
+"""A controller class, or a function that returns a controller; see ``make_controller``."""
 
 
 def is_own(name: str) -> bool:
@@ -31,10 +31,10 @@ def is_own(name: str) -> bool:
 
 
 def load_controller(name: str) -> Maker:
-    """Import a class of controllers.
+    """Import a controller class.
 
-    This runs the code of its module: call it with what the user of the program has named, never
-    with what came from outside.
+    This runs the code of its module: call it only with names from the user of the program, never
+    with names from the network.
 
     Args:
         name: ``package.module:Class``; the module must be where Python finds modules.
@@ -47,7 +47,7 @@ def load_controller(name: str) -> Maker:
         raise InvalidInput(f"controller = {name!r}; expected the form package.module:Class")
     try:
         module = import_module(where)
-    except Exception as error:  # whatever somebody else's code may raise
+    except Exception as error:  # user code may raise anything
         raise InvalidInput(
             f"controller = {name!r}: importing '{where}' failed with {_said(error)}; modules are "
             "looked for in installed packages and in the folders of PYTHONPATH"
@@ -63,15 +63,15 @@ def load_controller(name: str) -> Maker:
 
 
 def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
-    """Make a controller of one's own.
+    """Construct a user-defined controller.
 
     Args:
         maker: A class or function.
-        offered: What it may ask for, by the names of its arguments; others must have defaults.
+        offered: Available arguments by name; others must have defaults.
         n: Number of joints.
 
     Raises:
-        InvalidInput: If it needs another argument, raises, or makes something without ``torque``.
+        InvalidInput: If it needs another argument, raises, or its result has no ``torque``.
     """
     name = getattr(maker, "__name__", type(maker).__name__)
     try:
@@ -84,7 +84,7 @@ def made(maker: Maker, offered: Mapping[str, Any], n: int) -> Watched:
 
 
 def _asked(name: str, maker: Maker, offered: Mapping[str, Any]) -> dict[str, Any]:
-    """What a maker asks for, by name."""
+    """The arguments of a maker, by name."""
     parameters = inspect.signature(maker).parameters.values()
     named = [p for p in parameters if p.kind in (p.POSITIONAL_OR_KEYWORD, p.KEYWORD_ONLY)]
     missing = [p.name for p in named if p.name not in offered and p.default is p.empty]
@@ -97,10 +97,10 @@ def _asked(name: str, maker: Maker, offered: Mapping[str, Any]) -> dict[str, Any
 
 
 class Watched:
-    """A controller of one's own, of which only torques get through.
+    """A user-defined controller whose results are checked.
 
-    It sees read-only arrays. When it raises, or returns anything but n finite numbers, it has
-    failed and is not asked again until it is restarted.
+    It receives read-only arrays. If it raises, or returns anything but n finite numbers, it has
+    failed and is not called again until it is restarted.
     """
 
     def __init__(self, control: Controller[Any], name: str, n: int) -> None:
@@ -118,7 +118,7 @@ class Watched:
         self._failed: ControllerFailed | None = None
 
     def restart(self) -> None:
-        """Begin afresh, after a failure too."""
+        """Restart it, also after a failure."""
         self._failed = None
         try:
             restart(self._control)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers by name, tuned alike, all following joint references: for parameters and tables."""
+"""Controllers by name with common settings, all for joint references."""
 
 from __future__ import annotations
 
@@ -43,25 +43,25 @@ def _tunable(default: Any, description: str, **about: Any) -> Any:
 
 @dataclass(frozen=True)
 class Settings:
-    """What a controller made by name is tuned to.
+    """Settings of a controller made by name.
 
-    Beside each default stands what it is and its unit; from this the controller node declares a
-    parameter, but for the limits, which come from its model. Task controllers take one bandwidth
-    and damping ratio for all axes, and need a frame.
+    Each has a default and a description with its unit, from which the controller node declares a
+    parameter, except the limits, which come from its model. Task-space controllers use one
+    bandwidth and damping ratio for all axes, and need a frame.
 
     Attributes:
-        limit: Torque limits in [N m] or [N], a number or shape (n,), for what remembers.
+        limit: Torque limits in [N m] or [N], a number or shape (n,), for controllers with memory.
     """
 
     dt: float = _tunable(
-        1e-3, "Time between joint states, for laws that remember [s]",
+        1e-3, "Time between joint states, for controllers with memory [s]",
         parameter="control_period", low=1e-6, high=1.0, read_only=True,
     )  # fmt: skip
     bandwidth: ArrayLike = _tunable(
-        20.0, "How fast errors vanish [rad/s]: one, or one for each joint", each_joint=True
+        20.0, "Bandwidth of the error [rad/s]: one, or one for each joint", each_joint=True
     )
     damping_ratio: ArrayLike = _tunable(
-        1.0, "Damping of errors, 1 is critical: one, or one for each joint", each_joint=True
+        1.0, "Damping ratio of the error: one, or one for each joint", each_joint=True
     )
     stiffness: ArrayLike = _tunable(
         0.0, "Stiffness of joint_impedance, one or one for each joint [N m/rad, N/m], and of "
@@ -73,34 +73,34 @@ class Settings:
         each_joint=True,
     )  # fmt: skip
     frame: str = _tunable(
-        "", "Frame that laws in task space lead; empty: none", parameter="task_frame"
+        "", "Frame of task-space controllers; empty: none", parameter="task_frame"
     )
     axes: str | tuple[str, ...] = _tunable(
-        "pose", 'Axes that they lead: pose, position, orientation, or some of "x y z rx ry rz"',
+        "pose", 'Axes that they control: pose, position, orientation, or some of "x y z rx ry rz"',
         parameter="task_axes",
     )  # fmt: skip
     force: float = _tunable(
         0.0, "Force with which motion_force presses [N]", low=-_STRONGEST, high=_STRONGEST
     )
     direction: tuple[float, ...] = _tunable(
-        (0.0, 0.0, -1.0), "Direction in the world along which it presses",
+        (0.0, 0.0, -1.0), "Direction of that force in the world",
         parameter="force_direction",
     )  # fmt: skip
     friction: bool = _tunable(
-        False, "Feed the scene's friction forward (computed_torque always does)"
+        False, "Add feed-forward of the scene's friction (computed_torque always does)"
     )
     observer: float = _tunable(
         0.0, "Bandwidth of a disturbance observer [1/s]; 0: none", low=0.0, high=1e4
     )
-    saturate: bool = _tunable(False, "Cut torques at the scene's effort limits and say so")
+    saturate: bool = _tunable(False, "Clip torques at the scene's effort limits, with a warning")
     limit: ArrayLike = np.inf
 
     def __post_init__(self) -> None:
-        """Refuse what no controller could be made with, whichever reads it."""
+        """Refuse settings that are invalid for every controller."""
         positive("control_period", self.dt)
         fastest = np.pi / self.dt
         _within("bandwidth", self.bandwidth, fastest, "rad/s, half a turn in a control period")
-        _within("damping_ratio", self.damping_ratio, 100.0, "beyond which errors hardly vanish")
+        _within("damping_ratio", self.damping_ratio, 100.0, "beyond which errors hardly decay")
         _within("stiffness", self.stiffness, 1e6, "N/m, N m/rad")
         _within("damping", self.damping, 1e5, "N s/m, N m s/rad")
         _within("observer", self.observer, 1e4, "1/s")
@@ -125,15 +125,15 @@ def make_controller(
     """Make a controller that follows joint references (``trajectory.Reference``).
 
     Args:
-        name: One of ``NAMES``, or a class of one's own (see ``Controller``). Of its arguments
-            those are given, by name, that are called ``dynamics``, ``settings``, or as one of
+        name: One of ``NAMES``, or a user-defined class (see ``Controller``). It is called with
+            those of its arguments that are named ``dynamics``, ``settings``, or as one of
             ``OFFERED``; others must have defaults, and keep them.
-        dynamics: The model it knows; used from one thread only.
-        settings: What it is tuned to.
+        dynamics: Its model; used from one thread only.
+        settings: Its settings.
 
     Raises:
         InvalidInput: If the name is unknown, a task controller has no frame, a setting is not
-            allowed, or a class of one's own cannot be used.
+            allowed, or a user-defined class cannot be used.
 
     Example:
         >>> control = make_controller("computed_torque", Dynamics("panda.yaml"))
@@ -148,8 +148,8 @@ def make_controller(
 
 
 OFFERED = ("dt", "bandwidth", "damping_ratio", "frame", "axes", "limit")
-"""Settings that a controller of one's own may ask for one by one. It gets no others by name: a
-setting that is added later must not take the place of a default of its own."""
+"""Settings that a user-defined controller may take one by one. It gets no others by name: a
+setting that is added later must not replace a default of its own."""
 
 
 def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> AnyController:
@@ -167,12 +167,12 @@ def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> 
 
 
 def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None:
-    """What takes time before a controller gives its first torque; None if that is done.
+    """The lengthy preparation of a controller's first torque; None if it is done.
 
     Args:
         name: One of ``NAMES``.
-        dynamics: The model it knows.
-        settings: What it is tuned to.
+        dynamics: Its model.
+        settings: Its settings.
     """
     model = dynamics.model
     if name in IN_TASK_SPACE and settings.frame:
@@ -209,7 +209,7 @@ def _joint_impedance(dynamics: Dynamics, s: Settings) -> AnyController:
 
 
 def _given(name: str, value: ArrayLike) -> Array | None:
-    """What is chosen in units of force or torque; None if it is left to the bandwidth."""
+    """Gains in units of force or torque; None if they follow from the bandwidth."""
     chosen = numbers(name, value)
     return chosen if chosen.any() else None
 
@@ -223,7 +223,7 @@ def _along_joints(
 
 
 def _check_steady(s: Settings) -> None:
-    """Refuse gains that swing up when what they ask for is held for a control period.
+    """Refuse gains that are unstable when the acceleration is held for a control period.
 
     Held for dt, ë = -2 ζ ω ė takes ė to (1 - 2 ζ ω dt) ė from tick to tick.
     """
@@ -254,7 +254,7 @@ _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
     "cartesian_impedance": _cartesian_impedance,
     "float": lambda dyn, s: joint_space.GravityCompensation(dyn),
 }
-# What is fed forward if friction is asked for; the others do so themselves, or have no reference.
+# Controllers that need feed-forward of friction; the others include it, or have no reference.
 _FRICTION = {
     "pd": "all", "pid": "all", "pd_gravity": "all",
     "feed_forward": "dry", "joint_impedance": "dry",

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction fed forward from the reference's velocity, so that noise and chatter stay out of it."""
+"""Feed-forward of friction from the reference's velocity, free of noise and chatter."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ class FrictionFeedForward:
     def __init__(
         self, control: Controller[Reference], model: ArmModel, terms: str = "all"
     ) -> None:
-        """Choose what to add.
+        """Choose the terms to add.
 
         Args:
             control: Any joint controller.

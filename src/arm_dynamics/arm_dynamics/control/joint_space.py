@@ -19,7 +19,7 @@ _STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a 
 
 
 class PD:
-    """Springs and dampers alone: τ = K_p e + K_d ė. Under weight it stays off its goal."""
+    """Springs and dampers alone: τ = K_p e + K_d ė. Gravity causes a steady-state error."""
 
     def __init__(self, n: int, kp: ArrayLike, kd: ArrayLike) -> None:
         """Choose gains.
@@ -43,9 +43,9 @@ class PD:
 
 
 class PID:
-    """τ = K_p e + K_d ė + ∫ K_i e dt, cut at the limits, and the integral does not wind up.
+    """τ = K_p e + K_d ė + ∫ K_i e dt, clipped at the limits, with anti-windup.
 
-    Where a torque is cut, the integral is led back by the excess with the time constant K_p / K_i
+    If a torque is clipped, the integral is reduced by the excess with the time constant K_p / K_i
     (back-calculation; Åström and Hägglund, Advanced PID Control, 2006, section 3.5).
     """
 
@@ -85,7 +85,7 @@ class PID:
         return self._integral.copy()
 
     def restart(self) -> None:
-        """Forget the integral."""
+        """Reset the integral."""
         self._integral = np.zeros(self._n)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
@@ -100,9 +100,9 @@ class PID:
 
 
 class GravityCompensation:
-    """Carries the arm's weight and no more, so that a hand can lead it: τ = G(q) + S(q, 0) - D v.
+    """Compensates gravity only, for hand guiding: τ = G(q) + S(q, 0) - D v.
 
-    What springs carry of it, S, the drives need not.
+    S is the torque of springs, which relieve the drives.
     """
 
     def __init__(self, dynamics: Dynamics, damping: ArrayLike = 0.0) -> None:
@@ -117,9 +117,9 @@ class GravityCompensation:
 
 
 class PDGravity(PD):
-    """τ = G(q) + S(q, 0) + K_p e + K_d ė: at rest it has no error, for any positive gains.
+    """τ = G(q) + S(q, 0) + K_p e + K_d ė: no steady-state error, for any positive gains.
 
-    S is what springs take.
+    S is the torque of springs.
 
     Source: Takegaki and Arimoto, "A new feedback method for dynamic control of manipulators", ASME
     J. Dyn. Sys. Meas. Control 103, 1981.
@@ -139,8 +139,8 @@ class PDGravity(PD):
 class FeedForwardPD(PD):
     """Inverse dynamics of the reference, and PD: τ = ID(q_d, q̇_d, q̈_d) + K_p e + K_d ė.
 
-    The model is evaluated where the arm should be: measurement noise reaches the torque through
-    the gains alone, and the feed-forward may be computed ahead.
+    The model is evaluated at the reference: measurement noise affects the torque only through
+    the gains, and the feed-forward may be computed in advance.
     """
 
     def __init__(self, dynamics: Dynamics, kp: ArrayLike, kd: ArrayLike) -> None:
@@ -170,7 +170,7 @@ class JointImpedance:
         damping_ratio: ArrayLike = 0.7,
         damping: ArrayLike | None = None,
     ) -> None:
-        """Choose how it feels.
+        """Choose stiffness and damping.
 
         Args:
             dynamics: The model; used from one thread only.

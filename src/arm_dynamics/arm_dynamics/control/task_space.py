@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Controllers in task space: motion, motion and force, impedance.
 
-They ask the model once a tick, by the task's compiled kernel, which the first torque builds.
+They evaluate the model once a tick, by the task's compiled kernel, built with the first torque.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
 
 TaskController = Controller[TaskReference]
-"""A controller that leads a frame of the arm."""
+"""A controller of a frame of the arm."""
 
 
 class OperationalSpace:
@@ -32,8 +32,8 @@ class OperationalSpace:
 
     τ = Jᵀ (Λ (ẍ - J̇ q̇) + µ + p + s) + Nᵀ τ_posture, evaluated as inverse dynamics of the posture's
     acceleration q̈_p and a force on top, M q̈_p + C q̇ + G + S + Jᵀ Λ (ẍ - J̇ q̇ - J q̈_p), which is
-    the same (Khatib 1987; see ``task_space``). Near a singularity Λ is damped: the arm gives way
-    in the direction it cannot serve.
+    the same (Khatib 1987; see ``task_space``). Near a singularity Λ is damped: the arm yields
+    in the singular direction.
     """
 
     def __init__(
@@ -51,7 +51,7 @@ class OperationalSpace:
             task: The task, in axes ``local_world_aligned``; used from one thread only.
             bandwidth: ω in [rad/s] of every axis, a number or shape (m,).
             damping_ratio: ζ of every axis, likewise.
-            posture: Joint positions to prefer, shape (n,); None to only brake free motion.
+            posture: Preferred joint positions, shape (n,); None to only damp the null space.
             posture_bandwidth: ω of the posture in [rad/s], a number or shape (n,).
             friction: Whether to feed the model's friction forward.
 
@@ -127,7 +127,7 @@ class CartesianImpedance:
         friction: bool = False,
         damping: ArrayLike | None = None,
     ) -> None:
-        """Choose how it feels.
+        """Choose stiffness and damping.
 
         Args:
             task: The task, in axes ``local_world_aligned``; used from one thread only.
@@ -156,10 +156,10 @@ class CartesianImpedance:
 
 
 class AlongJoints:
-    """Lets a task controller follow joint references: their pose, velocity and acceleration."""
+    """Adapts a task controller to joint references: their pose, velocity and acceleration."""
 
     def __init__(self, control: TaskController, task: TaskSpace, force: float = 0.0) -> None:
-        """Take a controller, the task it was made for and the force in [N] to press with."""
+        """Take a controller, its task, and the force in [N] along its direction."""
         self._control, self._task, self._force = control, task, force
 
     def torque(self, state: Moving, reference: Reference) -> Array:
@@ -169,7 +169,7 @@ class AlongJoints:
 
 
 def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) -> TaskReference:
-    """What a joint reference means for a frame: x, J q̇ and J q̈ + J̇ q̇, the posture included.
+    """The task reference of a joint reference: x, J q̇ and J q̈ + J̇ q̇, with the posture.
 
     Args:
         task: The task, in axes ``local_world_aligned``.
@@ -181,13 +181,13 @@ def task_reference(task: TaskSpace, reference: Reference, force: float = 0.0) ->
 
 
 def at_rest(task: TaskSpace, q: ArrayLike, force: float = 0.0) -> TaskReference:
-    """Reference that stays where the frame is for joint positions ``q``, shape (n,)."""
+    """Constant reference at the frame's pose for joint positions ``q``, shape (n,)."""
     here, still = vector("q", q, task.n), np.zeros(task.n)
     return replace(task_reference(task, Reference(here, still, still), force), posture=None)
 
 
 class _Now(NamedTuple):
-    """What a task controller needs of one instant, in the task's axes."""
+    """Input of a task controller at one instant, in the task's axes."""
 
     q: Array
     v: Array
@@ -198,7 +198,7 @@ class _Now(NamedTuple):
 
 
 class _Arm:
-    """What all task controllers share."""
+    """Common parts of task controllers."""
 
     def __init__(
         self, task: TaskSpace, posture: ArrayLike | None, bandwidth: ArrayLike, friction: bool
@@ -218,7 +218,7 @@ class _Arm:
         return _Now(q, v, arm, error[rows], rate, reference.acceleration[rows])
 
     def torque(self, now: _Now, reference: TaskReference, desired: Array) -> Array:
-        """Torque that accelerates the frame as desired and otherwise seeks the posture."""
+        """Torque for a desired acceleration of the frame, with the posture in the null space."""
         arm = now.arm
         goal = self._posture if reference.posture is None else reference.posture
         a = -self._kd * now.v

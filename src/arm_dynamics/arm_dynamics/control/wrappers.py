@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is put around a controller: limits, a disturbance observer, hand-over to another one."""
+"""Wrappers of a controller: limits, a disturbance observer, transition to another one."""
 
 from __future__ import annotations
 
@@ -16,22 +16,22 @@ from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
 AnyController = Controller[Any]
-"""A controller of whatever kind of reference."""
+"""A controller for any kind of reference."""
 
 
 @runtime_checkable
 class Restartable(Protocol):
-    """A controller that remembers."""
+    """A controller with memory."""
 
     def restart(self) -> None:
-        """Forget the past."""
+        """Reset the memory."""
 
 
 class Saturated:
-    """Cuts torques at limits and says so.
+    """Clips torques at limits and reports it.
 
-    Cutting a joint's torque changes the direction of the arm's acceleration: no controller that
-    cancels the dynamics keeps its promise while ``saturated`` is true anywhere.
+    Clipping a joint's torque changes the direction of the arm's acceleration: a controller that
+    cancels the dynamics loses its error equation while ``saturated`` is true anywhere.
     """
 
     def __init__(self, control: AnyController, limit: ArrayLike, n: int) -> None:
@@ -41,12 +41,12 @@ class Saturated:
 
     @property
     def asked(self) -> Array:
-        """What the controller asked for last, before the limits, shape (n,)."""
+        """Last torque of the controller, before the limits, shape (n,)."""
         return self._asked.copy()
 
     @property
     def saturated(self) -> Array:
-        """Which joints were cut in the last tick, shape (n,)."""
+        """Joints that were clipped in the last tick, shape (n,)."""
         return np.asarray(abs(self._asked) > self._limit)
 
     def restart(self) -> None:
@@ -60,7 +60,7 @@ class Saturated:
 
 
 class DisturbanceObserver:
-    """A controller with the disturbance that a momentum observer sees taken off its torque.
+    """A controller that subtracts the disturbance estimated by a momentum observer.
 
     r = K (p - ∫ (τ + Cᵀ v - G - S - F + r) dt) with p = M v follows the torque that the model does
     not know (payload, friction, contact) with first-order lag 1/K, without acceleration (De Luca
@@ -75,14 +75,14 @@ class DisturbanceObserver:
         bandwidth: ArrayLike = 20.0,
         limit: ArrayLike = np.inf,
     ) -> None:
-        """Choose how fast it is.
+        """Choose the bandwidth.
 
         Args:
-            control: The controller to help.
+            control: The controller to extend.
             dynamics: The model; used from one thread only.
             dt: Time between calls in [s].
             bandwidth: K in [1/s], a number or shape (n,); K dt must stay below one.
-            limit: Largest torque that can act in [N m] or [N]: the observer must know what acted.
+            limit: Largest effective torque in [N m] or [N], which the observer must know.
 
         Raises:
             InvalidInput: If a number has a wrong shape or value.
@@ -99,11 +99,11 @@ class DisturbanceObserver:
 
     @property
     def disturbance(self) -> Array:
-        """Torque from outside as last seen in [N m] or [N], shape (n,)."""
+        """Last estimate of the external torque in [N m] or [N], shape (n,)."""
         return self._r.copy()
 
     def restart(self) -> None:
-        """Forget what was seen."""
+        """Reset the observer."""
         self._r, self._last = np.zeros(self._n), np.zeros(self._n)
         self._integral: Array | None = None
         restart(self._control)
@@ -128,7 +128,7 @@ class DisturbanceObserver:
 
 
 class HalfTickAhead:
-    """A controller that sees the state in the middle of the tick for which its torque is held.
+    """A controller that receives the predicted state in the middle of the tick of its torque.
 
     Holding a torque for a tick delays it by half a tick on the average, which costs an error of
     first order in dt; predicting the state that far with the model makes it one of second order.
@@ -147,7 +147,7 @@ class HalfTickAhead:
         self._last: Array | None = None
 
     def restart(self) -> None:
-        """Forget the last torque."""
+        """Reset the last torque."""
         self._last = None
         restart(self._control)
 
@@ -165,10 +165,10 @@ class HalfTickAhead:
 
 
 class Switch:
-    """Hands over from one controller to another without a jump of the torque.
+    """Switches from one controller to another without a jump of the torque.
 
     The first torque of the new one is the last of the old one; the difference fades out smoothly.
-    References may be of another kind after the hand-over.
+    References may be of another kind after the switch.
 
     Example:
         >>> control = Switch(PDGravity(dyn, kp, kd), dt=1e-3)
@@ -177,12 +177,12 @@ class Switch:
     """
 
     def __init__(self, control: AnyController, dt: float, fade: float = 0.2) -> None:
-        """Begin with a controller.
+        """Start with a controller.
 
         Args:
             control: The first one.
             dt: Time between calls in [s].
-            fade: Time in [s] that a hand-over takes, zero for at once after the first tick.
+            fade: Duration of a transition in [s], zero for one tick.
 
         Raises:
             InvalidInput: If a time is out of range.
@@ -196,28 +196,28 @@ class Switch:
 
     @property
     def active(self) -> AnyController:
-        """The controller that is in charge."""
+        """The active controller."""
         return self._active
 
     @property
     def fading(self) -> bool:
-        """Whether a hand-over is still under way."""
+        """Whether a transition is in progress."""
         return self._left > 0
 
     def to(self, control: AnyController) -> None:
-        """Hand over to ``control`` at the next tick; what it remembers is forgotten."""
+        """Switch to ``control`` at the next tick; its memory is reset."""
         restart(control)
         self._active, self._offset, self._left = control, None, self._ticks
 
     def retune(self, control: AnyController) -> None:
-        """Take the same controller with other gains: at once, unless it remembers something."""
+        """Use the same controller with other gains: at once, unless it has memory."""
         if isinstance(control, Restartable):
             self.to(control)
         else:
             self._active = control
 
     def restart(self) -> None:
-        """Forget the past: a hand-over that is under way, and what the controller remembers."""
+        """Reset a transition in progress, and the memory of the controller."""
         self._last, self._offset, self._left = None, None, 0
         restart(self._active)
 
@@ -235,6 +235,6 @@ class Switch:
 
 
 def restart(control: object) -> None:
-    """Let a controller forget the past, if it has one."""
+    """Reset the memory of a controller, if it has one."""
     if isinstance(control, Restartable):
         control.restart()

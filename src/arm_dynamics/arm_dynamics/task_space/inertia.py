@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 
 THRESHOLD = 1e-4
-"""Below this scaled mobility in its least mobile direction a task is taken as singular."""
+"""Scaled mobility in the least mobile direction below which a task counts as singular."""
 
 
 class Inertia(NamedTuple):
@@ -51,7 +51,7 @@ def task_inertia(A: Array, linear: int, threshold: float = THRESHOLD) -> Inertia
 
 
 def regularized(scaled: Array, scale: Array, threshold: float) -> Inertia:
-    """The rest of ``task_inertia`` for a mobility that is scaled already.
+    """The second part of ``task_inertia``, for a scaled mobility.
 
     Args:
         scaled: S⁻¹ A S⁻¹, shape (…, m, m).
@@ -68,7 +68,7 @@ def regularized(scaled: Array, scale: Array, threshold: float) -> Inertia:
 
 
 def axis_masses(A: Array, inertia: Array) -> Array:
-    """Mass of every axis for choosing gains, bounded through singularities, shape (m,).
+    """Mass of every axis for tuning gains, bounded at singularities, shape (m,).
 
     That with the other axes held, Λ_ii, which is infinite at a singularity that is not along an
     axis; hence at most ten times that with the others free, 1 / A_ii, and never more than the

@@ -26,15 +26,15 @@ _BIAS = 1e-6  # damping that stays when the error is gone
 
 @dataclass(frozen=True)
 class Solution:
-    """Where the search ended.
+    """Result of a search.
 
     Attributes:
         q: Joint positions in [rad] or [m], within limits, shape (n,).
         reached: Whether the pose is reached.
         distance: What is missing in [m].
         angle: What is missing in [rad].
-        seeds: How many starting points were tried.
-        iterations: Steps taken in all.
+        seeds: Number of starting points that were tried.
+        iterations: Total number of iterations.
         at_limit: Names of the joints that stand at a limit.
     """
 
@@ -82,7 +82,7 @@ class InverseKinematics:
         self._weight = np.where(np.arange(6) < 3, 1.0, _ANGLE)[task.rows]
 
     def solve(self, pose: Pose, seed: ArrayLike | None = None) -> Solution:
-        """Look for joint positions; the answer says whether they were found.
+        """Search for joint positions; the result states whether they were found.
 
         Args:
             pose: Where the frame should be in the world.
@@ -116,13 +116,13 @@ class InverseKinematics:
         limits = f"; at a limit: {', '.join(found.at_limit)}" if found.at_limit else ""
         raise Unreachable(
             f"frame '{self.task.frame}' cannot be brought to position {pose.position}: "
-            f"{found.distance:.3g} m and {found.angle:.3g} rad are missing after {found.seeds} "
+            f"{found.distance:.3g} m and {found.angle:.3g} rad remain after {found.seeds} "
             f"seeds{limits}",
             found.distance + _ANGLE * found.angle,
         )
 
     def correct(self, pose: Pose, q: Array) -> Array:
-        """A few steps from joint positions q, shape (n,), to a pose nearby; without limits."""
+        """A few iterations from q, shape (n,), to a nearby pose, without limits."""
         for _ in range(4):
             error, J = self._error(pose, q)
             if np.max(abs(error)) < 1e-13:
@@ -131,7 +131,7 @@ class InverseKinematics:
         return q
 
     def missing(self, pose: Pose, q: Array) -> tuple[float, float]:
-        """How far the frame is from a pose, in [m] and [rad], for joint positions (n,)."""
+        """Distance of the frame from a pose, in [m] and [rad], for joint positions (n,)."""
         return self._missing(self._error(pose, q)[0])
 
     def _starts(self, seed: ArrayLike | None) -> list[Array]:
@@ -144,7 +144,7 @@ class InverseKinematics:
         return [np.clip(q, self._lower, self._upper) for q in both]
 
     def _descend(self, pose: Pose, q: Array) -> tuple[Array, float, float, int]:
-        """Step until the pose is reached or nothing is gained any more."""
+        """Iterate until the pose is reached or the error no longer decreases."""
         error, J = self._error(pose, q)
         worth, patience = self._worth(error), 0
         for step in range(self._iterations):
@@ -195,7 +195,7 @@ class InverseKinematics:
 
 
 def checked_pose(pose: Pose) -> Pose:
-    """Check a pose that came from outside.
+    """Check a pose from a caller.
 
     Raises:
         InvalidInput: If a shape is wrong, a number is not finite, or the rotation is none.
@@ -208,7 +208,7 @@ def checked_pose(pose: Pose) -> Pose:
     off = abs(rotation @ rotation.T - np.eye(3)).max()
     if off > 1e-6 or np.linalg.det(rotation) < 0.0:
         raise InvalidInput(
-            f"pose.rotation = {rotation.tolist()} is no rotation: R Rᵀ is off by {off:.3g}, "
+            f"pose.rotation = {rotation.tolist()} is not a rotation: R Rᵀ is off by {off:.3g}, "
             f"det R = {np.linalg.det(rotation):.3g}; allowed: 1e-6 and a determinant of one"
         )
     return Pose(position, rotation)

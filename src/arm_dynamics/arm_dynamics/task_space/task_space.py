@@ -86,7 +86,7 @@ class TaskTerms:
 
 @dataclass(frozen=True)
 class EffectiveMass:
-    """Mass felt along a direction.
+    """Effective mass along a direction.
 
     Attributes:
         mass: In [kg] along an axis or [kg m²] about one; a float, or shape (k,).
@@ -167,7 +167,7 @@ class TaskSpace:
 
     @cached_property
     def kernel(self) -> TaskKernel:
-        """The same compiled, for controllers; in axes ``local_world_aligned``.
+        """The compiled terms, for controllers; in axes ``local_world_aligned``.
 
         Built when it is first asked for, in about half a second; in a tenth when it was built
         before on this machine.
@@ -190,7 +190,7 @@ class TaskSpace:
             )
 
     def pose(self, q: ArrayLike) -> Pose:
-        """Where the frame is, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""
+        """Pose of the frame, for positions ``q`` in [rad] or [m], shape (n,) or (k, n)."""
         position, rotation = _each(self.motion.placement, *vectors(self.model.joint_names, q=q))
         return Pose(_plain(position), _plain(rotation))
 
@@ -215,7 +215,7 @@ class TaskSpace:
         )
 
     def terms(self, q: ArrayLike, v: ArrayLike | None = None) -> TaskTerms:
-        """Everything at a state, see ``TaskTerms``.
+        """All terms at a state, see ``TaskTerms``.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
@@ -251,7 +251,7 @@ class TaskSpace:
         return TaskTerms(**{name: _plain(value) for name, value in made.items()})
 
     def effective_mass(self, q: ArrayLike, direction: ArrayLike) -> EffectiveMass:
-        """Mass that a hand feels when it pushes along a direction: 1 / (uᵀ Λ⁻¹ u).
+        """Effective mass for a force along a direction: 1 / (uᵀ Λ⁻¹ u).
 
         Force per acceleration along ``u``, the frame free to give way in all other directions
         (Khatib, "Inertial properties in robotic manipulation", IJRR 14(1), 1995, equation (22)).
@@ -311,7 +311,7 @@ class TaskSpace:
 
 
 def _each(answer: Callable[..., tuple[Array, ...]], *vectors: Array) -> tuple[Array, ...]:
-    """As ``arrays.each``, for an answer of several parts."""
+    """As ``arrays.each``, for a result of several parts."""
     parts = answer(*vectors) if vectors[0].ndim == 1 else zip(*map(answer, *vectors), strict=True)
     return tuple(map(np.array, parts))
 
@@ -321,7 +321,7 @@ def _times(matrix: Array, x: Array) -> Array:
 
 
 def _plain(value: Any) -> Any:
-    """Arrays that are handed out are read-only, single numbers are Python's own."""
+    """Read-only arrays; single numbers as Python floats."""
     array = np.asarray(value)
     if array.ndim == 0:
         return array.item()

@@ -37,7 +37,7 @@ class Place(Pose):
 
 
 class Path(Protocol):
-    """A way through space over u in [0, 1]."""
+    """A path in space over u in [0, 1]."""
 
     @property
     def length(self) -> float:
@@ -49,7 +49,7 @@ class Path(Protocol):
 
 @dataclass(frozen=True)
 class Line:
-    """Straight from one pose to another, turning evenly. Made by ``line``."""
+    """A straight line between two poses with uniform rotation, made by ``line``."""
 
     start: Pose
     step: Array
@@ -96,7 +96,7 @@ class Circle:
 
 
 def line(start: Pose, end: Pose) -> Line:
-    """A straight line with an even turn, by the shorter way round.
+    """A straight line with uniform rotation, by the shorter way round.
 
     Args:
         start: Pose at u = 0.
@@ -121,7 +121,7 @@ def circle(
     Args:
         start: Pose at u = 0.
         centre: Centre in [m], shape (3,), in the plane of the circle.
-        axis: Axis of the circle, right-handed, shape (3,), any length but zero.
+        axis: Axis of the circle, right-handed, shape (3,), not zero.
         angle: How far in [rad]; 2π is a whole circle.
         turning: Whether the frame turns with the circle, else it keeps its rotation.
 
@@ -141,7 +141,7 @@ def circle(
     off = abs(float(arm @ around))
     if off > 1e-6 * radius:
         raise InvalidInput(
-            f"the centre {middle} is {off:.3g} m beside the plane through {start.position} across "
+            f"the center {middle} is {off:.3g} m beside the plane through {start.position} across "
             f"the axis {around}; allowed: centers in that plane"
         )
     turn = angle * around if turning else np.zeros(3)
@@ -166,7 +166,7 @@ class CartesianTrajectory:
         return self.timing.duration
 
     def sample(self, t: float) -> TaskReference:
-        """Where the frame should be at the time ``t`` in [s]."""
+        """Reference of the frame at the time ``t`` in [s]."""
         u, rate, rise = self.timing.at(t)
         place = self.path.at(u)
         first, second = place.first * rate, place.second * rate**2 + place.first * rise
@@ -176,7 +176,7 @@ class CartesianTrajectory:
 def timed(
     path: Path, speed: float, acceleration: float, profile: str = "quintic"
 ) -> CartesianTrajectory:
-    """Cover a path as quickly as a speed and an acceleration along it allow.
+    """Time a path by the largest speed and acceleration along it.
 
     Args:
         path: The way.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a trajectory keeps to limits, and if not: which joint breaks which limit, and when.
+"""Check of a trajectory against limits: which joint violates which limit first, and when.
 
 Positions, velocities and accelerations are polynomials, so what they reach is exact; torques are
 computed at some points of every segment.
@@ -27,7 +27,7 @@ _QUANTITIES = ("position", "velocity", "acceleration")
 
 @dataclass(frozen=True)
 class Excess:
-    """Where a trajectory first breaks a limit.
+    """The first violation of a limit by a trajectory.
 
     Attributes:
         joint: Index of the joint.
@@ -46,11 +46,11 @@ class Excess:
 
 @dataclass(frozen=True)
 class Bounds:
-    """What a trajectory is held to.
+    """Limits of a trajectory.
 
     Attributes:
         limits: Of positions, velocities and accelerations.
-        dynamics: The model that says which torques it takes, or None to let them be; used from
+        dynamics: The model for its torques, or None to leave them unchecked; used from
             one thread only.
         margin: Share by which velocities, accelerations and torques may be exceeded.
     """
@@ -89,7 +89,7 @@ class Bounds:
         )
 
     def factor(self, trajectory: Trajectory) -> float:
-        """How many times slower a trajectory must be, at least one; its start is left as it is.
+        """Factor by which a trajectory must be slowed down, at least one; its start is unchanged.
 
         Raises:
             Unreachable: If weight and friction alone take more than a limit.
@@ -107,7 +107,7 @@ class Bounds:
         return slower if slower > 1.0 + _ROUNDED else 1.0
 
     def _beyond(self, trajectory: Trajectory) -> Iterator[Excess]:
-        """The first moment of each joint beyond each of its limits."""
+        """The first time at which each joint exceeds each of its limits."""
         lower, upper = self._allowed(trajectory.ends[0])
         least, most = _by_order(trajectory)
         for order, high in ((k, high) for k in range(3) for high in (False, True)):
@@ -122,7 +122,7 @@ class Bounds:
                 yield Excess(int(joint), _QUANTITIES[order], when, far, edge)
 
     def _allowed(self, start: Array) -> tuple[Array, Array]:
-        """Least and greatest position, velocity and acceleration, shape (3, n) each.
+        """Smallest and largest position, velocity and acceleration, shape (3, n) each.
 
         An arm that is beyond a position limit already may come back from there.
         """
@@ -132,7 +132,7 @@ class Bounds:
         return lower, np.stack((np.maximum(limits.upper, start), speed, rise))
 
     def _jumps(self, trajectory: Trajectory, before: Array) -> Iterator[Excess]:
-        """Velocities that jump from one segment to the next: more than any acceleration."""
+        """Velocities that jump between segments, which no acceleration allows."""
         bound = self.limits.acceleration
         if not np.isfinite(bound).any():
             return
@@ -145,7 +145,7 @@ class Bounds:
             yield Excess(int(joint), "acceleration", when, np.inf, float(bound[joint]))
 
     def _of_effort(self, trajectory: Trajectory) -> Iterator[Excess]:
-        """The first moment at which a torque is too large."""
+        """The first time at which a torque is too large."""
         if self.dynamics is None:
             return
         limit = self.dynamics.model.effort_limit * (1.0 + self.margin)
@@ -165,7 +165,7 @@ class Bounds:
 
 
 def _by_order(trajectory: Trajectory) -> Array:
-    """Least and greatest position, velocity and acceleration, (2, 3, segments, n)."""
+    """Smallest and largest position, velocity and acceleration, (2, 3, segments, n)."""
     h = np.diff(trajectory.times)[:, None]
     scale = np.stack((np.ones_like(h), 1.0 / h, 1.0 / h**2))
     found: Array = extremes(trajectory.coefficients) * scale
@@ -175,7 +175,7 @@ def _by_order(trajectory: Trajectory) -> Array:
 def _crossing(
     trajectory: Trajectory, segment: int, joint: int, order: int, bound: float, high: bool
 ) -> float:
-    """When a joint first leaves a bound within a segment, in [s]."""
+    """Time at which a joint first exceeds a bound within a segment, in [s]."""
     start, end = trajectory.times[segment : segment + 2]
     polynomial = np.polynomial.Polynomial(trajectory.coefficients[segment, joint])
     course = polynomial.deriv(order) if order else polynomial

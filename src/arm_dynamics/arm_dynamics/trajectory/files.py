@@ -42,8 +42,8 @@ class JointTrajectory:
 
         Args:
             motion: The motion.
-            joint_names: Of its joints.
-            turns: How often it is to be gone through, for one that ends where and as it begins.
+            joint_names: Names of its joints.
+            turns: Number of repetitions, for a motion that ends in its initial state.
         """
         ends = motion.table(np.array([0.0]))
         last = motion.sample(motion.duration)
@@ -59,7 +59,7 @@ class JointTrajectory:
 
     @property
     def start(self) -> dict[str, float]:
-        """Where each joint begins, by name in [rad] or [m]."""
+        """Start position of each joint, by name, in [rad] or [m]."""
         first = np.asarray(self.points[0].q, float)
         return dict(zip(self.joint_names, first.tolist(), strict=True))
 
@@ -87,7 +87,7 @@ class JointTrajectory:
         )
 
     def save(self, path: str | os.PathLike[str]) -> Path:
-        """Write it as YAML; what is there is replaced.
+        """Write it as YAML; an existing file is overwritten.
 
         Raises:
             OSError: If it cannot be written.
@@ -141,6 +141,6 @@ def _quoted(name: str) -> str:
 
 
 def _number(x: float) -> str:
-    """So many digits that it is read again to the bit, and never taken for a whole number."""
+    """Enough digits to be read back bit for bit, and never as an integer."""
     text = repr(x)
     return text.replace("e", ".0e") if "e" in text and "." not in text else text

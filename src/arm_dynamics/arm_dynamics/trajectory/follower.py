@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference a controller follows at every instant: the latest trajectory, or standing still.
+"""The reference of a controller at every instant: the latest trajectory, or a held position.
 
 Time is the stamp of the measured state as an integer of nanoseconds, so nothing drifts.
 """
@@ -19,7 +19,7 @@ from arm_dynamics.trajectory.waypoints import quintic
 
 @dataclass(frozen=True)
 class Outset:
-    """Where a motion that is being planned will begin.
+    """The start of a motion that is being planned.
 
     Attributes:
         start: Stamp in [ns] that the times of waypoints count from.
@@ -32,7 +32,7 @@ class Outset:
     here: Reference
 
     def through(self, waypoints: Sequence[Waypoint], limits: Limits | None) -> Trajectory:
-        """Plan to pass waypoints, with times in [s] after ``start``; those over are left out.
+        """Plan a motion through waypoints, timed in [s] after ``start``; past ones are omitted.
 
         Raises:
             InvalidInput: If they cannot be passed.
@@ -41,11 +41,11 @@ class Outset:
 
     @property
     def late(self) -> float:
-        """How long after ``start`` it begins, in [s]."""
+        """Delay of its beginning after ``start``, in [s]."""
         return 1e-9 * (self.begin - self.start)
 
     def ahead(self, waypoints: Sequence[Waypoint]) -> list[Waypoint]:
-        """Here, and the waypoints that are not over, with times in [s] after the beginning.
+        """The start and the remaining waypoints, with times in [s] after the beginning.
 
         Raises:
             InvalidInput: If all are over.
@@ -61,7 +61,7 @@ class Outset:
 
 
 class Follower:
-    """Gives the reference at a time and takes new trajectories without a jump in q, v or a.
+    """Returns references, and switches to new trajectories without a jump in q, v or a.
 
     Example:
         >>> follower = Follower(limits, q)
@@ -70,7 +70,7 @@ class Follower:
     """
 
     def __init__(self, q: ArrayLike, limits: Limits | None = None) -> None:
-        """Stand still at ``q`` in [rad], shape (n,); ``limits`` hold for every trajectory."""
+        """Hold position ``q`` in [rad], shape (n,); ``limits`` apply to every trajectory."""
         self._limits = limits
         self._start: int = 0
         self._active: Motion = hold(q)
@@ -83,21 +83,21 @@ class Follower:
         return self._active.sample(1e-9 * (now - self._start))
 
     def remaining(self, now: int) -> float:
-        """Time in [s] until everything accepted so far has been followed, else 0."""
+        """Time in [s] until all accepted motions are finished, else 0."""
         start, trajectory = self.newest
         return max(0.0, trajectory.duration - 1e-9 * (now - start))
 
     @property
     def newest(self) -> tuple[int, Motion]:
-        """The motion that was taken last, and the stamp in [ns] at which it begins."""
+        """The motion that was accepted last, and the stamp in [ns] at which it begins."""
         return self._next or (self._start, self._active)
 
     def hold(self, q: ArrayLike) -> None:
-        """Forget every trajectory and stand still at ``q``, shape (n,)."""
+        """Discard all trajectories and hold position ``q``, shape (n,)."""
         self.begin(hold(q), 0)
 
     def begin(self, motion: Motion, now: int) -> None:
-        """Forget every trajectory and follow a motion from the stamp ``now`` in [ns] on.
+        """Discard all trajectories and follow a motion from the stamp ``now`` in [ns].
 
         Unlike ``take`` it may begin anywhere: the reference jumps there.
         """
@@ -106,10 +106,10 @@ class Follower:
     def follow(
         self, waypoints: Sequence[Waypoint], now: int, start: int | None = None
     ) -> Trajectory:
-        """Follow waypoints, from wherever the reference is and however it moves when they begin.
+        """Follow waypoints, starting from the state of the reference when they begin.
 
         Args:
-            waypoints: Points with times in [s] after ``start``; those that are over are left out.
+            waypoints: Points with times in [s] after ``start``; past ones are omitted.
             now: Stamp of the present in [ns].
             start: Stamp in [ns] that times count from: the present when None; until a later one
                 the motion under way goes on.
@@ -126,7 +126,7 @@ class Follower:
         return trajectory
 
     def outset(self, now: int, start: int | None = None, lead: int = 0) -> Outset:
-        """Say where a motion that will be known ``lead`` after ``now`` can begin.
+        """The start of a motion that will be ready ``lead`` after ``now``.
 
         Args:
             now: Stamp of the present in [ns].
@@ -161,5 +161,5 @@ class Follower:
         return True
 
     def _at(self, time: int) -> Reference:
-        """Reference at a time to come, if nothing else is taken until then."""
+        """Reference at a future time, if no other motion is accepted until then."""
         return self._active.sample(1e-9 * (time - self._start))

@@ -51,11 +51,11 @@ class JointPath:
         return Reference(at.q, at.v * rate, at.a * rate**2 + at.v * rise)
 
     def slower(self, stretch: float) -> JointPath:
-        """The same with all times multiplied by ``stretch``."""
+        """The path with all times multiplied by ``stretch``."""
         return replace(self, timing=self.timing.slower(stretch))
 
     def along(self, us: Array) -> Array:
-        """Positions and first and second derivatives in u at k shares of the way, (3, k, n)."""
+        """Positions and first and second derivatives by u at k points of the path, (3, k, n)."""
         at = [self.over.sample(min(float(u), _LAST)) for u in us.ravel()]
         return np.swapaxes([(x.q, x.v, x.a) for x in at], 0, 1)
 
@@ -116,7 +116,7 @@ def paced(
     count: int = 400,
     acceleration: ArrayLike = np.inf,
 ) -> JointPath:
-    """Slow a joint path down until joint speeds, accelerations and torques keep to their limits.
+    """Slow a joint path down until velocities, accelerations and torques are within limits.
 
     All times are stretched by one factor, found from a single batched call of inverse dynamics.
 
@@ -176,7 +176,7 @@ def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Arra
 
 def _singular(task: TaskSpace, u: float) -> Unreachable:
     return Unreachable(
-        f"the path runs into a singularity of frame '{task.frame}' at {u:.1%} of its way; choose "
+        f"the path runs into a singularity of frame '{task.frame}' at {u:.1%} of its length; choose "
         "another path or seed, or a task with fewer axes"
     )
 

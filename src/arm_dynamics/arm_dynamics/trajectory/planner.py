@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint motions to Cartesian goals: straight to a pose, or through many, from a moving reference.
+"""Joint motions to Cartesian goals: a line to a pose, or a path, from a moving reference.
 
 A reference that moves is brought to rest first.
 """
@@ -23,7 +23,7 @@ from arm_dynamics.trajectory.waypoints import stop
 
 @dataclass(frozen=True)
 class Pace:
-    """How fast a frame may go.
+    """Speed and acceleration of a frame.
 
     Attributes:
         speed: Largest speed in [m/s]; a turn counts as a way at ``pose_path.ARM`` from its axis.
@@ -46,7 +46,7 @@ class CartesianGoals:
         pace: Pace,
         within: Callable[..., JointPath] = paced,
     ) -> None:
-        """Choose what moves and how fast.
+        """Choose the frame and its pace.
 
         Args:
             task: The task, in axes ``local_world_aligned``.
@@ -59,7 +59,7 @@ class CartesianGoals:
         self._task, self._dynamics, self._pace, self._within = task, dynamics, pace, within
 
     def line(self, here: Reference, goal: Pose) -> Motion:
-        """Straight to a pose, turning evenly.
+        """A straight line to a pose with uniform rotation.
 
         Raises:
             Unreachable: If the goal cannot be reached, or not on a straight line from here.
@@ -76,7 +76,7 @@ class CartesianGoals:
         return self._after(begin, joint_path(self._task, straight, rest))
 
     def through(self, here: Reference, poses: Sequence[Pose]) -> Motion:
-        """Through poses one after another without a stop, straight but for rounded corners.
+        """A motion through poses without stops, along straight lines with rounded corners.
 
         Raises:
             Unreachable: If a pose or the way to it cannot be reached.

@@ -18,7 +18,7 @@ from arm_dynamics.trajectory.joint_path import check_limits, derivatives
 from arm_dynamics.trajectory.reference import Trajectory
 
 ARM = 0.25
-"""Way in [m] that counts as much as a turn by 1 rad."""
+"""Distance in [m] that is equivalent to a rotation by 1 rad."""
 
 MAX_KNOTS = 10_000
 _SPACING = 0.02  # [m] between knots
@@ -34,7 +34,7 @@ def way(task: TaskSpace, start: Pose, end: Pose) -> float:
 
 
 def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajectory, float] | None:
-    """Lead a frame through poses, from where it is.
+    """Move a frame through poses, from its current pose.
 
     At corners the way is rounded within a few knots, 20 mm apart.
 
@@ -59,7 +59,7 @@ def through(task: TaskSpace, q: Array, poses: Sequence[Pose]) -> tuple[Trajector
         return None
     length, counts = sum(ways), [int(np.ceil(w / _SPACING)) for w in ways]
     if sum(counts) > MAX_KNOTS:
-        raise InvalidInput(f"the way is {length:.4g} m; allowed: {MAX_KNOTS * _SPACING:g} m")
+        raise InvalidInput(f"the path is {length:.4g} m; allowed: {MAX_KNOTS * _SPACING:g} m")
     places = [
         (piece.at(k / count), w / length / count)
         for piece, w, count in zip(pieces, ways, counts, strict=True)
@@ -96,8 +96,8 @@ def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
         leap = float(abs(rows[-1] - rows[-2]).max())
         if not (max(distance, angle) < _NEAR and leap < _FAR):
             raise Unreachable(
-                f"frame '{task.frame}' cannot be led on after {u:.1%} of its way: {distance:.3g} "
-                f"m and {angle:.3g} rad are missing, or a joint would leap by {leap:.3g}",
+                f"frame '{task.frame}' cannot follow the path after {u:.1%} of its length: {distance:.3g} "
+                f"m and {angle:.3g} rad remain, or a joint would jump by {leap:.3g}",
                 distance + ARM * angle,
             )
         check_limits(task, rows[-1], u)

@@ -40,7 +40,7 @@ def segment_coefficients(h: Array, q: Array, v: Array, a: Array) -> Array:
 
 
 def knot_derivatives(h: Array, q: Array, v: Array, a: Array) -> tuple[Array, Array]:
-    """Choose open velocities and accelerations so that ∫ jerk² dt is least.
+    """Choose free velocities and accelerations that minimize ∫ jerk² dt.
 
     Stationarity in an open velocity is continuity of snap there, in an open acceleration that of
     jerk (Flash and Hogan 1985). The equations are symmetric positive definite, block tridiagonal
@@ -108,7 +108,7 @@ def _solve_block_tridiagonal(lower: Array, middle: Array, upper: Array, right: A
 
 
 def extremes(coefficients: Array) -> Array:
-    """Find the least and greatest position, velocity and acceleration of every segment.
+    """Find the smallest and largest position, velocity and acceleration of every segment.
 
     Between neighbouring extremes a derivative is monotone, so each holds at most one root of it:
     roots of the jerk follow from that of the snap, those of the acceleration from them, and so on.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a motion is made of: references, waypoints, limits and piecewise quintic trajectories."""
+"""References, waypoints, limits and piecewise quintic trajectories."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from arm_dynamics.trajectory.quintic import knot_derivatives, segment_coefficien
 
 @dataclass(frozen=True, slots=True)
 class Reference:
-    """Where the joints should be.
+    """Desired joint motion at an instant.
 
     Attributes:
         q: Positions in [rad] or [m], shape (n,).
@@ -32,7 +32,7 @@ class Reference:
 
 @dataclass(frozen=True, slots=True)
 class TaskReference:
-    """Where the frame should be, in the world.
+    """Desired motion of the frame in the world at an instant.
 
     Attributes:
         position: In [m], shape (3,).
@@ -52,7 +52,7 @@ class TaskReference:
 
 
 class Motion(Protocol):
-    """References over time; it stands still before its start and after its end."""
+    """References over time; at rest before the start and after the end."""
 
     @property
     def duration(self) -> float:
@@ -64,7 +64,7 @@ class Motion(Protocol):
 
 @dataclass(frozen=True)
 class InTurn:
-    """One motion, and from its end on another that begins where it ends.
+    """Two motions in sequence; the second begins where the first ends.
 
     Attributes:
         first: What comes first.
@@ -104,7 +104,7 @@ class Waypoint:
 
 @dataclass(frozen=True)
 class Limits:
-    """What a trajectory must keep to; infinite where there is no limit.
+    """Limits of a trajectory; infinite where there is none.
 
     Attributes:
         velocity: Largest speed in [rad/s], shape (n,).
@@ -146,7 +146,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """Quintic segments, and standing still before the first and after the last.
+    """Quintic segments, at rest before the first and after the last.
 
     Attributes:
         times: Knot times in [s] from 0, shape (w,).
@@ -167,7 +167,7 @@ class Trajectory:
     def through(
         cls, times: Array, q: Array, v: Array, a: Array, stretch: float = 1.0
     ) -> Trajectory:
-        """Pass knots; what is open there is chosen so that ∫ jerk² dt is least.
+        """A trajectory through knots; free derivatives minimize ∫ jerk² dt.
 
         Args:
             times: Knot times in [s] from 0, shape (w,).
@@ -235,7 +235,7 @@ class Trajectory:
         return motion
 
     def table(self, shares: Array) -> tuple[Array, Array, Array, Array]:
-        """The same as rows: times, shape (k,), and the three, each of shape (k, n)."""
+        """The same in rows: times, shape (k,), and the three, each of shape (k, n)."""
         times = (self.times[:-1, None] + np.diff(self.times)[:, None] * shares).ravel()
         rows = np.moveaxis(self.at_shares(shares), 3, 1)
         q, v, a = np.moveaxis(rows.reshape(len(times), 3, -1), 1, 0)
@@ -243,6 +243,6 @@ class Trajectory:
 
 
 def hold(q: ArrayLike) -> Trajectory:
-    """Stand still at ``q`` for ever, shape (n,)."""
+    """Hold position ``q`` forever, shape (n,)."""
     ends = np.stack([numbers("position", q)] * 2)
     return Trajectory(np.zeros(1), np.empty((0, ends.shape[1], 6)), ends)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint trajectories interpolated as ROS robots do: piece by piece, by what their points give.
+"""Joint trajectories interpolated as in ROS: by segments, depending on the data of the points.
 
 Between two points runs a line where they give positions only, a cubic where both give velocities
 too, and a quintic where both give accelerations as well. So two points fix the motion between
@@ -26,10 +26,10 @@ _TRIES = 60
 
 
 def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
-    """Pass waypoints at their times, at rest after the last.
+    """A trajectory through waypoints at their times, at rest after the last.
 
     Args:
-        waypoints: At least two, first at time 0, times rising.
+        waypoints: At least two, the first at time 0, with increasing times.
 
     Raises:
         InvalidInput: If waypoints are malformed, accelerations come without velocities, or the
@@ -41,7 +41,7 @@ def spline(waypoints: Sequence[Waypoint]) -> Trajectory:
 def stretched_spline(
     waypoints: Sequence[Waypoint], excess: Callable[[Trajectory], float]
 ) -> Trajectory:
-    """The same, slower by one factor until nothing is exceeded.
+    """The same trajectory, slowed down by a factor until no limit is exceeded.
 
     Velocities and accelerations asked for at waypoints shrink with it; the motion at the first one
     is kept as it is, because the arm is in it.
@@ -61,7 +61,7 @@ def stretched_spline(
             return trajectory
         stretch *= min(max(factor, 1.001), 4.0)
     raise InvalidInput(
-        f"no pace brings the trajectory within limits, {stretch:.3g} times slower neither; "
+        f"no factor brings the trajectory within limits, not even {stretch:.3g}; "
         "allowed: points that leave room for the motion at the start"
     )
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The quickest timing of a joint path within speed, acceleration and torque limits.
+"""The fastest timing of a joint path within velocity, acceleration and torque limits.
 
 By reachability analysis along the path (Pham and Pham, "A new approach to time-optimal path
 parameterization based on reachability analysis", IEEE Trans. Robotics 34(3), 2018), as the library
@@ -26,7 +26,7 @@ _FREE = 1e9  # a limit that is none, for a library that wants a number
 
 @dataclass(frozen=True)
 class Profile:
-    """Timing with constant acceleration d²u/dt² between points of the way.
+    """Timing with constant acceleration d²u/dt² between points of the path.
 
     Attributes:
         us: Points from 0 to 1, shape (k,).
@@ -40,7 +40,7 @@ class Profile:
 
     @classmethod
     def of(cls, us: Array, rates: Array) -> Profile:
-        """Make the timing of rates at points; a rate of zero only at the ends."""
+        """The timing of rates at points; a rate of zero only at the ends."""
         steps = 2.0 * np.diff(us) / (rates[1:] + rates[:-1])
         return cls(us, rates, np.concatenate([[0.0], np.cumsum(steps)]))
 
