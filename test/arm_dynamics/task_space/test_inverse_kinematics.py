@@ -119,9 +119,9 @@ def test_what_is_no_pose_is_refused(position: np.ndarray, rotation: np.ndarray, 
 
 def test_bad_poses_and_seeds_are_refused() -> None:
     solver = InverseKinematics(task_of("panda"))
-    with pytest.raises(InvalidInput, match="is no rotation"):
+    with pytest.raises(InvalidInput, match="is not a rotation"):
         solver.solve(Pose(np.zeros(3), 2.0 * np.eye(3)))
-    with pytest.raises(InvalidInput, match="is no rotation"):
+    with pytest.raises(InvalidInput, match="is not a rotation"):
         solver.solve(Pose(np.zeros(3), np.diag([1.0, 1.0, -1.0])))
     with pytest.raises(InvalidInput, match=r"pose.position\[0\] = nan"):
         solver.solve(Pose(np.full(3, np.nan), np.eye(3)))

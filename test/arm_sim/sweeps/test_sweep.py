@@ -262,14 +262,14 @@ def test_a_scene_file_that_changed_is_noticed(tmp_path: Path) -> None:
 
 def test_a_file_that_is_no_journal_is_refused(tmp_path: Path) -> None:
     (tmp_path / "runs.jsonl").write_text("something else\n")
-    with pytest.raises(InvalidInput, match="is no journal of a sweep"):
+    with pytest.raises(InvalidInput, match="is not the journal of a sweep"):
         sweep(VARIED, tmp_path, workers=1)
     assert (tmp_path / "runs.jsonl").read_text() == "something else\n"
     (tmp_path / "runs.jsonl").unlink()
     sweep(VARIED, tmp_path, workers=1)
     lines = (tmp_path / "runs.jsonl").read_text().splitlines()
     (tmp_path / "runs.jsonl").write_text("\n".join([*lines[:3], "rubbish", *lines[3:]]) + "\n")
-    with pytest.raises(InvalidInput, match="line 4: this is no run"):
+    with pytest.raises(InvalidInput, match="line 4: not a run"):
         sweep(VARIED, tmp_path, workers=1)
 
 

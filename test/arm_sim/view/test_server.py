@@ -28,7 +28,9 @@ def test_without_the_library_one_line_says_what_to_do(monkeypatch: pytest.Monkey
         return found(name, *rest, **more)
 
     monkeypatch.setattr(builtins, "__import__", absent)
-    with pytest.raises(ViewError, match=r"no module 'viser': .*'./arm setup view' installs them"):
+    with pytest.raises(
+        ViewError, match=r"cannot find the module 'viser': .*'./arm setup view' installs them"
+    ):
         Simulator("two_link").view()
 
 
@@ -71,7 +73,7 @@ def test_without_a_browser_one_line_says_what_to_install(monkeypatch: pytest.Mon
     with pytest.raises(ViewError, match="no browser for pictures.*apt install chromium"):
         pictures.browser()
     monkeypatch.setenv("ARM_BROWSER", "/no/such/browser")
-    with pytest.raises(ViewError, match="ARM_BROWSER = '/no/such/browser' is no program"):
+    with pytest.raises(ViewError, match="ARM_BROWSER = '/no/such/browser' is not a program"):
         pictures.browser()
 
 

@@ -176,8 +176,8 @@ def derivatives(task: TaskSpace, place: Place, q: Array, u: float) -> tuple[Arra
 
 def _singular(task: TaskSpace, u: float) -> Unreachable:
     return Unreachable(
-        f"the path runs into a singularity of frame '{task.frame}' at {u:.1%} of its length; choose "
-        "another path or seed, or a task with fewer axes"
+        f"the path runs into a singularity of frame '{task.frame}' at {u:.1%} of its length; "
+        "choose another path or seed, or a task with fewer axes"
     )
 
 

@@ -96,8 +96,9 @@ def _joints(task: TaskSpace, q: Array, places: list[Place], us: Array) -> Array:
         leap = float(abs(rows[-1] - rows[-2]).max())
         if not (max(distance, angle) < _NEAR and leap < _FAR):
             raise Unreachable(
-                f"frame '{task.frame}' cannot follow the path after {u:.1%} of its length: {distance:.3g} "
-                f"m and {angle:.3g} rad remain, or a joint would jump by {leap:.3g}",
+                f"frame '{task.frame}' cannot follow the path after {u:.1%} of its length: "
+                f"{distance:.3g} m and {angle:.3g} rad remain, or a joint would jump by "
+                f"{leap:.3g}",
                 distance + ARM * angle,
             )
         check_limits(task, rows[-1], u)

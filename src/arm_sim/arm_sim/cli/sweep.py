@@ -42,7 +42,7 @@ _EVERY = 5.0  # [s] between lines of progress without a terminal
 )
 @click.option("--cluster", metavar="ADDRESS",
               help="Address of a Dask scheduler whose workers simulate the runs.")  # fmt: skip
-@click.option("--no-figures", is_flag=True, help="Draw none.")
+@click.option("--no-figures", is_flag=True, help="Do not draw figures.")
 def sweep(
     study: Path, out: Path | None, workers: int | None, cluster: str | None, no_figures: bool
 ) -> None:

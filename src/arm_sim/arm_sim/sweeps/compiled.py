@@ -23,7 +23,7 @@ type Torque = Callable[[ArmModel, ca.SX, ca.SX, Sequence[ca.SX], ca.SX, ca.SX, f
 """Torque by model, q, v, desired (q, v, a), gains K_p and K_d, and the length of a tick."""
 
 GAINS = ("bandwidth", "damping_ratio")
-"""Settings that compiled controllers know; with others than these a run takes Python's."""
+"""Settings that compiled controllers support; with others a run uses the Python controller."""
 
 
 def _feedback(q: ca.SX, v: ca.SX, desired: Sequence[ca.SX], kp: ca.SX, kd: ca.SX) -> ca.SX:
@@ -95,7 +95,7 @@ def law(name: str, model: ArmModel, dt: float) -> ca.Function:
 
     Args:
         name: One of ``COMPILED``.
-        model: What it knows.
+        model: Its model.
         dt: Length of a tick in [s].
 
     Returns:

@@ -21,12 +21,12 @@ _EDGE = 2.0**-54  # below which a share is taken for this: a normal variable has
 
 @dataclass(frozen=True)
 class Point:
-    """One run: where it is in the design.
+    """One run of the design.
 
     Attributes:
         index: Its number, by which the table is ordered.
         sample: Number of the sample, which all points of the grid share.
-        values: Of what is varied, by key.
+        values: Varied values by key.
     """
 
     index: int
@@ -37,8 +37,8 @@ class Point:
 def points(study: Study) -> list[Point]:
     """All runs of a study in order; samples vary fastest.
 
-    Every point of the grid meets the same samples, so that a controller is compared with another
-    one on the same arms (common random numbers; Law, "Simulation Modeling and Analysis", 11.2).
+    Every point of the grid uses the same samples, so that controllers are compared on the same
+    arms (common random numbers; Law, "Simulation Modeling and Analysis", 11.2).
     """
     lists = {key: varied.values for key, varied in study.vary.items() if varied.values is not None}
     drawn = {key: varied for key, varied in study.vary.items() if varied.values is None}
@@ -60,7 +60,7 @@ def points(study: Study) -> list[Point]:
 
 
 def noise_seed(study: Study, sample: int) -> int:
-    """Seed of what chance does in a sample's runs: noise, jitter and loss."""
+    """Seed of the random effects in a sample's runs: noise, jitter and loss."""
     return int(_generator(study, _NOISE, sample).integers(2**62))
 
 
@@ -89,7 +89,7 @@ def _generator(study: Study, what: int, number: int) -> np.random.Generator:
 
 
 def _value(varied: Varied, share: float) -> float:
-    """The value below which lies this share of a distribution."""
+    """The quantile of a distribution."""
     if varied.uniform is not None:
         low, high = varied.uniform
         return low + share * (high - low)
@@ -102,7 +102,7 @@ def _value(varied: Varied, share: float) -> float:
 
 
 def distinct(runs: Sequence[Point], key: str) -> list[Any]:
-    """Values that a key takes, each once, in order."""
+    """Distinct values of a key, in order."""
     found: dict[str, Any] = {}
     for run in runs:
         found.setdefault(repr(run.values[key]), run.values[key])

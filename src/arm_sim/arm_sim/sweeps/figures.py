@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Figures of a sweep: metrics over what is varied, and how they are distributed."""
+"""Figures of a sweep: metrics over varied quantities, and their distributions."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ _MANY = 2000  # points from which they are drawn small
 
 
 def draw(study: Study, table: Table, folder: Path) -> list[Path]:
-    """Draw what there is to draw of a sweep.
+    """Draw the figures of a sweep.
 
     Args:
         study: The study.
         table: Its table.
-        folder: Where the figures go.
+        folder: Folder of the figures.
 
     Returns:
         ``scatter.png``, metrics over quantities, if a number is varied; and ``distribution.png``,
@@ -47,7 +47,7 @@ def draw(study: Study, table: Table, folder: Path) -> list[Path]:
 
 
 def groups(table: Table) -> dict[str, NDArray[np.bool_]]:
-    """Runs by what is varied in words: scenes, controllers; all of them where nothing is."""
+    """Runs grouped by categorical quantities, such as scenes or controllers; else one group."""
     words = [name for name in table.varied if table[name].dtype.kind != "f"]
     if not words:
         return {"": np.ones(len(table), dtype=bool)}
@@ -108,7 +108,7 @@ def _finite(values: Array) -> Array:
 
 
 def _scale(choose: Callable[[str], object], values: Array) -> None:
-    """Take a logarithmic axis for values that go over decades."""
+    """Use a logarithmic axis for values that span decades."""
     finite = _finite(values)
     if finite.min() > 0.0 and finite.max() > _DECADES * finite.min():
         choose("log")

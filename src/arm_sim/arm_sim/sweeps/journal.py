@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The journal: rows as they come, in a file from which a sweep goes on after it was ended.
+"""The journal: rows in the order of completion, from which an interrupted sweep continues.
 
-A line of JSON says of which study it is; each further line is one run. Numbers are written so that
-they are read as the same bits.
+The first line of JSON identifies the study; each further line is one run. Numbers are written so
+that they are read back bit for bit.
 """
 
 from __future__ import annotations
@@ -24,15 +24,15 @@ class Journal:
     """Rows of one study in a folder, by one process at a time.
 
     Attributes:
-        rows: Those that are there, by their numbers.
+        rows: Existing rows by number.
         dropped: Whether a damaged last line was dropped.
 
     Args:
-        folder: Where the file is, or will be.
-        about: What the rows depend on, by key; another study is refused.
+        folder: Folder of the file.
+        about: Inputs of the rows, by key; another study is refused.
 
     Raises:
-        InvalidInput: If the file is of another study or none, or another process writes it.
+        InvalidInput: If the file is not of this study, or another process writes it.
         OSError: If it cannot be read or written.
     """
 
@@ -56,7 +56,7 @@ class Journal:
         self._file.close()
 
     def add(self, rows: Iterable[Row]) -> None:
-        """Write rows; they are there when this returns, whatever becomes of the process."""
+        """Write rows; they are on disk when this returns."""
         lines = []
         for row in rows:
             self.rows[row.index] = row
@@ -84,7 +84,7 @@ class Journal:
             if row is None:
                 if number < len(lines):
                     raise InvalidInput(
-                        f"'{self.path}', line {number}: this is no run; another folder is expected"
+                        f"'{self.path}', line {number}: not a run; another folder is expected"
                     )
                 break
             self.rows[row.index] = row
@@ -103,7 +103,7 @@ class Journal:
             assert isinstance(head, dict) and "format" in head
         except (ValueError, AssertionError):
             raise InvalidInput(
-                f"'{self.path}' is no journal of a sweep; another folder is expected"
+                f"'{self.path}' is not the journal of a sweep; another folder is expected"
             ) from None
         about = json.loads(json.dumps(about))
         if (changed := _difference(head, about)) is not None:
@@ -134,7 +134,7 @@ def _short(value: Any) -> str:
 
 
 def _row(line: bytes) -> Row | None:
-    """The run of a line; None if it is none."""
+    """The run of a line; None if it is not one."""
     try:
         index, status, note, *metrics = json.loads(line)
         return Row(int(index), str(status), str(note), tuple(map(float, metrics)))

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keys of what is varied: where they lead in a scene, and what a change there asks for.
+"""Keys of varied quantities: their place in a scene, and the effort of a change.
 
 A change of a tunable quantity needs no new equations; nor does one of the start, of the motion, of
-a controller's settings or of sensors and lines. All others make a world of their own.
+a controller's settings or of sensors and commands. All others need a world of their own.
 """
 
 from __future__ import annotations

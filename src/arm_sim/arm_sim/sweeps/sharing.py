@@ -194,7 +194,7 @@ def _library(name: str) -> Any:
         return __import__(name)
     except ModuleNotFoundError:
         raise InvalidInput(
-            f"Python finds no module '{name}', which shares runs out: './arm setup sweep' "
+            f"Python cannot find the module '{name}', which distributes runs: './arm setup sweep' "
             "installs it, or pip install 'arm-dynamics-suite[sweep]'; one worker needs nothing "
             "more"
         ) from None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Simulations to touch: run, pause, step, reset, place, push and pull."""
+"""Interactive simulations: run, pause, step, reset, place, push and pull."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ UNLIMITED = {"prismatic": 1.0}  # range of a slider without limits in [m]; other
 
 
 class Simulated(Protocol):
-    """What a simulation offers to be touched; ``Simulator`` does."""
+    """An interactive simulation, such as a ``Simulator``."""
 
     n: int
     joint_names: tuple[str, ...]
@@ -52,7 +52,7 @@ class Simulated(Protocol):
 
     @property
     def state(self) -> State:
-        """Where it is."""
+        """Its state."""
 
     @property
     def dynamics(self) -> Dynamics:
@@ -69,20 +69,20 @@ class Simulated(Protocol):
         """Start again."""
 
     def set_state(self, q: Any = None, v: Any = None) -> State:
-        """Put it somewhere else."""
+        """Set its state."""
 
     def set_parameter(self, name: str, value: Any) -> None:
         """Change a tunable quantity."""
 
 
 class Rig:
-    """A simulation with what acts on it.
+    """A simulation with its controller and external forces.
 
     Args:
         simulation: The arm; the thread of the page's pulse moves it.
-        look: What there is to see of it now.
-        let_push: Makes ready for pushes from outside; called before the first.
-        account: Where its energy came from and went.
+        look: Returns the current picture.
+        let_push: Prepares external forces; called before the first.
+        account: Its energy account.
     """
 
     def __init__(
@@ -106,19 +106,19 @@ class Rig:
 
     @property
     def error(self) -> Array:
-        """How far it is from where it is led to, shape (n,); zeros where nothing leads it."""
+        """Errors from the reference, shape (n,); zeros without a controller."""
         if self.control != SLIDERS:
             return np.zeros(self.simulation.n)
         return np.asarray(self._reference[0] - self.simulation.state.q)
 
     def choose(self, control: str) -> None:
-        """Choose what moves it."""
+        """Choose its controller."""
         state = self.simulation.state
         self.control, self.target = control, state.q.copy()
         self._reference = state.q.copy(), np.zeros(self.simulation.n)
 
     def push(self, frame: str, wrench: Array, ticks: int) -> None:
-        """Push a frame for some ticks: force in [N] and moment in [N m], axes of the world."""
+        """Apply a force in [N] and moment in [N m], in world axes, to a frame for some ticks."""
         if not self._pushable:
             self.wrenches.push(frame, wrench, 0)  # refuses at once what cannot be pushed
             self.account.change(self._let_push)
@@ -139,14 +139,14 @@ class Rig:
         self.account.note()
 
     def restart(self) -> None:
-        """Start again, without pushes."""
+        """Reset, without external forces."""
         self.wrenches.clear()
         self.simulation.reset()
         self.account.forget()
         self.choose(self.control)
 
     def place(self, q: Array) -> None:
-        """Put it elsewhere, at rest."""
+        """Set its position, at rest."""
         self.simulation.set_state(q, np.zeros(self.simulation.n))
         self.account.forget()
         self.choose(self.control)
@@ -161,7 +161,7 @@ class Rig:
         return np.asarray(self._command(state.q, state.v, torque))
 
     def _led(self) -> Reference:
-        """The reference after another tick: it follows the sliders without a jump of speed."""
+        """The reference after another tick: it follows the sliders without velocity jumps."""
         q, v = self._reference
         a = EAGER**2 * (self.target - q) - 2 * EAGER * v
         v = v + self.simulation.dt * a
@@ -179,8 +179,8 @@ class Bench:
         actors: The arms.
 
     Attributes:
-        pulse: What moves it.
-        running: Whether time passes.
+        pulse: Its thread.
+        running: Whether the simulation runs.
     """
 
     def __init__(
@@ -219,7 +219,7 @@ class Bench:
     # --- orders: for the thread of the pulse ---------------------------------------------------
 
     def run(self, on: bool) -> None:
-        """Let time pass, or stand still."""
+        """Run or pause."""
         self.running, self._owed, self._trouble = on, 0.0, ""
         self._run.label = "Pause" if on else "Run"
         self.draw()
@@ -232,7 +232,7 @@ class Bench:
         self.draw()
 
     def reset(self) -> None:
-        """Start again at time zero."""
+        """Reset to time zero."""
         self.run(False)
         for rig, actor in zip(self.rigs, self._actors, strict=True):
             rig.restart()
@@ -242,7 +242,7 @@ class Bench:
         self.draw()
 
     def draw(self) -> None:
-        """Draw the arms where they are."""
+        """Draw the current state of the arms."""
         with self._server.atomic():
             for rig, actor in zip(self.rigs, self._actors, strict=True):
                 actor.trail(actor.draw(rig.look()).hand)
@@ -278,7 +278,7 @@ class Bench:
         self.draw()
 
     def _tick(self) -> None:
-        """All arms by the longest of their ticks."""
+        """Advance all arms by the longest of their ticks."""
         dt = max(rig.simulation.dt for rig in self.rigs)
         for rig, samples, energies in zip(self.rigs, self._samples, self._energies, strict=True):
             for _ in range(round(dt / rig.simulation.dt)):
@@ -331,7 +331,7 @@ class Bench:
         return sliders
 
     def _slide(self, rig: Rig, joint: int, value: float) -> None:
-        """Lead the arm to where a slider is, or put it there while time stands still."""
+        """Move the arm to the position of a slider, or set it there while paused."""
         if rig.control == SLIDERS:
             rig.target[joint] = value
         elif not self.running:
@@ -356,7 +356,7 @@ class Bench:
             gui.add_button("Push").on_click(lambda _: self.pulse.order(push))
 
     def _add_pull(self, rig: Rig, actor: Actor) -> None:
-        """A link that the mouse drags is pulled, as by a spring, at the point that it holds."""
+        """Add a spring force at the point of a link that the mouse drags."""
         stiffness = 2.0 * 9.81 * rig.simulation.model.total_mass / actor.size
         frames = set(rig.simulation.model.frame_names)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Curves beside the arm, in a page of a server or in one that plays without."""
+"""Plots beside the arm, in a page of a server or in a standalone page."""
 
 from __future__ import annotations
 
@@ -29,8 +29,8 @@ class Chart:
     """Curves over time.
 
     Attributes:
-        title: What they show, with the unit.
-        names: Of the curves.
+        title: Title with the unit.
+        names: Names of the curves.
         time: In [s], shape (k,).
         values: Shape (k, curves).
     """
@@ -42,14 +42,14 @@ class Chart:
 
 
 def thinned(time: Array, values: Array, points: int = POINTS) -> tuple[Array, Array]:
-    """Fewer points of curves, with each least and greatest value kept.
+    """Curves with fewer points, which keep their extrema.
 
-    Of every stretch of time each curve keeps its minimum and its maximum, in their order.
+    Of every interval of time each curve keeps its minimum and its maximum, in order.
 
     Args:
         time: Shape (k,).
         values: Shape (k, m).
-        points: How many are to be left at most.
+        points: Largest number of points that remain.
 
     Returns:
         Times and values.
@@ -72,7 +72,7 @@ class Charts:
     """Tabs with curves in a panel of the page."""
 
     def __init__(self, server: viser.ViserServer, charts: Sequence[Chart]) -> None:
-        """Draw them; there may be none."""
+        """Draw the plots, if any."""
         self._handles = {}
         if not charts:
             return
@@ -94,18 +94,18 @@ class Charts:
 
 
 def with_curves(page: str, charts: Sequence[Chart], times: Sequence[float], rate: float) -> str:
-    """Put curves beside the player of a page that plays without a server.
+    """Add plots to the player of a standalone page.
 
     A line across them follows the player; without the player's slider, there is no line.
 
     Args:
         page: The page, as the library writes it.
-        charts: What to draw; there may be none.
-        times: Of the motion in [s], evenly spaced, that the player's pictures show.
-        rate: Pictures in a second of the player's time.
+        charts: The plots, perhaps none.
+        times: Times of the motion in [s], evenly spaced, that the player's frames show.
+        rate: Frames per second of the player.
 
     Returns:
-        The page with the curves in it.
+        The page with the plots.
     """
     if not charts:
         return page

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A motion that is over, as something to look at."""
+"""A recorded motion, to be shown."""
 
 from __future__ import annotations
 
@@ -22,15 +22,15 @@ class Film:
     """An arm's motion.
 
     Attributes:
-        name: What the page calls it.
+        name: Its name on the page.
         model: The arm.
         time: In [s], shape (k,), increasing.
         q: Joint positions in [rad] or [m], shape (k, n).
-        stills: Instants at which forces are known, in the order of time.
-        charts: Curves to draw beside it.
+        stills: Instants at which forces are known, in order of time.
+        charts: Plots beside it.
 
     Raises:
-        ViewError: If times and positions do not belong to each other or to the arm.
+        ViewError: If shapes of times and positions do not match each other or the arm.
     """
 
     name: str
@@ -49,7 +49,7 @@ class Film:
             )
 
     def at(self, time: float) -> Instant:
-        """What there is to see at a time: the last state up to then, and the forces nearest it."""
+        """The picture at a time: the last state up to then, and the nearest forces."""
         row = max(0, bisect_right(self.time, time + 1e-9) - 1)
         instant = Instant(float(self.time[row]), self.q[row])
         if not self.stills:
@@ -61,5 +61,5 @@ class Film:
 
 
 def looks(count: int) -> Array:
-    """Rows of a recording at which forces are looked at."""
+    """Rows of a recording at which forces are computed."""
     return np.unique(np.linspace(0, count - 1, min(count, LOOKS)).astype(int))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Follows arms that run elsewhere, and draws what is told of them."""
+"""Follows running arms, and draws their states."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ ENERGIES = ("kinetic", "potential", "total", "came in", "went out")
 
 @dataclass(frozen=True)
 class News:
-    """The newest that was told of an arm.
+    """The newest data of an arm.
 
     Attributes:
         time: Its time in [s].
         q: Joint positions in [rad] or [m], shape (n,).
         effort: Torques in [N m] or [N], shape (n,).
-        error: How far it is from its reference, shape (n,); zeros where nobody tells.
-        energy: Those of ``ENERGIES`` in [J], shape (5,); zeros where nobody tells.
+        error: Errors from its reference, shape (n,); zeros if unknown.
+        energy: Those of ``ENERGIES`` in [J], shape (5,); zeros if unknown.
     """
 
     time: float
@@ -46,22 +46,22 @@ class News:
 
 
 class Told(Protocol):
-    """Where news come from."""
+    """A source of data of an arm."""
 
     def newest(self) -> News | None:
-        """The newest; None if nothing new was told since the last call."""
+        """The newest data; None if there is nothing new since the last call."""
 
 
 class Follower:
-    """The controls of a page that follows running arms; times count from the first news.
+    """The controls of a page that follows running arms; times count from the first data.
 
     Args:
         server: The page.
-        told: Where news of each actor come from.
+        told: Source of data of each actor.
         actors: The arms.
 
     Attributes:
-        pulse: What moves it.
+        pulse: Its thread.
     """
 
     def __init__(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy account of a simulation that runs beside its curves."""
+"""The energy account of a running simulation, for plots."""
 
 from __future__ import annotations
 
@@ -17,39 +17,39 @@ _log = logging.getLogger(__name__)
 
 
 class Energies(Protocol):
-    """Energies in [J] since an account was opened; ``Account`` has them."""
+    """Energies in [J] since an account was opened, as of an ``Account``."""
 
     @property
     def kinetic(self) -> float:
-        """Of the motion now."""
+        """Current kinetic energy."""
 
     @property
     def potential(self) -> float:
-        """Of gravity and springs now."""
+        """Current potential energy of gravity and springs."""
 
     @property
     def total(self) -> float:
-        """Both, and what drives and bristles store."""
+        """Both, and the energy stored in drives and bristles."""
 
     @property
     def input(self) -> float:
-        """Work that came in."""
+        """Work supplied."""
 
     @property
     def dissipated(self) -> float:
-        """Heat that went out."""
+        """Heat lost."""
 
     @property
     def changed(self) -> float:
-        """What changes of the scene brought in."""
+        """Energy added by changes of the scene."""
 
     @property
     def balance(self) -> float:
-        """Energy from nowhere: the integration error."""
+        """Unexplained energy: the integration error."""
 
 
 class Meter(Protocol):
-    """Keeps an account; ``EnergyMeter`` does."""
+    """Keeps an account, as an ``EnergyMeter``."""
 
     def note(self) -> None:
         """Take in a tick."""
@@ -92,7 +92,7 @@ class LiveAccount:
         return self._built is not None and not self._built.done()
 
     def prepare(self) -> None:
-        """Begin to build what it needs; without this, no account is kept."""
+        """Start building its equations; without this, no account is kept."""
         pool = ThreadPoolExecutor(1, "energy account")
         self._built = pool.submit(self._try_to_build)
         pool.shutdown(wait=False)  # the thread ends with its job
@@ -105,7 +105,7 @@ class LiveAccount:
             self._meter = self._open_meter()
 
     def change(self, action: Callable[[], None]) -> None:
-        """Run what compiles the scene anew; the account goes on when its equations are built."""
+        """Run a change that recompiles the scene; the account continues when it is built."""
         if self._built is None:
             action()
             return
@@ -114,7 +114,7 @@ class LiveAccount:
         self.prepare()
 
     def forget(self) -> None:
-        """Begin anew with the next tick."""
+        """Restart with the next tick."""
         self._meter = None
 
     def now(self) -> Array | None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where joints, forces, springs and touched stops are at an instant, by Pinocchio, as numbers."""
+"""Positions of joints, forces, springs and active stops at an instant, by Pinocchio."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ _NONE = np.zeros((0, 2, 3))
 
 @dataclass(frozen=True)
 class Instant:
-    """What there is to see of an arm at one instant.
+    """The data of a picture of an arm at one instant.
 
     Attributes:
         time: In [s].
         q: Joint positions in [rad] or [m], shape (n,).
         contacts: Points in the world in [m] and forces on the arm there in [N], shape (k, 2, 3).
-        multipliers: λ of the constraints, shape (m,); empty where they are not known.
-        stop_torque: Torques of stops in [N m] or [N], shape (n,); empty where they are not known.
+        multipliers: λ of the constraints, shape (m,); empty if unknown.
+        stop_torque: Torques of stops in [N m] or [N], shape (n,); empty if unknown.
     """
 
     time: float
@@ -48,12 +48,12 @@ class Instant:
 
 @dataclass(frozen=True)
 class Marks:
-    """Where things are in the world, in [m].
+    """Positions in the world, in [m].
 
     Attributes:
         position: Of Pinocchio's joints, the world first, shape (k, 3).
         rotation: Of their axes as quaternions w, x, y, z, shape (k, 4).
-        hand: Where the hand is, shape (3,).
+        hand: Position of the hand, shape (3,).
         contacts: Points and forces in [N] there, shape (c, 2, 3).
         constraints: The same of constraints between frames, on the first one, shape (r, 2, 3).
         springs: Both ends of each spring between points, shape (s, 2, 3).
@@ -70,12 +70,11 @@ class Marks:
 
 
 class Marker:
-    """Finds the marks of an arm; for one thread.
+    """Computes the marks of an arm; for one thread.
 
     Args:
         model: The arm.
-        hand: Frame whose way is shown; None for the one that the longest chain carries farthest
-            out.
+        hand: Frame whose path is shown; None for the outermost one of the longest chain.
 
     Attributes:
         model: The arm.
@@ -89,7 +88,7 @@ class Marker:
         self._rows = ConstraintRows(model) if model.scene.bilateral else None
 
     def at(self, instant: Instant) -> Marks:
-        """Where everything is at an instant."""
+        """The marks at an instant."""
         model, data, q = self.model.pin, self._data, np.asarray(instant.q, dtype=float)
         pin.framesForwardKinematics(model, data, self.model.configuration(q))
         turns = [pin.Quaternion(place.rotation).coeffs() for place in data.oMi]
@@ -112,7 +111,7 @@ class Marker:
         )
 
     def origin(self, frame: str) -> Array:
-        """Where a frame was when ``at`` was last called, shape (3,)."""
+        """Position of a frame at the last call of ``at``, shape (3,)."""
         index = self.model.pin.getFrameId(frame)
         return np.asarray(self._data.oMf[index].translation.copy())
 
@@ -137,7 +136,7 @@ class Marker:
         return np.array([*(p.translation for p in (*data.oMi, *data.oMf)), *ends, *further])
 
     def path(self, q: Iterable[Array]) -> Array:
-        """Where the hand is at joint positions, shape (k, 3)."""
+        """Positions of the hand at joint positions, shape (k, 3)."""
         model, data, places = self.model.pin, self._data, []
         for row in q:
             pin.forwardKinematics(model, data, self.model.configuration(np.asarray(row)))
@@ -171,7 +170,7 @@ class Marker:
 
 
 def _slope(constraint: FrameBased, u: Array) -> Array:
-    """How the rows of a constraint that are about places change with u, shape (k, 3)."""
+    """Derivative of the position rows of a constraint by u, shape (k, 3)."""
     if isinstance(constraint, LineConstraint):
         return np.asarray(across(constraint.direction))
     if isinstance(constraint, PlaneConstraint):
@@ -184,7 +183,7 @@ def _slope(constraint: FrameBased, u: Array) -> Array:
 
 
 def outermost(model: ArmModel) -> str:
-    """The link that the last joint of the longest chain carries farthest out."""
+    """The outermost link of the last joint of the longest chain."""
     tree = model.pin
     depth = [0] * tree.njoints
     for i in range(1, tree.njoints):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Pictures of a page without a screen: a browser without a window draws them."""
+"""Pictures of a page without a screen, drawn by a headless browser."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ SETTLED, STILL = 0.5, 3  # [s] from look to look at what is drawn, and how many 
 
 
 def browser() -> str:
-    """A browser that can draw.
+    """The command of a browser.
 
     Raises:
         ViewError: If none is found.
     """
     named = os.environ.get("ARM_BROWSER")
     if named and not shutil.which(named):
-        raise ViewError(f"ARM_BROWSER = {named!r} is no program; a Chromium is expected")
+        raise ViewError(f"ARM_BROWSER = {named!r} is not a program; a Chromium is expected")
     found = named or next((path for path in map(shutil.which, BROWSERS) if path), None)
     if found is None:
         raise ViewError(
@@ -53,10 +53,10 @@ def browser() -> str:
 
 @contextlib.contextmanager
 def page_in_browser(url: str, size: tuple[int, int]) -> Iterator[Any]:
-    """A page in a browser without a window, as playwright has it.
+    """A page in a headless browser, by playwright.
 
     Args:
-        url: What to open.
+        url: Address to open.
         size: Width and height in pixels.
 
     Raises:
@@ -83,9 +83,9 @@ def page_in_browser(url: str, size: tuple[int, int]) -> Iterator[Any]:
 
 @contextlib.contextmanager
 def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
-    """Something that takes pictures of what a server shows: a function without arguments.
+    """A function without arguments that takes a picture of a server's page.
 
-    It returns a picture as an array of bytes, shape (height, width, 3).
+    It returns an array of bytes, shape (height, width, 3).
     """
     known, (width, height) = set(server.get_clients()), size
     with page_in_browser(address(server), (width + WIDTH + MARGIN, height)) as page:
@@ -108,7 +108,7 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
 
 
 def _wait_until_still(page: Any, shoot: Callable[[], Any]) -> None:
-    """Wait until the browser has read meshes and light, and drawn them."""
+    """Wait until the browser has loaded and drawn meshes and light."""
     last, alike = shoot(), 0
     for _ in range(round(PATIENCE / SETTLED)):
         page.wait_for_timeout(1000 * SETTLED)
@@ -120,7 +120,7 @@ def _wait_until_still(page: Any, shoot: Callable[[], Any]) -> None:
 
 
 def refuse_film(path: Path) -> None:
-    """Refuse what ``write_film`` cannot write, before a picture of it is drawn.
+    """Refuse a film that ``write_film`` cannot write, before any picture is drawn.
 
     Raises:
         ViewError: If the format is unknown, or ffmpeg is missing.
@@ -137,9 +137,9 @@ def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
     """Write pictures as a film.
 
     Args:
-        path: Of the file; .gif or .mp4.
+        path: Path of the file; .gif or .mp4.
         pictures: Arrays of bytes, shape (height, width, 3).
-        rate: How many are shown in a second.
+        rate: Frames per second.
 
     Raises:
         ViewError: If the format is unknown, or ffmpeg is missing or fails.
@@ -149,7 +149,7 @@ def write_film(path: Path, pictures: Iterable[Any], rate: float) -> None:
 
 
 def _write_gif(path: Path, pictures: Iterable[Any], rate: float) -> None:
-    """One palette for all, so that what stands still is not stored again and does not flicker."""
+    """Write a GIF with one palette, so that static parts are stored once and do not flicker."""
     from PIL import Image
 
     frames = [Image.fromarray(picture) for picture in pictures]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays motions: to and fro in time, at any speed, over and over."""
+"""Plays motions: at any time and speed, repeatedly."""
 
 from __future__ import annotations
 
@@ -30,11 +30,11 @@ class Player:
         actors: The arms.
 
     Attributes:
-        pulse: What moves it.
-        time: Time in [s] of what is drawn.
-        begin: Where the motions begin.
-        end: Where the longest ends.
-        charts: Curves beside them.
+        pulse: Its thread.
+        time: Time in [s] of the picture.
+        begin: Start time of the motions.
+        end: End time of the longest.
+        charts: Plots beside them.
     """
 
     def __init__(
@@ -64,14 +64,14 @@ class Player:
         self.seek(self.begin)
 
     def play(self, on: bool = True) -> None:
-        """Begin or stop to play; for the thread of the pulse."""
+        """Start or stop playing; for the thread of the pulse."""
         if on and self.time >= self.end:
             self.seek(self.begin)
         self._playing = on
         self._button.label = "Pause" if on else "Play"
 
     def seek(self, time: float) -> None:
-        """Draw a time in [s]; for the thread of the pulse."""
+        """Show a time in [s]; for the thread of the pulse."""
         self.time = min(max(time, self.begin), self.end)
         with self._server.atomic():
             for film, actor in self._pairs:
@@ -80,7 +80,7 @@ class Player:
         self._say("")
 
     def _charted(self, film: Film, actor: Actor) -> Iterator[Chart]:
-        """A film's curves, with the arm's name where there are several."""
+        """A film's plots, with the arm's name if there are several."""
         title = f"{actor.name}: " if len(self._pairs) > 1 else ""
         return (replace(chart, title=title + chart.title) for chart in film.charts)
 

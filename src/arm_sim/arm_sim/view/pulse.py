@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The thread that moves what a page shows, and the orders that the page gives it."""
+"""The thread that animates a page, and runs its requests."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ _log = logging.getLogger(__name__)
 
 
 class Pulse:
-    """Calls ``beat`` at most sixty times a second, and between two calls what the page ordered.
+    """Calls ``beat`` at most sixty times a second, and the page's requests between two calls.
 
-    So what a page shows is touched by one thread only.
+    So only one thread changes the content of a page.
 
     Args:
         beat: Called with the time in [s] since the last call.
-        on_error: Told what an order was refused with.
+        on_error: Called with the error message of a refused request.
     """
 
     def __init__(self, beat: Callable[[float], None], on_error: Callable[[str], None]) -> None:
@@ -39,11 +39,11 @@ class Pulse:
         self._thread.start()
 
     def order(self, action: Callable[[], object]) -> None:
-        """Have something done before the next beat; for any thread."""
+        """Run a function before the next beat; for any thread."""
         self._orders.put(action)
 
     def moved(self, action: Callable[[Any], object]) -> Callable[[Any], None]:
-        """A callback for a control: what a person sets is an order, what the program sets is not.
+        """A callback for a control: user input is a request, values set by the program are not.
 
         Args:
             action: Takes the control's value.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The page's server: on this machine unless told otherwise, and with nothing but the page."""
+"""The page's server: on this machine by default, and serving only the page."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _log = logging.getLogger(__name__)
 
 
 def library() -> Any:
-    """The library that draws.
+    """The visualization library.
 
     Raises:
         ViewError: If it is not installed.
@@ -32,7 +32,7 @@ def library() -> Any:
         import viser
     except ModuleNotFoundError as error:
         raise ViewError(
-            f"Python finds no module '{error.name}': the view needs the packages of "
+            f"Python cannot find the module '{error.name}': the view needs the packages of "
             "requirements-view.txt; './arm setup view' installs them, or pip install viser==1.1.1 "
             "pycollada==0.9.3 playwright==1.65.0"
         ) from None
@@ -44,8 +44,8 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
 
     Args:
         label: Heading of its panel.
-        host: Address to listen at; ``0.0.0.0`` lets every machine of the network look and steer.
-        port: Port; None for 8080 or the next one that is free, which is said.
+        host: Address to listen on; ``0.0.0.0`` lets every machine of the network control it.
+        port: Port; None for 8080 or the next free one, which is logged.
 
     Raises:
         ViewError: If the library is missing, or the address or port cannot be used.
@@ -55,7 +55,7 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
         server: viser.ViserServer = make(host=host, port=chosen, label=label, verbose=False)
     if server.get_port() != chosen:
         close_server(server)
-        raise ViewError(f"port {chosen} of {host} was taken by somebody else just now; try again")
+        raise ViewError(f"port {chosen} of {host} was just taken by another process; try again")
     # The library can let the whole world in through a tunnel, for whoever asks the page to.
     server.request_share_url = lambda verbose=True: None
     server.gui.configure_theme(show_share_button=False, show_logo=False)
@@ -63,7 +63,7 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
 
 
 def close_server(server: viser.ViserServer) -> None:
-    """End a server without a word."""
+    """End a server silently."""
     with _silent():
         server.stop()
 
@@ -97,7 +97,7 @@ def _free_port(host: str, port: int | None) -> int:
 
 @contextlib.contextmanager
 def _silent() -> Iterator[None]:
-    """Keep the library from printing tables of its own; other threads' words are kept meanwhile.
+    """Suppress the library's own tables, but not the output of other threads.
 
     It prints through rich's common console, which nobody else of the suite uses.
     """

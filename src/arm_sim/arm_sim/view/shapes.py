@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What to draw of a robot: the visuals of its URDF, else capsules that have its links' inertia."""
+"""Shapes of a robot: the visuals of its URDF, else capsules with its links' inertia."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, of the robot'
 
 @dataclass(frozen=True)
 class Mesh:
-    """A file of triangles, scaled; colours and textures are the file's own."""
+    """A scaled mesh file; colors and textures are those of the file."""
 
     path: Path
     scale: tuple[float, float, float] = (1.0, 1.0, 1.0)
@@ -66,14 +66,14 @@ type Shape = Mesh | Box | Cylinder | Sphere
 
 @dataclass(frozen=True)
 class Visual:
-    """A shape that is fixed to what a joint carries.
+    """A shape that is fixed to a joint's body.
 
     Attributes:
-        name: What it shows: a link, a payload, a plane.
+        name: The link, payload or plane that it shows.
         joint: Number of Pinocchio's joint that carries it; 0 is the world.
-        placement: Where it is in the joint's frame.
-        shape: What it is.
-        colour: Its colour; None for the file's own, or none at all.
+        placement: Its placement in the joint's frame.
+        shape: The shape.
+        colour: Its color; None for that of the file, if any.
     """
 
     name: str
@@ -84,13 +84,13 @@ class Visual:
 
 
 def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
-    """All that is drawn of a robot and stays as it is: links, payloads, planes and balls.
+    """All constant shapes of a robot: links, payloads, planes and balls.
 
-    A mesh that is not found is told, and its link is drawn as a capsule.
+    A missing mesh causes a warning, and its link is drawn as a capsule.
 
     Args:
         robot: The robot.
-        folder: Where meshes with relative names are; None for the present one.
+        folder: Folder of meshes with relative names; None for the current one.
     """
     links = list(_described(robot, folder or Path.cwd()))
     drawn = {visual.joint for visual in links}
@@ -99,7 +99,7 @@ def visuals_of(robot: Robot, folder: Path | None = None) -> tuple[Visual, ...]:
 
 
 def reach(robot: Robot) -> float:
-    """A length that suits the robot in [m]: how far its farthest joint or frame may be."""
+    """Size of the robot in [m]: the largest distance of a joint or frame."""
     model = robot.pin
     far = np.zeros(model.njoints)
     for i in range(1, model.njoints):
@@ -115,7 +115,7 @@ def reach(robot: Robot) -> float:
 def corners(visual: Visual) -> Array:
     """Corners of the box around a solid, in the frame of the joint that carries it, shape (8, 3).
 
-    Of a mesh, whose size its file tells, only the place.
+    Of a mesh, whose size is in its file, only the position.
     """
     shape = visual.shape
     if isinstance(shape, Box):
@@ -196,7 +196,7 @@ def _colour(
 
 
 def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
-    """What joints carry as capsules of the same inertia, and thin ones on to the next joints.
+    """Bodies of joints as capsules of the same inertia, with thin ones to the next joints.
 
     A cylinder of mass m, radius r and length l has m r²/2 about its axis and m (3 r² + l²)/12
     across (Goldstein, Classical Mechanics, section 5.3); these are solved for r and l, the mean of
@@ -271,7 +271,7 @@ def _contacts(robot: Robot) -> Iterable[Visual]:
 
 
 def _placed(robot: Robot, frame: str, point: Iterable[float]) -> tuple[int, pin.SE3]:
-    """The joint that carries a point of a frame or of the world, and where it is there."""
+    """The joint that carries a point of a frame or of the world, and its position there."""
     offset = pin.SE3(np.eye(3), np.array(list(point)))
     found = robot.pin.frames[0 if frame == "world" else robot.pin.getFrameId(frame)]
     return found.parentJoint, found.placement * offset

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws arms with viser: links, ground, ways, and the marks of an instant."""
+"""Draws arms with viser: links, ground, paths, and the marks of an instant."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _log = logging.getLogger(__name__)
 CONTACT, TIE, SPRING, STOP, WAY = (
     (40, 130, 60), (140, 60, 160), (60, 120, 200), (225, 60, 40), (230, 120, 20)
 )  # fmt: skip
-"""Colours of forces of contacts and constraints, springs, stops, and the way of the hand."""
+"""Colors of forces of contacts and constraints, springs, stops, and the path of the hand."""
 
 LONGEST = 0.6  # length of an arrow, of the reach; half of it stands for the arm's weight
 FIELD = 0.7  # [rad] that the camera sees from top to bottom
@@ -52,17 +52,17 @@ class Actor:
     Args:
         server: The page.
         model: The arm.
-        name: Of the arm in the scene's tree.
-        base: Where its world is put, in [m].
-        folder: Where meshes with relative names are.
-        hand: Frame whose way is shown, see ``Marker``.
+        name: Name of the arm in the scene's tree.
+        base: Position of its world, in [m].
+        folder: Folder of meshes with relative names.
+        hand: Frame whose path is shown, see ``Marker``.
 
     Attributes:
-        name: Of the arm.
-        base: Where its world is, shape (3,).
-        marker: Finds where everything is.
-        size: Length that suits the arm in [m].
-        links: What is drawn of links and joints: its name, and its handle.
+        name: Name of the arm.
+        base: Position of its world, shape (3,).
+        marker: Computes positions.
+        size: Size of the arm in [m].
+        links: Drawn links and joints: names and handles.
         extent: Points around the arm at its start, in [m], shape (k, 3).
     """
 
@@ -118,7 +118,7 @@ class Actor:
         )
 
     def draw(self, instant: Instant) -> Marks:
-        """Draw an instant; the caller groups what is to appear at once."""
+        """Draw an instant; the caller groups changes that appear together."""
         marks = self.marker.at(instant)
         for frame, position, wxyz in zip(
             self._joints, marks.position, marks.rotation, strict=True
@@ -136,19 +136,19 @@ class Actor:
         return marks
 
     def trail(self, hand: Array) -> None:
-        """Let the hand's way go on to a place, shape (3,)."""
+        """Extend the hand's path to a position, shape (3,)."""
         if self._way and float(np.linalg.norm(hand - self._way[-1])) < 2e-3 * self.size:
             return
         self._way = [*self._way[-KEPT:], hand]
         self._set(self._lines["way"], _pairs(np.array(self._way)), self._shown["way"])
 
     def forget_way(self) -> None:
-        """Let the hand's way begin anew."""
+        """Restart the hand's path."""
         self._way = []
         self._lines["way"].visible = False
 
     def show_path(self, path: Array) -> None:
-        """Draw a whole way of the hand, shape (k, 3), that stays."""
+        """Draw a complete, permanent path of the hand, shape (k, 3)."""
         self._set(self._lines["whole way"], _pairs(path), self._shown["way"])
 
     def show_axes(self, on: bool) -> None:
@@ -171,7 +171,7 @@ class Actor:
             handle.visible = on and bool(np.ptp(handle.points))
 
     def _to_arrows(self, forces: Array) -> Array:
-        """From points and forces to beginnings and ends: long forces are drawn shorter."""
+        """Arrows of points and forces: start and end points, with long forces shortened."""
         if not len(forces):
             return forces
         size = np.linalg.norm(forces[:, 1], axis=1)
@@ -218,7 +218,7 @@ class Actor:
 
 
 def lay_ground(server: viser.ViserServer, actors: Sequence[Actor], width: float) -> None:
-    """A grid, light and a camera that suit the arms, which take a ``width`` in [m]."""
+    """A grid, light and a camera for the arms, which occupy a ``width`` in [m]."""
     size = max(actor.size for actor in actors)
     lowest = min(float(marks.position[:, 2].min()) for marks in map(_start, actors))
     level = min(lowest, 0.0) - (0.15 * size if lowest < -1e-3 else 0.0)
@@ -239,7 +239,7 @@ def lay_ground(server: viser.ViserServer, actors: Sequence[Actor], width: float)
 
 
 def _sky() -> Any:
-    """Pale blue that fades downwards, so that white arms are seen, as bytes, (64, 4, 3)."""
+    """A pale blue gradient, against which white arms are visible, as bytes, (64, 4, 3)."""
     top, bottom = np.array([196.0, 212.0, 230.0]), np.array([250.0, 250.0, 252.0])
     column = top + np.linspace(0.0, 1.0, 64)[:, None] * (bottom - top)
     return np.repeat(column[:, None], 4, axis=1).astype(np.uint8)
@@ -274,7 +274,7 @@ def _coils(springs: Array, size: float, turns: int = 9) -> Array:
 
 @lru_cache(maxsize=256)
 def _glb(mesh: Mesh, colour: Colour | None) -> bytes:
-    """A file of triangles as binary glTF, in [m]; a colour is for files that have none."""
+    """A mesh file as binary glTF, in [m]; a color is for files that have none."""
     import trimesh
 
     loaded = trimesh.load_scene(mesh.path)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A page that shows arms, as an object: its address, its pictures, its end."""
+"""A page that shows arms: its address, pictures and films."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class View:
     Args:
         server: The page.
         actors: The arms.
-        source: What moves them: a player of films, a bench with simulations, or running arms.
+        source: Source of motion: a player of films, a bench with simulations, or running arms.
     """
 
     def __init__(
@@ -63,7 +63,7 @@ class View:
         return self.source.pulse
 
     def draw(self) -> None:
-        """Draw simulations where they are now, in a loop of one's own."""
+        """Draw the current state of simulations, in a loop of your own."""
         if isinstance(self.source, Bench):
             self.source.draw()
 
@@ -101,12 +101,12 @@ class View:
     def picture(
         self, path: str | Path, size: tuple[int, int] = SIZE, time: float | None = None
     ) -> Path:
-        """Write what is shown as a picture (.png, .jpg); a browser draws it without a window.
+        """Write the view as a picture (.png, .jpg), drawn by a headless browser.
 
         Args:
-            path: Of the file.
+            path: Path of the file.
             size: Width and height in pixels.
-            time: For motions: at which time in [s]; None for the one that is shown.
+            time: For motions: the time in [s]; None for the one that is shown.
 
         Raises:
             ViewError: If there is no browser, or it fails.
@@ -130,13 +130,13 @@ class View:
         """Write a motion as a film (.gif, or .mp4 where ffmpeg is installed).
 
         Args:
-            path: Of the file.
+            path: Path of the file.
             size: Width and height in pixels.
-            rate: Pictures in a second.
-            speed: Of the motion: 2 for twice as fast.
+            rate: Frames per second.
+            speed: Playback speed: 2 for twice as fast.
 
         Raises:
-            ViewError: If it is no motion, there is no browser, or something fails.
+            ViewError: If it is not a motion, there is no browser, or writing fails.
         """
         path, times = _writable(path), self._times(rate / speed)
         pictures.refuse_film(path)
@@ -151,9 +151,9 @@ class View:
         return path
 
     def page(self, path: str | Path, rate: float = RATE, speed: float = 1.0) -> Path:
-        """Write a page that plays without a server; arguments as those of ``film``.
+        """Write a standalone page that plays without a server; arguments as those of ``film``.
 
-        Beside a motion are its curves.
+        It has the plots of a motion.
 
         Raises:
             ViewError: If the file cannot be written.
@@ -177,15 +177,13 @@ class View:
         if not isinstance(self.source, Player):
             raise ViewError("a simulation has no end; films and times are for recordings")
         if not rate > 0.0:
-            raise ViewError(
-                f"{rate:g} pictures in a second of the motion; more than 0 is expected"
-            )
+            raise ViewError(f"{rate:g} pictures per second of the motion; more than 0 is expected")
         begin, end = self.source.begin, self.source.end
         count = min(MOST, max(2, round((end - begin) * rate) + 1))
         return [float(t) for t in np.linspace(begin, end, count)]
 
     def _seek(self, time: float) -> None:
-        """Draw a time of the motion, here and now: the pulse draws only when it plays."""
+        """Draw a time of the motion immediately: the pulse draws only when it plays."""
         if not isinstance(self.source, Player):
             raise ViewError("a simulation has no end; films and times are for recordings")
         self.source.play(False)
@@ -210,7 +208,7 @@ def show_films(
     films: Sequence[Film], host: str = HERE, port: int | None = None, folder: Path | None = None,
     together: bool = False,
 ) -> View:  # fmt: skip
-    """Show motions, beside each other or, if they are to be compared, ``together`` in one place.
+    """Show motions, side by side or, for comparison, ``together`` in one place.
 
     Raises:
         ViewError: If the library is missing, or the address cannot be used.
@@ -225,7 +223,7 @@ def show_rigs(
     rigs: Sequence[Rig], names: Sequence[str], host: str = HERE, port: int | None = None,
     folder: Path | None = None,
 ) -> View:  # fmt: skip
-    """Show simulations to touch, beside each other; raises as ``show_films``."""
+    """Show interactive simulations side by side; raises as ``show_films``."""
     server = open_server("arm view", host, port)
     models = [rig.simulation.model for rig in rigs]
     actors = _cast(server, _different(names), models, folder, False)
@@ -236,7 +234,7 @@ def show_followed(
     told: Sequence[Told], names: Sequence[str], models: Sequence[ArmModel], host: str = HERE,
     port: int | None = None,
 ) -> View:  # fmt: skip
-    """Follow arms that run elsewhere, beside each other; raises as ``show_films``."""
+    """Follow running arms side by side; raises as ``show_films``."""
     server = open_server("arm view", host, port)
     actors = _cast(server, _different(names), models, None, False)
     return View(server, actors, Follower(server, told, actors))
@@ -246,7 +244,7 @@ def _cast(
     server: viser.ViserServer, names: Sequence[str], models: Sequence[ArmModel],
     folder: Path | None, together: bool,
 ) -> list[Actor]:  # fmt: skip
-    """Put arms beside each other about the middle, the first at the left."""
+    """Place arms side by side about the center, the first at the left."""
     sizes = np.array([reach(model) for model in models])
     gaps = np.zeros(len(sizes) - 1) if together else GAP * (sizes[:-1] + sizes[1:])
     places = np.concatenate([[0.0], np.cumsum(gaps)])

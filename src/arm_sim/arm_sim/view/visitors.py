@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Who may open the page: not the pages of other sites that the same browser shows.
+"""Access control of the page: pages of other sites in the same browser are refused.
 
-A browser lets every page that it shows connect to servers of the machine that it runs on. It names
-the page's site in ``Origin`` (RFC 6455, section 10.2), so a connection is accepted only where that
-is the address that was asked for. A site whose name has come to mean this machine (DNS rebinding)
-passes that; its name stands in ``Host``, which must be an address, this machine's name, or the one
-that the server was given. Programs other than browsers name no origin, and are let in.
+A browser lets every page connect to servers of its own machine. It sends the page's site in
+``Origin`` (RFC 6455, section 10.2), so a connection is accepted only if that is the requested
+address. A site whose name resolves to this machine (DNS rebinding) passes that check; its name is
+in ``Host``, which must be an address, this machine's name, or the one that the server was given.
+Programs other than browsers send no origin, and are accepted.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ def refusal(asked: str | None, origin: str | None, host: str) -> str:
     """Why a request is refused; empty if it is not.
 
     Args:
-        asked: Its header ``Host``: the address that the browser was told to open.
-        origin: Its header ``Origin``: the site of the page that asks; None from other programs.
-        host: Where the server was told to listen.
+        asked: Its header ``Host``: the address that the browser opened.
+        origin: Its header ``Origin``: the site of the requesting page; None from other programs.
+        host: Address that the server listens on.
     """
     try:
         address = urlsplit(f"//{asked or ''}")
@@ -67,13 +67,13 @@ def _same(site: SplitResult, address: SplitResult) -> bool:
 
 @contextlib.contextmanager
 def refusing(host: str) -> Iterator[None]:
-    """Within the block, a server of viser that starts refuses what ``refusal`` says.
+    """Within the block, a server of viser that starts applies ``refusal``.
 
-    Viser hands no such check on to the library of its connections, so the function by which it
-    starts that is another one meanwhile.
+    Viser has no option for such a check in its connection library, so the function that starts
+    that library is replaced within the block.
 
     Args:
-        host: Where it is told to listen.
+        host: Address that it listens on.
     """
     import websockets.asyncio.server as library
 

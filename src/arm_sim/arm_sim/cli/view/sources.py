@@ -29,7 +29,7 @@ def shown(what: Sequence[str], wish: Wish) -> View:
             other = next(thing for thing in what if thing not in recorded)
             raise ViewError(
                 f"'{recorded[0]}' is a recording and '{other}' is none; only things of one kind "
-                "are shown beside each other"
+                "are shown side by side"
             )
         return show_films([_loaded(path, wish) for path in what], wish.host, wish.port, folder)
     simulators = [Simulator(scene) for scene in what]
