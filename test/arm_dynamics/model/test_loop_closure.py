@@ -213,7 +213,8 @@ def test_where_a_held_speed_leaves_none_it_is_named() -> None:
     open_ = {"position": {"shoulder": 0.0, "elbow": 0.0}, "velocity": {"shoulder": 1.0}}
     nail = {"type": "coupling", "joints": ["elbow", "shoulder"], "ratio": 1.0}
     with pytest.raises(
-        ConstraintError, match="no velocities of the other joints where 'shoulder'"
+        ConstraintError,
+        match="no velocities of the other joints satisfy the constraints while 'shoulder'",
     ):
         Dynamics(robot(level, nail, initial={**open_, "hold": ["shoulder"]}))
 

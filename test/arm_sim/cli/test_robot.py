@@ -67,10 +67,10 @@ def test_no_joint_hurries_when_no_duration_is_given() -> None:
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["go"], "give goals of joints"),
-        (["go", "elbow=1", "--pose", "0 0 0 0 0 0 1"], "give goals of joints"),
-        (["go", "elbow=1", "--frame", "tip"], "--frame goes with --pose"),
-        (["go", "--trajectory", "a.yaml", "elbow=1"], "give goals of joints"),
+        (["go"], "joint goals (JOINT=POSITION)"),
+        (["go", "elbow=1", "--pose", "0 0 0 0 0 0 1"], "joint goals (JOINT=POSITION)"),
+        (["go", "elbow=1", "--frame", "tip"], "--frame is allowed with --pose only"),
+        (["go", "--trajectory", "a.yaml", "elbow=1"], "joint goals (JOINT=POSITION)"),
         (["go", "--pose", "0 0 0 1"], "7 numbers are expected"),
         (["go", "--pose", "0 0 0 0 0 0 1", "--duration", "2"], "--duration is for goals"),
         (["go", "elbow=1", "--duration", "0"], "not in the range"),
@@ -163,7 +163,7 @@ def test_what_the_arm_cannot_do_is_refused(shell: Shell, domain: int) -> None:
 def test_a_frame_goes_to_a_pose(shell: Shell, domain: int) -> None:
     shell(domain, "go", "shoulder=-0.5", "elbow=0.9", "--duration", "0.3")
     done = shell(domain, "go", "--pose", "0.7 0 0 0 0 0 1")
-    assert done.exit_code == 1 and "no task_frame; choose one by --frame" in done.output
+    assert done.exit_code == 1 and "no task_frame; set one with --frame" in done.output
     assert shell(domain, "set", "controller", "task_axes", "x z").exit_code == 0
     x, y, z = TaskSpace(models.dynamics("two_link"), "tip").pose([-0.4, 0.8]).position
     done = shell(domain, "go", "--frame", "tip", "--pose", f"{x} {y} {z} 0 0 0 1")

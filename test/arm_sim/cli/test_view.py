@@ -68,7 +68,7 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
 @pytest.mark.parametrize(
     ("words", "status", "said"),
     [
-        ([], 2, "name a scene or a recording"),
+        ([], 2, "a scene, a recording, or --live"),
         (["pandaa"], 1, "did you mean 'panda'?"),
         (["panda", "--size", "big"], 2, "'big'; 16x16 to 4096x4096 is allowed"),
         (["panda", "run.npz"], 1, "'run.npz' is a recording and 'panda' is none"),

@@ -97,7 +97,7 @@ class AtRest:
             Accelerations, shape (k, n), and λ, shape (k, m).
 
         Raises:
-            InvalidInput: If at a point no choice of joints that stick obeys.
+            InvalidInput: If no set of sticking joints satisfies the laws at a point.
         """
         (k, n), m = points.v.shape, points.A.shape[1]
         a, multipliers = np.empty((k, n)), np.empty((k, m))
@@ -116,7 +116,9 @@ class AtRest:
             order = np.argmax(excess[wrong] > 0.0 if turn >= 3 * n else excess[wrong], axis=1)
             left = left[wrong]
             _pivot(direction, turned, (left, order), pull[wrong, order], m > 0)
-        raise InvalidInput("no choice of joints that stick obeys: the motion is not determined")
+        raise InvalidInput(
+            "no set of sticking joints satisfies the laws: the motion is not determined"
+        )
 
     def _guess(self, points: Points) -> Array:
         """Joints at rest stick; in a loop that moves they are taken along, the way it goes."""

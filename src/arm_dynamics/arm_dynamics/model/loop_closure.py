@@ -121,7 +121,7 @@ class Closure:
         if float(np.max(abs(A @ v), initial=0.0)) > CLOSED_TO * max(1.0, float(abs(v).max())):
             said = ", ".join(f"'{self.rows.joint_names[i]}' = {v[i]:g}" for i in hold)
             raise ConstraintError(
-                f"constraints allow no velocities of the other joints where {said} is held"
+                f"no velocities of the other joints satisfy the constraints while {said} is held"
             )
         return q, v
 

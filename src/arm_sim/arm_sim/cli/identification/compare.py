@@ -41,8 +41,8 @@ _PATH = click.Path(path_type=Path)
 @click.option("--topic", help="Topic of the joint states, if a bag has several.")
 @click.option("--map", "names", multiple=True, metavar="JOINT=NAME",
               help="Name of a joint in the recording; may be repeated.")  # fmt: skip
-@click.option("--figure", type=_PATH, help="Figure to draw; .png, .pdf or .svg.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
+@click.option("--figure", type=_PATH, help="Figure to write (.png, .pdf or .svg).")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def compare(
     scene: str, recording: Path, scene2: str | None, band: float | None, window: float,
     last: float, topic: str | None, names: tuple[str, ...], figure: Path | None, as_json: bool,

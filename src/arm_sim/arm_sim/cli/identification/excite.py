@@ -63,7 +63,7 @@ _SHARE = click.FloatRange(0.0, 1.0, min_open=True)
 @click.option("--attempts", default=3, show_default=True, type=click.IntRange(1, 1000),
               help="Number of random starts of the optimization.")  # fmt: skip
 @click.option("--seed", default=0, show_default=True, help="Seed of the random starts.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def excite(
     scene: str, out: Path | None, figure: Path | None, period: float, turns: int, harmonics: int,
     aim: str, acceleration: float, share: float, margin: float, box: Vector | None,

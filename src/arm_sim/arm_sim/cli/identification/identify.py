@@ -48,7 +48,7 @@ _PATH = click.Path(path_type=Path)
 @click.option("--payload", metavar="FRAME",
               help="Identify only the payload on this frame of a known arm.")  # fmt: skip
 @click.option("--topic", help="Topic of the joint states, if a bag has several.")
-@click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def identify(
     recordings: tuple[Path, ...], scene: str, out: Path, band: float | None, effort: str,
     units: tuple[str, ...], names: tuple[str, ...], total_mass: float | None,

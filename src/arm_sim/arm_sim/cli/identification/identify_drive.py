@@ -36,7 +36,7 @@ _FILE = click.Path(dir_okay=False, path_type=Path)
               help="Flexible joint: time, torque, motor; link unless it is held.")  # fmt: skip
 @click.option("--bristles", multiple=True, type=_FILE,
               help="LuGre friction, from small motions: time, torque, position.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print the result for scripts.")
+@click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 def identify_drive(
     blocked: tuple[Path, ...], free: tuple[Path, ...], coast: tuple[Path, ...],
     flexible: Path | None, bristles: tuple[Path, ...], as_json: bool,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """``./arm go``, ``set``, ``get`` and ``watch``: a running arm from the shell, without ROS tools.
 
-``listener`` takes part in the ROS graph, ``parameters`` asks nodes for theirs. ROS is imported
-when a command runs.
+``listener`` joins the ROS graph, ``parameters`` reads and sets parameters of nodes. ROS is
+imported when a command runs.
 """
 
 from arm_sim.cli.robot.go import go

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A running controller node as ``./arm go`` sees it: its state, and goals for it."""
+"""A running controller node for ``./arm go``: its state, and goals for it."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ _SAME = 1e-9  # [rad] or [m] between references that are the same
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of a goal: whether it is followed, and the controller's words."""
+    """Outcome of a goal: whether it is followed, and the controller's message."""
 
     accepted: bool
     words: str
@@ -46,7 +46,7 @@ def _numbers(values: Any) -> list[float]:
 
 
 class Controller:
-    """Hears a controller's state and sends it goals; use it in a ``with`` statement."""
+    """Receives a controller's state and sends it goals; use it in a ``with`` statement."""
 
     def __init__(self, node: str, timeout: float) -> None:
         """Take the controller's name, and how long to wait for it in [s]."""
@@ -75,27 +75,27 @@ class Controller:
 
     @property
     def reference(self) -> dict[str, float]:
-        """Where the joints are to be now, by name in [rad] or [m]."""
+        """Current reference of the joints, by name in [rad] or [m]."""
         return dict(zip(self._state.joint_names, self._state.reference_position, strict=True))
 
     @property
     def remaining(self) -> float:
-        """Simulated time until what was accepted has been followed, in [s]."""
+        """Simulated time until the accepted motions are finished, in [s]."""
         return float(self._state.remaining)
 
     @property
     def words(self) -> str:
-        """What became of the newest goal, as the controller says it."""
+        """Outcome of the newest goal, as reported by the controller."""
         return str(self._state.goal)
 
     @property
     def replaced(self) -> bool:
-        """Whether the reference has ended elsewhere than the joints were sent to."""
+        """Whether the reference has ended at another position than the goal."""
         here = self.reference
         return any(abs(here[name] - x) > _SAME for name, x in self._target.items())
 
     def meet(self) -> None:
-        """Wait for the controller's state, or end with what is missing."""
+        """Wait for the controller's state, or fail with what is missing."""
         if self._listener.until(lambda: self._state is not None, self._timeout):
             return
         listener, name = self._listener, self._name
@@ -120,7 +120,7 @@ class Controller:
                 parameters.set({"task_frame": frame})
             chosen = str(parameters.get(["task_frame"])["task_frame"])
         if not chosen:
-            raise click.ClickException("the controller has no task_frame; choose one by --frame")
+            raise click.ClickException("the controller has no task_frame; set one with --frame")
         return chosen
 
     def send_joints(self, there: Mapping[str, float], duration: float) -> None:
@@ -131,7 +131,7 @@ class Controller:
         self._send(JOINT_TRAJECTORY, JointTrajectory(joint_names=list(there), points=[point]))
 
     def send_points(self, trajectory: files.JointTrajectory) -> None:
-        """Send joints along a trajectory; they are at its first point."""
+        """Send joints along a trajectory from its first point."""
         message = JointTrajectory(joint_names=list(trajectory.joint_names))
         for given in trajectory.points[1:]:
             point = JointTrajectoryPoint(time_from_start=_after(given.time))
@@ -142,7 +142,7 @@ class Controller:
         self._send(JOINT_TRAJECTORY, message)
 
     def send_pose(self, numbers: Sequence[float]) -> None:
-        """Send the task's frame to x y z in [m] and a quaternion x y z w, in the world."""
+        """Send the task frame to x y z in [m] and a quaternion x y z w, in the world."""
         message = PoseStamped()
         at, turn = message.pose.position, message.pose.orientation
         at.x, at.y, at.z, turn.x, turn.y, turn.z, turn.w = map(float, numbers)
@@ -170,14 +170,14 @@ class Controller:
         return Outcome("refused" not in self.words, self.words)
 
     def _jumped(self, before: Any) -> bool:
-        """Whether more of a motion is left than time would have left of the one before."""
+        """Whether more time remains than of the previous motion."""
         passed = 1e-9 * (
             to_nanoseconds(self._state.header.stamp) - to_nanoseconds(before.header.stamp)
         )
         return abs(self.remaining - max(before.remaining - passed, 0.0)) > _JUMP
 
     def motion(self) -> Iterator[float]:
-        """What remains of the motion in [s], again and again until nothing does."""
+        """Yield the remaining time of the motion in [s] until it is finished."""
         while self.remaining > 0.0:
             yield self.remaining
             self._next()
@@ -187,7 +187,7 @@ class Controller:
 
         Args:
             tolerance: Of positions in [rad] or [m], and of velocities per [s].
-            patience: How long to wait in [s].
+            patience: Longest time to wait in [s].
 
         Returns:
             The joint with the largest error, and that error in [rad] or [m].

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm go``: sends a running arm somewhere, waits, and says how it went."""
+"""``./arm go``: send a running arm to a goal, wait, and report the result."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SETTLING = 2.0  # [s] for the last errors to vanish once the reference stands s
 
 
 class Missed(click.ClickException):
-    """The arm did not get where it was sent; exit status 1."""
+    """The arm did not reach its goal; exit status 1."""
 
 
 @click.command(
@@ -53,7 +53,7 @@ class Missed(click.ClickException):
               help="Controller node, with its namespace.")  # fmt: skip
 @click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
               help="How long to wait for the controller and its states, in s.")  # fmt: skip
-@click.option("--no-wait", is_flag=True, help="Return when the motion has begun.")
+@click.option("--no-wait", is_flag=True, help="Return when the motion has started.")
 def go(
     goals: tuple[str, ...],
     duration: float | None,
@@ -67,17 +67,19 @@ def go(
 ) -> None:
     """Move the arm of a running controller to joint positions, or a frame to a pose.
 
-    Joints that are not named stay; JOINT+=X and JOINT-=X count from where the joint is to be now.
-    The controller must be running (./arm controller SCENE), and a robot that it moves (./arm sim
-    SCENE). Ends with 1 if the goal is refused or the arm does not get there.
+    Joints that are not named stay; JOINT+=X and JOINT-=X are relative to the current reference.
+    The controller (./arm controller SCENE) and its robot (./arm sim SCENE) must be running. Exits
+    with status 1 if the goal is refused or not reached.
     """
     wanted = parse(goals)
     numbers = _pose(pose)
     if bool(wanted) + (numbers is not None) + (trajectory is not None) != 1:
-        raise click.UsageError("give goals of joints (JOINT=POSITION), or --pose, or --trajectory")
+        raise click.UsageError(
+            "joint goals (JOINT=POSITION), --pose, or --trajectory are expected"
+        )
     points = None if trajectory is None else _loaded(trajectory)
     if numbers is None and frame:
-        raise click.UsageError("--frame goes with --pose")
+        raise click.UsageError("--frame is allowed with --pose only")
     if numbers is not None and duration:
         raise click.UsageError(
             "--duration is for goals of joints; a pose takes what the controller's parameters "
@@ -142,7 +144,7 @@ def _along(
     tolerance: float,
     no_wait: bool,
 ) -> None:
-    """Lead the joints to the start of a trajectory, and then along it."""
+    """Move the joints to the start of a trajectory, and then along it."""
     here, there = controller.reference, points.start
     if strangers := [name for name in there if name not in here]:
         raise click.ClickException(
@@ -171,7 +173,7 @@ def _lead(
         _follow(controller)
         joint, error = controller.settle(tolerance, _SETTLING)
     except KeyboardInterrupt:
-        raise Missed("no longer watching; the arm goes on to its goal") from None
+        raise Missed("no longer waiting; the arm continues to its goal") from None
     if controller.replaced:
         raise Missed(
             "led elsewhere: another goal has taken its place, or time or a joint jumped and the "
@@ -184,7 +186,7 @@ def _lead(
 
 
 def _follow(controller: Controller) -> None:
-    """Show how much of a motion is done until all is."""
+    """Show the progress of a motion until it is finished."""
     whole = max(controller.remaining, 1e-9)
     with _progress() as show:
         for left in controller.motion():
@@ -193,7 +195,7 @@ def _follow(controller: Controller) -> None:
 
 @contextmanager
 def _progress() -> Iterator[Callable[[float], None]]:
-    """Show how much of a motion is done, where somebody looks."""
+    """Show the progress of a motion on a terminal."""
     if not sys.stdout.isatty():
         yield lambda done: None
         return

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Where a user wants joints to go: ``elbow=0.5``, ``elbow+=0.1``."""
+"""Joint goals on the command line: ``elbow=0.5``, ``elbow+=0.1``."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ LEAST = 1.0  # [s]
 
 @dataclass(frozen=True)
 class JointGoal:
-    """Where one joint is to go.
+    """Goal of one joint.
 
     Attributes:
         name: The joint.
-        value: Its position, or how far it is to go, in [rad] or [m].
-        relative: Whether it is a distance from where it is to be now.
+        value: Its position, or its displacement, in [rad] or [m].
+        relative: Whether ``value`` is relative to the current reference.
     """
 
     name: str
@@ -34,10 +34,10 @@ class JointGoal:
 
 
 def parse(words: Sequence[str]) -> tuple[JointGoal, ...]:
-    """Read goals of joints.
+    """Parse joint goals.
 
     Raises:
-        click.UsageError: If a word is none, or names a joint again.
+        click.UsageError: If a word is not a goal, or repeats a joint.
     """
     goals = tuple(map(_goal, words))
     names = [goal.name for goal in goals]
@@ -62,7 +62,7 @@ def _goal(word: str) -> JointGoal:
 
 
 def targets(goals: Sequence[JointGoal], here: Mapping[str, float]) -> dict[str, float]:
-    """Where the joints are to go, from where they are to be now.
+    """Target positions of the joints, from their current reference.
 
     Raises:
         click.ClickException: If a joint is unknown.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Takes part in the ROS graph for the time of a command: hears topics and publishes on them."""
+"""A temporary ROS node of a command: subscribes to topics and publishes on them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rclpy.signals import SignalHandlerOptions
 from arm_dynamics.ros.common.privileges import demote_timers
 from arm_dynamics.ros.interfaces import Topic
 
-_GLANCE = 0.02  # [s] between looks at a condition
+_GLANCE = 0.02  # [s] between checks of a condition
 
 
 class Listener:
@@ -48,7 +48,7 @@ class Listener:
     def hear(
         self, topic: Topic, name: str, heard: Callable[[Any], None], raw: bool = False
     ) -> None:
-        """Have a function called with every message of a topic, by its full name, or its bytes."""
+        """Call a function with every message of a topic, by its full name, or with its bytes."""
         self._node.create_subscription(topic.type, name, heard, topic.subscribe, raw=raw)
 
     def publisher(self, topic: Topic, name: str) -> Publisher:
@@ -56,18 +56,18 @@ class Listener:
         return self._node.create_publisher(topic.type, name, topic.publish)
 
     def until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Take messages until a condition holds; tell whether it does after ``timeout`` in [s]."""
+        """Process messages until a condition holds, for ``timeout`` in [s]; whether it does."""
         end = time.monotonic() + timeout
         while not (met := condition()) and (left := end - time.monotonic()) > 0.0:
             self._executor.spin_once(timeout_sec=min(_GLANCE, left))
         return met
 
     def hearers(self, name: str) -> int:
-        """How many subscribers a topic has."""
+        """Number of subscribers of a topic."""
         return int(self._node.count_subscribers(name))
 
     def publishers(self, name: str) -> int:
-        """How many publishers a topic has."""
+        """Number of publishers of a topic."""
         return int(self._node.count_publishers(name))
 
     def nodes(self) -> list[str]:
@@ -77,7 +77,7 @@ class Listener:
         return sorted(f"{space.rstrip('/')}/{name}" for name, space in found if name != mine)
 
     def where(self) -> str:
-        """Whom it sees, for messages."""
+        """The visible nodes, for messages."""
         domain = self._context.get_domain_id()
         seen = ", ".join(n for n in self.nodes() if "/arm_shell_" not in n) or "none"
         rule = f"both sides must have the same ROS_DOMAIN_ID; here it is {domain}"
@@ -85,5 +85,5 @@ class Listener:
 
 
 def full(name: str) -> str:
-    """The full name of a node or topic, as it is written in the graph."""
+    """The full name of a node or topic in the graph."""
     return "/" + name.strip("/")

@@ -21,7 +21,7 @@ _KINDS = {
     8: "double[]", 9: "string[]",
 }  # fmt: skip  # numbers of rcl_interfaces/ParameterType; a list that is empty comes as bytes
 _TEXT, _DOUBLE = 4, 3
-_MEETING = 3.0  # [s] that two processes may take to find each other
+_MEETING = 3.0  # [s] for the discovery of two processes
 
 
 class Parameters:
@@ -58,14 +58,14 @@ class Parameters:
         return dict(zip(names, map(_plain, values), strict=True))
 
     def describe(self, names: Sequence[str]) -> dict[str, ParameterDescriptor]:
-        """What they are, by name."""
+        """Their descriptions by name."""
         from rcl_interfaces.srv import DescribeParameters
 
         answer = self._ask("~/describe_parameters", DescribeParameters, names=list(names))
         return dict(zip(names, answer.descriptors, strict=True))
 
     def set(self, values: Mapping[str, Any]) -> None:
-        """Set all, or none of them.
+        """Set all of them, or none.
 
         Raises:
             click.ClickException: If the node refuses, with its reason.
@@ -81,7 +81,7 @@ class Parameters:
             raise click.ClickException(f"refused: {answer.result.reason}")
 
     def require(self, names: Sequence[str]) -> None:
-        """End with what is allowed if one does not exist."""
+        """Fail with what is allowed if one does not exist."""
         known = self.names()
         for name in names:
             if name not in known:
@@ -100,7 +100,7 @@ class Parameters:
 
 
 def _plain(value: Any) -> Any:
-    """A value as JSON has it; an empty list has no type and comes as bytes."""
+    """A value for JSON; an empty list has no type and arrives as bytes."""
     return list(value) if isinstance(value, Sequence) and not isinstance(value, str) else value
 
 
@@ -121,9 +121,9 @@ _timeout = click.option(
 @click.option("--json", "as_json", is_flag=True, help="Print JSON.")
 @_timeout
 def get(node: str | None, names: tuple[str, ...], as_json: bool, timeout: float) -> None:
-    """Show parameters of NODE: values, what is allowed, and what they are.
+    """Show parameters of NODE: values, allowed ranges, and descriptions.
 
-    Without NAME all of them, without NODE which nodes there are.
+    Without NAME it shows all of them, without NODE a list of the nodes.
     """
     if node is None:
         _list_nodes(timeout, as_json)
@@ -161,12 +161,12 @@ def get(node: str | None, names: tuple[str, ...], as_json: bool, timeout: float)
 @click.argument("words", metavar="NAME VALUE…", nargs=-1, required=True)
 @_timeout
 def set_(node: str, words: tuple[str, ...], timeout: float) -> None:
-    """Set parameters of NODE; all that are named together, or none of them.
+    """Set parameters of NODE: all of them together, or none.
 
     Values are written as in YAML: 30, 0.5, true, hold, [1, 2].
     """
     if len(words) % 2:
-        raise click.UsageError(f"'{words[-1]}' has no value; expected NAME VALUE, in pairs")
+        raise click.UsageError(f"'{words[-1]}' has no value; pairs of NAME VALUE are expected")
     wanted = dict(zip(words[::2], words[1::2], strict=True))
     if 2 * len(wanted) < len(words):
         raise click.UsageError("a parameter is named twice")
@@ -181,7 +181,7 @@ def set_(node: str, words: tuple[str, ...], timeout: float) -> None:
 
 
 def _read(name: str, text: str, about: ParameterDescriptor) -> Any:
-    """A value as it was written, of the parameter's type where that is certain."""
+    """Parse a value, with the parameter's type where that is known."""
     if about.type == _TEXT:
         return text
     try:
@@ -202,7 +202,7 @@ def _read(name: str, text: str, about: ParameterDescriptor) -> Any:
 
 
 def _number(text: str) -> Any:
-    """A number that YAML takes for text, such as 1e-3."""
+    """A number that YAML reads as text, such as 1e-3."""
     try:
         return float(text)
     except ValueError:
@@ -214,7 +214,7 @@ def _kind(about: ParameterDescriptor) -> str:
 
 
 def _allowed(about: ParameterDescriptor) -> str:
-    """Range, choices, or that it cannot be changed."""
+    """Range, choices, or that the parameter is read-only."""
     parts = [
         f"{r.from_value:g} to {r.to_value:g}"
         for r in (*about.floating_point_range, *about.integer_range)
@@ -230,7 +230,7 @@ def _written(value: Any) -> str:
 
 
 def _list_nodes(timeout: float, as_json: bool) -> None:
-    """Name the nodes that are there, once all have had the time to be found."""
+    """List the nodes, after enough time for discovery."""
     from arm_sim.cli.robot.listener import Listener
 
     with Listener() as listener:

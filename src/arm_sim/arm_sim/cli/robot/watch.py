@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm watch``: a live table of the joints of a running arm."""
+"""``./arm watch``: show a live table of the joints of a running arm."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _WINDOW = 200  # states over which the rate is measured
 _TOLD = {
     "at stops",
     "held",
-}  # values in the diagnostics that are worth a line where there are some
+}  # values in the diagnostics that are shown if they are not zero
 _NONE = ("", "none", "no")
 _COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N m, N]")
 
@@ -37,18 +37,20 @@ _COLUMNS = ("joint", "position\n[rad, m]", "velocity\n[rad/s, m/s]", "effort\n[N
         "./arm watch --rate 1 > log.txt",
     )
 )  # fmt: skip
-@click.option("--topic", default="joint_states", show_default=True, help="Joint states to show.")
-@click.option("--once", is_flag=True, help="Show them once and end.")
+@click.option(
+    "--topic", default="joint_states", show_default=True, help="Topic of the joint states."
+)
+@click.option("--once", is_flag=True, help="Show them once and exit.")
 @click.option("--rate", default=5.0, show_default=True, type=click.FloatRange(0.1, 60.0),
-              help="How often to show them, per s.")  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print JSON, a line each time.")
+              help="Updates per second.")  # fmt: skip
+@click.option("--json", "as_json", is_flag=True, help="Print JSON, one line per update.")
 @click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
               help="How long to wait for the first joint state, in s.")  # fmt: skip
 def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) -> None:
     """Show position, velocity and effort of the joints of a running robot until Ctrl-C.
 
-    Below them stand the rate of the joint states, and what the nodes complain of: commands that
-    stopped, joints at their stops. In a pipe it prints a line each time.
+    Below them it shows the rate of the joint states, and warnings of the nodes, such as stopped
+    commands or joints at their stops. In a pipe it prints one line per update.
     """
     from arm_sim.cli.robot.listener import Listener, full
 
@@ -60,23 +62,23 @@ def watch(topic: str, once: bool, rate: float, as_json: bool, timeout: float) ->
             _show(listener, seen, once, 1.0 / rate, as_json)
         except KeyboardInterrupt:
             pass
-        except BrokenPipeError:  # nobody reads any more
+        except BrokenPipeError:  # the pipe was closed
             os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _meet(listener: Listener, seen: Seen, timeout: float) -> None:
-    """Wait for joint states, and a moment longer for their rate."""
+    """Wait for joint states, and long enough to measure their rate."""
     if not listener.until(lambda: seen.state is not None, timeout):
         raise click.ClickException(
             f"no joint states on {seen.topic} (waited {timeout:g} s)\n  start a robot: ./arm "
-            f"sim SCENE; --topic chooses other ones\n  {listener.where()}"
+            f"sim SCENE; --topic selects another topic\n  {listener.where()}"
         )
     listener.until(lambda: seen.measured, 0.3)
 
 
 @dataclass
 class Seen:
-    """The newest joint state, how often they come, and what nodes complain of.
+    """The newest joint state, the rate of joint states, and warnings of nodes.
 
     Attributes:
         topic: Full name of the joint states' topic.
@@ -90,19 +92,19 @@ class Seen:
     _told: dict[str, str] = field(default_factory=dict)
 
     def join(self, listener: Listener) -> None:
-        """Hear joint states and diagnostics."""
+        """Subscribe to joint states and diagnostics."""
         from arm_dynamics.ros.interfaces import DIAGNOSTICS, JOINT_STATES
 
         listener.hear(JOINT_STATES, self.topic, self.hear_state)
         listener.hear(DIAGNOSTICS, DIAGNOSTICS.name, self.hear_diagnostics)
 
     def hear_state(self, message: Any) -> None:
-        """Take a joint state."""
+        """Process a joint state."""
         self.state = message
         self._times.append(time.monotonic())
 
     def hear_diagnostics(self, message: Any) -> None:
-        """Take what a node says of itself."""
+        """Process the diagnostics of a node."""
         for status in message.status:
             self._complaints[status.name] = "" if status.level == b"\0" else status.message
             said = {pair.key: pair.value for pair in status.values}
@@ -111,7 +113,7 @@ class Seen:
 
     @property
     def measured(self) -> bool:
-        """Whether enough states have come to tell how often they do."""
+        """Whether enough states have arrived to measure their rate."""
         return len(self._times) >= _WINDOW // 4
 
     @property
@@ -121,7 +123,7 @@ class Seen:
 
     @property
     def rate(self) -> float:
-        """How many states come in a second, as far as this process keeps up."""
+        """Joint states per second, as far as this process keeps up."""
         times = self._times
         passed = times[-1] - times[0]
         return 0.0 if self.age > _OLD or passed <= 0.0 else (len(times) - 1) / passed
@@ -136,7 +138,7 @@ class Seen:
         return list(zip(state.name, *columns, strict=True))
 
     def remarks(self) -> list[str]:
-        """What is to be said below the table."""
+        """Lines below the table."""
         said = [f"{name}: {words}" for name, words in sorted(self._complaints.items()) if words]
         said += [f"{what}: {x}" for what, x in sorted(self._told.items()) if x not in _NONE]
         if self.age > _OLD:
@@ -170,7 +172,7 @@ def _show(listener: Listener, seen: Seen, once: bool, period: float, as_json: bo
 
 
 def _picture(seen: Seen) -> Group:
-    """The table, and what is to be said below it."""
+    """The table with the lines below it."""
     from rich.console import Group
     from rich.text import Text
 
@@ -181,7 +183,7 @@ def _picture(seen: Seen) -> Group:
 
 
 def _steady(value: float) -> str:
-    """A number whose digits keep their places, or a dash where there is none."""
+    """A number with a fixed number of decimals, or a dash for NaN."""
     text = f"{value:.5f}"
     return "-" if math.isnan(value) else text.removeprefix("-") if float(text) == 0.0 else text
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``./arm view``: arms in the browser, and their pictures."""
+"""``./arm view``: show arms in the browser, and write pictures of them."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class Size(click.ParamType):
     def convert(
         self, value: object, param: click.Parameter | None, ctx: click.Context | None
     ) -> tuple[int, int]:
-        """Read it, or say what is expected."""
+        """Parse the size, or fail with what is allowed."""
         if isinstance(value, tuple):
             return value
         width, _, height = str(value).partition("x")
@@ -60,11 +60,11 @@ class Size(click.ParamType):
 @click.option("--host", default="127.0.0.1", show_default=True,
               help="Address to listen on; 0.0.0.0 for the whole network.")  # fmt: skip
 @click.option("--port", type=click.IntRange(0, 65535),
-              help="Port; 8080 or the next one that is free when omitted.")  # fmt: skip
-@click.option("--html", type=FILE, help="Write a page that plays without a server.")
-@click.option("--png", type=FILE, help="Write a picture; a browser draws it without a window.")
-@click.option("--gif", type=FILE, help="Write a film, likewise.")
-@click.option("--mp4", type=FILE, help="Write a film, likewise; needs ffmpeg.")
+              help="Port; 8080 or the next free one when omitted.")  # fmt: skip
+@click.option("--html", type=FILE, help="Write a standalone page that plays without a server.")
+@click.option("--png", type=FILE, help="Write a picture, drawn by a headless browser.")
+@click.option("--gif", type=FILE, help="Write an animated GIF.")
+@click.option("--mp4", type=FILE, help="Write a video; needs ffmpeg.")
 @click.option(
     "--size", type=Size(), default=(960, 600), help="Size of pictures; 960x600 by default."
 )
@@ -75,12 +75,12 @@ class Size(click.ParamType):
               show_default=True,
               help="For scenes: what holds the arm in pictures and pages; weight: its weight is "
               "carried.")  # fmt: skip
-@click.option("--scene", type=SCENE, help="Scene of a recording of a robot, which has none.")
-@click.option("--topic", help="Of the joint states, where a bag has several.")
+@click.option("--scene", type=SCENE, help="Scene, for a recording of a robot, which has none.")
+@click.option("--topic", help="Topic of the joint states, if a bag has several.")
 @click.option("--speed", type=click.FloatRange(0.01, 100.0), default=1.0, show_default=True,
               help="Speed of films and pages.")  # fmt: skip
 @click.option("--rate", type=click.FloatRange(1.0, 60.0), default=25.0, show_default=True,
-              help="Pictures a second in films and pages.")  # fmt: skip
+              help="Frames per second of films and pages.")  # fmt: skip
 def view(
     what: tuple[str, ...],
     live: tuple[str, ...],
@@ -101,9 +101,10 @@ def view(
 ) -> None:
     """Show WHAT in the browser until Ctrl-C, or write its pictures.
 
-    WHAT is a scene to run, step, place, push with numbers and pull with the mouse: a scene file, a
-    URDF, or the name of a ready scene. Or it is a recording to play: a file of the sim's parameter
-    record or of Recording.save, a bag of a robot, or a .csv. Several stand side by side.
+    WHAT is a scene (a scene file, a URDF, or the name of a ready scene) that can be run, stepped,
+    placed, pushed and pulled with the mouse; or a recording to play: a file written by the sim
+    node's parameter record or by Recording.save, a bag of a robot, or a .csv table. Several are
+    shown side by side.
     """
     from arm_sim.cli.demo.processes import interruptible
 
@@ -134,7 +135,7 @@ def _shown(what: tuple[str, ...], wish: Wish) -> View:
     from arm_sim.cli.view.sources import shown
 
     if not what:
-        raise click.UsageError("name a scene or a recording, or follow a running robot by --live")
+        raise click.UsageError("a scene, a recording, or --live for a running robot is expected")
     return shown(what, wish)
 
 

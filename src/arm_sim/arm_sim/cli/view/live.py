@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Running arms, heard over ROS topics by a process of their own."""
+"""Running arms, received over ROS topics by a separate process."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _WAIT = 5.0  # [s] for joint states and for a description
 class Heard:
     """One running arm.
 
-    Of its joint states, which come a thousand times a second, the bytes of the newest are kept;
-    they are read when a picture is drawn.
+    Only the bytes of the newest joint state are kept, which arrive a thousand times a second;
+    they are deserialized when a picture is drawn.
 
     Args:
         listener: Takes part in the ROS graph.
@@ -49,17 +49,17 @@ class Heard:
 
     @property
     def name(self) -> str:
-        """What the page calls it."""
+        """Its name on the page."""
         return self.namespace.replace("/", " ") or "arm"
 
     def meet(self, scene: str | None) -> ArmModel:
-        """Wait for the arm and find out which it is.
+        """Wait for the arm and determine its scene.
 
         Args:
-            scene: What it is; None if its description tells.
+            scene: Its scene; None for that of its robot description.
 
         Raises:
-            ViewError: If nobody tells of it in time, or it is another robot.
+            ViewError: If no joint states arrive in time, or it is another robot.
         """
         if not self._listener.until(lambda: self._bytes is not None, _WAIT):
             raise ViewError(
@@ -77,7 +77,7 @@ class Heard:
         return model
 
     def newest(self) -> News | None:
-        """The newest; None if nothing new came since the last call."""
+        """The newest state; None if there is nothing new since the last call."""
         assert self._model is not None
         if self._bytes is None:
             return None
@@ -106,7 +106,7 @@ class Heard:
         return np.array([told.get(name, 0.0) for name in names])
 
     def _scene(self, scene: str | None, told: Sequence[str]) -> Scene:
-        """What it is; joints of a description of which nobody tells are held fast."""
+        """Its scene; joints of the description without joint states are locked."""
         if scene is not None:
             return load_scene(scene)
         if not self._listener.until(lambda: bool(self._description), _WAIT):
@@ -145,7 +145,7 @@ class Heard:
 
 
 class Hearing:
-    """Hears running arms on a thread of its own; use it in a ``with`` statement."""
+    """Receives running arms in a thread of its own; use it in a ``with`` statement."""
 
     def __init__(self, namespaces: Sequence[str]) -> None:
         """Take part in the ROS graph."""
@@ -169,12 +169,12 @@ class Hearing:
         """A page that follows the arms.
 
         Args:
-            scenes: What they are: one for each, one for all, or none.
-            host: Address to listen at.
+            scenes: Their scenes: one for each, one for all, or none.
+            host: Address to listen on.
             port: Port.
 
         Raises:
-            ViewError: If an arm is not heard, or is another robot.
+            ViewError: If an arm sends no joint states, or is another robot.
         """
         if len(scenes) not in (0, 1, len(self.arms)):
             raise ViewError(

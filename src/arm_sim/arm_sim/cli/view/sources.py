@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a user may call WHAT, as a page."""
+"""Pages for the argument WHAT."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ RECORDINGS = (".mcap", ".db3", ".npz", ".csv")
 
 
 def shown(what: Sequence[str], wish: Wish) -> View:
-    """A page that shows scenes, or recordings.
+    """A page of scenes, or of recordings.
 
     Raises:
-        ArmError: If one of them cannot be used, or both are named.
+        ArmError: If one of them cannot be used, or they are mixed.
     """
     names, folder = [_name(thing) for thing in what], _folder(wish.scene or what[0])
     recorded = [thing for thing in what if _is_recording(thing)]
@@ -65,5 +65,5 @@ def _name(what: str) -> str:
 
 
 def _folder(what: str) -> Path:
-    """Where meshes with relative names are: beside the file, else here."""
+    """Folder of meshes with relative names: that of the file, else the current one."""
     return Path(what).parent if Path(what).is_file() else Path.cwd()

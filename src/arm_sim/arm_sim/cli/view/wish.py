@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How a user wants things to be shown."""
+"""Options of the view."""
 
 from __future__ import annotations
 
@@ -8,16 +8,16 @@ from dataclasses import dataclass
 
 @dataclass(frozen=True)
 class Wish:
-    """How things are to be shown.
+    """Options of the view.
 
     Attributes:
-        host: Address to listen at.
-        port: Port; None for the usual one or the next.
-        over: Whether motions are to be shown of scenes, rather than simulations to touch.
-        duration: Of these motions in [s].
-        control: What holds arms meanwhile: ``nothing`` or ``weight``.
-        scene: Of recordings that bring none.
-        topic: Of the joint states of bags that have several.
+        host: Address to listen on.
+        port: Port; None for the default one or the next free one.
+        over: Whether scenes are shown as motions, rather than as interactive simulations.
+        duration: Duration of these motions in [s].
+        control: What holds arms during them: ``nothing`` or ``weight``.
+        scene: Scene of recordings without one.
+        topic: Topic of the joint states of bags with several.
     """
 
     host: str
