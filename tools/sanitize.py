@@ -27,6 +27,7 @@ NODES = [
     "test/arm_dynamics/ros/test_joint_state_bytes.py",
     "test/arm_dynamics/ros/test_joint_state_compiled.py",
     "test/arm_dynamics/ros/test_compiled_services.py",
+    "test/arm_dynamics/ros/test_ordinary_answers.py",
 ]
 ENGINE = [
     "test/arm_sim/stepping/test_fuzz.py",

@@ -131,3 +131,18 @@ def test_compiled_computed_torque_speaks_in_volts() -> None:
     assert abs(first.command).max() > 5.0
     assert_close(second.q, first.q, ALGEBRA)
     assert_close(second.command, first.command, 1e-8)
+
+
+@pytest.mark.parametrize("command", ["torque", "current", "voltage"])
+def test_factors_make_the_same_commands_to_the_bit(command: str, rng: np.random.Generator) -> None:
+    commands = Dynamics(arm(actuator=MOTOR | {"command": command})).command_map
+    q, v, tau = rng.normal(size=(3, 2))
+    factors = commands.factors
+    made = factors[0] * tau + factors[1] * v if factors else tau
+    assert made.tobytes() == commands(q, v, tau).tobytes()
+
+
+def test_there_are_no_factors_where_commands_depend_on_positions() -> None:
+    assert Dynamics(arm(actuator=MOTOR | POLES)).command_map.factors is None
+    weightless = arm() | {"commands": {"gravity_compensated": True}}
+    assert Dynamics(weightless).command_map.factors is None

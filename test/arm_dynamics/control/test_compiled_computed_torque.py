@@ -15,11 +15,13 @@ from arm_dynamics.control import (
     CompiledComputedTorque,
     ComputedTorque,
     Measured,
+    Saturated,
     Settings,
     computed_torque,
     make_controller,
     preparation,
 )
+from arm_dynamics.control.compiled_law import compiled_law
 from arm_dynamics.trajectory import Reference
 from models.rotor import rotor
 from tolerances import ALGEBRA, assert_close
@@ -171,3 +173,31 @@ def test_bad_states_are_refused_as_by_the_plain_law(bad: np.ndarray) -> None:
 def test_bad_gains_are_refused_as_by_the_plain_law(gains: tuple[float, ...]) -> None:
     with pytest.raises(InvalidInput):
         CompiledComputedTorque(models.dynamics("two_link"), *gains)
+
+
+def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Generator) -> None:
+    dynamics = rubbing()
+    control = CompiledComputedTorque(dynamics, 12.0, 0.8)
+    law = compiled_law(control)
+    assert law is not None and law.limit is None and law.call.entry is not None
+    for state, reference in states(rng, dynamics.n):
+        moving = np.concatenate((state.q, state.v, reference.q, reference.v, reference.a))
+        law.call.inputs[0][:] = moving
+        law.call.run()
+        assert law.call.outputs[0].tobytes() == control.torque(state, reference).tobytes()
+
+
+def test_limits_around_it_are_told_and_others_are_not_compiled() -> None:
+    dynamics = models.dynamics("two_link")
+    control = make_controller("computed_torque", dynamics, Settings(saturate=True, limit=7.0))
+    law = compiled_law(control)
+    assert law is not None and law.limit is not None and law.limit.tolist() == [7.0, 7.0]
+    for settings in Settings(observer=10.0), Settings(observer=10.0, saturate=True):
+        assert compiled_law(make_controller("computed_torque", dynamics, settings)) is None
+    assert compiled_law(make_controller("pd", dynamics)) is None
+    assert compiled_law(Saturated(make_controller("pid", dynamics), 1.0, 2)) is None
+
+
+def test_without_a_compiler_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(computed_torque.compiler, "may_build", lambda: False)
+    assert compiled_law(CompiledComputedTorque(new("two_link"))) is None

@@ -11,6 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from controller_pair import MS, Pair, side_by_side
 from harness import Ros
 from rclpy.serialization import serialize_message
 from readers import said
@@ -124,3 +125,46 @@ def test_requests_of_any_kind(
                 if about == "sequence<double>":
                     assert_close(getattr(answer, field), getattr(wanted, field), PINOCCHIO)
     assert node._compiled.counts.answered > before + 30 * fuzz
+
+
+def shown(pair: Pair, rng: np.random.Generator) -> None:
+    """One more state: an ordinary one, or one that is bent, comes again, is late or far away."""
+    way = rng.integers(12)
+    pair.stamp += int(rng.choice([0, 1, 300, 2000])) * MS if way == 0 else MS
+    step = rng.choice([0.01, 3.0, 1e200]) if way == 1 else 1e-3
+    q, v = (x + rng.normal(0.0, step, x.size) for x in (pair.q, pair.v))
+    if way == 2:
+        pair.stamp -= int(rng.choice([1, 5000])) * MS
+    raw = pair.state(q, v)
+    pair.answers(bent(rng, raw) + bytes(4) if way == 3 else raw)
+    if way == 4:
+        pair.answers(raw)
+
+
+def ordered(pair: Pair, rng: np.random.Generator) -> None:
+    """Something that Python does between two states."""
+    way = rng.integers(5)
+    if way == 0:
+        times = np.cumsum(rng.uniform(0.01, 0.1, rng.integers(1, 5)))
+        pair.go(*((float(at), rng.normal(0.0, 0.02, pair.q.size)) for at in times))
+    elif way == 1:
+        pair.change(bandwidth=rng.uniform(1.0, 40.0, 1).tolist())
+    elif way == 2:
+        pair.change(controller=str(rng.choice(["computed_torque", "pd_gravity", "pid"])))
+    elif way == 3:
+        pair.change(controller="computed_torque", jump_limit=float(rng.choice([0.0, 0.5])))
+    else:
+        pair.both(lambda node: node.diagnostics())
+
+
+@pytest.mark.parametrize("saturate", [False, True])
+def test_orders_and_states_in_any_sequence(
+    ros: Ros, rng: np.random.Generator, fuzz: int, saturate: bool
+) -> None:
+    scene = models.scene("two_link")
+    with side_by_side(ros, scene, switch_time=0.003, saturate=saturate) as pair:
+        for _ in range(500 * fuzz):
+            if rng.random() < 0.1:
+                ordered(pair, rng)
+            shown(pair, rng)
+        assert pair.in_c > 100 * fuzz

@@ -339,3 +339,21 @@ def test_points_without_a_duration_are_refused(
 ) -> None:
     with pytest.raises(InvalidInput, match=complaint):
         quintic_through(positions, limits(velocity))
+
+
+def test_samples_are_the_same_to_the_bit_wherever_they_are_computed(
+    rng: np.random.Generator,
+) -> None:
+    """As Horner's rule gives them with plain numbers, one product and one sum at a time."""
+    path = quintic(random_waypoints(rng))
+    for t in rng.uniform(0.0, path.duration, 50):
+        i = int(np.searchsorted(path.times, t, "right")) - 1
+        s = (t - path.times[i]) / (path.times[i + 1] - path.times[i])
+        found = path.sample(float(t))
+        for k, values in enumerate((found.q, found.v, found.a)):
+            for joint in range(N):
+                c = path.polynomials[i, :, k, joint].tolist()
+                value = c[5]
+                for coefficient in c[4::-1]:
+                    value = value * float(s) + coefficient
+                assert values[joint] == value

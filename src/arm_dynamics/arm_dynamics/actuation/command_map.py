@@ -69,6 +69,18 @@ class CommandMap:
         like = ca.DM if symbolic else np.asarray
         return like(self._gain) * required + like(self._back_emf) * v
 
+    @property
+    def factors(self) -> tuple[Array, ...] | None:
+        """Factors of torque and velocity whose products add up to commands, each of shape (n,).
+
+        They are empty if every command is the torque itself, and None if commands also depend on
+        positions.
+        """
+        if self._idle:
+            return ()
+        by_position = self._poles or self._weight is not None
+        return None if by_position else (self._gain, self._back_emf)
+
     def compensation(self, q: ca.SX) -> ca.SX | float:
         """What the arm adds to commands by itself, an expression of shape (n,), or zero."""
         return 0.0 if self._weight is None else ca.DM(self._gain) * self._weight(q)

@@ -27,6 +27,23 @@ BACKENDS = ("auto", "native", "vm")
 _log = logging.getLogger(__name__)
 
 
+class Entry(ctypes.Structure):
+    """A compiled function and the memory it is bound to, for other compiled code.
+
+    Attributes:
+        function: Address of the function, with the signature of CasADi's C functions.
+        arguments: Pointers to the inputs.
+        results: Pointers to the outputs.
+        integers: Integer workspace.
+        reals: Floating-point workspace.
+    """
+
+    _fields_ = tuple(
+        (name, ctypes.c_void_p)
+        for name in ("function", "arguments", "results", "integers", "reals")
+    )
+
+
 @dataclass(frozen=True)
 class Call:
     """A function bound to memory of its own: write ``inputs``, call ``run``, read ``outputs``.
@@ -37,11 +54,14 @@ class Call:
         inputs: One array per argument, to be written in place.
         outputs: One array per result, overwritten by each call.
         run: The function itself.
+        entry: The function for other compiled code, valid while this object exists; None on the
+            virtual machine.
     """
 
     inputs: tuple[Array, ...]
     outputs: tuple[Array, ...]
     run: Callable[[], object]
+    entry: Entry | None = None
 
     def __call__(self, *values: Array | float) -> tuple[Array, ...]:
         """Copy ``values`` into the inputs, run, and return the (reused) outputs."""
@@ -130,7 +150,7 @@ class Kernel:
         outputs = tuple(_memory(shape) for shape in signature.outputs)
         if self.library is None:
             return Call(inputs, outputs, _virtual(self._functions[name], inputs, outputs))
-        return Call(inputs, outputs, self._bind(signature, inputs, outputs))
+        return Call(inputs, outputs, *self._bind(signature, inputs, outputs))
 
     def _compile(self, backend: str, driver: str, needs_native: str) -> None:
         source = '#include "scalar.h"\n' + generate(list(self._functions.values())) + driver
@@ -151,9 +171,9 @@ class Kernel:
 
     def _bind(
         self, signature: Signature, inputs: tuple[Array, ...], outputs: tuple[Array, ...]
-    ) -> Callable[[], object]:
-        entry = getattr(self.library, signature.name)
-        entry.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
+    ) -> tuple[Callable[[], object], Entry]:
+        function = getattr(self.library, signature.name)
+        function.argtypes = [ctypes.c_void_p] * 4 + [ctypes.c_int]
         of_arguments, of_results, of_integers, of_reals = signature.sizes
         arguments = pointers(inputs, of_arguments)
         results = pointers(outputs, of_results)
@@ -169,9 +189,9 @@ class Kernel:
         kept = (inputs, outputs, arguments, results, integers, reals)
 
         def run(_kept: object = kept) -> None:
-            entry(*addresses)
+            function(*addresses)
 
-        return run
+        return run, Entry(ctypes.cast(function, ctypes.c_void_p), *addresses[:4])
 
 
 def _signature(function: ca.Function) -> Signature:

@@ -18,6 +18,7 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, all_finite, numbers, vector
 from arm_dynamics.codegen import compiler
 from arm_dynamics.codegen.kernel import Call, Kernel
+from arm_dynamics.control.compiled_law import CompiledLaw
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.dynamics.verify import compare, random_states
 from arm_dynamics.equations import spring
@@ -290,8 +291,16 @@ class CompiledComputedTorque(ComputedTorque):
         call.run()
         return call.outputs[0].copy()
 
+    def compiled(self) -> CompiledLaw | None:
+        """Return the controller as a compiled function; None without a compiler."""
+        call = self._bound()
+        return None if call is None or call.entry is None else CompiledLaw(call)
+
     @cached_property
     def _call(self) -> Call | None:
+        return self._bound()
+
+    def _bound(self) -> Call | None:
         kernel = build(self._model)
         if kernel is None:
             return None

@@ -3,12 +3,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
+from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
 from arm_dynamics.control.computed_torque import Controller, Measured, Moving, checked, gain
 from arm_dynamics.control.joint_space import cut
 from arm_dynamics.dynamics.dynamics import Dynamics
@@ -52,6 +54,11 @@ class Saturated:
     def restart(self) -> None:
         """Let the controller forget the past."""
         restart(self._control)
+
+    def compiled(self) -> CompiledLaw | None:
+        """Return the controller with its limits; None if it is not compiled."""
+        law = compiled_law(self._control)
+        return None if law is None else replace(law, limit=self._limit)
 
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques within the limits in [N m] or [N], shape (n,)."""
@@ -215,6 +222,10 @@ class Switch:
             self.to(control)
         else:
             self._active = control
+
+    def note(self, tau: Array) -> None:
+        """Set the last torque in [N m] or [N], shape (n,), if it was computed elsewhere."""
+        self._last = tau
 
     def restart(self) -> None:
         """Reset a transition in progress, and the memory of the controller."""

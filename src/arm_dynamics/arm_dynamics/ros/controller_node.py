@@ -7,7 +7,8 @@ import os
 import sys
 from collections.abc import Callable
 from dataclasses import replace
-from typing import Any
+from functools import wraps
+from typing import Any, Concatenate
 
 import numpy as np
 from geometry_msgs.msg import PoseStamped
@@ -42,6 +43,8 @@ from arm_dynamics.ros.controller import (
     Goals,
     Jumps,
     Loaded,
+    OrdinaryAnswers,
+    Parts,
     TrajectoryAction,
     tracking_state,
 )
@@ -53,7 +56,7 @@ from arm_dynamics.ros.interfaces import (
     JOINT_STATES,
     JOINT_TRAJECTORY,
 )
-from arm_dynamics.ros.joint_state import JointStateWriter, make_reader
+from arm_dynamics.ros.joint_state import JointStateSink, JointStateWriter, make_reader
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.follower import Follower
 from arm_dynamics.trajectory.reference import Limits, Reference
@@ -61,6 +64,19 @@ from arm_dynamics.trajectory.reference import Limits, Reference
 _THROTTLE = 2.0  # [s] between warnings of one kind
 _GAINS = ("bandwidth", "damping_ratio", "stiffness", "damping")
 _FREE = "float"  # the controller for hand guiding: the arm moves away from its reference
+
+
+def _locked[**P, R](
+    method: Callable[Concatenate[ControllerNode, P], R],
+) -> Callable[Concatenate[ControllerNode, P], R]:
+    """A method that holds the lock of the controller's parts; meanwhile C answers no states."""
+
+    @wraps(method)
+    def called(node: ControllerNode, *args: P.args, **named: P.kwargs) -> R:
+        with node.answers:
+            return method(node, *args, **named)
+
+    return called
 
 
 class ControllerNode(Node):
@@ -77,15 +93,18 @@ class ControllerNode(Node):
         control: The active controller, and the transition to the next one.
         goals: The current goal, and goals being planned.
         action: Goals of ``~/follow_joint_trajectory``.
+        answers: Answers ordinary states in C; the lock of the parts.
         send: Publishes a serialized command.
     """
 
-    def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
+    def __init__(self, scene: Any = None, *, own_thread: bool = False, **node_kwargs: Any) -> None:
         """Start the node.
 
         Args:
             scene: Anything ``load_scene`` accepts; if None, the parameter ``scene``, else a robot
                 description, from the parameter or topic ``robot_description``.
+            own_thread: Answer states on a thread of the node's own, in C where possible, until the
+                node is destroyed; by default the executor that spins the node answers them.
             **node_kwargs: For ``rclpy.node.Node``: context, namespace, parameter_overrides, …
 
         Raises:
@@ -99,12 +118,13 @@ class ControllerNode(Node):
         names = self.dynamics.joint_names
         period, fade = self.params.settings.dt, self.params.switch_time
         self.control = Switch(self._made(self.params), period, fade)
-        self._builder = Background("builder")
+        self.answers = OrdinaryAnswers()
+        self._builder = Background("builder", self.answers.interrupt)
         model = self.dynamics.model
         self._build_ahead(self.params)
         limits = Limits.of(model, self.params.acceleration_limit or float("inf"))
-        self.goals = Goals(model, limits, self.get_logger())
-        self.action = TrajectoryAction(self, self.goals, model, limits, self._deaf)
+        self.goals = Goals(model, limits, self.get_logger(), self.answers.interrupt)
+        self.action = TrajectoryAction(self, self.goals, model, limits, self._deaf, self.answers)
         self._next_report = 0
         self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
         me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # tells two controllers apart
@@ -113,19 +133,43 @@ class ControllerNode(Node):
         self._connect()
         watch(self, self.params, self._apply)
         self._diagnosis = Diagnosis(self, self.diagnostics)
-        for refusal in self.params.claim():
-            self.get_logger().warning(f"not granted: {refusal}")
+        self._hear(own_thread)
 
     def _connect(self) -> None:
-        self.send = advertise(self, JOINT_COMMANDS).handle.publish_raw
+        self._command = np.zeros(self.dynamics.n)
+        self._sink = JointStateSink(self, JOINT_COMMANDS, self._writer, [self._command])
+        self.send = self._sink.publish
         self._report = advertise(self, CONTROLLER_STATE)
         for topic, callback, raw in (
             (JOINT_TRAJECTORY, self.on_joint_trajectory, True),
             (CARTESIAN_GOAL, self.on_cartesian_goal, False),
             (CARTESIAN_PATH, self.on_cartesian_path, True),
-            (JOINT_STATES, self.on_joint_states, True),
         ):
             subscribe(self, topic, callback, raw)
+
+    def _hear(self, own_thread: bool) -> None:
+        """Subscribe to states, with a thread of their own if it is wanted and possible."""
+        parts = Parts(
+            self._reader, self._sink, self._command, self._report, self.control,
+            self.dynamics.command_map, self.goals, self.action, self._jumps, self._log,
+        )  # fmt: skip
+        if not (own_thread and self.answers.start(self, parts, self._answer, self._claim)):
+            subscribe(self, JOINT_STATES, self.on_joint_states, raw=True)
+            self._claim()
+
+    def _claim(self) -> None:
+        """Claim the privileges of the thread that answers states."""
+        for refusal in self.params.claim():
+            self.get_logger().warning(f"not granted: {refusal}")
+
+    def _answer(self, raw: bytes) -> None:
+        """Answer a state, and let C answer the next ones, if it can."""
+        if self.on_joint_states(raw) is None or self._cut():
+            return
+        params = self.params
+        self.answers.resume(raw, self._next_report, params.gap_limit, params.jump_limit)
+        if self._builder.ready or self.goals.planner.ready:
+            self.answers.interrupt()
 
     @property
     def follower(self) -> Follower | None:
@@ -137,6 +181,7 @@ class ControllerNode(Node):
         """Whether a goal is being planned or a controller prepared in the background."""
         return self.goals.planner.busy or self._builder.busy
 
+    @_locked
     def deliver(self) -> None:
         """Apply the results of background work; called before every answer to a joint state."""
         self._builder.deliver()
@@ -144,6 +189,7 @@ class ControllerNode(Node):
 
     def destroy_node(self) -> None:
         """End the threads, and the node."""
+        self.answers.close()
         self.goals.planner.close()
         self._builder.close()
         self.action.close()
@@ -167,6 +213,7 @@ class ControllerNode(Node):
     def _preparation(self, name: str, params: ControllerParams) -> Job | None:
         return preparation(name, self.dynamics, self._settings(params))
 
+    @_locked
     def _apply(self, params: ControllerParams) -> None:
         before, control = self.params, self._made(params)
         gains = {name: getattr(before.settings, name) for name in _GAINS}
@@ -209,6 +256,7 @@ class ControllerNode(Node):
         else:
             put()
 
+    @_locked
     def on_joint_states(self, raw: bytes) -> bytes | None:
         """Answer a serialized JointState with a serialized command, at once.
 
@@ -277,22 +325,27 @@ class ControllerNode(Node):
         joints = zip(self.dynamics.joint_names, active.saturated, strict=True)
         return [name for name, is_cut in joints if is_cut]
 
+    @_locked
     def diagnostics(self) -> list[Finding]:
         """Diagnostics since the last call."""
         about = {"goal": self.goals.outcome, "goals refused": self.goals.refused}
-        return [self._log.finding(self, self.params.controller, self._cut(), about)]
+        answers = self.answers.summary()
+        return [self._log.finding(self, self.params.controller, self._cut(), about, answers)]
 
     def _say(self, warning: str) -> None:
         self.get_logger().warning(warning, throttle_duration_sec=_THROTTLE)
 
+    @_locked
     def on_joint_trajectory(self, message: bytes | JointTrajectory) -> None:
         """Follow a trajectory from the current reference, or report why not."""
         self.goals.trajectory(as_bytes(message))
 
+    @_locked
     def on_cartesian_goal(self, message: PoseStamped) -> None:
         """Move the task frame along a straight line to a pose, or report why not."""
         self.goals.pose(message, self.params)
 
+    @_locked
     def on_cartesian_path(self, message: bytes | Path) -> None:
         """Move the task frame through poses, or report why not."""
         self.goals.path(as_bytes(message), self.params)
@@ -313,4 +366,4 @@ class ControllerNode(Node):
 def main(args: list[str] | None = None) -> None:
     """Run the node until it is interrupted."""
     take_short_turns()
-    sys.exit(execute(ControllerNode, ControllerParams, args))
+    sys.exit(execute(ControllerNode, ControllerParams, args, own_thread=True))

@@ -92,6 +92,16 @@ class Follower:
         """The motion that was accepted last, and the stamp in [ns] at which it begins."""
         return self._next or (self._start, self._active)
 
+    @property
+    def active(self) -> tuple[int, Motion]:
+        """The stamp in [ns] at which the present motion began, and the motion."""
+        return self._start, self._active
+
+    @property
+    def next_begin(self) -> int | None:
+        """Stamp in [ns] at which the next motion begins; None if there is none."""
+        return None if self._next is None else self._next[0]
+
     def hold(self, q: ArrayLike) -> None:
         """Discard all trajectories and hold position ``q``, shape (n,)."""
         self.begin(hold(q), 0)

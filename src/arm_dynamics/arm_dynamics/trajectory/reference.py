@@ -153,13 +153,15 @@ class Trajectory:
         coefficients: Polynomials of every segment in τ = (t − tᵢ)/hᵢ, shape (w − 1, n, 6).
         ends: Positions of the first and the last knot, shape (2, n).
         stretch: How much slower than asked, so that limits hold; 1 when as asked.
+        polynomials: Coefficients of τ⁰ to τ⁵ of position, velocity and acceleration in every
+            segment, shape (w − 1, 6, 3, n).
     """
 
     times: Array
     coefficients: Array
     ends: Array
     stretch: float = 1.0
-    _stacked: Array = field(init=False, repr=False, compare=False)
+    polynomials: Array = field(init=False, repr=False, compare=False)
     _knots: list[float] = field(init=False, repr=False, compare=False)
     _rest: tuple[Reference, Reference] = field(init=False, repr=False, compare=False)
 
@@ -181,17 +183,18 @@ class Trajectory:
         return cls(times, segment_coefficients(h, q, v, a), q[[0, -1]], stretch)
 
     def __post_init__(self) -> None:
-        """Tabulate the three derivatives of every segment, so that a sample is one product."""
+        """Tabulate the derivatives of every segment."""
         h = np.diff(self.times)[:, None, None]
         c, k = self.coefficients, np.arange(6.0)
         stacked = np.zeros((len(c), 3, *c.shape[1:]))
         stacked[:, 0] = c
         stacked[:, 1, :, :5] = (c * k)[..., 1:] / h
         stacked[:, 2, :, :4] = (c * k * (k - 1))[..., 2:] / h**2
+        polynomials = np.ascontiguousarray(np.moveaxis(stacked, 3, 1))
         still = np.zeros(self.ends.shape[1])
-        for array in (self.times, self.coefficients, self.ends, still):
+        for array in (self.times, self.coefficients, self.ends, polynomials, still):
             array.setflags(write=False)
-        object.__setattr__(self, "_stacked", stacked)
+        object.__setattr__(self, "polynomials", polynomials)
         object.__setattr__(self, "_knots", self.times.tolist())
         rest = tuple(Reference(q, still, still) for q in self.ends)
         object.__setattr__(self, "_rest", rest)
@@ -217,8 +220,7 @@ class Trajectory:
             return self._rest[0]
         i = bisect_right(knots, t) - 1
         s = (t - knots[i]) / (knots[i + 1] - knots[i])
-        powers = np.array((1.0, s, s * s, s**3, s**4, s**5))
-        motion = self._stacked[i] @ powers
+        motion = _evaluated(self.polynomials[i], s)
         motion.setflags(write=False)
         return Reference(motion[0], motion[1], motion[2])
 
@@ -231,7 +233,8 @@ class Trajectory:
         Returns:
             Shape (segments, 3, n, m).
         """
-        motion: Array = self._stacked @ np.power.outer(shares, np.arange(6.0)).T
+        powers = np.power.outer(shares, np.arange(6.0)).T
+        motion: Array = np.moveaxis(self.polynomials, 1, 3) @ powers
         return motion
 
     def table(self, shares: Array) -> tuple[Array, Array, Array, Array]:
@@ -240,6 +243,19 @@ class Trajectory:
         rows = np.moveaxis(self.at_shares(shares), 3, 1)
         q, v, a = np.moveaxis(rows.reshape(len(times), 3, -1), 1, 0)
         return times, q, v, a
+
+
+def _evaluated(polynomials: Array, s: float) -> Array:
+    """Polynomials of shape (6, …) at s, by Horner's rule.
+
+    Every product and every sum is rounded, so every processor gives the same bits, and so does
+    compiled code (``answers.c``). A matrix product would not.
+    """
+    value: Array = polynomials[5] * s + polynomials[4]
+    for coefficients in polynomials[3::-1]:
+        value *= s
+        value += coefficients
+    return value
 
 
 def hold(q: ArrayLike) -> Trajectory:

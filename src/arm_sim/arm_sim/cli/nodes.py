@@ -10,6 +10,7 @@ import signal
 import sys
 from collections.abc import Callable
 from dataclasses import asdict
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -97,7 +98,7 @@ def controller(scene: str | None, rest: tuple[str, ...], with_parent: bool) -> N
     from arm_dynamics.ros.controller_node import ControllerNode
 
     take_short_turns()
-    _run(ControllerNode, scene, rest, with_parent)
+    _run(partial(ControllerNode, own_thread=True), scene, rest, with_parent)
 
 
 def _run(kind: Any, scene: str | None, rest: tuple[str, ...], with_parent: bool) -> Any:

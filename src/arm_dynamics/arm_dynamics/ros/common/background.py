@@ -35,13 +35,15 @@ class Background:
         >>> background.deliver()  # in every tick: calls the function above once the plan is ready
     """
 
-    def __init__(self, name: str) -> None:
+    def __init__(self, name: str, done: Callable[[], None] = lambda: None) -> None:
         """Name the thread and start it.
+
+        ``done`` is called on that thread when a job is finished.
 
         The thread starts now and not with the first job, because it would inherit the priority of
         the thread that submits the job, and compete with a real-time loop.
         """
-        self._pool = ThreadPoolExecutor(1, thread_name_prefix=name)
+        self._pool, self._done = ThreadPoolExecutor(1, thread_name_prefix=name), done
         self._pool.submit(lambda: None)
         self._waiting: _Waiting | None = None
 
@@ -68,7 +70,9 @@ class Background:
         """
         given_up = self.give_up()
         once = [job]
-        self._waiting = _Waiting(self._pool.submit(lambda: once.pop()()), then, once)
+        future = self._pool.submit(lambda: once.pop()())
+        self._waiting = _Waiting(future, then, once)
+        future.add_done_callback(lambda _: self._done())
         return given_up
 
     def give_up(self) -> bool:

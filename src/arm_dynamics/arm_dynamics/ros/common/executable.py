@@ -7,6 +7,7 @@ import inspect
 import sys
 from collections.abc import Sequence
 from textwrap import fill
+from typing import Any
 
 from rclpy.node import Node
 from rclpy.parameter import Parameter
@@ -21,13 +22,16 @@ _WIDTH = 98
 Words = tuple[str, ...]
 
 
-def execute(kind: type[Node], params: type, args: Sequence[str] | None = None) -> int:
+def execute(
+    kind: type[Node], params: type, args: Sequence[str] | None = None, **options: Any
+) -> int:
     """Run a node as an executable: ``NAME [SCENE] [--ros-args …]``, or print its ``--help``.
 
     Args:
         kind: The node's class.
         params: The dataclass of its parameters.
         args: Command line without the program's name; None for that of the process.
+        **options: For the constructor of the node.
 
     Returns:
         The exit status: 0 after a clean end, 2 when the node could not start, with the reason on
@@ -43,7 +47,7 @@ def execute(kind: type[Node], params: type, args: Sequence[str] | None = None) -
         print(f"error: {error}", file=sys.stderr)
         return 2
     chosen = [Parameter("scene", value=scene)] if scene else []
-    return run(lambda **about: kind(parameter_overrides=chosen, **about), list(rest))
+    return run(lambda **about: kind(parameter_overrides=chosen, **options, **about), list(rest))
 
 
 def split_words(words: Words) -> tuple[str | None, Words]:

@@ -86,10 +86,10 @@ def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Any
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 
-def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
-    """Subscribe with a callback; its exceptions are logged and do not end the node."""
+def guarded(node: Node, callback: Callable[[Any], Any]) -> Callable[[Any], None]:
+    """A callback for messages whose exceptions are logged and do not end the node."""
 
-    def guarded(message: Any) -> None:
+    def called(message: Any) -> None:
         try:
             callback(message)
         except Exception as error:
@@ -98,7 +98,13 @@ def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: boo
                 throttle_duration_sec=_THROTTLE,
             )
 
-    return node.create_subscription(topic.type, topic.name, guarded, topic.subscribe, raw=raw)
+    return called
+
+
+def subscribe(node: Node, topic: Topic, callback: Callable[[Any], Any], raw: bool = False) -> Any:
+    """Subscribe by a callback that is ``guarded``."""
+    called = guarded(node, callback)
+    return node.create_subscription(topic.type, topic.name, called, topic.subscribe, raw=raw)
 
 
 class NodeHandler(logging.Handler):

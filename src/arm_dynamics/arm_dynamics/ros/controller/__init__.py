@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Parts of the controller node: its parameters, its goals, and the log of its answers.
 
-Depends on the core, the interfaces and ``common``; neither on the node nor on the services of
-the dynamics node.
+Depends on the core, the interfaces, ``common`` and ``joint_state``; neither on the node nor on the
+services of the dynamics node.
 """
 
 from arm_dynamics.ros.controller.answer_log import AnswerLog
@@ -10,10 +10,11 @@ from arm_dynamics.ros.controller.goals import Goals
 from arm_dynamics.ros.controller.jumps import Jumps
 from arm_dynamics.ros.controller.loaded import Loaded
 from arm_dynamics.ros.controller.messages import tracking_state
+from arm_dynamics.ros.controller.ordinary_answers import OrdinaryAnswers, Parts
 from arm_dynamics.ros.controller.params import ControllerParams
 from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
 
 __all__ = [
-    "AnswerLog", "ControllerParams", "Goals", "Jumps", "Loaded", "TrajectoryAction",
-    "tracking_state",
+    "AnswerLog", "ControllerParams", "Goals", "Jumps", "Loaded", "OrdinaryAnswers", "Parts",
+    "TrajectoryAction", "tracking_state",
 ]  # fmt: skip

@@ -42,12 +42,29 @@ class AnswerLog:
         self._answers += 1
         self.failure = ""
 
+    def add(self, count: int, seen: float, raw: bytes, command: bytes) -> None:
+        """Log answers given by C.
+
+        Args:
+            count: Their number.
+            seen: Time of the last one in [s], of the monotonic clock.
+            raw: The state it answered.
+            command: The last answer.
+        """
+        self._answers += count
+        self._seen, self._raw, self._command = seen, raw, command
+
     def forget(self) -> None:
         """Compute the answer to the next state even if it repeats the last one."""
         self._raw = b""
 
     def finding(
-        self, node: Node, controller: str, cut: list[str], goals: dict[str, str | int]
+        self,
+        node: Node,
+        controller: str,
+        cut: list[str],
+        goals: dict[str, str | int],
+        answers: dict[str, str | int | float],
     ) -> Finding:
         """Condition of the controller, for ``/diagnostics``.
 
@@ -56,13 +73,14 @@ class AnswerLog:
             controller: Name of the active controller.
             cut: Joints whose torque was cut at its limit.
             goals: Outcome of the newest goal, and the number of ``goals refused``.
+            answers: Values about answers in C.
         """
         now, found = time.monotonic(), Finding("controller")
         executor = type(node.executor).__name__ if node.executor is not None else "none"
         found.values = {
             "controller": controller, "rate [Hz]": self._answers / max(now - self._since, 1e-9),
             "last state [s]": now - self._seen, "states passed over": self.passed_over,
-            "jumps of time": self.jumps, **goals, "executor": executor,
+            "jumps of time": self.jumps, **goals, "executor": executor, **answers,
         }  # fmt: skip
         if self.failure:
             found.complain(ERROR, self.failure)

@@ -72,14 +72,27 @@ class Goals:
         planner: Plans in the background; its results are delivered between two ticks.
     """
 
-    def __init__(self, model: ArmModel, limits: Limits, log: RcutilsLogger) -> None:
-        """Take the model, which is only read, the limits of all motions and a logger."""
+    def __init__(
+        self,
+        model: ArmModel,
+        limits: Limits,
+        log: RcutilsLogger,
+        planned: Callable[[], None] = lambda: None,
+    ) -> None:
+        """Begin.
+
+        Args:
+            model: The arm; it is only read.
+            limits: Of all motions.
+            log: For what becomes of goals.
+            planned: Called, on the planner's thread, when there is something to deliver.
+        """
         self.follower: Follower | None = None
         self.stamp = -1
         self.outcome = ""
         self.refused = 0
         self._model, self._limits, self._log = model, limits, log
-        self.planner = Background("planner")
+        self.planner = Background("planner", planned)
 
     def hold(self, q: Array) -> None:
         """Hold position ``q``, shape (n,), and discard goals that are being planned."""

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from operator import sub
 
+from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Measured
 
 _FASTER = 2.0  # than the speeds before and after that a joint may have moved in between
@@ -21,6 +22,15 @@ class Jumps:
     def __init__(self, names: Sequence[str]) -> None:
         self._names = names
         self._before: tuple[int, list[float], list[float]] | None = None
+
+    @property
+    def last(self) -> tuple[list[float], list[float]]:
+        """Positions and velocities of the last state; empty before the first state."""
+        return ([], []) if self._before is None else self._before[1:]
+
+    def note(self, stamp: int, q: Array, v: Array) -> None:
+        """Set the last state: its stamp in [ns], and positions and velocities of shape (n,)."""
+        self._before = (stamp, q.tolist(), v.tolist())
 
     def look(self, stamp: int, state: Measured, longest: float, farthest: float) -> str:
         """Describe a jump of time or of the arm since the last state; empty if there is none.

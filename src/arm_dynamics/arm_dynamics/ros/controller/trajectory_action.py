@@ -8,8 +8,9 @@ that waits.
 from __future__ import annotations
 
 from collections.abc import Callable, Generator
+from contextlib import AbstractContextManager
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from rclpy.action import ActionServer, CancelResponse, GoalResponse
@@ -92,10 +93,14 @@ class _Active:
         return self.begin + round(1e9 * self.motion.duration)
 
     def note(self, feedback: int) -> None:
-        """Schedule the next feedback; without path tolerances nothing is checked before."""
+        """Schedule the next feedback; only path tolerances are checked before it."""
         self.next_feedback = feedback
-        if self.tolerances.path.is_none:
-            self.next_look = min(feedback, self.end)
+        self.next_look = min(feedback, self.end)
+
+    def is_due(self, stamp: int) -> bool:
+        """Whether the state with this stamp in [ns] must be checked."""
+        path = self.tolerances.path
+        return stamp >= self.begin and (stamp >= self.next_look or not path.is_none)
 
     @property
     def is_followed(self) -> bool:
@@ -103,7 +108,22 @@ class _Active:
         return self.follower.newest[1] is self.motion
 
 
-class _Turn:
+class Checks(NamedTuple):
+    """When states are checked against a goal.
+
+    Attributes:
+        begin: Stamp in [ns] at which it begins.
+        until: Stamp in [ns] from which every state must be checked; before it, only states
+            outside the path tolerances.
+        tolerances: Those of the goal.
+    """
+
+    begin: int
+    until: int
+    tolerances: Tolerances
+
+
+class _Others:
     """Yields to other callbacks."""
 
     def __await__(self) -> Generator[None]:
@@ -118,7 +138,13 @@ class TrajectoryAction:
     """
 
     def __init__(
-        self, node: Node, goals: Goals, model: ArmModel, limits: Limits, deaf: Callable[[], str]
+        self,
+        node: Node,
+        goals: Goals,
+        model: ArmModel,
+        limits: Limits,
+        deaf: Callable[[], str],
+        lock: AbstractContextManager[None],
     ) -> None:
         """Offer the action, if its interface is installed.
 
@@ -128,9 +154,10 @@ class TrajectoryAction:
             model: The arm.
             limits: Limits of its motion.
             deaf: Returns why the active controller follows no trajectories; empty if it does.
+            lock: Held while goals change.
         """
         self._node, self._goals, self._model, self._limits = node, goals, model, limits
-        self._deaf, self._log = deaf, node.get_logger()
+        self._deaf, self._lock, self._log = deaf, lock, node.get_logger()
         kinds = enumerate(model.joint_types)
         self._turning = tuple(i for i, kind in kinds if kind == "continuous")
         self._active: _Active | None = None
@@ -152,6 +179,14 @@ class TrajectoryAction:
         if self._server is not None:
             self._server.destroy()
 
+    @property
+    def checks(self) -> Checks | None:
+        """When states are checked against the active goal; None without a goal."""
+        active = self._active
+        if active is None:
+            return None
+        return Checks(active.begin, max(active.begin, active.next_look), active.tolerances)
+
     def watch(self, stamp: int, reference: Reference, state: Moving) -> None:
         """Monitor the goal; called after the answer to every joint state.
 
@@ -165,7 +200,7 @@ class TrajectoryAction:
             return
         if not (active.is_followed and self._goals.follower is active.follower):
             self.abort(_OTHER if self._goals.follower is active.follower else _HELD)
-        elif stamp >= active.begin and stamp >= active.next_look:
+        elif active.is_due(stamp):
             self._judge(active, stamp, reference, state)
 
     def abort(self, why: str) -> None:
@@ -225,7 +260,8 @@ class TrajectoryAction:
         """Accept a goal once it is followed, or report why not."""
         answer: list[bool] = []
         try:
-            self._begin(goal, answer)
+            with self._lock:
+                self._begin(goal, answer)
         except InvalidInput as error:
             self._goals.refuse(_KIND, f", the previous one continues: {error}")
             return GoalResponse.REJECT
@@ -236,8 +272,9 @@ class TrajectoryAction:
             return GoalResponse.REJECT
         planner = self._goals.planner
         while not answer and planner.busy:
-            await _Turn()
-            planner.deliver()
+            await _Others()
+            with self._lock:
+                planner.deliver()
         if not answer:
             self._goals.refuse(_KIND, ": a newer goal came while it was being planned")
         return GoalResponse.ACCEPT if answer and answer[0] else GoalResponse.REJECT
@@ -307,25 +344,27 @@ class TrajectoryAction:
         return [replace(p, q=np.asarray(p.q) + 2.0 * np.pi * turns) for p in points]
 
     def _on_accepted(self, handle: Any) -> None:
-        active = self._coming.pop(id(handle.request), None)
-        handle.execute()
-        if active is None or not active.is_followed:
-            self._result(handle, "abort", "INVALID_GOAL", _REPLACED)
-            return
-        active.handle = handle
-        self._active = active
+        with self._lock:
+            active = self._coming.pop(id(handle.request), None)
+            handle.execute()
+            if active is None or not active.is_followed:
+                self._result(handle, "abort", "INVALID_GOAL", _REPLACED)
+                return
+            active.handle = handle
+            self._active = active
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
         self._node.executor.create_task(self._cancelled, handle)  # after the client is answered
         return CancelResponse.ACCEPT
 
     def _cancelled(self, handle: Any) -> None:
-        if not handle.is_cancel_requested:
-            return
-        if self._active is not None and self._active.handle == handle:
-            self._active = None
-            self._goals.brake()
-        self._result(handle, "canceled", "SUCCESSFUL", "")
+        with self._lock:
+            if not handle.is_cancel_requested:
+                return
+            if self._active is not None and self._active.handle == handle:
+                self._active = None
+                self._goals.brake()
+            self._result(handle, "canceled", "SUCCESSFUL", "")
 
 
 def _step(here: Reference, to: Waypoint) -> Motion:

@@ -5,8 +5,9 @@ Depends on the interfaces, ``common`` and the core's compiler, and on none of th
 compiler, ROS's own deserializer reads them.
 """
 
-from arm_dynamics.ros.joint_state.serialization import JointStateWriter, Numbers
+from arm_dynamics.ros.joint_state.serialization import JointStateReader, JointStateWriter, Numbers
 from arm_dynamics.ros.joint_state.topics import (
+    FAILED,
     CompiledReader,
     JointStateSink,
     JointStateSource,
@@ -17,7 +18,9 @@ from arm_dynamics.ros.joint_state.topics import (
 )
 
 __all__ = [
+    "FAILED",
     "CompiledReader",
+    "JointStateReader",
     "JointStateSink",
     "JointStateSource",
     "JointStateWriter",

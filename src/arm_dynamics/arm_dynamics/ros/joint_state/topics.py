@@ -284,6 +284,10 @@ class JointStateSink:
         """Whether there are subscribers."""
         return bool(self._handle.get_subscription_count())
 
+    def publish(self, raw: bytes) -> None:
+        """Publish a message that was written elsewhere."""
+        self._handle.publish_raw(raw)
+
     def send(self, stamp: int) -> None:
         """Publish the current content of the arrays, with this time in [ns]."""
         if self._compiled is None or self._compiled(stamp):  # after a failure: gives the reason

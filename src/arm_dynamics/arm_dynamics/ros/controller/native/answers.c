@@ -1,0 +1,242 @@
+/* SPDX-License-Identifier: Apache-2.0
+ *
+ * Ordinary answers of the controller: read a state, evaluate the reference and a compiled controller, publish the
+ * command. Any other state is passed to Python unchanged, which alone decides on it. See ordinary_answers.py for who
+ * calls what.
+ *
+ * Compiled after joint_state.c, in the same unit.
+ */
+#include <pthread.h>
+#include <semaphore.h>
+#include <stdatomic.h>
+#include <time.h>
+
+#define FULL_TURN 6.283185307179586 /* 2 π */
+
+enum { ENDED = -1 }; /* else `serve` returns the outcome of `take` for a state that Python must answer */
+
+/* kernel.Entry: a generated function and the memory it is bound to. */
+typedef struct {
+  int (*function)(const double**, double**, long long*, double*, int);
+  const double** arguments;
+  double** results;
+  long long* integers;
+  double* reals;
+} entry_t;
+
+/* ordinary_answers.Answers */
+typedef struct {
+  int64_t active;    /* whether C may answer; false after every change in Python */
+  int64_t interrupt; /* not 0: the next state is for Python */
+  source_t* source;
+  joint_state_t* reader;
+  sink_t* sink;
+  int64_t joints;
+  int64_t until; /* stamp from which states are for Python */
+  /* Publisher of the tracking state, and the stamp from which a message is due if there are subscribers. */
+  const rcl_publisher_t* report;
+  int64_t next_report;
+  /* The controller: its input (q, v and the reference's q, v, a), output and limit (NULL: none). */
+  const entry_t* law;
+  double* input;
+  const double *torque, *limit;
+  /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
+  const double *gain, *back_emf;
+  double* command;
+  /* The motion: stamp at which it begins, number of segments, positions before and after them. */
+  int64_t start, segments;
+  const double *knots, *polynomials, *ends;
+  /* Path tolerances and the stamp from which they hold; NULL: none. */
+  int64_t begin;
+  const double *position_tolerance, *velocity_tolerance;
+  const int64_t* turning; /* nonzero for joints without position limits, whose errors are modulo a full turn */
+  /* Largest time [s] and distance from one state to the next; 0: any. */
+  double gap, jump;
+  /* The last state, its torque, and its bytes; length 0: the sink no longer holds its answer. */
+  int64_t stamp;
+  double *q, *v, *tau;
+  uint8_t* raw;
+  int64_t length, room;
+  /* Answers so far, time of the last one, total and longest time of an answer in [ns]. */
+  int64_t count, last, busy, longest;
+} answers_t;
+
+/* What brings states from ROS to the thread that answers them. */
+typedef struct {
+  pthread_mutex_t lock; /* held while a state is answered, or while Python uses the parts of the controller */
+  sem_t calls;          /* posted for every state, and at the end */
+  atomic_bool ended;
+  const rcl_subscription_t* subscription;
+} receiver_t;
+
+static int64_t now(void) {
+  struct timespec t;
+  clock_gettime(CLOCK_MONOTONIC, &t);
+  return GIGA * t.tv_sec + t.tv_nsec;
+}
+
+/* AnswerLog.again */
+static int is_repeated(const answers_t* a, const joint_state_t* s) {
+  return s->length == a->length && !memcmp(s->raw, a->raw, s->length);
+}
+
+/* Whether the tracking state must be published. */
+static int report_is_due(const answers_t* a, int64_t stamp) {
+  size_t subscribers = 0;
+  if (stamp < a->next_report) return 0;
+  if (rcl_publisher_get_subscription_count(a->report, &subscribers) != RCL_RET_OK) rcutils_reset_error();
+  return subscribers > 0;
+}
+
+/* Whether time or the arm may have jumped; Jumps.look decides, which also considers the speeds. */
+static int may_have_jumped(const answers_t* a, int64_t stamp, const double* q) {
+  const double gap = 1e-9 * (double)(stamp - a->stamp);
+  if (gap < 0.0 || (a->gap > 0.0 && a->gap < gap)) return 1;
+  for (int64_t i = 0; i < a->joints; ++i)
+    if (a->jump != 0.0 && fabs(q[i] - a->q[i]) > a->jump) return 1;
+  return 0;
+}
+
+/* The reference before (0) or after (1) the motion. */
+static void rest(const answers_t* a, int64_t end, double* reference) {
+  const int64_t n = a->joints;
+  memcpy(reference, a->ends + end * n, 8 * n);
+  memset(reference + n, 0, 16 * n);
+}
+
+/* Trajectory.sample */
+static void sample(const answers_t* a, double t, double* reference) {
+  const double* knots = a->knots;
+  int64_t low = 0, high = a->segments;
+  if (t >= knots[high]) return rest(a, 1, reference);
+  if (t < 0.0) return rest(a, 0, reference);
+  while (high - low > 1) {
+    const int64_t middle = (low + high) / 2;
+    if (knots[middle] <= t) low = middle;
+    else high = middle;
+  }
+  const double s = (t - knots[low]) / (knots[low + 1] - knots[low]);
+  const int64_t size = 3 * a->joints;
+  const double* c = a->polynomials + 6 * size * low;
+  for (int64_t i = 0; i < size; ++i) reference[i] = c[5 * size + i];
+  for (int k = 4; k >= 0; --k)
+    for (int64_t i = 0; i < size; ++i) reference[i] = reference[i] * s + c[k * size + i];
+}
+
+/* Tolerances.verdict before the end of the motion. */
+static int within_path_tolerances(const answers_t* a, int64_t stamp) {
+  const int64_t n = a->joints;
+  const double *q = a->input, *v = q + n, *desired = v + n;
+  if (!a->position_tolerance || stamp < a->begin) return 1;
+  for (int64_t i = 0; i < n; ++i) {
+    double error = desired[i] - q[i];
+    if (a->turning[i]) error = remainder(error, FULL_TURN);
+    if (fabs(error) > a->position_tolerance[i]) return 0;
+    if (fabs(desired[n + i] - v[i]) > a->velocity_tolerance[i]) return 0;
+  }
+  return 1;
+}
+
+/* Compute torque and command; 0: the torque is not finite, or beyond its limit. */
+static int compute(answers_t* a) {
+  const entry_t* law = a->law;
+  const double* v = a->input + a->joints;
+  law->function(law->arguments, law->results, law->integers, law->reals, 0);
+  for (int64_t i = 0; i < a->joints; ++i) {
+    const double tau = a->torque[i];
+    if (!isfinite(tau) || (a->limit && fabs(tau) > a->limit[i])) return 0;
+    a->command[i] = a->gain ? a->gain[i] * tau + a->back_emf[i] * v[i] : tau;
+  }
+  return 1;
+}
+
+static void remember(answers_t* a, const joint_state_t* s, int64_t stamp, int64_t began) {
+  const int64_t n = a->joints;
+  a->stamp = stamp;
+  memcpy(a->q, a->input, 8 * n);
+  memcpy(a->v, a->input + n, 8 * n);
+  memcpy(a->tau, a->torque, 8 * n);
+  memcpy(a->raw, s->raw, s->length);
+  a->length = s->length;
+  a->last = now();
+  const int64_t duration = a->last - began;
+  a->busy += duration;
+  if (duration > a->longest) a->longest = duration;
+  ++a->count;
+}
+
+/* Answer the state that was read last; 0: it is for Python. */
+static int answer(answers_t* a, int64_t began) {
+  const joint_state_t* s = a->reader;
+  const int64_t n = a->joints;
+  int64_t stamp;
+  if (!a->active || __atomic_load_n(&a->interrupt, __ATOMIC_ACQUIRE)) return 0;
+  memcpy(&stamp, s->found, 8);
+  memcpy(a->input, s->found + 24, 16 * n);
+  if (stamp >= a->until || s->length > a->room || is_repeated(a, s)) return 0;
+  if (may_have_jumped(a, stamp, a->input) || report_is_due(a, stamp)) return 0;
+  sample(a, 1e-9 * (double)(stamp - a->start), a->input + 2 * n);
+  if (!within_path_tolerances(a, stamp) || !compute(a)) return 0;
+  if (send(a->sink, stamp)) {
+    a->length = 0;
+    return 0;
+  }
+  remember(a, s, stamp, began);
+  return 1;
+}
+
+/* Locks for Python; they may be nested. */
+EXPORT void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
+EXPORT void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
+
+/* Answer states until one is for Python; returns the outcome of `take` for it, or ENDED after `end`. Called by one thread,
+ * which holds the lock before and after, but not while it waits. */
+EXPORT int64_t serve(receiver_t* r, answers_t* a) {
+  for (;;) {
+    unlock(r);
+    while (sem_wait(&r->calls)) continue; /* interrupted by a signal */
+    lock(r);
+    if (r->ended) return ENDED;
+    const int64_t began = now(), outcome = take(a->source, a->reader);
+    if (outcome == NONE || (outcome == KNOWN && answer(a, began))) continue;
+    return outcome;
+  }
+}
+
+/* Called by ROS when states arrive, on a thread of the middleware. */
+static void note(const void* receiver, size_t count) {
+  (void)count;
+  sem_post(&((receiver_t*)receiver)->calls);
+}
+
+/* Let `serve` return. */
+EXPORT void end(receiver_t* r) {
+  r->ended = 1;
+  sem_post(&r->calls);
+}
+
+/* Give the memory back; nothing may be using it. */
+EXPORT void destroy(receiver_t* r) {
+  if (rcl_subscription_set_on_new_message_callback(r->subscription, NULL, NULL) != RCL_RET_OK) rcutils_reset_error();
+  sem_destroy(&r->calls);
+  pthread_mutex_destroy(&r->lock);
+  free(r);
+}
+
+/* A receiver of the messages of a subscription; NULL: there is no memory, or ROS does not report new messages. */
+EXPORT receiver_t* receiver(const rcl_subscription_t* subscription) {
+  pthread_mutexattr_t kind;
+  receiver_t* r = calloc(1, sizeof *r);
+  if (!r) return NULL;
+  r->subscription = subscription;
+  sem_init(&r->calls, 0, 0);
+  pthread_mutexattr_init(&kind);
+  pthread_mutexattr_settype(&kind, PTHREAD_MUTEX_RECURSIVE);
+  pthread_mutexattr_setprotocol(&kind, PTHREAD_PRIO_INHERIT); /* the states' thread may have real-time priority */
+  pthread_mutex_init(&r->lock, &kind);
+  pthread_mutexattr_destroy(&kind);
+  if (rcl_subscription_set_on_new_message_callback(subscription, note, r) == RCL_RET_OK) return r;
+  rcutils_reset_error();
+  destroy(r);
+  return NULL;
+}

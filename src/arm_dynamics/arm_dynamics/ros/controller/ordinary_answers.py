@@ -1,0 +1,334 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Answers ordinary joint states in C, without the interpreter lock.
+
+A thread waits for states in C. Most are ordinary: time and arm have moved on a little, and so does
+the motion that is followed. C answers those with the same bits as Python. All other states are
+passed to Python unchanged, which alone decides on them, so the rules are implemented once.
+
+Python changes the parts of the controller under a lock that C holds while it answers a state. C
+stops answering at every change, and continues after the next answer of Python.
+"""
+
+from __future__ import annotations
+
+import ctypes
+from collections.abc import Callable
+from ctypes import Structure, addressof, byref, c_double, c_int64, c_void_p
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from threading import Thread
+from typing import Any
+
+import numpy as np
+from rclpy.node import Node
+
+from arm_dynamics.actuation.command_map import CommandMap
+from arm_dynamics.arrays import Array
+from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
+from arm_dynamics.control.wrappers import AnyController, Switch
+from arm_dynamics.ros.common.direct import Newest
+from arm_dynamics.ros.common.executor import guarded
+from arm_dynamics.ros.controller.answer_log import AnswerLog
+from arm_dynamics.ros.controller.goals import Goals
+from arm_dynamics.ros.controller.jumps import Jumps
+from arm_dynamics.ros.controller.trajectory_action import TrajectoryAction
+from arm_dynamics.ros.interfaces import JOINT_STATES
+from arm_dynamics.ros.joint_state import (
+    FAILED,
+    CompiledReader,
+    JointStateReader,
+    JointStateSink,
+    address,
+    native,
+)
+from arm_dynamics.trajectory.reference import Motion, Trajectory
+
+SOURCE = Path(__file__).with_name("native") / "answers.c"
+_ENDED = -1  # as in answers.c
+_ROOM = 4096  # bytes of a state; longer ones are for Python
+_NEVER = 2**63 - 1
+
+
+class Answers(Structure):
+    """``answers_t`` of answers.c, where the fields are explained."""
+
+    _fields_ = (
+        ("active", c_int64), ("interrupt", c_int64),
+        ("source", c_void_p), ("reader", c_void_p), ("sink", c_void_p),
+        ("joints", c_int64), ("until", c_int64),
+        ("report", c_void_p), ("next_report", c_int64),
+        ("law", c_void_p), ("input", c_void_p), ("torque", c_void_p), ("limit", c_void_p),
+        ("gain", c_void_p), ("back_emf", c_void_p), ("command", c_void_p),
+        ("start", c_int64), ("segments", c_int64),
+        ("knots", c_void_p), ("polynomials", c_void_p), ("ends", c_void_p),
+        ("begin", c_int64), ("position_tolerance", c_void_p), ("velocity_tolerance", c_void_p),
+        ("turning", c_void_p),
+        ("gap", c_double), ("jump", c_double),
+        ("stamp", c_int64), ("q", c_void_p), ("v", c_void_p), ("tau", c_void_p),
+        ("raw", c_void_p), ("length", c_int64), ("room", c_int64),
+        ("count", c_int64), ("last", c_int64), ("busy", c_int64), ("longest", c_int64),
+    )  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Parts:
+    """Parts of the controller node that an answer depends on or changes.
+
+    Attributes:
+        reader: Reads states.
+        sink: Publishes commands from the array ``command``.
+        command: Commands, shape (n,).
+        report: Publisher of the tracking state.
+        control: The active controller.
+        command_map: Converts torques to commands.
+        goals: Gives the reference.
+        action: Monitors the goal of the action.
+        jumps: Compares each state with the one before.
+        log: Remembers the last answer.
+    """
+
+    reader: JointStateReader
+    sink: JointStateSink
+    command: Array
+    report: Any
+    control: Switch
+    command_map: CommandMap
+    goals: Goals
+    action: TrajectoryAction
+    jumps: Jumps
+    log: AnswerLog
+
+
+@cache
+def _library() -> ctypes.CDLL | None:
+    """The compiled functions; None without a compiler or ROS's headers."""
+    if (library := native(SOURCE)) is None:
+        return None
+    library.receiver.argtypes, library.receiver.restype = [c_void_p], c_void_p
+    library.serve.argtypes, library.serve.restype = [c_void_p] * 2, c_int64
+    for function in (library.lock, library.unlock, library.end, library.destroy):
+        function.argtypes, function.restype = [c_void_p], None
+    return library
+
+
+class OrdinaryAnswers:
+    """Answers ordinary states in C and passes all others to Python.
+
+    As a context manager it is the lock of the controller's parts; it may be nested.
+
+    Example:
+        >>> answers = OrdinaryAnswers()
+        >>> answers.start(node, parts, answer, claim)
+        >>> with answers:
+        ...     follow(goal)
+
+    Attributes:
+        obstacle: Why C answers no states at present; empty if it does.
+        count: Number of states that C has answered.
+    """
+
+    def __init__(self) -> None:
+        self.obstacle, self.count = "the executor answers", 0
+        self._answers, self._receiver = Answers(), c_void_p(None)
+        self._summarized = 0  # states, at the last summary
+        self._control: AnyController | None = None
+        self._law: CompiledLaw | None = None
+        self._used: tuple[object, ...] = ()  # kept alive while C uses their memory
+
+    def start(
+        self, node: Node, parts: Parts, answer: Callable[[bytes], None], claim: Callable[[], None]
+    ) -> bool:
+        """Subscribe to the states and start the thread that answers them.
+
+        Args:
+            node: The controller.
+            parts: Its parts.
+            answer: Answers a state in Python; called with the lock held.
+            claim: Called by the thread before the first state.
+
+        Returns:
+            Whether it was started; if not, ``obstacle`` says why.
+        """
+        library, reader = _library(), parts.reader
+        self.obstacle = "no compiler, or no headers of ROS"
+        if library is None or not isinstance(reader, CompiledReader):
+            return False
+        self._native, self._reader, self._parts = library, reader, parts
+        self._newest = Newest(node, JOINT_STATES)
+        self._receiver = c_void_p(library.receiver(self._newest.pointer))
+        if not self._receiver:
+            self.obstacle = "the middleware does not report new messages"
+            self._newest.close()
+            return False
+        reader.open(self._newest.pointer)
+        self._bind(parts)
+        self._answer, self._claim = answer, claim
+        self._pass_on = guarded(node, self._in_python)
+        node.context.on_shutdown(self._end)
+        self._thread = Thread(target=self._serve, name="states", daemon=True)
+        self._thread.start()
+        return True
+
+    def close(self) -> None:
+        """End the thread and the subscription; call before the node is destroyed."""
+        if not self._receiver:
+            return
+        self._end()
+        self._thread.join()
+        self._native.destroy(self._receiver)
+        self._receiver = c_void_p(None)
+        self._reader.close()
+        self._newest.close()
+
+    def __enter__(self) -> None:
+        """Lock the parts of the controller and stop C from answering."""
+        if self._receiver:
+            self._native.lock(self._receiver)
+            self._stop()
+
+    def __exit__(self, *_: object) -> None:
+        """Unlock them."""
+        if self._receiver:
+            self._native.unlock(self._receiver)
+
+    def interrupt(self) -> None:
+        """Have the next state answered in Python; from any thread."""
+        self._answers.interrupt = 1
+
+    def summary(self) -> dict[str, str | int | float]:
+        """Values for the diagnostics; times are those since the last call. Call it locked."""
+        answers, since = self._answers, max(1, self.count - self._summarized)
+        values: dict[str, str | int | float] = {
+            "answered in C": self.count,
+            "answered in Python": self.obstacle or "states that are not ordinary",
+            "answer in C [µs]": 1e-3 * answers.busy / since,
+            "longest answer in C [µs]": 1e-3 * answers.longest,
+        }
+        self._summarized = self.count
+        answers.busy = answers.longest = 0
+        return values
+
+    def resume(self, raw: bytes, next_report: int, gap: float, jump: float) -> None:
+        """Let C answer the next states, if it can. Call it locked, after an answer of Python.
+
+        Args:
+            raw: The state that was answered.
+            next_report: Stamp in [ns] from which the tracking state is to be published.
+            gap: Parameter ``gap_limit``.
+            jump: Parameter ``jump_limit``.
+        """
+        answers, parts, follower = self._answers, self._parts, self._parts.goals.follower
+        start, motion = follower.active
+        factors = parts.command_map.factors
+        self.obstacle = self._find_obstacle(raw, motion, factors)
+        if self.obstacle or self._law is None or not isinstance(motion, Trajectory):
+            return
+        answers.interrupt, answers.next_report = 0, next_report
+        answers.gap, answers.jump = gap, jump
+        next_begin = follower.next_begin
+        answers.start, answers.until = start, _NEVER if next_begin is None else next_begin
+        answers.gain, answers.back_emf = map(_place, factors or (None, None))
+        answers.stamp, answers.length = parts.goals.stamp, len(raw)
+        self._raw[: len(raw)] = raw
+        self._last[:2] = parts.jumps.last
+        self._used = (factors, *self._use_law(self._law), *self._use_motion(motion))
+        self._used += self._use_tolerances()
+        answers.active = 1
+
+    def _bind(self, parts: Parts) -> None:
+        """Fill in what never changes."""
+        n, raw = parts.command.size, bytearray(_ROOM)
+        self._raw, self._last = raw, np.zeros((3, n))  # q, v and torque
+        source, reader = self._reader.places
+        self._answers = Answers(
+            source=source, reader=reader, sink=parts.sink.place, joints=n,
+            report=parts.report.handle.pointer, command=parts.command.ctypes.data,
+            q=self._last[0].ctypes.data, v=self._last[1].ctypes.data,
+            tau=self._last[2].ctypes.data, raw=address(raw), room=_ROOM,
+        )  # fmt: skip
+
+    def _find_obstacle(self, raw: bytes, motion: Motion, factors: object) -> str:
+        """Why C cannot answer the next state; empty if it can."""
+        control = self._parts.control
+        if control.active is not self._control:
+            self._control, self._law = control.active, compiled_law(control.active)
+        if self._law is None:
+            return "the controller is not compiled"
+        if control.fading:
+            return "controllers are being switched"
+        if factors is None:
+            return "commands depend on positions"
+        if not isinstance(motion, Trajectory):
+            return "the motion is a Cartesian path"
+        return "" if len(raw) <= _ROOM else f"states have more than {_ROOM} bytes"
+
+    def _use_law(self, law: CompiledLaw) -> tuple[object, ...]:
+        """Pass the controller to C; returns what must be kept alive."""
+        answers, call = self._answers, law.call
+        answers.law = addressof(call.entry)
+        answers.input, answers.torque = _place(call.inputs[0]), _place(call.outputs[0])
+        answers.limit = _place(law.limit)
+        return (law,)
+
+    def _use_motion(self, motion: Trajectory) -> tuple[object, ...]:
+        """Pass the motion to C; returns what must be kept alive."""
+        used = tuple(map(np.ascontiguousarray, (motion.times, motion.polynomials, motion.ends)))
+        answers = self._answers
+        answers.segments = len(motion.times) - 1
+        answers.knots, answers.polynomials, answers.ends = map(_place, used)
+        return used
+
+    def _use_tolerances(self) -> tuple[object, ...]:
+        """Pass what the goal of the action checks to C; returns what must be kept alive."""
+        answers, checks = self._answers, self._parts.action.checks
+        answers.position_tolerance = None
+        if checks is None:
+            return ()
+        answers.until, answers.begin = min(answers.until, checks.until), checks.begin
+        path, turning = checks.tolerances.path, np.zeros(answers.joints, np.int64)
+        if path.is_none:
+            return ()
+        turning[list(checks.tolerances.turning)] = 1
+        used = np.array(path.position), np.array(path.velocity), turning
+        answers.position_tolerance, answers.velocity_tolerance, answers.turning = map(_place, used)
+        return used
+
+    def _stop(self) -> None:
+        """Stop C from answering and update the parts with what it has done."""
+        answers, parts = self._answers, self._parts
+        count, answers.count = answers.count, 0
+        answers.active = 0
+        if not count:
+            return
+        self.count += count
+        q, v, tau = self._last.copy()
+        parts.goals.stamp = answers.stamp
+        parts.control.note(tau)
+        parts.jumps.note(answers.stamp, q, v)
+        raw = bytes(self._raw[: answers.length])
+        parts.log.add(count, 1e-9 * answers.last, raw, bytes(parts.sink.raw))
+
+    def _end(self) -> None:
+        if self._receiver:
+            self._native.end(self._receiver)
+
+    def _serve(self) -> None:
+        """Answer states until the end."""
+        self._claim()
+        self._native.lock(self._receiver)
+        while (outcome := self._native.serve(self._receiver, byref(self._answers))) != _ENDED:
+            self._stop()
+            self._pass_on(outcome)
+        self._native.unlock(self._receiver)
+
+    def _in_python(self, outcome: int) -> None:
+        """Answer the state that C has taken with this outcome."""
+        if outcome != FAILED:
+            self._answer(self._reader.raw)
+        elif taken := self._newest.take():  # or it raises an error that says what failed
+            self._answer(taken[0])
+
+
+def _place(array: Array | None) -> int | None:
+    return None if array is None else array.ctypes.data

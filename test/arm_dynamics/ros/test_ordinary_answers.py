@@ -1,0 +1,211 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Answers that C gives are those of Python, to the bit; Python gives those to all other states."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import pytest
+from controller_pair import MS, side_by_side
+from goal_client import SUCCEEDED, Client, Result, goal, tolerance
+from harness import Ros
+from rclpy.serialization import deserialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+from two_link_control import NAMES, point, state, still, trajectory
+
+import models
+from arm_dynamics.codegen.compiler import find_compiler
+from arm_dynamics.ros.controller import ordinary_answers
+from arm_dynamics.ros.controller_node import ControllerNode
+
+pytestmark = [
+    pytest.mark.ros,
+    pytest.mark.skipif(find_compiler() is None, reason="no C compiler"),
+]
+
+TWO_LINK = models.scene("two_link")
+DRIVEN = {
+    "robot": {"urdf": (models.SCENES / "two_link.urdf").read_text()},
+    "joints": {
+        "shoulder": {
+            "actuator": {"command": "voltage", "resistance": 1.2, "torque_constant": 0.05,
+                         "gear_ratio": 80},
+            "friction": {"coulomb": 0.2, "viscous": 0.1},
+        },
+        "elbow": {"actuator": {"command": "current", "resistance": 0.8, "torque_constant": 0.04,
+                               "gear_ratio": 50}},
+    },
+}  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("scene", "parameters"),
+    [
+        (TWO_LINK, {}),
+        (models.scene("panda"), {"bandwidth": [30.0], "saturate": True}),
+        (models.scene("gripper"), {}),
+        (DRIVEN, {"damping_ratio": [0.7, 1.2]}),
+    ],
+    ids=["two_link", "panda", "gripper", "driven"],
+)
+def test_commands_are_those_of_python(
+    ros: Ros, rng: np.random.Generator, scene: Any, parameters: dict[str, Any]
+) -> None:
+    with side_by_side(ros, scene, **parameters) as pair:
+        pair.led(30, rng)
+        pair.go((0.05, 0.02), (0.12, -0.01), (0.2, 0.0))
+        pair.led(250, rng)
+        assert pair.in_c > 270
+
+
+def test_one_motion_takes_over_from_another_at_its_time(
+    ros: Ros, rng: np.random.Generator
+) -> None:
+    with side_by_side(ros, TWO_LINK) as pair:
+        pair.led(5, rng)
+        later = JointTrajectory(joint_names=pair.names)
+        later.header.stamp.nanosec = 60 * MS
+        later.points.append(JointTrajectoryPoint(positions=[0.1, 0.2]))
+        later.points[0].time_from_start.nanosec = 100 * MS
+        pair.go((0.1, 0.1))
+        pair.both(lambda node: node.on_joint_trajectory(later))
+        pair.led(200, rng)
+        assert pair.in_c > 190
+
+
+def test_gains_and_controllers_change_between_two_states(
+    ros: Ros, rng: np.random.Generator
+) -> None:
+    with side_by_side(ros, TWO_LINK, switch_time=0.01) as pair:
+        pair.led(20, rng)
+        pair.change(bandwidth=[35.0])
+        pair.led(20, rng)
+        assert pair.in_c > 30
+        pair.change(controller="pd_gravity")  # it begins with C's last torque
+        before = pair.in_c
+        pair.led(20, rng)
+        assert pair.in_c == before
+        assert pair.fast.answers.obstacle == "the controller is not compiled"
+        pair.change(controller="computed_torque")
+        pair.led(40, rng)
+        assert pair.in_c > before + 20
+
+
+def test_a_state_that_comes_again_gets_the_same_answer(ros: Ros, rng: np.random.Generator) -> None:
+    with side_by_side(ros, TWO_LINK) as pair:
+        pair.led(10, rng)
+        pair.stamp += MS
+        raw = pair.state(pair.q, pair.v)
+        first, count = pair.answers(raw), pair.in_c
+        assert pair.answers(raw) == first
+        assert pair.in_c == count
+        pair.led(10, rng)
+        assert pair.in_c >= count + 8
+
+
+def test_jumps_of_time_and_arm_are_for_python(ros: Ros, rng: np.random.Generator) -> None:
+    with side_by_side(ros, TWO_LINK) as pair:
+        pair.led(10, rng)
+        for stamp, step in (5_000, 0.0), (5_006, 1.0), (2, 0.0):
+            pair.stamp = stamp * MS
+            pair.answers(pair.state(pair.q + step, pair.v))
+            pair.led(5, rng)
+        assert pair.fast._log.jumps == pair.slow._log.jumps == 3
+        assert pair.in_c > 15
+
+
+def test_what_is_cut_is_said_by_python(ros: Ros, rng: np.random.Generator) -> None:
+    def said() -> str:
+        message: str = pair.fast.diagnostics()[0].message(pair.fast).message
+        return message
+
+    with side_by_side(ros, TWO_LINK, saturate=True) as pair:
+        pair.led(10, rng)
+        pair.stamp += MS
+        pair.answers(pair.state(pair.q, pair.v + 1e4))
+        assert "torque cut" in said()
+        count = pair.in_c
+        pair.led(10, rng)
+        assert pair.in_c > count and "torque cut" not in said()
+
+
+def test_what_is_no_state_is_refused_by_python(ros: Ros, rng: np.random.Generator) -> None:
+    with side_by_side(ros, TWO_LINK) as pair:
+        pair.led(10, rng)
+        for raw in b"\x00\x01\x00\x00rubbish", pair.state((0.0, np.nan), (0.0, 0.0)):
+            assert pair.answers(raw) is None
+            pair.led(5, rng)
+        assert pair.fast._log.passed_over == 2
+        assert pair.in_c > 12
+
+
+def test_a_plan_that_is_ready_is_followed(ros: Ros, rng: np.random.Generator) -> None:
+    with side_by_side(ros, TWO_LINK) as pair:
+        pair.led(10, rng)
+        pair.go(*((0.5 + 0.01 * k, 1e-3 * k) for k in range(50)))
+
+        def followed() -> bool:
+            pair.stamp += MS
+            pair.shown(pair.state(pair.q, pair.v))
+            outcome: str = pair.fast.goals.outcome
+            return outcome.startswith("following")
+
+        ros.spin_until(followed)
+        assert pair.fast.follower.remaining(pair.stamp) > 0.5
+
+
+def test_goals_of_the_action_are_watched(ros: Ros, rng: np.random.Generator) -> None:
+    node = ros.adopt(ControllerNode(TWO_LINK, own_thread=True, context=ros.context))
+    heard = ros.listen(JointState, "/joint_commands")
+    publisher = ros.publisher(JointState, "/joint_states")
+
+    def see(stamp: int, off: float) -> None:
+        at = node.follower.reference(stamp * MS) if node.follower else still(0.1, -0.2)
+        count = len(heard)
+        publisher.publish(deserialize_message(state(stamp * MS, at.q + off, at.v), JointState))
+        ros.spin_until(lambda: len(heard) > count)
+
+    see(0, 0.0)
+    client, there = Client(ros), trajectory(point(0.5, 0.3, 0.0))
+    near = {"path_tolerance": [tolerance(name, 0.05) for name in NAMES]}
+    first = client.send(goal(there, **near))
+    for stamp in range(501):
+        see(stamp, 0.04)
+    assert client.result(first)[0] == SUCCEEDED
+    assert node.answers.count > 400, "with feedback at 20 Hz"
+    second = client.send(goal(there, **near))
+    for stamp in range(501, 600):
+        see(stamp, 0.0)
+    see(600, 0.06)
+    assert client.result(second)[1].error_code == Result.PATH_TOLERANCE_VIOLATED
+
+
+def test_diagnostics_say_who_answers(ros: Ros, rng: np.random.Generator) -> None:
+    with side_by_side(ros, TWO_LINK) as pair:
+        pair.led(20, rng)
+        values = pair.fast.diagnostics()[0].values
+        assert values["answered in C"] == pair.in_c > 10
+        assert values["answered in Python"] == "states that are not ordinary"
+        assert 0.0 < values["answer in C [µs]"] <= values["longest answer in C [µs]"]
+        assert values["rate [Hz]"] > 0.0 and values["last state [s]"] < 5.0
+        by_hand = pair.slow.diagnostics()[0].values
+        assert by_hand["answered in Python"] == "the executor answers"
+
+
+def test_without_headers_the_executor_answers(ros: Ros, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(ordinary_answers, "_library", lambda: None)
+    node = ros.adopt(ControllerNode(TWO_LINK, own_thread=True, context=ros.context))
+    heard = ros.listen(JointState, "/joint_commands")
+    publisher = ros.publisher(JointState, "/joint_states")
+    publisher.publish(deserialize_message(state(0), JointState))
+    ros.spin_until(lambda: heard)
+    assert "no compiler" in node.diagnostics()[0].values["answered in Python"]
+
+
+def test_who_shuts_down_ends_the_thread(ros: Ros) -> None:
+    node = ros.adopt(ControllerNode(TWO_LINK, own_thread=True, context=ros.context))
+    ros.context.try_shutdown()
+    node.answers._thread.join(20.0)
+    assert not node.answers._thread.is_alive()

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: Apache-2.0
+"""Two controllers of the same arm beside each other, of which one answers in C."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numpy as np
+from harness import Ros
+from rclpy.parameter import Parameter
+from rclpy.serialization import serialize_message
+from sensor_msgs.msg import JointState
+from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
+
+from arm_dynamics.ros.controller_node import ControllerNode
+from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
+
+MS = 1_000_000
+
+
+class Pair:
+    """Shows two nodes the same states and orders.
+
+    Attributes:
+        fast: The node with a thread of its own, which gets its states from the topic.
+        slow: The node that Python alone makes answer, by hand.
+        stamp: Of the last state in [ns].
+        q: Where the arm is.
+        v: How it moves.
+        by_python: What Python answered for the fast node.
+    """
+
+    def __init__(self, ros: Ros, scene: Any, **parameters: Any) -> None:
+        overrides = [Parameter(name, value=value) for name, value in parameters.items()]
+        options: dict[str, Any] = {"context": ros.context, "parameter_overrides": overrides}
+        self._ros, self.stamp, self._heard = ros, 0, list[bytes]()
+        self.slow = ControllerNode(scene, **options)  # nobody spins it
+        self.slow.send = lambda command: None
+        self.fast = ros.adopt(ControllerNode(scene, own_thread=True, **options))
+        self.by_python = list[bytes | None]()
+        answer = self.fast.on_joint_states
+
+        def noted(raw: bytes) -> bytes | None:
+            self.by_python.append(answer(raw))
+            return self.by_python[-1]
+
+        self.fast.on_joint_states = noted
+        ros.peer.create_subscription(
+            JointState, JOINT_COMMANDS.name, self._heard.append, 10, raw=True
+        )
+        self._publisher = ros.publisher(JointState, JOINT_STATES.name)
+        ros.spin_until(lambda: self._publisher.get_subscription_count() >= 2)
+        ros.spin_until(lambda: ros.peer.count_publishers(JOINT_COMMANDS.name) >= 2)
+        self.q, self.v = self.slow.dynamics.model.q0, np.zeros(self.slow.dynamics.n)
+
+    @property
+    def names(self) -> list[str]:
+        """The joints."""
+        return list(self.slow.dynamics.joint_names)
+
+    @property
+    def in_c(self) -> int:
+        """How many states C has answered."""
+        with self.fast.answers:
+            return self.fast.answers.count
+
+    def state(self, q: Any, v: Any) -> bytes:
+        """A state of the time ``stamp``."""
+        message = JointState(name=self.names, position=list(q), velocity=list(v))
+        stamp = message.header.stamp
+        stamp.sec, stamp.nanosec = divmod(self.stamp, 10**9)
+        return bytes(serialize_message(message))
+
+    def answers(self, raw: bytes) -> bytes | None:
+        """What both command for a state, which must be the same."""
+        commands, by_python = len(self._heard), len(self.by_python)
+        expected = self.slow.on_joint_states(raw)
+        self._publisher.publish(raw)
+        if expected is None:
+            self._ros.spin_until(lambda: None in self.by_python[by_python:])
+            return None
+        self._ros.spin_until(lambda: len(self._heard) > commands)
+        assert self._heard[-1] == expected
+        return expected
+
+    def shown(self, raw: bytes) -> None:
+        """Show it to the fast node alone."""
+        self._publisher.publish(raw)
+        self._ros.spin_once()
+
+    def led(self, states: int, rng: np.random.Generator) -> None:
+        """Show both an arm that is about where it should be."""
+        for _ in range(states):
+            self.stamp += MS
+            if self.slow.follower is not None:
+                at = self.slow.follower.reference(self.stamp)
+                self.q, self.v = (x + rng.normal(0.0, 1e-3, x.size) for x in (at.q, at.v))
+            assert self.answers(self.state(self.q, self.v))
+
+    def both(self, order: Callable[[ControllerNode], Any]) -> None:
+        """Do something to both, between two states."""
+        for node in self.slow, self.fast:
+            order(node)
+
+    def change(self, **values: Any) -> None:
+        """Set parameters of both."""
+        wanted = [Parameter(name, value=value) for name, value in values.items()]
+        self.both(lambda node: node.set_parameters_atomically(wanted))
+
+    def go(self, *points: tuple[float, Sequence[float] | float]) -> None:
+        """Send both a trajectory of times in [s] and ways from home."""
+        message, home = JointTrajectory(joint_names=self.names), self.slow.dynamics.model.q0
+        for at, way in points:
+            point = JointTrajectoryPoint(positions=(home + np.asarray(way)).tolist())
+            span = point.time_from_start
+            span.sec, span.nanosec = divmod(round(1e9 * at), 10**9)
+            message.points.append(point)
+        self.both(lambda node: node.on_joint_trajectory(message))
+
+
+@contextmanager
+def side_by_side(ros: Ros, scene: Any, **parameters: Any) -> Iterator[Pair]:
+    """A pair; what no executor knows of it is taken down in the end."""
+    pair = Pair(ros, scene, **parameters)
+    try:
+        yield pair
+    finally:
+        pair.slow.destroy_node()
