@@ -86,7 +86,7 @@ def test_shapes_that_do_not_fit(call: Words) -> None:
     dyn = models.dynamics("panda")
     q, v, x = np.zeros((3, MANY, dyn.n))
     for given in ((q[:-1], v, x), (q[:, :-1], v, x), (q[None], v, x)):
-        with pytest.raises(InvalidInput, match=r"one length|shape"):
+        with pytest.raises(InvalidInput, match=r"the same length|shape"):
             call(dyn, *given)
 
 

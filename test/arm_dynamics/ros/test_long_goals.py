@@ -162,7 +162,7 @@ def test_every_way_to_start_the_controller_takes_short_turns(
 ) -> None:
     usual, before, found = 5e-3, sys.getswitchinterval(), []
 
-    def note(*_: Any) -> int:
+    def note(*_: Any, **__: Any) -> int:
         found.append(sys.getswitchinterval())
         sys.setswitchinterval(usual)
         return 2  # as a node that could not start

@@ -194,7 +194,7 @@ BOUNDS: dict[Any, dict[str, tuple[float, float, float, bool]]] = {
         "lockstep_retry": (0.02, 0.001, 10.0, False),
         "lockstep_timeout": (1.0, 0.01, 1e4, False),
         "publish_every": (1, 1, 100_000, False),
-        "energy_period": (0.02, 0.001, 10.0, False),
+        "energy_period": (0.1, 0.001, 10.0, False),
         "wrench_timeout": (0.1, 0.0, 3600.0, False),
         "command_timeout": (0.1, 0.0, 3600.0, True),
     },

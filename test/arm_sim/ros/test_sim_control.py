@@ -125,7 +125,7 @@ def test_payload_and_friction_are_set_by_services(ros: Ros) -> None:
 def test_what_a_payload_puts_in_is_accounted_for(ros: Ros) -> None:
     """And the weight that the policy ``gravity`` carries is the new one."""
     given = scene(tunable=["payload", "friction"], initial={"position": {"shoulder": 0.4}})
-    node = by_hand(ros, given, integrator="rk4", stale_policy="gravity")
+    node = by_hand(ros, given, integrator="rk4", stale_policy="gravity", energy_period=0.02)
     heard = ros.peer.create_subscription(Energy, "/sim/energy", lambda _: None, 10)
     engine, sim = node.engine, node.simulator
     ros.spin_until(lambda: node.count_subscribers("/sim/energy") == 1)
@@ -188,7 +188,7 @@ def test_time_stands_still_until_the_first_command(ros: Ros) -> None:
 
 
 def test_diagnostics_are_published_while_somebody_listens(ros: Ros) -> None:
-    node = by_hand(ros)
+    node = by_hand(ros, energy_period=0.02)
     node.tick()
     node.diagnosis.publish()
     heard = ros.listen(DiagnosticArray, "/diagnostics")

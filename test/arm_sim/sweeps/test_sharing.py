@@ -75,7 +75,7 @@ def test_an_address_where_nobody_answers_is_named(monkeypatch: pytest.MonkeyPatc
 
 def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "joblib", None)
-    with pytest.raises(InvalidInput, match="no module 'joblib'.*arm setup sweep"):
+    with pytest.raises(InvalidInput, match="cannot find the module 'joblib'.*arm setup sweep"):
         sweep(STUDY, workers=2)
 
 
