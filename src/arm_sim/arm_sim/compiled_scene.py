@@ -34,6 +34,7 @@ class CompiledScene:
         self.plant, self.choice, self.backend = plant, choice, backend
         self.stepper = Stepper(plant, choice, backend)
         self._controlled: tuple[CompiledControl, Stepper] | None = None
+        self._linearizers = dict[tuple[int, ...], Linearizer]()
 
     def pushable(self) -> CompiledScene:
         """The same with external joint torques, the quantity ``external``.
@@ -86,15 +87,23 @@ class CompiledScene:
         """The parts that a tick computes and skips, with reasons."""
         return Plan(self.plant, self.choice, self.stepper)
 
-    @cached_property
-    def linearizer(self) -> Linearizer:
-        """Exact derivatives of ticks."""
-        return Linearizer(self.plant, self.choice, self.stepper, self.backend)
+    def linearizer(self, tuned: tuple[int, ...] = ()) -> Linearizer:
+        """Exact derivatives of ticks, those by some entries of p included; kept for the next time.
+
+        Args:
+            tuned: Places in p.
+        """
+        if tuned not in self._linearizers:
+            self._linearizers[tuned] = Linearizer(
+                self.plant, self.choice, self.stepper, self.backend, tuned
+            )
+        return self._linearizers[tuned]
 
     @cached_property
     def gradients(self) -> Gradients:
         """Gradients of functions of many arms' states."""
-        return Gradients(self.plant, self.choice, self.linearizer, self.backend)
+        every = tuple(range(len(self.plant.parameters.nominal)))
+        return Gradients(self.plant, self.choice, self.linearizer(every), self.backend)
 
     @cached_property
     def rollouts(self) -> Rollouts:

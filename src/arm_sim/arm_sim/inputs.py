@@ -82,6 +82,14 @@ def row(name: str, value: Any, joints: Joints) -> Array:
     return given
 
 
+def rows(name: str, value: Any, arms: int, joints: int) -> Array:
+    """Check a row of finite numbers for each arm, shape (b, n)."""
+    given = np.atleast_2d(vector(name, value, joints))
+    if len(given) != arms:
+        raise InvalidInput(f"{name} has {len(given)} rows; expected one for each of {arms} arms")
+    return given
+
+
 def whole(name: str, value: Any, least: int) -> None:
     """Refuse what is not a whole number of at least ``least``."""
     if not isinstance(value, int | np.integer) or isinstance(value, bool) or value < least:

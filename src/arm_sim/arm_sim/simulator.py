@@ -5,8 +5,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
+from itertools import chain
 from struct import Struct
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -28,6 +29,7 @@ from arm_sim.inputs import (
     answers,
     named,
     row,
+    rows,
     tick_count,
     torque,
     torque_table,
@@ -47,7 +49,7 @@ from arm_sim.recording.recording import Recording
 from arm_sim.servo import JointCommand
 from arm_sim.state import State, read_only
 from arm_sim.stepping.contact_forces import ContactForce, contact_forces, trouble
-from arm_sim.stepping.gradient import RolloutGradient, gradient_of
+from arm_sim.stepping.gradient import RolloutGradient, gradient_of, rollout_change
 from arm_sim.stepping.roll import Roll
 from arm_sim.stepping.stepper import Stepper
 from arm_sim.view import Instant, LiveAccount, Rig, View, show_rigs
@@ -508,13 +510,30 @@ class Simulator:
         batch = replace(batch, tau=delivered(self.model.scene, self.dt, batch.tau))
         return rollouts.run(batch, threads, lanes)
 
-    def linearize(self, state: State, tau: ArrayLike, ticks: int = 1) -> tuple[Array, Array]:
+    @overload
+    def linearize(self, state: State, tau: ArrayLike, ticks: int = 1) -> tuple[Array, Array]: ...
+
+    @overload
+    def linearize(
+        self, state: State, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str]
+    ) -> tuple[Array, Array, dict[str, Array]]: ...
+
+    def linearize(
+        self, state: State, tau: ArrayLike, ticks: int = 1, *, by: Sequence[str] | None = None
+    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
         """Exact derivatives of the state after a tick (or several, torque held).
 
         Across events, which move with the state: see ``docs/concepts/derivatives.md``.
 
+        Args:
+            state: Where the tick begins.
+            tau: Torque in [N m] or [N], shape (n,), or what the drives take.
+            ticks: How many ticks.
+            by: Names of tunable quantities to differentiate by as well, see ``set_parameter``.
+
         Returns:
-            A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z).
+            A = ∂x⁺/∂x of shape (nx, nx) and B = ∂x⁺/∂τ of shape (nx, n), with x = (q, v, z); if
+            quantities are named, also P with P[name] = ∂x⁺/∂p of shape (nx, size).
 
         Raises:
             InvalidInput: If an argument is not allowed.
@@ -523,13 +542,67 @@ class Simulator:
             SimulationDiverged: If a tick cannot be computed.
         """
         whole("ticks", ticks, 1)
-        if not isinstance(state, State):
-            kind = type(state).__name__
-            raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")
-        x = packed(self.plant, state.q, state.v, state.z)
-        command = np.array(torque(tau, self.joint_names))
-        return self._compiled.linearizer(x, command, ticks)
+        x, command = self._point(state, tau)
+        places = self._places(by)
+        slope = self._compiled.linearizer(tuple(chain(*places.values())))(x, command, ticks)
+        A, B, P = self._parted(slope, places)
+        return (A, B) if by is None else (A, B, P)
 
+    def jvp(
+        self, state: State, tau: ArrayLike, dx: ArrayLike, dtau: ArrayLike, ticks: int = 1
+    ) -> Array:
+        """A dx + B dτ of ``linearize``: how the state after a tick changes, to first order.
+
+        A and B are not formed where the tick is smooth.
+
+        Args:
+            state: Where the tick begins.
+            tau: Torque, as for ``linearize``.
+            dx: Change of x = (q, v, z), shape (nx,).
+            dtau: Change of the torque, shape (n,).
+            ticks: How many ticks.
+
+        Returns:
+            Change of the state after the ticks, shape (nx,).
+
+        Raises:
+            InvalidInput: If an argument is not allowed.
+            NotDifferentiable: As ``linearize``.
+            SimulationDiverged: Likewise.
+        """
+        whole("ticks", ticks, 1)
+        x, command = self._point(state, tau)
+        dx, dtau = row("dx", dx, self.plant.nx), row("dtau", dtau, self.n)
+        return self._compiled.linearizer().product(x, command, ticks, dx, dtau)
+
+    def vjp(
+        self, state: State, tau: ArrayLike, weights: ArrayLike, ticks: int = 1
+    ) -> tuple[Array, Array]:
+        """Aᵀ w and Bᵀ w of ``linearize``: the gradient of w · x⁺ by the state and the torque.
+
+        A and B are not formed where the tick is smooth.
+
+        Args:
+            state: Where the tick begins.
+            tau: Torque, as for ``linearize``.
+            weights: w, shape (nx,).
+            ticks: How many ticks.
+
+        Returns:
+            Gradients by x = (q, v, z), shape (nx,), and by the torque, shape (n,).
+
+        Raises:
+            InvalidInput: If an argument is not allowed.
+            NotDifferentiable: As ``linearize``.
+            SimulationDiverged: Likewise.
+        """
+        whole("ticks", ticks, 1)
+        x, command = self._point(state, tau)
+        weights = row("weights", weights, self.plant.nx)
+        p = self._stepper.p[: len(self.plant.parameters.nominal)]
+        return self._compiled.gradients.product(x, command, p, ticks, weights)
+
+    @overload
     def linearize_many(
         self,
         q: ArrayLike,
@@ -539,7 +612,32 @@ class Simulator:
         *,
         threads: int | None = None,
         lanes: int | None = None,
-    ) -> tuple[Array, Array]:
+    ) -> tuple[Array, Array]: ...
+
+    @overload
+    def linearize_many(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        ticks: int = 1,
+        *,
+        by: Sequence[str],
+        threads: int | None = None,
+        lanes: int | None = None,
+    ) -> tuple[Array, Array, dict[str, Array]]: ...
+
+    def linearize_many(
+        self,
+        q: ArrayLike,
+        v: ArrayLike,
+        tau: ArrayLike,
+        ticks: int = 1,
+        *,
+        by: Sequence[str] | None = None,
+        threads: int | None = None,
+        lanes: int | None = None,
+    ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
         """As ``linearize``, at many states; smooth ticks in vector registers and on all cores.
 
         Args:
@@ -547,12 +645,14 @@ class Simulator:
             v: Velocities in [rad/s] or [m/s], shape (b, n).
             tau: Torques in [N m] or [N], held, shape (n,) or (b, n).
             ticks: How many ticks.
+            by: As for ``linearize``.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
 
         Returns:
-            A of shape (b, nx, nx) and B of shape (b, nx, n). States z of laws are those
-            consistent with q and v, as after a reset.
+            A of shape (b, nx, nx) and B of shape (b, nx, n); if parameters are named, also P with
+            P[name] of shape (b, nx, size). States z of laws are those consistent with q and v, as
+            after a reset.
 
         Raises:
             InvalidInput: If an argument is not allowed.
@@ -562,9 +662,60 @@ class Simulator:
         whole("ticks", ticks, 1)
         p = self._stepper.p[: len(self.plant.parameters.nominal)]
         batch = self._compiled.rollouts.batch(q, v, tau, 1, p, last_only=True)
-        linearizer, nx = self._compiled.linearizer, self.plant.nx
+        places = self._places(by)
+        linearizer = self._compiled.linearizer(tuple(chain(*places.values())))
         slopes = linearizer.many(batch.x0, batch.tau[:, 0], ticks, threads, lanes)
-        return slopes[:, :, :nx], slopes[:, :, nx:]
+        A, B, P = self._parted(slopes, places)
+        return (A, B) if by is None else (A, B, P)
+
+    def rollout_jvp(
+        self,
+        q0: ArrayLike,
+        v0: ArrayLike,
+        tau: ArrayLike,
+        steps: int,
+        dq0: ArrayLike,
+        dv0: ArrayLike,
+        dtau: ArrayLike,
+        *,
+        parameters: dict[str, Any] | None = None,
+        threads: int | None = None,
+        lanes: int | None = None,
+    ) -> Array:
+        """How the states of ``rollout`` change, to first order, along a direction for each arm.
+
+        It is the product of the rollout's derivative with that direction; ``rollout_gradient`` is
+        that of the transpose with weights. Derivatives of ticks are formed at events only.
+
+        Args:
+            q0: As for ``rollout``; under bilateral constraints states that obey them.
+            v0: As for ``rollout``.
+            tau: As for ``rollout``; they act at once.
+            steps: Ticks to advance.
+            dq0: Change of the initial positions, shape (b, n).
+            dv0: Change of the initial velocities, shape (b, n).
+            dtau: Change of the torques, shape (n,), (b, n) or (b, steps, n).
+            parameters: As for ``rollout``.
+            threads: Cores to use; None for all.
+            lanes: Arms in a vector register: 8, 4, 2 or 1; None for the widest there is.
+
+        Returns:
+            Changes of the states (q, v), shape (b, steps + 1, 2n).
+
+        Raises:
+            InvalidInput: If a shape or value is not allowed.
+            NotDifferentiable: If a tick of an arm has no derivative; it names the arm.
+            SimulationDiverged: If a tick of an arm cannot be computed; likewise.
+        """
+        p = self.plant.parameters.merged(parameters or {}, self._stepper.p)
+        rollouts, linearizer = self._compiled.rollouts, self._compiled.linearizer()
+        batch = rollouts.batch(q0, v0, tau, steps, p, last_only=True)
+        arms = len(batch.x0)
+        dx0 = np.hstack([
+            rows(name, change, arms, self.n) for name, change in (("dq0", dq0), ("dv0", dv0))
+        ])  # fmt: skip
+        changes = rollouts.by_tick("dtau", dtau, arms, batch.steps)
+        return rollout_change(self.plant, linearizer, batch, dx0, changes, threads, lanes)
 
     def rollout_gradient(
         self,
@@ -582,7 +733,7 @@ class Simulator:
 
         It costs about as much as four rollouts. It stores the motion of the arms that are advanced
         side by side: threads × lanes × (steps + 1) × nx numbers, besides arguments and results;
-        with events, or with error control, A and B of every tick of an arm.
+        with events, or with error control, the derivatives of every tick of an arm.
 
         Args:
             q0: As for ``rollout``; with bilateral constraints, states that satisfy them.
@@ -607,6 +758,8 @@ class Simulator:
             raise InvalidInput(
                 f"g has shape {weights.shape}; finite numbers of shape {shape} are expected"
             )
+        if self.plant.nz:
+            weights = np.pad(weights, ((0, 0), (0, 0), (0, self.plant.nz)))
         found = self._compiled.gradients.run(batch, weights, threads, lanes)
         return gradient_of(self.plant, batch, found, np.shape(tau))
 
@@ -685,6 +838,27 @@ class Simulator:
             lambda: self.energy_account.prepare(), lambda: EnergyMeter(self), bool(self.z_names)
         )
         return Rig(self, self._seen, lambda: self.use(self._compiled.pushable()), account)
+
+    def _point(self, state: State, tau: ArrayLike) -> tuple[Array, Array]:
+        """Where a tick is to be differentiated: x and the command, checked."""
+        if not isinstance(state, State):
+            kind = type(state).__name__
+            raise InvalidInput(f"state is of type {kind}; a State is expected, such as sim.state")
+        x = packed(self.plant, state.q, state.v, state.z)
+        return x, np.array(torque(tau, self.joint_names))
+
+    def _places(self, by: Sequence[str] | None) -> dict[str, tuple[int, ...]]:
+        """Where quantities to differentiate by are in p; ``by`` may be a single name."""
+        names = () if by is None else (by,) if isinstance(by, str) else tuple(by)
+        return self.plant.parameters.places(names)
+
+    def _parted(
+        self, slope: Array, places: dict[str, tuple[int, ...]]
+    ) -> tuple[Array, Array, dict[str, Array]]:
+        """Derivatives by state, torque and quantities, from all of them side by side."""
+        sizes = [self.plant.nx, self.n, *map(len, places.values())]
+        A, B, *parts = np.split(slope, np.cumsum(sizes)[:-1], axis=-1)
+        return A, B, dict(zip(places, parts, strict=True))
 
     def _seen(self) -> Instant:
         """The picture of the current state, under the torque of the last tick."""

@@ -155,14 +155,94 @@ def test_no_steps_at_all() -> None:
     np.testing.assert_array_equal(found.tau, np.zeros(2))
 
 
-def test_no_parameters_across_events() -> None:
-    scene = features.scene("planar", ("coulomb", "payload"))
-    sim = Simulator(scene, integrator="rk4")
-    found = sim.rollout_gradient(
-        sim.model.q0[None], np.array([[0.8, -0.5, 0.6]]), np.zeros(3), 2, np.ones((1, 3, 6))
-    )
-    with pytest.raises(NotDifferentiable, match="arm 0 has events"):
-        _ = found.parameters
+def test_by_parameters_across_events() -> None:
+    """A joint comes to rest on the way, which the load delays."""
+    sim = featured("coulomb", "payload")
+    q0, v0 = sim.model.q0[None], np.array([[0.03, -0.5, 0.6]])
+    tau, g = sim.dynamics.gravity(q0[0]), np.random.default_rng(2).normal(size=(1, STEPS + 1, 6))
+    load = np.array([[0.5, 0.0, 0.02, 0.05, 2e-3, 0.0, 0.0, 2e-3, 0.0, 1e-3]])
+
+    def L(payload: np.ndarray) -> float:
+        motion = sim.rollout(q0, v0, tau, STEPS, parameters={"payload": payload})
+        return float((g * motion).sum())
+
+    found = sim.rollout_gradient(q0, v0, tau, STEPS, g, parameters={"payload": load})
+    assert not sim.rollout(q0, v0, tau, STEPS, last_only=True)[0, 3]
+    assert_close(found.parameters["payload"], difference(L, load, 1e-5), 1e-7)
+
+
+@pytest.mark.parametrize("chosen", [("viscous", "payload"), ("coulomb",), ("flexible",)])
+def test_along_a_direction(chosen: tuple[str, ...]) -> None:
+    """g · (J d) = (Jᵀ g) · d, for smooth ticks, with events and where laws have states."""
+    sim = featured(*chosen)
+    q0, v0, tau, g = start(sim)
+    rng = np.random.default_rng(8)
+    dq0, dv0 = rng.normal(size=(2, ARMS, sim.n))
+    dtau = rng.normal(size=(ARMS, STEPS, sim.n))
+    change = sim.rollout_jvp(q0, v0, tau, STEPS, dq0, dv0, dtau)
+    found = sim.rollout_gradient(q0, v0, tau, STEPS, g)
+    product = (found.q0 * dq0).sum() + (found.v0 * dv0).sum() + (found.tau * dtau).sum()
+    assert change.shape == (ARMS, STEPS + 1, 2 * sim.n)
+    np.testing.assert_array_equal(change[:, 0], np.hstack([dq0, dv0]))
+    assert_close((g * change).sum(), product, 1e-11)
+
+
+def test_a_direction_against_differences() -> None:
+    """In lanes and alone to the bit, torques held or by tick."""
+    sim = models.simulator("skew_axes", stops=False, integrator="rk4")
+    q0, v0, tau, _ = start(sim, 5)
+    dq0, dv0, dtau = np.random.default_rng(9).normal(size=(3, 5, sim.n))
+    found = sim.rollout_jvp(q0, v0, tau, STEPS, dq0, dv0, dtau, lanes=4, threads=1)
+    alone = sim.rollout_jvp(q0, v0, tau, STEPS, dq0, dv0, dtau, lanes=1, threads=2)
+    np.testing.assert_array_equal(found, alone)
+
+    def moved(s: float) -> np.ndarray:
+        pushed = tau + s * dtau[:, None]
+        return np.asarray(sim.rollout(q0 + s * dq0, v0 + s * dv0, pushed, STEPS))
+
+    h = 1e-3
+    wanted = sum(w * (moved(k * h) - moved(-k * h)) / h for k, w in enumerate(WEIGHTS, 1))
+    assert_close(found, wanted, GRADIENT)
+
+
+@pytest.mark.parametrize(("chosen", "ticks"), [(("viscous",), 3), (("coulomb", "flexible"), 2)])
+def test_products_with_a_tick_are_those_with_A_and_B(chosen: tuple[str, ...], ticks: int) -> None:
+    sim = featured(*chosen)
+    state, tau = sim.reset(sim.model.q0, [0.8, -0.5, 0.6]), np.array([2.0, 1.0, 0.1])
+    A, B = sim.linearize(state, tau, ticks)
+    rng = np.random.default_rng(4)
+    dx, dtau, weights = (rng.normal(size=size) for size in (len(A), sim.n, len(A)))
+    assert_close(sim.jvp(state, tau, dx, dtau, ticks), A @ dx + B @ dtau, 1e-13)
+    by_x, by_tau = sim.vjp(state, tau, weights, ticks)
+    assert_close(by_x, A.T @ weights, 1e-13)
+    assert_close(by_tau, B.T @ weights, 1e-13)
+
+
+@pytest.mark.parametrize(
+    ("change", "message"),
+    [
+        ({"dq0": np.zeros(2)}, "dq0 has 1 rows"),
+        ({"dv0": np.zeros((2, 3))}, "dv0"),
+        ({"dtau": np.zeros((2, 5))}, r"dtau has shape \(2, 5\)"),
+        ({"dtau": [np.nan, 0.0]}, "dtau has values that are not finite"),
+    ],
+)
+def test_refusals_of_directions(change: dict[str, Any], message: str) -> None:
+    sim = models.simulator("two_link")
+    q = np.zeros((2, 2))
+    given = {"q0": q, "v0": q, "tau": np.zeros(2), "steps": 1, "dq0": q, "dv0": q, "dtau": q}
+    with pytest.raises(InvalidInput, match=message):
+        sim.rollout_jvp(**(given | change))
+
+
+@pytest.mark.parametrize("given", [{"dx": np.zeros(3)}, {"dtau": [np.inf, 0.0]}, {"ticks": 0}])
+def test_refusals_of_products(given: dict[str, Any]) -> None:
+    sim = models.simulator("two_link")
+    plain = {"dx": np.zeros(4), "dtau": np.zeros(2)}
+    with pytest.raises(InvalidInput, match=next(iter(given))):
+        sim.jvp(sim.state, np.zeros(2), **(plain | given))
+    with pytest.raises(InvalidInput, match="weights"):
+        sim.vjp(sim.state, np.zeros(2), np.zeros(3))
 
 
 def test_a_tick_without_a_derivative_is_named() -> None:

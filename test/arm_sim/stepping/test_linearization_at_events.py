@@ -220,6 +220,46 @@ def test_along_what_holds_against_differences(name: str, method: str) -> None:
     compare(simulator(build, dt, method), *state, free=free, h=1e-4)
 
 
+TUNABLE: dict[str, tuple[str, ...]] = {
+    "rebounds": ("gravity", "external"),
+    "meets a compliant stop": ("gravity",),
+    "comes to rest": ("gravity", "friction"),
+    "lands and slides": ("gravity", "payload"),
+    "ball on an arm lands and slides": ("gravity", "payload"),
+    "slides to rest while pushed aside": ("gravity", "payload"),
+    "lifts off": ("gravity", "payload"),
+}
+
+
+@pytest.mark.parametrize("name", TUNABLE)
+def test_by_tunable_quantities_across_events(name: str) -> None:
+    """Loads change blows, instants and forces; gravity and friction the instants."""
+    build, dt, (q, v, tau), *_ = (CASES | KEPT)[name]
+    load = {"mass": 0.4, "com": [0.01, 0.02, 0.03], "inertia": [3e-3, 0, 0, 3e-3, 0, 3e-3]}
+    scene = build() | {"tunable": list(TUNABLE[name])}
+    if "payload" in TUNABLE[name]:
+        scene["payloads"] = [load | {"frame": "body"}]
+    sim, h = Simulator(scene, dt=dt, integrator="rk4"), 1e-5
+    state = sim.reset(q, v)
+    *_, P = sim.linearize(state, tau, by=TUNABLE[name])
+    for quantity in TUNABLE[name]:
+        nominal = sim.plant.parameters.of(quantity, sim.parameters).copy()
+
+        def after(change: np.ndarray, quantity: str = quantity, at: Any = nominal) -> np.ndarray:
+            sim.reset(q, v)
+            sim.set_parameter(quantity, at + change)
+            end = np.r_[sim.step(tau).q, sim.state.v]
+            sim.set_parameter(quantity, at)
+            return end
+
+        wanted = np.column_stack([
+            (8 * (after(e) - after(-e)) - (after(2 * e) - after(-2 * e))) / (12 * h)
+            for e in h * np.eye(nominal.size)
+        ])  # fmt: skip
+        assert np.abs(wanted).max() > 1e-6
+        assert_close(P[quantity], wanted, 1e-9)
+
+
 def test_motor_breaks_a_joint_away() -> None:
     """Its current, a state, grows until static friction is overcome."""
     sim = simulator(motor, 2e-3, "error control")

@@ -6,8 +6,10 @@ for the columns dx, du, dh (Hairer, Nørsett, Wanner, Solving Ordinary Different
 1993, section I.14; Bock, "Numerical treatment of inverse problems in chemical reaction kinetics",
 1981: internal numerical differentiation):
 
-    dy_i = dx + h Σ a_ij dk_j + dh Σ a_ij k_j,   dk_i = f_x(y_i) dy_i + f_u(y_i) du.
+    dy_i = dx + h Σ a_ij dk_j + dh Σ a_ij k_j,   dk_i = f_x(y_i) dy_i + f_w(y_i) dw,
 
+where w is all that is held over the step: u, and tunable quantities if derivatives by them are
+asked for.
 It is the exact derivative of the step that is computed, not of the motion.
 """
 
@@ -19,10 +21,10 @@ import casadi as ca
 
 from arm_sim.integrators.methods import Method, Scaled, build_step, weighed_sum
 from arm_sim.integrators.tableaux import Tableau
-from arm_sim.plant.slopes import Kept, Slopes
+from arm_sim.plant.slopes import Kept, Slopes, jacobian_by
 
 Pair = tuple[ca.Function, ca.Function]
-"""Function (x, u, p, h) -> (x at the end, c), and function (c, dx, du, dh) -> dx at the end."""
+"""Function (x, u, p, h) -> (x at the end, c), and function (c, dx, dw, dh) -> dx at the end."""
 
 
 def build_tangent(
@@ -32,6 +34,7 @@ def build_tangent(
     n: int,
     project: ca.Function | None = None,
     scaled: Scaled | None = None,
+    tuned: Sequence[int] = (),
 ) -> Pair:
     """Compose the derivative of one step, as of ``build_step``.
 
@@ -42,26 +45,32 @@ def build_tangent(
         n: Degrees of freedom; x starts with q and v of n each.
         project: What brings (q, v) back to the constraints, see ``Plant.project``.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
+        tuned: Places in p of the quantities to differentiate by, those of ``slopes``.
 
     Returns:
         ``advance`` and ``stretch``: what to compute once, and what to carry columns by.
     """
     if method.name == "implicit":
-        return _whole(build_step(method, rhs, n, project, scaled))
+        return _whole(build_step(method, rhs, n, project, scaled), tuned)
     pair = _semi_implicit(slopes, n) if method.tableau is None else _staged(method.tableau, slopes)
-    return pair if project is None else _projected(pair, project, n)
+    return pair if project is None else _projected(pair, project, n, tuned)
 
 
-def _symbols(slopes: Slopes, kind: type[ca.MX] | type[ca.SX]) -> tuple[ca.MX | ca.SX, ...]:
+def _symbols(slopes: Slopes) -> tuple[ca.MX, ca.MX, ca.MX, ca.MX]:
     f = slopes.coefficients
-    x, u, p = (kind.sym(name, f.size1_in(i)) for i, name in enumerate("xup"))
-    return x, u, p, kind.sym("h")
+    x, u, p = (ca.MX.sym(name, f.size1_in(i)) for i, name in enumerate("xup"))
+    return x, u, p, ca.MX.sym("h")
+
+
+def _changes(slopes: Slopes) -> tuple[ca.SX, ca.SX, ca.SX]:
+    dx, dw = (ca.SX.sym(name, slopes.carried.size1_in(i)) for i, name in ((1, "dx"), (2, "dw")))
+    return dx, dw, ca.SX.sym("dh")
 
 
 def _staged(tableau: Tableau, slopes: Slopes) -> Pair:
     """Runge-Kutta methods; stages that the result does not need are left out."""
     used = stages_used(tableau)
-    x, u, p, h = _symbols(slopes, ca.MX)
+    x, u, p, h = _symbols(slopes)
     k: dict[int, ca.MX] = {}
     c: dict[int, ca.MX] = {}
     for i in used:
@@ -70,7 +79,7 @@ def _staged(tableau: Tableau, slopes: Slopes) -> Pair:
     after = x + h * weighed_sum(tableau.b, k, x)
     advance = ca.Function("advance", [x, u, p, h], [after, kept], {"cse": True})
 
-    dx, du, _, dh = _symbols(slopes, ca.SX)
+    dx, dw, dh = _changes(slopes)
     h, s, t = (ca.SX.sym(name, *shape) for name, shape in (
         ("h", (1, 1)), ("k", (dx.shape[0], len(used))),
         ("c", (slopes.coefficients.size1_out(1), len(used))),
@@ -82,9 +91,9 @@ def _staged(tableau: Tableau, slopes: Slopes) -> Pair:
         return dx + h * weighed_sum(weights, dk, dx) + dh * weighed_sum(weights, slope, dx)
 
     for place, i in enumerate(used):
-        dk[i] = slopes.carried(t[:, place], moved(tableau.a[i]), du)
+        dk[i] = slopes.carried(t[:, place], moved(tableau.a[i]), dw)
     kept = ca.vertcat(h, ca.vec(s), ca.vec(t))
-    return advance, ca.Function("stretch", [kept, dx, du, dh], [moved(tableau.b)], {"cse": True})
+    return advance, ca.Function("stretch", [kept, dx, dw, dh], [moved(tableau.b)], {"cse": True})
 
 
 def stages_used(tableau: Tableau) -> list[int]:
@@ -98,29 +107,31 @@ def stages_used(tableau: Tableau) -> list[int]:
 
 def _semi_implicit(slopes: Slopes, n: int) -> Pair:
     """Speeds first, then positions with the new speeds, as in ``build_step``."""
-    x, u, p, h = _symbols(slopes, ca.MX)
+    x, u, p, h = _symbols(slopes)
     k, c = slopes.coefficients(x, u, p)
     after = x + h * k
     found = ca.vertcat(x[:n] + h * after[n : 2 * n], after[n:])
     kept = ca.vertcat(h, k, after[n : 2 * n], c)
     advance = ca.Function("advance", [x, u, p, h], [found, kept], {"cse": True})
 
-    dx, du, _, dh = _symbols(slopes, ca.SX)
+    dx, dw, dh = _changes(slopes)
     h, k = ca.SX.sym("h"), ca.SX.sym("k", dx.shape[0])
     v, c = ca.SX.sym("v", n), ca.SX.sym("c", slopes.coefficients.size1_out(1))
-    moved = dx + h * slopes.carried(c, dx, du) + dh * k
+    moved = dx + h * slopes.carried(c, dx, dw) + dh * k
     change = ca.vertcat(dx[:n] + h * moved[n : 2 * n] + dh * v, moved[n:])
     kept = ca.vertcat(h, k, v, c)
-    return advance, ca.Function("stretch", [kept, dx, du, dh], [change], {"cse": True})
+    return advance, ca.Function("stretch", [kept, dx, dw, dh], [change], {"cse": True})
 
 
-def _projected(pair: Pair, project: ca.Function, n: int) -> Pair:
+def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -> Pair:
     """The same with the state brought back to the constraints at the end."""
     advance, stretch = pair
     before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
     found = project(before, after, p)[0]
     kept = Kept()
-    by_before, by_after = (kept.matrix(ca.jacobian(found, by)) for by in (before, after))
+    by_before, by_after, by_p = (
+        kept.matrix(ca.jacobian(found, by)) for by in (before, after, p[list(tuned), :])
+    )
     held = ca.Function("held", [before, after, p], [found, kept.values], {"cse": True})
 
     x, u, p, h = (advance.mx_in(i) for i in range(4))
@@ -129,24 +140,26 @@ def _projected(pair: Pair, project: ca.Function, n: int) -> Pair:
     results = [ca.vertcat(found, moved[2 * n :]), ca.vertcat(c, more)]
     whole = ca.Function("advance", [x, u, p, h], results, {"cse": True})
 
-    c, dx, du, dh = (ca.SX.sym(name, stretch.size1_in(i)) for i, name in enumerate("cxuh"))
-    moved = stretch(c, dx, du, dh)
-    change = by_before @ dx[: 2 * n] + by_after @ moved[: 2 * n]
-    arguments = [ca.vertcat(c, kept.symbols), dx, du, dh]
+    c, dx, dw, dh = (ca.SX.sym(name, stretch.size1_in(i)) for i, name in enumerate("cxwh"))
+    moved = stretch(c, dx, dw, dh)
+    change = by_before @ dx[: 2 * n] + by_after @ moved[: 2 * n] + by_p @ dw[n:]
+    arguments = [ca.vertcat(c, kept.symbols), dx, dw, dh]
     change = ca.vertcat(change, moved[2 * n :])
     return whole, ca.Function("stretch", arguments, [change], {"cse": True})
 
 
-def _whole(step: ca.Function) -> Pair:
+def _whole(step: ca.Function, tuned: Sequence[int]) -> Pair:
     """A step that is differentiated as a whole."""
     x, u, p, h = (step.mx_in(i) for i in range(4))
     after = step(x, u, p, h)
-    slopes = [ca.densify(ca.jacobian(after, by)) for by in (x, u, h)]
+    by_x, by_u, by_h = (ca.jacobian(after, by) for by in (x, u, h))
+    by_w = ca.horzcat(by_u, jacobian_by(after, p, tuned))
+    slopes = [ca.densify(slope) for slope in (by_x, by_w, by_h)]
     kept = ca.vertcat(*(ca.vec(slope) for slope in slopes))
     advance = ca.Function("advance", [x, u, p, h], [after, kept], {"cse": True})
-    symbols = [ca.SX.sym(name, *slope.shape) for name, slope in zip("XUH", slopes, strict=True)]
+    symbols = [ca.SX.sym(name, *slope.shape) for name, slope in zip("XWH", slopes, strict=True)]
     columns = [
-        ca.SX.sym(f"d{name}", slope.shape[1]) for name, slope in zip("xuh", slopes, strict=True)
+        ca.SX.sym(f"d{name}", slope.shape[1]) for name, slope in zip("xwh", slopes, strict=True)
     ]
     change = sum((J @ d for J, d in zip(symbols, columns, strict=True)), ca.SX(x.shape[0], 1))
     kept = ca.vertcat(*(ca.vec(J) for J in symbols))

@@ -218,7 +218,7 @@ class ILQR:
         """A and B of all nodes side by side, shape (nodes, nx, nx + n)."""
         parts = []
         for phase, part in zip(self._phases, self._parts, strict=True):
-            linearizer = phase.simulator.compiled.linearizer
+            linearizer = phase.simulator.compiled.linearizer()
             try:
                 parts.append(linearizer.many(at.x[part], at.u[part], 1, self._threads, None))
             except NotDifferentiable as error:

@@ -83,6 +83,23 @@ class Parameters:
             first += item.nominal.size
         return None
 
+    def places(self, names: Sequence[str]) -> dict[str, tuple[int, ...]]:
+        """Where quantities to differentiate by are in p, in the order of their names.
+
+        Raises:
+            InvalidInput: If a name is not tunable, or is that of switches.
+        """
+        allowed = [name for name in self.names if name != "constraints"]
+        found = dict[str, tuple[int, ...]]()
+        for name in names:
+            if name not in allowed or (place := self.place(name)) is None:
+                raise InvalidInput(
+                    f"by = {list(names)}: there is no derivative by '{name}'; the scene's "
+                    f"'tunable' allows {allowed or 'nothing'}"
+                )
+            found[name] = tuple(range(place.start, place.stop))
+        return found
+
     def symbols(self) -> dict[str, ca.SX]:
         """A symbol for each quantity, in the order of p."""
         return {item.name: ca.SX.sym(item.name, item.nominal.size) for item in self.items}

@@ -10,6 +10,8 @@ written.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 
 from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
@@ -19,35 +21,46 @@ from arm_sim.plant.symbols import dense_function
 
 
 class Slopes:
-    """Derivatives of x' = f(x, u, p) by x and u.
+    """Derivatives of x' = f(x, u, p) by x and u, and by some of the tunable quantities in p.
 
     Args:
         plant: The equations.
+        tuned: Places in p of the quantities to differentiate by.
 
     Attributes:
         coefficients: CasADi function (x, u, p) -> x' and the numbers c that its derivative needs.
-        carried: CasADi function (c, dx, du) -> dx', linear in dx and du.
+        carried: CasADi function (c, dx, dw) -> dx', linear in dx and in the changes dw of u and
+            of those quantities, one below the other.
     """
 
-    def __init__(self, plant: Plant) -> None:
+    def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
         x, u, p = (ca.SX.sym(name, plant.rhs.size1_in(i)) for i, name in enumerate("xup"))
-        slope = _slope(plant, x, u, p)
-        dx, du, n = ca.SX.sym("dx", plant.nx), ca.SX.sym("du", plant.model.n), plant.model.n
+        slope, n, chosen = _slope(plant, x, u, p), plant.model.n, p[list(tuned), :]
+        dx, dw = ca.SX.sym("dx", plant.nx), ca.SX.sym("dw", n + len(tuned))
         kept = Kept()
         if plant.held_by_joints:
             K_x, K_u, H = plant.scaled_slopes(x, u, p, slope)
-            rows = kept.matrix(K_x) @ dx + kept.matrix(K_u) @ du
+            K_w = ca.horzcat(K_u, _scaled_by(chosen, plant, x, u, p, slope)) if tuned else K_u
+            rows = kept.matrix(K_x) @ dx + kept.matrix(K_w) @ dw
             factors = factored(ca.sparsify(H[:n, :n]))
             pivots = kept.matrix(1 / ca.diag(factors))
             factors = kept.matrix(ca.tril(factors, False))
             load, rates = ca.vertsplit(rows, [0, n, plant.nx - n])
             changes = ca.vertcat(substituted(factors, pivots * eliminated(factors, load)), rates)
         else:
-            J_x, J_u = ca.jacobian(slope[n:], x), ca.jacobian(slope[n:], u)
-            changes = kept.matrix(J_x) @ dx + kept.matrix(J_u) @ du
+            J_x, J_w = (ca.jacobian(slope[n:], by) for by in (x, ca.vertcat(u, chosen)))
+            changes = kept.matrix(J_x) @ dx + kept.matrix(J_w) @ dw
         self.coefficients = dense_function("coefficients", [x, u, p], slope, kept.values)
         change = ca.vertcat(dx[n : 2 * n], changes)
-        self.carried = dense_function("carried", [kept.symbols, dx, du], change)
+        self.carried = dense_function("carried", [kept.symbols, dx, dw], change)
+
+
+def _scaled_by(chosen: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope: ca.SX) -> ca.SX:
+    """H ∂g/∂p for some entries of p, as ``Plant.scaled_slopes`` for x and u."""
+    n, a = plant.model.n, ca.SX.sym("a", plant.model.n)
+    by_p = ca.jacobian(plant.residual(x, u, p, a)[0], chosen)
+    rows = ca.Function("rows", [x, u, p, a], [by_p])(x, u, p, slope[n : 2 * n])
+    return ca.vertcat(rows, ca.jacobian(plant.rhs(x, u, p)[2 * n :], chosen))
 
 
 def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
@@ -60,6 +73,13 @@ def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
     H = plant.scaled_slopes(x, u, p, still)[2]
     a = solve(ca.sparsify(H[:n, :n]), load)
     return ca.vertcat(slope[:n], a, slope[2 * n :]) if plant.nz else ca.vertcat(slope[:n], a)
+
+
+def jacobian_by(expression: ca.MX, p: ca.MX, tuned: Sequence[int]) -> ca.MX:
+    """Derivative by entries of p, at no cost if there are none."""
+    if not tuned:
+        return ca.MX(expression.shape[0], 0)
+    return ca.jacobian(expression, p)[:, list(tuned)]
 
 
 class Kept:

@@ -3,10 +3,12 @@
 
 Which joints and contacts take part, rebound, stick or slide does not change; the impulses follow
 from Newton's law in the normal direction and Coulomb's law in the tangential ones, and their
-derivatives from the implicit function theorem.
+derivatives from the implicit function theorem. Payloads change them through the masses.
 """
 
 from __future__ import annotations
+
+from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
@@ -15,6 +17,7 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.equations.contact import AT_REST
 from arm_sim.exceptions import NotDifferentiable
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import jacobian_by
 
 # Relative distance to the friction cone below which an impulse is on its boundary.
 EDGE = 1e-9
@@ -25,9 +28,10 @@ class Blow:
 
     Args:
         plant: The scene's equations.
+        tuned: Places in p of the quantities to differentiate by.
     """
 
-    def __init__(self, plant: Plant) -> None:
+    def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
         self._plant = plant
         n, nc = plant.model.n, len(plant.points)
         modes = plant.rhs.numel_in(2)
@@ -56,16 +60,22 @@ class Blow:
             moves = ca.if_else(sticks[k] > 0, speed[tangents], slides)
             laws.append(ca.if_else(carries[k] > 0, moves, r[tangents]))
         law = ca.vertcat(*laws)
-        slopes = [ca.jacobian(y, by) for y in (after, law) for by in (x, r)]
+        slopes = list[ca.MX]()
+        for y in (after, law):
+            slopes.append(ca.horzcat(ca.jacobian(y, x), jacobian_by(y, p, tuned)))
+            slopes.append(ca.jacobian(y, r))
         arguments = [x, p, e, f, carries, sticks, r]
         self._slopes = ca.Function("blow", arguments, slopes, {"cse": True})
         self._speeds = ca.Function("speeds", [x, p, e, r], [after, speed])
 
     def slope(self, record: np.void) -> Array:
-        """Derivative of the velocities after an impact by (q, v) before it, shape (n, 2n).
+        """Derivative of the velocities after an impact by (q, v) before it and the parameters.
 
         Args:
             record: The segment that begins with the impact, see ``segment_type``.
+
+        Returns:
+            Shape (n, 2n + nt).
 
         Raises:
             NotDifferentiable: If the impact has no derivative.

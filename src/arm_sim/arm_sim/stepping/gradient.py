@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gradients of functions of a rollout's states, by initial state, torques and parameters.
+"""Products with the derivative of a rollout and with its transpose, which are never formed.
 
+The transpose gives gradients of functions of the states, by initial state, torques and parameters.
 The motion is computed once and stored at the ticks, then λ = ∂L/∂x is propagated backwards tick by
 tick by the transposed derivative of the same step (``integrators.adjoints``). That costs about as
-much as four rollouts, for any number of torques. Ticks with events use their A and B.
+much as four rollouts, for any number of torques. Ticks with events use their derivatives A, B, P.
 """
 
 from __future__ import annotations
@@ -30,7 +31,7 @@ from arm_sim.plant.slopes import pullback
 from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import Batch, alike, of_lanes, share, stop_defines, widths
 from arm_sim.stepping.stepper import pointer, sizes, source
-from arm_sim.stepping.tangents import LONGEST
+from arm_sim.stepping.tangents import LONGEST, Arms
 
 
 @dataclass(frozen=True)
@@ -48,20 +49,10 @@ class RolloutGradient:
     tau: Array
     _by_p: Array
     _known: Parameters
-    _across_events: tuple[int, ...]
 
     @property
     def parameters(self) -> dict[str, Array]:
-        """∂L/∂p of every tunable quantity by its name, a row for each arm, shape (b, size).
-
-        Raises:
-            NotDifferentiable: If an arm's motion had events, across which they are not computed.
-        """
-        if self._across_events and self._known.items:
-            raise NotDifferentiable(
-                f"rollout_gradient: the motion of arm {self._across_events[0]} has events, across "
-                "which derivatives by parameters are not computed; available: q0, v0 and tau"
-            )
+        """∂L/∂p of every tunable quantity by its name, a row for each arm, shape (b, size)."""
         ends = np.cumsum([item.nominal.size for item in self._known.items])
         parts = np.split(self._by_p, ends, axis=1)[:-1]
         return dict(zip(self._known.names, parts, strict=True))
@@ -75,13 +66,11 @@ class Found:
         by_x: By initial states (q, v, z), shape (b, nx).
         by_tau: By the torques of all ticks, shape (b, ticks, n).
         by_p: By parameters, shape (b, np).
-        eventful: Arms whose motion has events; their ``by_p`` is NaN.
     """
 
     by_x: Array
     by_tau: Array
     by_p: Array
-    eventful: tuple[int, ...]
 
 
 def gradient_of(
@@ -102,9 +91,7 @@ def gradient_of(
             by_start[arm] += by_x[arm, 2 * n :] @ _initial_slope(plant, x[: 2 * n])
     by_tau = found.by_tau if len(shape) == 3 else found.by_tau.sum(axis=1)
     by_tau = by_tau.sum(axis=0) if len(shape) == 1 else by_tau
-    return RolloutGradient(
-        by_start[:, :n], by_start[:, n:], by_tau, found.by_p, plant.parameters, found.eventful
-    )
+    return RolloutGradient(by_start[:, :n], by_start[:, n:], by_tau, found.by_p, plant.parameters)
 
 
 def _initial_slope(plant: Plant, x: Array) -> Array:
@@ -124,13 +111,44 @@ def _initial_slope(plant: Plant, x: Array) -> Array:
     return np.column_stack(columns)
 
 
+def rollout_change(
+    plant: Plant, linearizer: Linearizer, batch: Batch, dx0: Array, dtau: Array,
+    threads: int | None, lanes: int | None,
+) -> Array:  # fmt: skip
+    """How the states of a rollout change, to first order, with its initial states and torques.
+
+    Args:
+        plant: The scene's equations.
+        linearizer: Derivatives of its ticks.
+        batch: The arms; ``out`` is not used.
+        dx0: Changes of the initial (q, v), shape (b, 2n).
+        dtau: Changes of the torques, shape (b, ticks, n).
+        threads: Cores to use; None for all.
+        lanes: Arms in a vector register; None for the widest there is.
+
+    Returns:
+        Changes of (q, v), shape (b, ticks + 1, 2n).
+    """
+    if plant.nz:
+        of_start = zip(batch.x0, dx0, strict=True)
+        dz0 = [_initial_slope(plant, x[: dx0.shape[1]]) @ dx for x, dx in of_start]
+        given = np.hstack([dx0, np.array(dz0)])[:, :, None]
+    else:
+        given = np.ascontiguousarray(dx0)[:, :, None]
+    ticks = batch.steps
+    arms = Arms(batch.x0, batch.tau[:, :ticks], batch.p, given, dtau[:, :ticks, :, None])
+    moved = linearizer.carried(arms, threads, lanes, every=True)
+    changes = np.concatenate([given[:, None], moved], axis=1)[..., 0]
+    return changes[..., : 2 * plant.model.n]
+
+
 class Gradients:
     """Gradients of the rollouts of one scene.
 
     Args:
         plant: The scene's equations.
         choice: Method, tick and tolerance.
-        linearizer: Derivatives of ticks that have events.
+        linearizer: Derivatives of ticks that have events, by all of p too.
         backend: As for ``Kernel``.
     """
 
@@ -144,7 +162,7 @@ class Gradients:
 
         Args:
             batch: The arms; ``out`` is not used.
-            g: By the states (q, v), shape (b, steps + 1, 2n).
+            g: By the states, shape (b, steps + 1, nx).
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
 
@@ -154,7 +172,7 @@ class Gradients:
         """
         arms, ticks, n = len(batch.x0), batch.steps, self._plant.model.n
         found = Found(
-            np.zeros(batch.x0.shape), np.zeros((arms, ticks, n)), np.zeros(batch.p.shape), ()
+            np.zeros(batch.x0.shape), np.zeros((arms, ticks, n)), np.zeros(batch.p.shape)
         )
         width, library = self._library(lanes)
         eventful = list(range(arms))
@@ -162,7 +180,30 @@ class Gradients:
             eventful = self._side_by_side(library, width, batch, g, found, threads)
         for arm in eventful:
             self._tick_by_tick(batch, g, found, arm)
-        return Found(found.by_x, found.by_tau, found.by_p, tuple(eventful))
+        return found
+
+    def product(
+        self, x: Array, r: Array, p: Array, ticks: int, weights: Array
+    ) -> tuple[Array, Array]:
+        """Gradients of weights · state after ticks of one arm, by state and held command.
+
+        Args:
+            x: State, shape (nx,).
+            r: Command, shape (n,).
+            p: Tunable numbers, shape (np,).
+            ticks: How many.
+            weights: Shape (nx,).
+
+        Raises:
+            NotDifferentiable: If a tick has no derivative.
+            SimulationDiverged: If a tick cannot be computed.
+        """
+        commands = np.broadcast_to(r, (1, ticks, len(r)))
+        batch = Batch(x[None], commands, p[None], ticks, np.empty((1, len(x))))
+        g = np.zeros((1, ticks + 1, len(x)))
+        g[0, -1] = weights
+        found = self.run(batch, g, threads=1, lanes=1)
+        return found.by_x[0], found.by_tau[0].sum(axis=0)
 
     def _side_by_side(
         self, library: ctypes.CDLL, width: int, batch: Batch, g: Array, found: Found,
@@ -187,7 +228,7 @@ class Gradients:
         return [arm for arm in range(len(batch.x0)) if met[arm]]
 
     def _tick_by_tick(self, batch: Batch, g: Array, found: Found, arm: int) -> None:
-        """The gradient of one arm by A and B of each of its ticks."""
+        """The gradient of one arm by the derivatives of each of its ticks."""
         n, nx = self._plant.model.n, self._plant.nx
         p, tau = batch.p[arm], batch.tau[arm]
         slopes = list[Array]()
@@ -196,13 +237,13 @@ class Gradients:
                 slopes.append(slope)
         except (SimulationDiverged, NotDifferentiable) as error:
             raise type(error)(f"arm {arm}, tick {len(slopes)}: {error}") from None
-        weight = np.zeros(nx)
-        weight[: 2 * n] = g[arm, -1]
+        weight, found.by_p[arm] = g[arm, -1], 0.0
         for k in reversed(range(batch.steps)):
-            found.by_tau[arm, k] = weight @ slopes[k][:, nx:]
-            weight = weight @ slopes[k][:, :nx]
-            weight[: 2 * n] += g[arm, k]
-        found.by_x[arm], found.by_p[arm] = weight, np.nan
+            by_x, by_tau, by_p = np.split(weight @ slopes[k], (nx, nx + n))
+            found.by_tau[arm, k] = by_tau
+            found.by_p[arm] += by_p
+            weight = by_x + g[arm, k]
+        found.by_x[arm] = weight
 
     def _library(self, lanes: int | None) -> tuple[int, ctypes.CDLL | None]:
         same = alike(self._plant, self._choice)

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array
 from arm_dynamics.equations.contact import AT_REST, MODE
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import jacobian_by
 from arm_sim.stepping.events import Modes
 
 # A guard that reaches zero within this fraction of a tick counts as zero; likewise one that is
@@ -34,12 +35,13 @@ class Guards:
 
     Args:
         plant: The scene's equations.
+        tuned: Places in p of the quantities to differentiate by.
 
     Attributes:
         names: The joint, contact or stop of each guard, for messages.
     """
 
-    def __init__(self, plant: Plant) -> None:
+    def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
         self._plant = plant
         points = [f"contact '{point.name}'" for point in plant.points]
         joints = [f"joint '{name}'" for name in plant.model.joint_names]
@@ -52,7 +54,8 @@ class Guards:
         self._joints = slice(2 * len(points), 2 * len(points) + len(joints))
         values, sizes = _guards(plant, x, u, p, limit)
         rates = ca.jtimes(values, x, plant.rhs(x, u, p))
-        slopes = ca.jacobian(values, x), ca.jacobian(values, u)
+        by_w = ca.horzcat(ca.jacobian(values, u), jacobian_by(values, p, tuned))
+        slopes = ca.jacobian(values, x), by_w
         arguments = [x, u, p, limit]
         self._values = ca.Function("guards", arguments, [values, sizes, rates], {"cse": True})
         self._slopes = ca.Function("slopes", arguments, list(slopes), {"cse": True})
@@ -91,7 +94,7 @@ class Guards:
         return not after > GRAZING * before
 
     def slopes(self, guard: int, x: Array, u: Array, modes: Modes, limit: Array) -> list[Array]:
-        """Derivatives of a guard by x and u, shapes (nx,) and (n,)."""
+        """Derivatives of a guard by x, shape (nx,), and by u and the quantities, (n + nt,)."""
         return [np.array(slope)[guard] for slope in self._slopes(x, u, modes.p, limit)]
 
     def _at(self, x: Array, u: Array, modes: Modes, limit: Array) -> list[Array]:

@@ -36,7 +36,7 @@ from arm_sim.stepping.guards import INSTANT, Guards
 from arm_sim.stepping.rollout import alike, widths
 from arm_sim.stepping.settling import Settling
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.tangents import Arms, Tangents
+from arm_sim.stepping.tangents import Arms, Carried, Tangents
 from arm_sim.stepping.trace import segment_type, trace_tick
 from arm_sim.stepping.turning import Turning
 
@@ -46,12 +46,14 @@ SAME = 1e-9
 
 @dataclass
 class Motion:
-    """A motion and its derivatives by the state x and the command u at its beginning.
+    """A motion and its derivatives by the state x at its beginning and by what is held, w.
+
+    w is the command u followed by the parameters to differentiate by, nw numbers.
 
     Attributes:
         x: State, shape (nx,).
-        slope: Its derivative by (x, u), shape (nx, nx + n).
-        delay: Derivative of the elapsed time, shape (nx + n,).
+        slope: Its derivative by (x, w), shape (nx, nx + nw).
+        delay: Derivative of the elapsed time, shape (nx + nw,).
     """
 
     x: Array
@@ -60,25 +62,36 @@ class Motion:
 
 
 class Linearizer:
-    """Derivatives of a scene's ticks.
+    """Derivatives of a scene's ticks by state and command, and by some of its tunable quantities.
+
+    Those quantities are held, as the command is: where derivatives lie side by side, columns for
+    the command come after those for the state, and columns for the quantities after these.
 
     Args:
         plant: The scene's equations.
         choice: Method, tick and tolerance.
         stepper: Runs its ticks and determines the modes of joints and contacts.
         backend: As for ``Kernel``.
+        tuned: Places in p of the quantities to differentiate by.
     """
 
-    def __init__(self, plant: Plant, choice: Choice, stepper: Stepper, backend: str) -> None:
+    def __init__(
+        self,
+        plant: Plant,
+        choice: Choice,
+        stepper: Stepper,
+        backend: str,
+        tuned: Sequence[int] = (),
+    ) -> None:
         self._plant, self._choice, self._stepper = plant, choice, stepper
-        self._backend = backend
+        self._backend, self._tuned, self._held = backend, tuned, plant.model.n + len(tuned)
         act = actuation(plant)
         x, r = act.mx_in(0), act.mx_in(1)
         u = act(x, r)
         results = [u, ca.jacobian(u, x), ca.jacobian(u, r)]
         self._actuation = ca.Function("actuation", [x, r], results)
 
-    def __call__(self, x: Array, r: Array, ticks: int) -> tuple[Array, Array]:
+    def __call__(self, x: Array, r: Array, ticks: int) -> Array:
         """Differentiate ``ticks`` ticks from ``x`` under the held command ``r``.
 
         Args:
@@ -87,14 +100,14 @@ class Linearizer:
             ticks: How many.
 
         Returns:
-            A of shape (nx, nx) and B of shape (nx, n).
+            Derivatives by state, command and quantities side by side, shape (nx, nx + n + nt).
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        slope = self.many(x[None], r[None], ticks, threads=1, lanes=1)[0]
-        return slope[:, : len(x)], slope[:, len(x) :]
+        slope: Array = self.many(x[None], r[None], ticks, threads=1, lanes=1)[0]
+        return slope
 
     def many(
         self, x: Array, r: Array, ticks: int, threads: int | None, lanes: int | None
@@ -109,32 +122,80 @@ class Linearizer:
             lanes: Arms in a vector register; None for the widest there is.
 
         Returns:
-            A and B of each arm side by side, shape (b, nx, nx + n).
+            As of one, for each arm, shape (b, nx, nx + n + nt).
 
         Raises:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        arms, nx, n = len(x), self._plant.nx, self._plant.model.n
+        p = self._stepper.p[: len(self._plant.parameters.nominal)]
+        return self.carried(self._seeded(x, r, ticks, p), threads, lanes)[:, 0]
+
+    def product(self, x: Array, r: Array, ticks: int, dx: Array, dr: Array) -> Array:
+        """Derivatives by state and command of ticks of one arm, times a column, shape (nx,).
+
+        Args:
+            x: State, shape (nx,).
+            r: Command, held, shape (n,).
+            ticks: How many.
+            dx: Change of the state, shape (nx,).
+            dr: Change of the command, shape (n,).
+
+        Raises:
+            SimulationDiverged: If a tick cannot be computed.
+            NotDifferentiable: If a tick has no derivative.
+        """
+        p = self._stepper.p[: len(self._plant.parameters.nominal)]
+        held = np.broadcast_to(dr[:, None], (1, ticks, len(dr), 1))
+        tau = np.broadcast_to(r, (1, ticks, len(r)))
+        arm = Arms(x[None], tau, p[None], dx[None, :, None], held)
+        product: Array = self.carried(arm, threads=1, lanes=1)[0, 0, :, 0]
+        return product
+
+    def _seeded(self, x: Array, r: Array, ticks: int, p: Array) -> Arms:
+        """Arms under held commands, with a column for each number to differentiate by."""
+        arms, nx, n = len(x), self._plant.nx, r.shape[1]
+        seeds = np.eye(nx + self._held)
+        return Arms(
+            np.ascontiguousarray(x),
+            np.broadcast_to(np.ascontiguousarray(r)[:, None], (arms, ticks, n)),
+            np.broadcast_to(p, (arms, len(p))),
+            np.broadcast_to(seeds[:nx], (arms, *seeds[:nx].shape)),
+            np.broadcast_to(seeds[nx:], (arms, ticks, *seeds[nx:].shape)),
+        )
+
+    def carried(
+        self, arms: Arms, threads: int | None, lanes: int | None, every: bool = False
+    ) -> Array:
+        """Products of derivatives of ticks with columns, for many arms.
+
+        Args:
+            arms: Where they begin, and the columns.
+            threads: Cores to use; None for all.
+            lanes: Arms in a vector register; None for the widest there is.
+            every: Whether to return the columns after every tick, not only after the last.
+
+        Returns:
+            Columns of the states, shape (b, ticks, nx, k), or (b, 1, nx, k).
+
+        Raises:
+            SimulationDiverged: If a tick cannot be computed.
+            NotDifferentiable: If a tick has no derivative.
+        """
         widths(lanes)  # which checks them
-        slopes, eventful = np.empty((arms, nx, nx + n)), list(range(arms))
+        found, eventful = Carried.room(arms, every), list(range(arms.count))
         if self._alike:
-            p = self._stepper.p[: len(self._plant.parameters.nominal)]
-            p = np.broadcast_to(p, (arms, len(p)))
-            x, r = np.ascontiguousarray(x), np.ascontiguousarray(r)
-            after = np.empty((arms, nx))
-            batch = Arms(x, r, p, ticks, np.eye(nx + n), after, slopes)
-            eventful = self._smooth.ticks(batch, threads, lanes)
-            lost = ~np.isfinite(after).all(axis=1)
+            eventful = self._smooth.ticks(arms, found, threads, lanes)
+            lost = ~np.isfinite(found.after).all(axis=1)
             eventful = sorted({*eventful, *np.flatnonzero(lost).tolist()})
         for arm in eventful:
             try:
-                slopes[arm] = self._one(x[arm], r[arm], ticks)
+                self._one(arms, arm, found.columns[arm])
             except (SimulationDiverged, NotDifferentiable) as error:
-                if arms > 1:
+                if arms.count > 1:
                     raise type(error)(f"arm {arm}: {error}") from None
                 raise
-        return slopes
+        return found.columns
 
     @cached_property
     def _alike(self) -> bool:
@@ -146,22 +207,22 @@ class Linearizer:
         """Of an arm away from its stops."""
         if self._plant.free is None:
             return self._tangents
-        return Tangents(self._plant.free, self._choice, self._backend)
+        return Tangents(self._plant.free, self._choice, self._backend, self._tuned)
 
     @cached_property
     def _tangents(self) -> Tangents:
-        return Tangents(self._plant, self._choice, self._backend)
+        return Tangents(self._plant, self._choice, self._backend, self._tuned)
 
-    def _one(self, x: Array, r: Array, ticks: int) -> Array:
-        """A and B of one arm side by side, through its events."""
-        nx = len(x)
-        A, B = np.eye(nx), np.zeros((nx, len(r)))
-        for slope in self.along(x, np.broadcast_to(r, (ticks, len(r))), self._stepper.p):
-            A, B = slope[:, :nx] @ A, slope[:, :nx] @ B + slope[:, nx:]
-        return np.hstack([A, B])
+    def _one(self, arms: Arms, arm: int, columns: Array) -> None:
+        """Carry the columns of one arm through its events; ``columns`` receives them."""
+        nx, moved = self._plant.nx, arms.given[arm]
+        slopes = self.along(arms.x[arm], arms.tau[arm], arms.p[arm])
+        for k, slope in enumerate(slopes):
+            moved = slope[:, :nx] @ moved + slope[:, nx:] @ arms.pushed[arm, k]
+            columns[min(k, len(columns) - 1)] = moved
 
     def along(self, x: Array, commands: Array, p: Array) -> Iterator[Array]:
-        """A and B, side by side, of each tick of a motion, through its events.
+        """Derivatives of each tick of a motion, through its events, as of ``__call__``.
 
         Args:
             x: State at the beginning, shape (nx,).
@@ -177,22 +238,23 @@ class Linearizer:
             control = SubstepControl(choice.tolerance, choice.method.order)
         for r in commands:
             if self._alike:
-                after, slope = np.empty((1, nx)), np.empty((1, nx, nx + len(r)))
-                arms = Arms(x[None], r[None], p[None], 1, np.eye(nx + len(r)), after, slope)
-                if not self._smooth.ticks(arms, 1, 1) and np.isfinite(after).all():
-                    x = after[0]
-                    yield slope[0]
+                arms = self._seeded(x[None], r[None], 1, p)
+                found = Carried.room(arms, every=False)
+                if not self._smooth.ticks(arms, found, 1, 1) and np.isfinite(found.after).all():
+                    x = found.after[0]
+                    yield found.columns[0, 0]
                     continue
             u, u_x, u_r = (np.array(value) for value in self._actuation(x, r))
             x, by = self._tick(x, u.ravel(), p, control)
-            yield np.hstack([by[:, :nx] + by[:, nx:] @ u_x, by[:, nx:] @ u_r])
+            by_x, by_u, by_p = np.split(by, (nx, nx + len(r)), axis=1)
+            yield np.hstack([by_x + by_u @ u_x, by_u @ u_r, by_p])
 
     def _tick(
         self, x: Array, u: Array, p: Array, control: SubstepControl | None
     ) -> tuple[Array, Array]:
-        """State after a tick, and its derivative by (x, u)."""
+        """State after a tick, and its derivative by (x, w)."""
         segments, after = self._segments(x, u, p, control)
-        whole = len(x) + len(u)
+        whole = len(x) + self._held
         motion = Motion(x, np.eye(len(x), whole), np.zeros(whole))
         if self._eventful:
             self._events.check_ends(segments, u)
@@ -206,7 +268,7 @@ class Linearizer:
 
     @cached_property
     def _events(self) -> Events:
-        return Events(self._plant, self._choice)
+        return Events(self._plant, self._choice, self._tuned)
 
     def _segments(
         self, x: Array, u: Array, p: Array, control: SubstepControl | None
@@ -232,14 +294,14 @@ class Linearizer:
         if self._eventful:
             motion.slope = self._events.begun(segment, u, motion.slope)
         begin, motion.x = motion.slope, segment["begin"].copy()
-        by_u, by_h = np.eye(len(u), nx + len(u), nx), np.eye(1, nx + len(u) + 1, nx + len(u))
+        whole = nx + self._held
+        by_w, by_h = np.eye(self._held, whole + 1, nx), np.eye(1, whole + 1, whole)
         speed = np.zeros(nx)
         for h in self._lengths(segment, u):
-            columns = np.block([[motion.slope, np.zeros((nx, 1))], [by_u, np.zeros((len(u), 1))]])
-            columns = np.vstack([columns, by_h])
+            columns = np.vstack([np.hstack([motion.slope, np.zeros((nx, 1))]), by_w, by_h])
             motion.x, moved = self._tangents.step(motion.x, u, p, h, columns)
             motion.slope, speed = moved[:, :-1], moved[:, -1]
-        delay = np.zeros(nx + len(u))
+        delay = np.zeros(whole)
         if last:
             delay = -motion.delay
         elif segment["calm"]:
@@ -249,7 +311,7 @@ class Linearizer:
         motion.slope = motion.slope + np.outer(speed, delay)
         motion.delay = motion.delay + delay
         if self._eventful:
-            motion.slope = self._events.closed(segment, motion.slope, begin)
+            motion.slope = self._events.closed(segment, motion.x, motion.slope, begin)
 
     def _lengths(self, segment: np.void, u: Array) -> list[float]:
         """Lengths of the sub-steps of a segment; only the last depends on the state."""
@@ -277,19 +339,20 @@ class Events:
     Args:
         plant: Equations of a scene with events.
         choice: Method, tick and tolerance.
+        tuned: Places in p of the quantities to differentiate by.
     """
 
-    def __init__(self, plant: Plant, choice: Choice) -> None:
-        self._plant, self._h = plant, choice.dt
-        self._guards, self._settling = Guards(plant), Settling(plant)
+    def __init__(self, plant: Plant, choice: Choice, tuned: Sequence[int]) -> None:
+        self._plant, self._h, self._tuned = plant, choice.dt, tuned
+        self._guards, self._settling = Guards(plant, tuned), Settling(plant, tuned)
 
     @cached_property
     def _blow(self) -> Blow:
-        return Blow(self._plant)
+        return Blow(self._plant, self._tuned)
 
     @cached_property
     def _turning(self) -> Turning:
-        return Turning(self._plant)
+        return Turning(self._plant, self._tuned)
 
     def check_ends(self, segments: np.ndarray, u: Array) -> None:
         """Refuse a tick that begins or ends with an event, or on the boundary of a mode."""
@@ -310,14 +373,23 @@ class Events:
         """Derivative of the state with which a segment begins, after its impact."""
         if segment["hit"]:
             n = self._plant.model.n
+            by_x, by_p = np.hsplit(self._blow.slope(segment), [2 * n])
+            after = by_x @ slope[: 2 * n]
+            after[:, slope.shape[1] - len(self._tuned) :] += by_p
             slope = slope.copy()
-            slope[n : 2 * n] = self._blow.slope(segment) @ slope[: 2 * n]
+            slope[n : 2 * n] = after
         return self._settling.begun(segment["begin"], u, self._modes(segment), slope)
 
-    def closed(self, segment: np.void, slope: Array, begin: Array) -> Array:
-        """Derivative of the state at the end of a segment, back at closed contacts and anchors."""
-        ends = segment["begin"], segment["end"]
-        return self._settling.closed(*ends, self._modes(segment), slope, begin)
+    def closed(self, segment: np.void, x: Array, slope: Array, begin: Array) -> Array:
+        """Derivative of the state at the end of a segment, back at closed contacts and anchors.
+
+        Args:
+            segment: The segment.
+            x: State that the method's step has reached, shape (nx,).
+            slope: Its derivative, shape (nx, nx + nw).
+            begin: That of the state at the beginning, likewise.
+        """
+        return self._settling.closed(segment["begin"], x, self._modes(segment), slope, begin)
 
     def part(self, segment: np.void, u: Array, slope: Array) -> Array:
         """Derivative of the length of a segment that no event ends, though the tick goes on."""
@@ -325,12 +397,12 @@ class Events:
         return self._turning.delay(x, u, self._modes(segment), slope, length)
 
     def delay(self, segment: np.void, u: Array, slope: Array, speed: Array) -> Array:
-        """Derivative of the length of a segment that an event ends, shape (nx + n,).
+        """Derivative of the length of a segment that an event ends, shape (nx + nw,).
 
         Args:
             segment: The segment.
             u: Command that acts.
-            slope: Derivative of its end at constant length, shape (nx, nx + n).
+            slope: Derivative of its end at constant length, shape (nx, nx + nw).
             speed: Derivative of its end by the length, shape (nx,).
         """
         if segment["length"] <= INSTANT * self._h:
@@ -344,9 +416,9 @@ class Events:
             raise NotDifferentiable(f"linearize: {self._names(zero) or 'an event'} is grazed")
         delays = []
         for guard in zero:
-            by_x, by_u = self._guards.slopes(guard, end, u, modes, limit)
+            by_x, by_w = self._guards.slopes(guard, end, u, modes, limit)
             moved = by_x @ slope
-            moved[len(by_x) :] += by_u
+            moved[len(by_x) :] += by_w
             delays.append(-moved / (by_x @ speed))
         # Joints of a loop come to rest together: that is one event.
         if np.ptp(delays, axis=0).max() > SAME * np.abs(delays).max():

@@ -126,16 +126,17 @@ class Rollouts:
             z0 = [self._plant.initial(*np.split(x, 2)) for x in x0]
             x0 = np.hstack([x0, np.reshape(z0, (arms, -1))])
         out = np.empty((arms, nx) if last_only else (arms, steps + 1, nx))
-        return Batch(x0, self._torques(tau, arms, steps), rows, int(steps), out)
+        return Batch(x0, self.by_tick("tau", tau, arms, steps), rows, int(steps), out)
 
-    def _torques(self, tau: Any, arms: int, steps: int) -> Array:
+    def by_tick(self, name: str, values: Any, arms: int, steps: int) -> Array:
+        """Check numbers for the joints, of every arm and tick or shared; shape (b, ticks, n)."""
         n = self._plant.model.n
-        array = np.ascontiguousarray(real_array("tau", tau))
+        array = np.ascontiguousarray(real_array(name, values))
         if array.shape not in ((n,), (arms, n), (arms, steps, n)):
             allowed = f"({n},), ({arms}, {n}) or ({arms}, {steps}, {n})"
-            raise InvalidInput(f"tau has shape {array.shape}; expected {allowed}")
+            raise InvalidInput(f"{name} has shape {array.shape}; expected {allowed}")
         if not np.isfinite(array).all():
-            raise InvalidInput("tau has values that are not finite; finite torques are expected")
+            raise InvalidInput(f"{name} has values that are not finite; finite ones are expected")
         by_tick = array if array.ndim == 3 else np.atleast_2d(array)[:, None]
         return np.broadcast_to(by_tick, (arms, max(1, steps), n))
 

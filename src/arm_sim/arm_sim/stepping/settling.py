@@ -8,12 +8,15 @@ allow, along the forces that hold.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import jacobian_by
 from arm_sim.stepping.events import Modes
 
 
@@ -22,10 +25,11 @@ class Settling:
 
     Args:
         plant: The scene's equations.
+        tuned: Places in p of the quantities to differentiate by.
     """
 
-    def __init__(self, plant: Plant) -> None:
-        self._plant = plant
+    def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
+        self._plant, self._tuned = plant, tuned
         n, modes = plant.model.n, plant.rhs.numel_in(2)
         x, p, change = ca.MX.sym("x", 2 * n), ca.MX.sym("p", modes), ca.MX.sym("change", n)
         struck = plant.strike(x, p, change, ca.MX(3 * len(plant.points), 1))[0]
@@ -38,7 +42,10 @@ class Settling:
             found = x
             for _ in range(2):
                 found = contact.close(found, p, ca.vec(place[1:, :]))
-            slopes = [ca.jacobian(found, by) for by in (x, before)]
+            slopes = [
+                *(ca.jacobian(found, by) for by in (x, before)),
+                jacobian_by(found, p, tuned),
+            ]
             self._closed = ca.Function("closed", [x, p, before], slopes)
         self._loads = next(f for f in plant.events if f.name() == "loads")
 
@@ -77,7 +84,7 @@ class Settling:
 
         Args:
             begin: State at its beginning, shape (nx,).
-            end: State at its end.
+            end: State that the step of the method has reached.
             modes: Modes of joints and contacts.
             slope: Derivative of the end before the projection, shape (nx, …).
             begun: Derivative of the beginning.
@@ -85,7 +92,10 @@ class Settling:
         if not (self._plant.contact and (modes.contact["closed"] > 0.0).any()):
             return slope
         whole = slice(2 * self._plant.model.n)
-        by_end, by_begin = (np.array(s) for s in self._closed(end[whole], modes.p, begin[whole]))
+        by_end, by_begin, by_p = (
+            np.array(found) for found in self._closed(end[whole], modes.p, begin[whole])
+        )
         slope = slope.copy()
         slope[whole] = by_end @ slope[whole] + by_begin @ begun[whole]
+        slope[whole, slope.shape[1] - len(self._tuned) :] += by_p
         return slope

@@ -9,6 +9,7 @@ same functions run on CasADi's virtual machine.
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -43,23 +44,57 @@ LONGEST = 300_000
 class Arms:
     """Arms and columns to propagate, and the arrays that receive the results.
 
+    What is shared by arms or ticks is repeated by strides of zero.
+
     Attributes:
         x: Initial states, shape (b, nx).
-        tau: Commands, held, shape (b, n).
+        tau: Commands, shape (b, ticks, n).
         p: Parameters, shape (b, np).
-        ticks: Number of ticks.
-        given: Columns of (x, tau), shape (nx + n, k) for all arms or (b, nx + n, k).
-        after: Receives the states at the end, shape (b, nx).
-        columns: Receives their columns, shape (b, nx, k).
+        given: Columns of x at the beginning, shape (b, nx, k).
+        pushed: Columns of the commands and, below them, of the quantities to differentiate by,
+            shape (b, ticks, n + nt, k).
     """
 
     x: Array
     tau: Array
     p: Array
-    ticks: int
     given: Array
+    pushed: Array
+
+    @property
+    def count(self) -> int:
+        """How many arms."""
+        return len(self.x)
+
+    @property
+    def ticks(self) -> int:
+        """How many ticks."""
+        return int(self.tau.shape[1])
+
+
+@dataclass(frozen=True)
+class Carried:
+    """Where arms and their columns are after ticks.
+
+    Attributes:
+        after: States at the end, shape (b, nx).
+        columns: Columns of the states, shape (b, ticks, nx, k), or (b, 1, nx, k) for the last
+            tick alone.
+    """
+
     after: Array
     columns: Array
+
+    @classmethod
+    def room(cls, arms: Arms, every: bool) -> Carried:
+        """Memory for all ticks of arms, or for the last ones."""
+        kept = (arms.ticks if every else 1, *arms.given.shape[1:])
+        return cls(np.empty(arms.x.shape), np.empty((arms.count, *kept)))
+
+    def by_tick(self, ticks: int) -> Array:
+        """The columns by tick; where only the last are kept, each tick overwrites those before."""
+        columns = self.columns
+        return np.broadcast_to(columns, (len(columns), ticks, *columns.shape[2:]))
 
 
 class Tangents:
@@ -69,19 +104,23 @@ class Tangents:
         plant: The equations.
         choice: Method and tick.
         backend: As for ``Kernel``.
+        tuned: Places in p of the quantities to differentiate by.
 
     Attributes:
         plant: The equations.
     """
 
-    def __init__(self, plant: Plant, choice: Choice, backend: str) -> None:
+    def __init__(
+        self, plant: Plant, choice: Choice, backend: str, tuned: Sequence[int] = ()
+    ) -> None:
         self.plant, self._choice, self._backend = plant, choice, backend
         self._libraries: dict[int, ctypes.CDLL | None] = {}
         method, scaled, n = choice.method, plant.scaled_jacobian, plant.model.n
         self._advance, self._stretch = build_tangent(
-            method, plant.rhs, Slopes(plant), n, plant.project, scaled
+            method, plant.rhs, Slopes(plant, tuned), n, plant.project, scaled, tuned
         )
         self._acting, self._limit = _limits(plant)
+        self._held = n + len(tuned)
 
     def step(self, x: Array, u: Array, p: Array, h: float, columns: Array) -> tuple[Array, Array]:
         """Propagate columns through one step.
@@ -91,15 +130,16 @@ class Tangents:
             u: Command that acts, shape (n,).
             p: Tunable numbers and modes.
             h: Length of the step in [s].
-            columns: Of (x, u, h), shape (nx + n + 1, k).
+            columns: Of x, u, the quantities to differentiate by, and h: nx + n + nt + 1 rows, k
+                columns.
 
         Returns:
             The state at the end, and columns of it, shape (nx, k).
         """
-        nx, n = self.plant.nx, self.plant.model.n
+        nx = self.plant.nx
         if (library := self.library(1)) is None:
             after, c = self._advance(x, u, p, h)
-            moved = self._stretch(c, *np.split(columns, (nx, nx + n)))
+            moved = self._stretch(c, *np.split(columns, (nx, nx + self._held)))
             return np.array(after).ravel(), np.array(moved)
         x, u, p, columns = (np.ascontiguousarray(array) for array in (x, u, p, columns))
         after, moved, length = np.empty(nx), np.empty((nx, columns.shape[1])), np.array([h])
@@ -109,11 +149,14 @@ class Tangents:
         )  # fmt: skip
         return after, moved
 
-    def ticks(self, arms: Arms, threads: int | None, lanes: int | None) -> list[int]:
+    def ticks(
+        self, arms: Arms, found: Carried, threads: int | None, lanes: int | None
+    ) -> list[int]:
         """Propagate columns through ticks of many arms, on all cores.
 
         Args:
-            arms: Where they begin, and where results go.
+            arms: Where they begin.
+            found: Where results go.
             threads: Cores to use; None for all.
             lanes: Arms in a vector register; None for the widest there is.
 
@@ -122,21 +165,22 @@ class Tangents:
         """
         built = [(self.library(width), width) for width in widths(lanes)]
         library, width = next(pair for pair in built if pair[0] is not None)
-        met = (ctypes.c_byte * len(arms.x))()
-        length, count = np.array([self._choice.dt]), arms.given.shape[-1]
-        given_arm = 0 if arms.given.ndim == 2 else arms.given[0].size
+        met, length = (ctypes.c_byte * arms.count)(), np.array([self._choice.dt])
+        columns = found.by_tick(arms.ticks)
 
         def work(first: int, last: int) -> None:
             library.carry_ticks(  # type: ignore[union-attr]
-                pointer(arms.x), pointer(arms.tau), pointer(arms.p),
-                ctypes.c_longlong(arms.p.strides[0] // 8), pointer(length),
-                *map(ctypes.c_longlong, (arms.ticks, first, last)), pointer(arms.given),
-                *map(ctypes.c_longlong, (given_arm, count)), pointer(arms.after),
-                pointer(arms.columns), ctypes.byref(met),
+                pointer(arms.x), pointer(arms.tau), *_strides(arms.tau, 2),
+                pointer(arms.p), *_strides(arms.p, 1), pointer(length),
+                *map(ctypes.c_longlong, (arms.ticks, first, last)),
+                pointer(arms.given), *_strides(arms.given, 1),
+                pointer(arms.pushed), *_strides(arms.pushed, 2),
+                ctypes.c_longlong(arms.given.shape[-1]), pointer(found.after),
+                pointer(columns), *_strides(columns, 2), ctypes.byref(met),
             )  # fmt: skip
 
-        share(len(arms.x), width, threads, work)
-        return [arm for arm in range(len(arms.x)) if met[arm]]
+        share(arms.count, width, threads, work)
+        return [arm for arm in range(arms.count) if met[arm]]
 
     @cached_property
     def native(self) -> bool:
@@ -163,15 +207,16 @@ class Tangents:
     @cached_property
     def _carry(self) -> ca.Function:
         """As ``stretch``, for steps of constant length."""
-        c, dx, du = (ca.SX.sym(name, self._stretch.size1_in(i)) for i, name in enumerate("cxu"))
-        moved = self._stretch(c, dx, du, 0)
-        return ca.Function("carry", [c, dx, du], [moved], {"cse": True})
+        c, dx, dw = (ca.SX.sym(name, self._stretch.size1_in(i)) for i, name in enumerate("cxw"))
+        moved = self._stretch(c, dx, dw, 0)
+        return ca.Function("carry", [c, dx, dw], [moved], {"cse": True})
 
     def _source(self, lanes: int) -> str:
         functions = [self._advance, self._acting]
         defines = sizes(self.plant, functions) | {
             "ND": str(self._advance.size1_out(1)),
             "NA": str(self._acting.size1_out(1)),
+            "NT": str(self._held - self.plant.model.n),
             "WIDTH": str(1 if lanes > 1 else natural_width()),
         }
         stops, parts = stop_defines(self.plant)
@@ -197,6 +242,11 @@ _OF_ARMS = """
 typedef real column;
 #define SPREAD(x) real(x)
 """
+
+
+def _strides(array: Array, axes: int) -> list[ctypes.c_longlong]:
+    """Numbers from one entry to the next along the first axes."""
+    return [ctypes.c_longlong(stride // 8) for stride in array.strides[:axes]]
 
 
 def _limits(plant: Plant) -> tuple[ca.Function, ca.Function]:

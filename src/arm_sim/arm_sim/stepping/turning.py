@@ -7,11 +7,14 @@ their length depends on the state.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
 from arm_dynamics.arrays import Array
 from arm_sim.plant.plant import Plant
+from arm_sim.plant.slopes import jacobian_by
 from arm_sim.stepping.events import Modes
 
 # Mobility across the direction of sliding, relative to the whole, that is rounding.
@@ -25,9 +28,10 @@ class Turning:
 
     Args:
         plant: The scene's equations; it has contacts.
+        tuned: Places in p of the quantities to differentiate by.
     """
 
-    def __init__(self, plant: Plant) -> None:
+    def __init__(self, plant: Plant, tuned: Sequence[int] = ()) -> None:
         self._plant = plant
         functions = {event.name(): event for event in plant.events}
         x, u, p = functions["loads"].mx_in()
@@ -43,7 +47,8 @@ class Turning:
             size = ca.norm_2(speed[3 * k + 1 : 3 * k + 3])
             rates.append(point.friction * force[3 * k] * mobility / size)
         rate = ca.vertcat(*rates)
-        slopes = [ca.jacobian(rate, x), ca.jacobian(rate, u)]
+        by_w = ca.horzcat(ca.jacobian(rate, u), jacobian_by(rate, p, tuned))
+        slopes = [ca.jacobian(rate, x), by_w]
         self._rates = ca.Function("rates", [x, u, p], [ca.vertcat(*across), rate, *slopes])
 
     def can_turn(self, x: Array, u: Array, modes: Modes, k: int) -> bool:
@@ -57,18 +62,18 @@ class Turning:
             x: State at its beginning, shape (nx,).
             u: Command that acts, shape (n,).
             modes: Modes of joints and contacts.
-            slope: Derivative of x by the state and u at the beginning of the tick.
+            slope: Derivative of x by the state at the beginning of the tick and by what is held.
             length: Of the part in [s].
 
         Returns:
-            Shape (nx + n,); zero if the length is at the engine's lower bound.
+            Shape (nx + nw,); zero if the length is at the engine's lower bound.
         """
         contact = modes.contact
         slides = (contact["closed"] > 0.0) & (contact["sticks"] == 0.0)
-        _, rate, by_x, by_u = (np.array(found) for found in self._rates(x, u, modes.p))
+        _, rate, by_x, by_w = (np.array(found) for found in self._rates(x, u, modes.p))
         k = int(np.argmax(np.where(slides, np.nan_to_num(rate.ravel()), 0.0)))
         if not (slides[k] and abs(length * float(rate[k, 0]) - 1.0) < SAME):
             return np.zeros(slope.shape[1])
         change: Array = by_x[k] @ slope
-        change[len(x) :] += by_u[k]
+        change[len(x) :] += by_w[k]
         return -(length**2) * change

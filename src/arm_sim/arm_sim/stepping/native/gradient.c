@@ -10,7 +10,7 @@
 
 /* The arms first … last-1.
  *
- * x0, tau, p: as for rollout.                  g:    by the states (q, v) of every tick, the first included, 2 * NU a tick.
+ * x0, tau, p: as for rollout.                  g:    by the states of every tick, the first included, NX a tick.
  * motion:     work space, (ticks + 1) * NX * LANES numbers.
  * by_x, by_tau, by_p: receive gradients, NX, ticks * NU and NP an arm.
  * met:        set to 1 for an arm that comes to a stop or diverges; its gradients are worth nothing.
@@ -53,7 +53,7 @@ void rollout_gradient(const double* x0, const double* tau, long long tau_arm, lo
     for (int i = 0; i < NX; ++i) weight[i] = 0.0;
     for (long long k = ticks; k >= 0; --k) {
       for (int j = 0; j < LANES; ++j)
-        for (int i = 0; i < 2 * NU; ++i) LANE(weight[i], j) += g[(of_lane[j] * (ticks + 1) + k) * 2 * NU + i];
+        for (int i = 0; i < NX; ++i) LANE(weight[i], j) += g[(of_lane[j] * (ticks + 1) + k) * NX + i];
       if (k == 0) break;
       memcpy(x, motion + (k - 1) * NX * LANES, sizeof x);
       read_arms(r, NU, tau + (k - 1) * tau_tick, tau_arm, of_lane);

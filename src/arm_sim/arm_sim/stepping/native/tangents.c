@@ -3,10 +3,11 @@
  * Derivatives of smooth motion carried in columns, WIDTH of them in a `column`; where LANES > 1 a column is that of as many
  * arms, each in a lane. The columns' matrices lie row by row, `count` numbers a row.
  *
- * Before this file: NX, NU (lengths of state and command), NP (of the parameters), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the
+ * Before this file: NX, NU (lengths of state and command), NP (of the parameters), NT (of those that columns change), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the
  * generated functions), ND and NA (how many numbers the derivatives of a step and of the limits need), and the generated
  * `acting` (x, r) -> u and those NA, `limit` (columns dx, dr -> du), `advance` (x, u, p, h) -> x and those ND, `carry` (columns
- * dx, du -> dx); with STRETCH also `stretch` (columns dx, du, dh -> dx); arms.c; where joints have stops stops.c, and STOPS.
+ * dx, dw -> dx, where dw is du and below it the change of parameters); with STRETCH also `stretch` (columns dx, dw, dh -> dx);
+ * arms.c; where joints have stops stops.c, and STOPS.
  */
 
 #include <string.h>
@@ -47,28 +48,33 @@ static inline void put(const column* from, double* matrix, const long long* of_l
 
 /* The arms first … last-1 over `ticks` ticks, with what becomes of columns.
  *
- * x0:      initial states, NX an arm.             tau: commands, NU an arm, held.
- * p:       parameters; arm i at p + i * p_arm.    after: receives states at the end.
- * given:   columns at the beginning, NX + NU rows for (x, tau); arm i at given + i * given_arm.
- * columns: receives them at the end, NX rows an arm.
+ * x0:      initial states, NX an arm.                            after: receives states at the end.
+ * tau:     commands, NU numbers; tick k of arm i at tau + i * tau_arm + k * tau_tick.
+ * p:       parameters; arm i at p + i * p_arm.
+ * given:   columns of x at the beginning, NX rows; arm i at given + i * given_arm.
+ * pushed:  columns of commands and parameters, NU + NT rows; tick k of arm i at pushed + i * pushed_arm + k * pushed_tick.
+ * columns: receives columns of x, NX rows; what follows tick k of arm i at columns + i * columns_arm + k * columns_tick.
  * met:     set to 1 for an arm that comes near a stop; what is found of it is worth nothing.
  */
-EXPORTED void carry_ticks(const double* x0, const double* tau, const double* p, long long p_arm, const double* h,
-                          long long ticks, long long first, long long last, const double* given, long long given_arm,
-                          long long count, double* after, double* columns, signed char* met) {
+EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
+                          long long p_arm, const double* h, long long ticks, long long first, long long last,
+                          const double* given, long long given_arm, const double* pushed, long long pushed_arm,
+                          long long pushed_tick, long long count, double* after, double* columns, long long columns_arm,
+                          long long columns_tick, signed char* met) {
   const real length = h[0];
   for (long long arm = first; arm < last; arm += LANES) {
     real x[NX], next[NX], r[NU], u[NU], par[NP + 1], w[SZ_W], limits[NA + 1], derivatives[ND];
-    column dx[NX], dr[NU], du[NU], moved[NX];
+    column dx[NX], dr[NU + NT], dw[NU + NT], moved[NX];
     casadi_int iw[SZ_IW];
     const real* arg[SZ_ARG];
     real* res[SZ_RES];
     long long of_lane[LANES];
     choose_arms(arm, last, of_lane);
     read_arms(x, NX, x0, NX, of_lane);
-    read_arms(r, NU, tau, NU, of_lane);
     read_arms(par, NP, p, p_arm, of_lane);
     for (long long k = 0; k < ticks; ++k) {
+      double* reached = columns + k * columns_tick;
+      read_arms(r, NU, tau + k * tau_tick, tau_arm, of_lane);
       arg[0] = x; arg[1] = r;
       res[0] = u; res[1] = limits;
       acting(arg, res, iw, w, 0);
@@ -77,13 +83,14 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, const double* p, 
       advance(arg, res, iw, w, 0);
       for (long long c = 0; c < count; c += WIDTH) {
         const column* given_columns[2] = {dx, dr};
-        const column* acting_columns[2] = {dx, du};
-        if (k) take(dx, columns, of_lane, NX * count, NX, count, c);
+        const column* acting_columns[2] = {dx, dw};
+        if (k) take(dx, reached - columns_tick, of_lane, columns_arm, NX, count, c);
         else take(dx, given, of_lane, given_arm, NX, count, c);
-        take(dr, given + NX * count, of_lane, given_arm, NU, count, c);
-        limit(limits, given_columns, du);
+        take(dr, pushed + k * pushed_tick, of_lane, pushed_arm, NU + NT, count, c);
+        limit(limits, given_columns, dw);
+        for (int i = NU; i < NU + NT; ++i) dw[i] = dr[i];
         carry(derivatives, acting_columns, moved);
-        put(moved, columns, of_lane, NX * count, NX, count, c);
+        put(moved, reached, of_lane, columns_arm, NX, count, c);
       }
       for (int j = 0; j < LANES; ++j)
         for (int i = 0; i < NU; ++i) {
@@ -103,21 +110,21 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, const double* p, 
 }
 
 #ifdef STRETCH
-/* One step of length h[0] from x under what acts, with columns of (x, u, h): NX + NU + 1 rows. */
+/* One step of length h[0] from x under what acts, with columns of (x, w, h): NX + NU + NT + 1 rows. */
 EXPORTED void carry_step(const double* x, const double* u, const double* p, const double* h, const double* given,
                          long long count, double* after, double* columns) {
   real w[SZ_W], derivatives[ND];
-  column rows[NX + NU + 1], moved[NX];
+  column rows[NX + NU + NT + 1], moved[NX];
   casadi_int iw[SZ_IW];
   const real* arg[SZ_ARG];
   real* res[SZ_RES];
   const long long alone[1] = {0};
-  const column* parts[3] = {rows, rows + NX, rows + NX + NU};
+  const column* parts[3] = {rows, rows + NX, rows + NX + NU + NT};
   arg[0] = x; arg[1] = u; arg[2] = p; arg[3] = h;
   res[0] = after; res[1] = derivatives;
   advance(arg, res, iw, w, 0);
   for (long long c = 0; c < count; c += WIDTH) {
-    take(rows, given, alone, 0, NX + NU + 1, count, c);
+    take(rows, given, alone, 0, NX + NU + NT + 1, count, c);
     stretch(derivatives, parts, moved);
     put(moved, columns, alone, 0, NX, count, c);
   }
