@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Swing-up of a cart-pole by iLQR: motor, gear and friction are in the model that is optimised.
+"""Swing-up of a cart-pole by iLQR: motor, gear and friction are in the model that is optimized.
 
 ``arm_sim.optimization.ILQR`` improves a trajectory by the exact derivatives of the simulation's
 own steps, within the motor's voltage limit. What it plans is then played to the arm at 1 kHz.

@@ -65,7 +65,7 @@ def moved(points: np.ndarray, first: int) -> tuple[tuple, dict, np.ndarray]:
 
 
 def misfit(points: np.ndarray, before: np.ndarray, first: int) -> np.ndarray:
-    """What is minimised, at points z; shape (b,)."""
+    """What is minimized, at points z; shape (b,)."""
     _, _, off = moved(points, first)
     value = (off**2).sum(axis=(1, 2)) / NOISE**2 + ((points - before) ** 2).sum(axis=1)
     return np.nan_to_num(0.5 * value, nan=np.inf)

@@ -38,7 +38,7 @@ POINTS = 300  # enough for the code of batches
 STATES = 5
 SEED = 20
 
-# Called as "CAPTURE COMPILER ARGUMENT...": keeps the source, then compiles it without optimising.
+# Called as "CAPTURE COMPILER ARGUMENT...": keeps the source, then compiles it without optimizing.
 CAPTURE = """#!/bin/sh
 folder=$CAPTURED
 for argument; do

@@ -32,7 +32,7 @@ Function = Callable[[mp.mpf], mp.mpf]
 def minimax(
     function: Function, weight: Function, low: mp.mpf, high: mp.mpf, terms: int = TERMS
 ) -> tuple[list[mp.mpf], mp.mpf]:
-    """Find the polynomial p that minimises the largest |weight (p - function)| on an interval.
+    """Find the polynomial p that minimizes the largest |weight (p - function)| on an interval.
 
     Args:
         function: What to approximate.

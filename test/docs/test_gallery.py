@@ -70,6 +70,7 @@ def test_page_has_its_parts(page: Path) -> None:
     title, line = (ast.get_docstring(ast.parse(text)) or "").splitlines()[:2]
     assert set(line) == {"="} and len(line) == len(title)
     assert re.search(r"^assert ", text, re.MULTILINE)
+    assert re.findall(r"^# -+ .*$", text, re.MULTILINE) == []  # headings stand alone
     assert "# Questions\n# ---------\n" in text and "*Hint:*" in text
 
 

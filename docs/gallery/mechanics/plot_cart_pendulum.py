@@ -80,7 +80,7 @@ assert np.ptp(centre) <= 1e-10
 # ----------------------
 # About the upright position the motion from tick to tick is nearly linear,
 # :math:`x_{k+1} = A x_k + B F_k`; the simulator gives the exact derivatives of its tick. The force
-# :math:`F = -K x` that minimises :math:`\sum x^T Q x + R F^2` follows from a Riccati equation
+# :math:`F = -K x` that minimizes :math:`\sum x^T Q x + R F^2` follows from a Riccati equation
 # (the linear quadratic regulator). The weights ask for 0.1 m, 0.1 rad and 10 N.
 
 sim.reset(q=[0.0, 0.0])

@@ -48,9 +48,10 @@ m1, m2, l1, l2 = 1.3, 0.7, 0.6, 0.4
 
 # %%
 # The mass matrix of the hand
-# --------------------------- In axes of the world, by ``TaskSpace`` and by the formulas above.
-# ``TaskSpace`` computes :math:`(J M^{-1} J^T)^{-1}`, which is the same where J is square and
-# regular, and is there for arms with more joints, too, whose J has no inverse.
+# ---------------------------
+# In axes of the world, by ``TaskSpace`` and by the formulas above. ``TaskSpace`` computes
+# :math:`(J M^{-1} J^T)^{-1}`. This is the same if J is square and regular, and is defined for arms
+# with more joints, too, whose J has no inverse.
 
 
 def mobility(q: np.ndarray) -> np.ndarray:
@@ -84,8 +85,9 @@ else:
 
 # %%
 # Feeling the mass
-# ---------------- The drives carry the weight, and the hand is pushed with 1 N for a microsecond.
-# Force and time over the speed that it has then is what a finger feels.
+# ----------------
+# The drives carry the weight, and the hand is pushed with 1 N for a microsecond. Force and time
+# over the speed that it has then is what a finger feels.
 
 felt, directions = [], np.deg2rad(np.arange(0.0, 360.0, 30.0))
 for angle in directions:
@@ -120,8 +122,9 @@ right.legend(loc="upper center")
 
 # %%
 # In motion
-# --------- As the elbow bends, the ellipse of :math:`\Lambda^{-1}`, how far a unit force moves the
-# hand, turns with the second link. It is a needle where the arm is straight.
+# ---------
+# As the elbow bends, the ellipse of :math:`\Lambda^{-1}`, how far a unit force moves the hand,
+# turns with the second link. It is a needle where the arm is straight.
 
 bend = np.deg2rad(np.linspace(2.0, 178.0, 60))
 postures = np.stack([-0.25 * bend, bend], axis=1)

@@ -40,9 +40,9 @@ m1, m2, l1, l2, g, height = 1.3, 0.7, 0.6, 0.4, 9.81, 0.1
 
 # %%
 # The equations of this arm
-# ------------------------- M and h of the :ref:`ideal 2R arm
-# <sphx_glr_generated_gallery_mechanics_plot_two_mass_arm.py>`, and the Jacobian of its tip, whose
-# second row is A.
+# -------------------------
+# M and h of the :ref:`ideal 2R arm <sphx_glr_generated_gallery_mechanics_plot_two_mass_arm.py>`,
+# and the Jacobian of its tip, whose second row is A.
 
 
 def terms(q: np.ndarray, v: np.ndarray) -> tuple[np.ndarray, ...]:
@@ -113,8 +113,9 @@ assert off <= 1e-8
 
 # %%
 # The independent solution
-# ------------------------ The notes' formula for :math:`\lambda`, then :math:`\ddot q =
-# M^{-1}(\tau - h - A^T\lambda)`, with the torques that the controller gave.
+# ------------------------
+# The notes' formula for :math:`\lambda`, then :math:`\ddot q = M^{-1}(\tau - h - A^T\lambda)`,
+# with the torques that the controller gave.
 
 
 def rates(time: float, x: np.ndarray, tau: np.ndarray) -> np.ndarray:

@@ -41,8 +41,9 @@ print((files("arm_sim") / "scenes/lectures/point_mass.yaml").read_text())
 
 # %%
 # The run and the closed form
-# --------------------------- The solution is the parabola :math:`q = \dot q_0 t + \tfrac12 \ddot
-# q\, t^2`. A Runge–Kutta method of order four integrates it exactly, up to rounding.
+# ---------------------------
+# The solution is the parabola :math:`q = \dot q_0 t + \tfrac12 \ddot q\, t^2`. A Runge–Kutta
+# method of order four integrates it exactly, up to rounding.
 
 sim = Simulator("point_mass", integrator="rk4", dt=0.01)
 run = sim.run(1.2)

@@ -51,10 +51,10 @@ assert np.abs(dyn.coriolis_matrix([0.2, 0.1], [1.0, -2.0])).max() <= 1e-12
 
 # %%
 # The run and the closed form
-# --------------------------- The hand is to draw a circle of radius :math:`r`. Inverse dynamics of
-# the circle gives the forces, which are sinusoids of time. A computer holds each of them for a
-# tick :math:`h`, so between two ticks the acceleration is constant, and the exact solution is a
-# sum over ticks.
+# ---------------------------
+# The hand is to draw a circle of radius :math:`r`. Inverse dynamics of the circle gives the
+# forces, which are sinusoids of time. A computer holds each of them for a tick :math:`h`, so
+# between two ticks the acceleration is constant, and the exact solution is a sum over ticks.
 
 r, turn, h = 0.3, 2.0 * np.pi, sim.dt
 ticks = h * np.arange(1000)

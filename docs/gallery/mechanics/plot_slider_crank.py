@@ -113,8 +113,9 @@ assert error <= 1e-8 and slider <= 1e-10 and np.ptp(kept) <= 1e-8
 
 # %%
 # In a figure
-# ----------- The speed grows with the square root of the angle, and is modulated twice a turn:
-# where the slider is fast, the mechanism is heavy.
+# -----------
+# The speed grows with the square root of the angle, and is modulated twice a turn: where the
+# slider is fast, the mechanism is heavy.
 
 figure, (left, right) = plt.subplots(1, 2, figsize=(9.0, 3.6))
 left.plot(run.time, angle / (2.0 * np.pi), label="turns of the crank")

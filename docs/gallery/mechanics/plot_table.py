@@ -42,8 +42,9 @@ m1, m2, l1, l2, g, mu = 1.3, 0.7, 0.6, 0.4, 9.81, 0.4
 
 # %%
 # The run
-# ------- Three phases: the hand pushes straight down with 20 N; then also sideways with 12 N,
-# which is more than the friction of 8 N; then it is lifted with 5 N.
+# -------
+# Three phases: the hand pushes straight down with 20 N; then also sideways with 12 N, which is
+# more than the friction of 8 N; then it is lifted with 5 N.
 
 PHASES = ((0.2, (0.0, -20.0)), (0.6, (12.0, -20.0)), (0.8, (0.0, 5.0)))  # until [s], f_d [N]
 

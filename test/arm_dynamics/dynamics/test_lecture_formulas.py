@@ -86,6 +86,38 @@ def test_multiplier_keeps_the_constraint(arm: Dynamics, rng: np.random.Generator
         np.testing.assert_allclose((A @ a + A_dot @ v) / scale, 0.0, atol=1e-11)
 
 
+def test_multiplier_needs_independent_rows(arm: Dynamics, rng: np.random.Generator) -> None:
+    """A M⁻¹ Aᵀ has no inverse if a row repeats; its pseudo-inverse gives the same acceleration."""
+    for x in states(rng):
+        q, torque = x[:2], rng.normal(size=2)
+        W = np.linalg.inv(arm.mass_matrix(q))
+        row = jacobian(q)[:1]
+        once = row.T @ np.linalg.solve(row @ W @ row.T, row @ W @ torque)
+        A = np.vstack([row, 2.0 * row])
+        assert np.linalg.matrix_rank(A @ W @ A.T) == 1
+        twice = A.T @ np.linalg.pinv(A @ W @ A.T, rcond=1e-12) @ (A @ W @ torque)
+        assert_close(twice, once, 1e4 * CLOSED_FORM)
+
+
+def test_mass_by_direction_of_force_and_of_acceleration(
+    arm: Dynamics, rng: np.random.Generator
+) -> None:
+    """1 / (uᵀ Λ⁻¹ u) where the force has the direction u, uᵀ Λ u where the acceleration has it."""
+    for x in states(rng):
+        q, angle = x[:2], rng.uniform(0.3, 1.2)
+        J, u = jacobian(q), np.array([np.cos(angle), np.sin(angle)])
+        mobility = J @ np.linalg.solve(arm.mass_matrix(q), J.T)
+        pushed = 1.0 / (u @ mobility @ u)
+        led = u @ np.linalg.solve(mobility, u)
+        assert led > pushed * (1.0 + 1e-6)
+        along = np.eye(2)[0]  # an axis of Λ
+        assert_close(
+            1.0 / (along @ mobility @ along),
+            along @ np.linalg.solve(mobility, along),
+            100 * CLOSED_FORM,
+        )
+
+
 def test_gear_reflects_damping_by_its_square(rng: np.random.Generator) -> None:
     """B = r² B_m + B_l with θ_m = r θ_l, not r B_m + B_l: the power lost must be the same."""
     ratio, motor, link = 50.0, 2e-4, 0.3

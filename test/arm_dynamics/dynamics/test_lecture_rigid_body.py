@@ -164,6 +164,30 @@ def test_generalized_force_is_differentiated_by_its_own_coordinate(
     assert not np.isclose(force[0] * df[0] + force[1] * dg[1], work[0], rtol=1e-3)
 
 
+def test_moment_equation_is_about_a_fixed_point(body: Cloud, rng: np.random.Generator) -> None:
+    """M = dL/dt about a fixed point; about one that moves at ṗ, M = dL/dt + ṗ × m v_C."""
+    w, dw, centre, v, dv, p, dp = rng.normal(size=(7, 3))
+    velocities = v + np.cross(w, body.r)
+    accelerations = dv + np.cross(dw, body.r) + np.cross(w, np.cross(w, body.r))
+    arms = centre + body.r - p
+    moments = (body.m[:, None] * np.cross(arms, accelerations)).sum(axis=0)
+    rates = np.cross(velocities - dp, velocities) + np.cross(arms, accelerations)
+    rate = (body.m[:, None] * rates).sum(axis=0)
+    assert_close(rate + np.cross(dp, body.m.sum() * v), moments, 10 * CLOSED_FORM)
+    assert not np.allclose(rate, moments, rtol=1e-3)
+
+
+def test_generalized_force_is_a_sum_over_particles(rng: np.random.Generator) -> None:
+    """Five forces on a rod that turns about its end: one coordinate, five terms."""
+    q, places, forces = 0.7, rng.uniform(0.1, 1.0, 5), rng.normal(size=(5, 2))
+    across = np.array([-np.sin(q), np.cos(q)])  # ∂(f, g)/∂q of each is its place along this
+    moment = sum(
+        r * (np.cos(q) * F[Y] - np.sin(q) * F[X]) for r, F in zip(places, forces, strict=True)
+    )
+    assert_close(places @ forces @ across, moment, CLOSED_FORM)
+    assert not np.isclose(places[0] * forces[0] @ across, moment, rtol=1e-3)
+
+
 def test_a_falling_mass_needs_its_weight_to_be_held() -> None:
     """m q̈ + (0, 0, m g) = 0: at rest a mass needs +m g upwards."""
     urdf = """<robot name="mass">

@@ -73,3 +73,15 @@ def test_weight_on_the_second_joint_has_g(arm: Dynamics, rng: np.random.Generato
         second = M2 * C2 * G * c12
         assert_close(arm.gravity(q), [(M1 * C1 + M2 * L1) * G * c1 + second, second], CLOSED_FORM)
         assert not np.isclose(second, M2 * C2 * c12, rtol=0.1)
+
+
+def test_only_christoffel_symbols_make_a_skew_matrix(
+    arm: Dynamics, rng: np.random.Generator
+) -> None:
+    """C = [0, h (2 q̇₁ + q̇₂); -h q̇₁, 0] gives the same torques, and Ḋ - 2 C is not skew."""
+    for q, v in rng.normal(size=(20, 2, 2)):
+        h = -M2 * L1 * C2 * np.sin(q[1])
+        C = np.array([[0.0, h * (2 * v[0] + v[1])], [-h * v[0], 0.0]])
+        assert_close(C @ v, arm.inverse(q, v, np.zeros(2), Term.CORIOLIS), CLOSED_FORM)
+        turned = (inertia(q + 1e-6 * v) - inertia(q - 1e-6 * v)) / 2e-6
+        assert abs((turned - 2 * C) + (turned - 2 * C).T).max() > abs(h * v[1])
