@@ -266,7 +266,7 @@ def test_code_that_differs_from_pinocchio_is_refused(
     wrong = replace(term, expression=lambda model: term.expression(_heavier(model)))
     with caplog.at_level(logging.WARNING):
         assert compiled(wrong, points) is None
-    assert "batches are answered by Pinocchio, slower" in caplog.text
+    assert "batches are computed by Pinocchio, which is slower" in caplog.text
 
 
 def _heavier(model: ArmModel) -> ArmModel:

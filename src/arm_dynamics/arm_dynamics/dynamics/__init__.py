@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numerical inverse and forward dynamics of an arm, free or with constraints.
+"""Numerical inverse and forward dynamics of an arm, with or without constraints.
 
-Pinocchio computes single points; large batches run as generated code that was checked against it.
+Pinocchio computes single points; large batches run as generated code that is verified against it.
 """
 
 from arm_dynamics.dynamics.constrained import Constrained

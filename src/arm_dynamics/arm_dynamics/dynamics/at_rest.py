@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Accelerations where joints with dry friction are at rest: some stick, others are let go.
+"""Accelerations where joints with dry friction are at rest: some stick, others begin to slide.
 
-A joint at rest stays while the torque that holds it is within its static level; one that is let go
-moves the way it is pulled (Glocker, Set-Valued Force Laws, 2001). Joints at rest feel one another
-through M: which of them go is a linear complementarity problem, solved by pivoting. The one that
-disobeys most changes while the others stay as they are, until none disobeys; should that go in
-circles, the first one in order does, which cannot (Murty, Linear Complementarity, Linear and
-Nonlinear Programming, 1988, section 4.1). The simulator does the same in C, with contacts and
+A joint sticks while its holding torque is within the static level; otherwise it slides in the
+direction of the torque on it (Glocker, Set-Valued Force Laws, 2001). Joints at rest are coupled
+through M: which of them slide is a linear complementarity problem, solved by pivoting. The joint
+with the largest violation changes its mode until there is none; if that cycles, the first
+violating joint changes instead, a rule that cannot cycle (Murty, Linear Complementarity, Linear
+and Nonlinear Programming, 1988, section 4.1). The simulator does the same in C, with contacts and
 stops.
 """
 
@@ -22,9 +22,9 @@ from arm_dynamics.arrays import Array
 from arm_dynamics.dynamics.gauss import constrained_motion, times
 from arm_dynamics.exceptions import InvalidInput
 
-# Acceleration, relative to the largest, by which a joint about to move may go the wrong way.
+# Tolerated acceleration of a sliding joint in the wrong direction, relative to the largest.
 SLACK = 1e-9
-# Joints of which all sets may be tried.
+# Number of joints up to which all sets of modes may be tried.
 MANY = 12
 
 type Flags = NDArray[np.bool_]
@@ -42,7 +42,7 @@ class Points:
         bias: C v + G + S, shape (k, n).
         A: Rows of the constraints, shape (k, m, n).
         drift: γ, shape (k, m).
-        rank: How many of the rows are independent.
+        rank: Number of independent rows.
     """
 
     q: Array
@@ -55,19 +55,19 @@ class Points:
     rank: int
 
     def chosen(self, rows: NDArray[np.intp]) -> Points:
-        """Some of them."""
+        """The selected states."""
         arrays = ("q", "v", "tau", "M", "bias", "A", "drift")
         return replace(self, **{name: getattr(self, name)[rows] for name in arrays})
 
 
 @dataclass(frozen=True)
 class Motion:
-    """What comes of choices of joints that stick.
+    """Motions that follow from choices of sticking joints.
 
     Attributes:
-        a: Accelerations, exactly zero for those joints, shape (k, n).
+        a: Accelerations, exactly zero for sticking joints, shape (k, n).
         multipliers: λ, shape (k, m).
-        reaction: Torques that hold those joints, zero for the others, shape (k, n).
+        reaction: Holding torques of sticking joints, zero for the others, shape (k, n).
     """
 
     a: Array
@@ -76,7 +76,7 @@ class Motion:
 
 
 class AtRest:
-    """Joints at rest under the friction of an arm.
+    """Joints at rest with dry friction.
 
     Args:
         friction: The friction.
@@ -91,13 +91,13 @@ class AtRest:
         return resting
 
     def motion(self, points: Points) -> tuple[Array, Array]:
-        """The motions that begin at states with joints at rest.
+        """Motions that start from states with joints at rest.
 
         Returns:
             Accelerations, shape (k, n), and λ, shape (k, m).
 
         Raises:
-            InvalidInput: If no set of sticking joints satisfies the laws at a point.
+            InvalidInput: If no set of sticking joints satisfies the friction laws at a point.
         """
         (k, n), m = points.v.shape, points.A.shape[1]
         a, multipliers = np.empty((k, n)), np.empty((k, m))
@@ -117,11 +117,11 @@ class AtRest:
             left = left[wrong]
             _pivot(direction, turned, (left, order), pull[wrong, order], m > 0)
         raise InvalidInput(
-            "no set of sticking joints satisfies the laws: the motion is not determined"
+            "no set of sticking joints satisfies the friction laws: the motion is not determined"
         )
 
     def _guess(self, points: Points) -> Array:
-        """Joints at rest stick; in a loop that moves they are taken along, the way it goes."""
+        """Initial modes: joints at rest stick, except in a moving loop, which takes them along."""
         direction, resting = np.sign(points.v), self.resting(points.v)
         loops = resting & (points.v.any(axis=1, keepdims=True) & (points.A.shape[1] > 0))
         if loops.any():
@@ -131,14 +131,14 @@ class AtRest:
         return direction
 
     def _excess(self, a: Array, pull: Array, direction: Array) -> Array:
-        """How much each joint at rest disobeys: not positive if it obeys."""
+        """Violation of the friction laws by each joint at rest: not positive if satisfied."""
         level = self._joints.level
         wrong_way = -direction * a / (1.0 + abs(a).max(axis=1, keepdims=True)) - SLACK
         excess: Array = np.where(direction == 0.0, (abs(pull) - level) / level.max(), wrong_way)
         return excess
 
     def _moved(self, points: Points, direction: Array, held: Flags) -> Motion:
-        """Motions while ``held`` joints stick and the others slide their way."""
+        """Motions in which ``held`` joints stick and the others slide in ``direction``."""
         sliding, (q, v, tau) = ~held, (points.q, points.v, points.tau)
         load = tau - points.bias - self._friction(v, direction, q, tau)
         moving = sliding[:, :, None] & sliding[:, None, :]
@@ -160,7 +160,7 @@ def _pivot(
     pull: Array,
     loops: bool,
 ) -> None:
-    """Let the entries do something else: go the way they are pulled, or turn, or stick."""
+    """Change the mode of the entries: begin to slide, reverse, or stick."""
     held, turns = direction[entry] == 0.0, ~turned[entry] & loops
     otherwise = np.where(turns, -direction[entry], 0.0)
     turned[entry] = ~held & turns

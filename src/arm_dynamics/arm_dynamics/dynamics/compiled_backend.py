@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terms of the equation of motion of many points at once, by compiled code.
+"""Terms of the equation of motion for batches of points, by compiled code.
 
-Pinocchio has checked it, and answers where it cannot be had.
+The code is verified against Pinocchio, which is the fallback where none can be compiled.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ def compiled(term: BatchTerm, points: RigidTerms) -> Answer | None:
 
     Args:
         term: Which term.
-        points: Pinocchio's terms of the arm, to check the code against.
+        points: Pinocchio's terms of the arm, to verify the code against.
 
     Returns:
-        A function of batches (k, n), and of vectors that serve every point, which agrees with
-        ``points`` to 1e-10 of the size of what is added up; or None where there is no compiled
-        code to be had, no space for it, or the code does not agree.
+        A function of batches (k, n), and of vectors shared by all points, which agrees with
+        ``points`` to 1e-10 of the size of the summands; None if code cannot be compiled or stored,
+        or does not agree.
     """
     if not compiler.may_build():
         return None
@@ -44,14 +44,14 @@ def compiled(term: BatchTerm, points: RigidTerms) -> Answer | None:
         answer = rows(term.expression(points.robot), term.is_matrix)
         check(term, points, answer)
     except (KernelError, OSError) as error:
-        _log.warning("%s; batches are answered by Pinocchio, slower", error)
+        _log.warning("%s; batches are computed by Pinocchio, which is slower", error)
         return None
     return answer
 
 
 def check(term: BatchTerm, points: RigidTerms, answer: Answer) -> float:
-    """Check an answer at random states; returns and errors as those of ``compare``."""
-    with np.errstate(all="ignore"):  # numbers that are not finite are refused
+    """Verify results at random states; returns and errors as those of ``compare``."""
+    with np.errstate(all="ignore"):  # numbers that are not finite are rejected
         return compare(term.title, *term.compared(points, answer, *random_states(points.robot.n)))
 
 
@@ -59,17 +59,17 @@ def rows(function: ca.Function, is_matrix: bool) -> Answer:
     """A function of vectors, compiled to be evaluated for many points in one call.
 
     Args:
-        function: Of dense vectors, with one dense result; a matrix transposed, for CasADi's memory
-            goes down its columns.
-        is_matrix: Whether the result for a point is a matrix, and no vector.
+        function: Function of dense vectors with one dense result; a matrix is transposed, since
+            CasADi stores it by columns.
+        is_matrix: Whether the result for a point is a matrix, not a vector.
 
     Returns:
-        Function of arrays of shape (k, …), the first of them, or of one vector for all points;
-        it returns the result for each point, shape (k, …).
+        Function of arrays of shape (k, …) (the first always) or single vectors shared by all
+        points; it returns the result for each point, shape (k, …).
 
     Raises:
         KernelError: If it cannot be compiled.
-        OSError: If there is no space for that.
+        OSError: If there is no disk space for it.
     """
     entry = compiled_rows(function)
     shape = function.size_out(0)[::-1] if is_matrix else (function.numel_out(0),)
@@ -95,7 +95,7 @@ def compiled_rows(function: ca.Function) -> Any:
 
     Raises:
         KernelError: If it cannot be compiled.
-        OSError: If there is no space for that.
+        OSError: If there is no disk space for it.
     """
     kernel = Kernel([function], "native", _driver(function))
     entry = getattr(kernel.library, "answer_rows")  # noqa: B009 - the library's, not an attribute
@@ -104,7 +104,7 @@ def compiled_rows(function: ca.Function) -> Any:
 
 
 def _readable(x: Array) -> Array:
-    """The same numbers, each row one after the other in memory; rows may be any steps apart."""
+    """The same numbers with contiguous rows; the stride between rows is arbitrary."""
     one_after_the_other = x.strides[-1] == x.itemsize and x.strides[0] % x.itemsize == 0
     return x if one_after_the_other and x.flags.aligned else np.ascontiguousarray(x)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The terms that batches are asked for: as expressions, and what their error is measured by.
+"""The terms available for batches: their expressions and the measures of their errors.
 
 The expressions are those of ``equations``.
 """
@@ -31,15 +31,15 @@ Parts = list[tuple[Array, Array]]
 
 @dataclass(frozen=True)
 class BatchTerm:
-    """One term.
+    """One term of the equation of motion.
 
     Attributes:
-        title: What it is, for display.
-        point: Method of ``RigidTerms`` that answers for one point.
-        expression: From an arm to the function of one point's vectors, a matrix transposed.
-        compared: Differences of an answer from Pinocchio's at states q, v and accelerations or
-            torques, and sizes: see ``verify.compare``.
-        is_matrix: Whether the answer for a point is a matrix, and no vector.
+        title: Its name, for display.
+        point: Method of ``RigidTerms`` that computes it at one point.
+        expression: Builds the function of one point's vectors for an arm; a matrix is transposed.
+        compared: Differences from Pinocchio's results at states q, v and accelerations or torques,
+            and reference sizes: see ``verify.compare``.
+        is_matrix: Whether the result for a point is a matrix, not a vector.
     """
 
     title: str
@@ -129,7 +129,7 @@ def _spring_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Arr
 def _energies(robot: Robot) -> ca.Function:
     q, v = (ca.SX.sym(name, robot.n) for name in "qv")
     still, none = ca.SX(robot.n, 1), ca.SX(3, 1)
-    momentum = rigid_body.inverse(tree_of(robot), q, still, v, none)  # M v, without all of M
+    momentum = rigid_body.inverse(tree_of(robot), q, still, v, none)  # M v, without forming M
     whole, gravity = tree_of(robot, regroup=False), gravity_of(robot)
     potential = rigid_body.potential_energy(whole, q, gravity)
     potential += spring.energy(springs_of(robot), whole, q)
@@ -145,7 +145,7 @@ def _energy_parts(points: RigidTerms, answer: Answer, q: Array, v: Array, _: Arr
 
 @cache
 def constraint_rows(names: tuple[str, ...]) -> BatchTerm:
-    """A and γ side by side of the constraints of these names, one object for the same names."""
+    """A and γ side by side of the named constraints; cached by the names."""
     point = partial(RigidTerms.constraint_rows, names=names)
 
     def expression(robot: Robot) -> ca.Function:

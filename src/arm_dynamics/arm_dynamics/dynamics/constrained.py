@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Constrained dynamics as numbers: τ = M a + h + Aᵀλ under A v = 0.
+"""Numerical constrained dynamics: τ = M a + h + Aᵀλ under A v = 0.
 
-See ``gauss``; λ is what the robot exerts against the constraints: force and moment of
-the first frame upon the second, in axes of the second.
+See ``gauss``; λ is what the robot exerts on the constraints: force and moment of the first frame
+on the second, in axes of the second.
 """
 
 from __future__ import annotations
@@ -24,7 +24,7 @@ from arm_dynamics.model.loop_closure import Closure
 from arm_dynamics.model.pinocchio_terms import FrameMotion
 from arm_dynamics.scene.constraint import ORIGIN, Touching
 
-AT_ONCE = 4096  # points: what is in memory at once
+AT_ONCE = 4096  # points in memory at once
 
 
 class Constrained:
@@ -38,7 +38,8 @@ class Constrained:
         closure: States that obey the constraints.
 
     Raises:
-        SceneError: If the scene has no bilateral constraint, or one that leaves nothing to move.
+        SceneError: If the scene has no bilateral constraint, or one that leaves no degree of
+            freedom.
     """
 
     def __init__(self, model: ArmModel, rigid: RigidDynamics) -> None:
@@ -62,17 +63,18 @@ class Constrained:
     ) -> tuple[Array, Array]:
         """Accelerations and multipliers of τ = M a + C v + G + S + F + Aᵀλ under A a + Ȧ v = 0.
 
-        Joints at rest that dry friction holds stay: see ``at_rest``.
+        Joints at rest that dry friction holds remain at rest: see ``at_rest``.
 
         Args:
-            q: Joint positions in [rad] or [m], shape (n,) or (k, n); the constraints should hold.
+            q: Joint positions in [rad] or [m], shape (n,) or (k, n); the constraints should be
+                satisfied.
             v: Joint velocities in [rad/s] or [m/s], likewise.
             tau: Joint torques in [N m] or [N], likewise.
-            active: Names of the constraints that hold; None for those that do at the start.
+            active: Names of the active constraints; None for the initially active ones.
 
         Returns:
             Accelerations, shape of the arguments, and λ in [N] and [N m], shape (m,) or (k, m): of
-            least norm where constraints depend on one another, zero where they do not hold.
+            least norm where constraints are redundant, zero where they are inactive.
 
         Raises:
             InvalidInput: If a shape, value or name is not allowed.
@@ -91,14 +93,14 @@ class Constrained:
     def without_sticking(
         self, q: Array, v: Array, tau: Array, active: Collection[str] | None = None
     ) -> tuple[Array, Array]:
-        """As ``forward``, where what friction at rest bears is part of ``tau`` already."""
+        """As ``forward``, with the static friction of joints at rest included in ``tau``."""
         if q.ndim == 1:
             a, lam = self.without_sticking(q[None], v[None], tau[None], active)
             return a[0], lam[0]
         return self._moving(q, v, tau, self.closure.chosen(active))
 
     def inverse(self, q: Array, v: Array, a: Array, lam: ArrayLike) -> Array:
-        """Torques M a + C v + G + S + F + Aᵀλ for a motion and forces λ against the constraints.
+        """Torques M a + C v + G + S + F + Aᵀλ for a motion and constraint forces λ.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
@@ -134,7 +136,7 @@ class Constrained:
     def _begun(
         self, q: Array, v: Array, tau: Array, active: tuple[str, ...]
     ) -> tuple[Array, Array]:
-        """Accelerations and active multipliers of points at which joints are at rest."""
+        """Accelerations and active multipliers of points with joints at rest."""
         M, bias, rows = self._terms(q, v, active)
         rank = self._rank(active, q[0])
         points = Points(q, v, tau, M, bias, rows[..., :-1], rows[..., -1], rank)
@@ -149,7 +151,7 @@ class Constrained:
     def _solved(
         self, q: Array, v: Array, free: Array, active: tuple[str, ...]
     ) -> tuple[Array, Array]:
-        """Accelerations and multipliers of a batch under ``free`` torques."""
+        """Accelerations and multipliers of a batch under the torques ``free``."""
         M, bias, rows = self._terms(q, v, active)
         rank, multipliers = self._rank(active, q[0]), np.zeros((len(q), self.m))
         a, lam = constrained_motion(M, free - bias, rows[..., :-1], rows[..., -1], rank)
@@ -157,7 +159,7 @@ class Constrained:
         return a, multipliers
 
     def _rank(self, active: tuple[str, ...], near: Array) -> int:
-        """Independent rows; those that hold at the start are closed at the initial position."""
+        """Number of independent rows; the initially active constraints are closed at ``q0``."""
         closed = set(active) <= set(self.closure.initially_active)
         return self.closure.rank(active, self.model.q0 if closed else near)
 
@@ -174,15 +176,15 @@ class Constrained:
 def contact_torque(
     model: ArmModel, q: Array, wrench: ArrayLike, frame: str | None = None
 ) -> Array:
-    """Torques with which an arm pushes: Jᵀ f, which is Aᵀλ where f is what a constraint bears.
+    """Joint torques that exert a wrench: Jᵀ f, equal to Aᵀλ where f is a constraint force.
 
     Args:
         model: The arm.
         q: Joint positions in [rad] or [m], shape (n,) or (k, n).
         wrench: Force in [N], shape (3,), or force and moment in [N m], shape (6,), that the arm
             exerts upon the world, in the world's axes; or a row for each of k.
-        frame: Frame at whose origin; None for the one place where the scene lets the arm touch
-            the world.
+        frame: Frame at whose origin the wrench acts; None for the scene's only contact with the
+            world.
 
     Returns:
         Joint torques in [N m] or [N], shape of ``q``, to be added to those of the motion.
@@ -209,7 +211,7 @@ def contact_torque(
 
 
 def _contact_place(model: ArmModel, frame: str | None) -> Touching:
-    """What of the arm touches."""
+    """Frame of the arm that touches the world."""
     if frame is not None:
         return Touching(frame, ORIGIN)
     touching = [c.at_world for c in model.scene.constraints if c.at_world is not None]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numeric answers from Pinocchio: the reference for everything else in the suite."""
+"""Dynamics computed by Pinocchio: the reference for everything else in the suite."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from arm_dynamics.scene.load import SceneSource
 class Term(IntFlag):
     """Terms of the equation of motion τ = M q̈ + C q̇ + G + S + F, for inverse dynamics to add up.
 
-    ``SPRING``, S, is what springs and their dampers take.
+    ``SPRING``, S, is the torque of springs and their dampers.
     """
 
     INERTIA = 1
@@ -45,16 +45,16 @@ class Dynamics:
     """Inverse and forward dynamics of one scene; keep one instance per thread.
 
     Every method takes vectors of shape (n,) or batches of shape (k, n) in the order of
-    ``joint_names`` and answers in kind. Source of the algorithms: Featherstone, Rigid Body
-    Dynamics Algorithms, 2008, as implemented by Pinocchio.
+    ``joint_names`` and returns results of the same kind. Source of the algorithms: Featherstone,
+    Rigid Body Dynamics Algorithms, 2008, as implemented by Pinocchio.
 
     Args:
-        scene: A scene, or anything ``load_scene`` takes, or a model that was built already.
+        scene: A scene, anything ``load_scene`` accepts, or an existing arm model.
 
     Attributes:
         model: The arm.
-        steady_friction: Its friction F.
-        command_map: From torques to commands of the drives.
+        steady_friction: Its steady-state friction F.
+        command_map: Converts torques to commands of the drives.
     """
 
     def __init__(self, scene: SceneSource | ArmModel) -> None:
@@ -64,7 +64,7 @@ class Dynamics:
         self._rigid = RigidDynamics(self.model)
         self._at_rest = AtRest(self.steady_friction)
         self._gravity = np.array(self.model.scene.gravity)
-        self._regular = False  # looked at when accelerations are first asked for
+        self._regular = False  # checked when accelerations are first requested
 
     @property
     def n(self) -> int:
@@ -81,7 +81,8 @@ class Dynamics:
     ) -> Array:
         """Torques that produce a motion: the chosen terms of M a + C v + G + S + F.
 
-        Dry friction of a joint at rest may be anything up to its level; it counts as zero here.
+        Dry friction of a joint at rest may take any value up to its level; it is taken as zero
+        here.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
@@ -109,9 +110,9 @@ class Dynamics:
         return needed
 
     def command(self, q: ArrayLike, v: ArrayLike, a: ArrayLike) -> Array:
-        """Commands that hold a motion, in the units of ``model.command_unit``; drives as if rigid.
+        """Commands that produce a motion, in units of ``model.command_unit``, with rigid drives.
 
-        Args and errors as those of ``inverse``, whose sum of all terms it is without drives.
+        Arguments and errors as those of ``inverse``; without drives, the sum of all its terms.
         """
         tau, (q, v, a) = self.inverse(q, v, a), vectors(self.joint_names, q=q, v=v, a=a)
         rotors = self.command_map.rotor_inertia * a + self.command_map.rotor_damping * v
@@ -121,10 +122,10 @@ class Dynamics:
     def forward(self, q: ArrayLike, v: ArrayLike, tau: ArrayLike) -> Array:
         """Accelerations that torques produce: M⁻¹ (τ - C v - G - S - F).
 
-        A joint with dry friction that is exactly at rest stays, with acceleration zero, while what
-        holds it is within its static level, and else begins to move the way it is pulled, as in
-        the simulator. End stops and contacts are left out.
-        Where the scene has bilateral constraints, they hold: see ``constrained_forward``.
+        A joint with dry friction that is exactly at rest sticks, with zero acceleration, while its
+        holding torque is within the static level; otherwise it begins to slide, as in the
+        simulator. End stops and contacts are ignored; bilateral constraints are enforced: see
+        ``constrained_forward``.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
@@ -162,7 +163,7 @@ class Dynamics:
 
     @cached_property
     def constrained(self) -> Constrained:
-        """The bilateral constraints as numbers: names, multipliers, closed states."""
+        """Dynamics with the bilateral constraints: names, multipliers, closed states."""
         return Constrained(self.model, self._rigid)
 
     def constrained_forward(
@@ -180,7 +181,7 @@ class Dynamics:
         return self.constrained.inverse(q, v, a, lam)
 
     def contact_torque(self, q: ArrayLike, wrench: ArrayLike, frame: str | None = None) -> Array:
-        """Torques Jᵀ f with which the arm pushes on the world; see ``constrained``."""
+        """Joint torques Jᵀ f that exert a wrench on the world; see ``constrained``."""
         return contact_torque(self.model, vectors(self.joint_names, q=q)[0], wrench, frame)
 
     def mass_matrix(self, q: ArrayLike) -> Array:
@@ -194,16 +195,16 @@ class Dynamics:
         return self._rigid.coriolis_matrix(q, v)
 
     def gravity(self, q: ArrayLike) -> Array:
-        """Torques that carry the arm's weight, G(q), in [N m] or [N], shape of ``q``."""
+        """Gravity torques G(q) that balance the arm's weight, in [N m] or [N], shape of ``q``."""
         (q,) = vectors(self.joint_names, q=q)
         return self._rigid.gravity(q)
 
     def spring(self, q: ArrayLike, v: ArrayLike | None = None) -> Array:
-        """Torques S(q, v) against springs and their dampers in [N m] or [N], shape of ``q``.
+        """Torques S(q, v) that balance springs and their dampers in [N m] or [N], shape of ``q``.
 
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n).
-            v: Joint velocities in [rad/s] or [m/s], likewise; None for rest.
+            v: Joint velocities in [rad/s] or [m/s], likewise; None for zero.
 
         Raises:
             InvalidInput: If a shape or a value is not allowed.
@@ -222,8 +223,9 @@ class Dynamics:
 
         Args:
             v: Joint velocities in [rad/s] or [m/s], shape (n,) or (k, n).
-            direction: Which way joints slide, a sign each; None for the sign of ``v``. At rest dry
-                friction may be anything up to its level; where the sign is zero, zero is given.
+            direction: Sliding direction of each joint, a sign; None for the sign of ``v``. Dry
+                friction at rest may take any value up to its level; where the sign is zero, zero
+                is returned.
             q: Joint positions in [rad] or [m]; required where friction depends on them.
             load: Torques of the drives in [N m] or [N], for friction that depends on them; zero
                 unless given.
@@ -247,7 +249,7 @@ class Dynamics:
     def energy(self, q: ArrayLike, v: ArrayLike) -> tuple[Any, Any]:
         """Kinetic and potential energy in [J]: two floats, or two arrays of shape (k,).
 
-        The kinetic energy includes that of the armature, the potential one that of springs.
+        The kinetic energy includes that of the armature, the potential energy that of springs.
         """
         q, v = vectors(self.joint_names, q=q, v=v)
         both = self._rigid.energies(q, v)
@@ -256,7 +258,7 @@ class Dynamics:
 
 
 def _chosen(terms: Term | int) -> list[bool]:
-    """Which of inertia, Coriolis, gravity, friction and springs."""
+    """Flags of inertia, Coriolis, gravity, friction and springs."""
     if not isinstance(terms, int) or isinstance(terms, bool) or not 0 <= terms <= Term.ALL:
         raise InvalidInput(
             f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8, SPRING 16"

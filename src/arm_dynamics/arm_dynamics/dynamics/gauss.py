@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Gauss' principle as linear algebra, for many points at once.
+"""Gauss' principle of least constraint as linear algebra, for batches of points.
 
-The acceleration is the one nearest to the free one, in the metric of M, that obeys A a + γ = 0; λ
-is of least norm where rows depend on one another (Udwadia, Kalaba, Analytical Dynamics, 1996,
-chapter 3).
+The acceleration is that nearest to the unconstrained one, in the metric of M, with A a + γ = 0; λ
+is of least norm where rows are dependent (Udwadia, Kalaba, Analytical Dynamics, 1996, chapter 3).
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ def constrained_motion(
         forces: Generalized forces, shape (k, n).
         A: Rows of the constraints, shape (k, m, n).
         drift: γ, shape (k, m).
-        rank: Most rows that are independent.
+        rank: Largest number of independent rows.
 
     Returns:
         a of shape (k, n) and λ of shape (k, m).

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whole answers to the questions of services, compiled: a function of the vectors of one point.
+"""Complete service responses as compiled functions of the vectors of one point.
 
-They are composed of the same expressions as answers of ``Dynamics``, which has checked them. What
-needs decisions (joints at rest with dry friction, constraints, friction by load) is left to that.
+They are built from the same expressions as ``Dynamics`` and verified against it. Cases with
+decisions (joints at rest with dry friction, constraints, load-dependent friction) are left to
+``Dynamics``.
 """
 
 from __future__ import annotations
@@ -32,13 +33,13 @@ _log = logging.getLogger(__name__)
 
 @dataclass(frozen=True)
 class PointAnswer:
-    """One question, its answer and the check of that.
+    """One type of request, its compiled response and the verification of it.
 
     Attributes:
-        title: What is asked for, for display.
-        expression: From an arm to the answer as a function of one point's vectors.
-        check: Compares the compiled function with an arm's answers; raises ``KernelError``.
-        known: Whether an arm's answers can be had without decisions.
+        title: Its name, for display.
+        expression: Builds the response for an arm as a function of one point's vectors.
+        check: Compares the compiled function with the arm's ``Dynamics``; raises ``KernelError``.
+        known: Whether the responses for an arm can be computed without decisions.
     """
 
     title: str
@@ -48,32 +49,32 @@ class PointAnswer:
 
 
 def compiled_answer(question: PointAnswer, dynamics: Dynamics) -> Any | None:
-    """Compile the answer to a question about an arm.
+    """Compile the response to one type of request for an arm.
 
     Args:
-        question: One of ``INVERSE``, ``FORWARD`` and ``ALL_TERMS``.
-        dynamics: The arm, for this call alone.
+        question: Type of request, one of ``INVERSE``, ``FORWARD`` and ``ALL_TERMS``.
+        dynamics: Dynamics of the arm, used during this call only.
 
     Returns:
-        The C function ``answer_rows`` of ``rows.c``; None where there is no compiled code to be
-        had, where the answer needs decisions, or does not agree with the arm's to 1e-10 of the
-        size of what is added up.
+        The C function ``answer_rows`` of ``rows.c``; None if it cannot be compiled, if the
+        response requires decisions, or if it does not agree with ``dynamics`` to 1e-10 of the size
+        of the summands.
     """
     if not (compiler.may_build() and question.known(dynamics)):
         return None
     try:
         function = question.expression(dynamics)
         entry = compiled_rows(function)
-        with np.errstate(all="ignore"):  # numbers that are not finite are refused
+        with np.errstate(all="ignore"):  # numbers that are not finite are rejected
             question.check(dynamics, _at_points(function, entry))
     except (ArmError, OSError) as error:
-        _log.warning("%s: %s; answered by Pinocchio, slower", question.title, error)
+        _log.warning("%s: %s; computed by Pinocchio, which is slower", question.title, error)
         return None
     return entry
 
 
 def _at_points(function: ca.Function, entry: Any) -> Callable[..., list[Array]]:
-    """The compiled function of arrays (k, n), or vectors that serve every point."""
+    """The compiled function of arrays (k, n) or of vectors shared by all points."""
 
     def answer(*given: Array) -> list[Array]:
         count, vectors = len(given[0]), [np.ascontiguousarray(x) for x in given]
@@ -100,7 +101,7 @@ def _function(given: list[ca.SX], made: list[ca.SX]) -> ca.Function:
 
 
 def _inverse(dynamics: Dynamics) -> ca.Function:
-    """Of q, v, a, a factor of each term, and gravity: the sum without friction, and with it."""
+    """From q, v, a, a factor of each term, and gravity: the sum without and with friction."""
     model, friction = dynamics.model, dynamics.steady_friction
     q, v, a = _symbols(dynamics)
     chosen, gravity = ca.SX.sym("chosen", len(Term)), ca.SX.sym("gravity", 3)
@@ -128,7 +129,7 @@ def _check_inverse(dynamics: Dynamics, answer: Callable[..., list[Array]]) -> No
 
 
 def _forward(dynamics: Dynamics) -> ca.Function:
-    """Of q, v and tau: accelerations of joints that move."""
+    """From q, v and tau: accelerations of moving joints."""
     model, (q, v, tau) = dynamics.model, _symbols(dynamics)
     free = tau - dynamics.steady_friction(v, ca.sign(v), q, tau)
     free -= terms.SPRING.expression(model)(q, v)
@@ -140,7 +141,7 @@ def _check_forward(dynamics: Dynamics, answer: Callable[..., list[Array]]) -> No
 
 
 def _all_terms(dynamics: Dynamics) -> ca.Function:
-    """Of q and v: M, C, G, F, S, kinetic and potential energy."""
+    """From q and v: M, C, G, F, S, kinetic and potential energy."""
     model, (q, v, _) = dynamics.model, _symbols(dynamics)
     still = ca.SX(dynamics.n, 1)
     kinetic, potential = ca.vertsplit(terms.ENERGIES.expression(model)(q, v))
@@ -182,7 +183,7 @@ def _check_all_terms(dynamics: Dynamics, answer: Callable[..., list[Array]]) -> 
 
 
 def _plain(dynamics: Dynamics) -> bool:
-    """Whether friction, if there is any, does not feed on the torque that it causes."""
+    """Whether friction, if there is any, is independent of the drive's torque."""
     return not dynamics.steady_friction.by_load
 
 

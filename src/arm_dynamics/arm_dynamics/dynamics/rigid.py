@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Terms of the equation of motion without friction, of single points and of batches."""
+"""Terms of the equation of motion without friction, for single points and batches."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from arm_dynamics.equations.forward_dynamics import DENSE_AT_MOST
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
 
-# Rows from which on a batch is worth compiled code.
+# Rows from which a batch is worth compiling code.
 MANY = 256
 
 
 class RigidDynamics:
-    """Answers for vectors of shape (n,) or batches (k, n) that were checked already.
+    """Terms for vectors of shape (n,) or batches (k, n) that have been validated already.
 
-    Pinocchio answers point by point; from ``MANY`` points on, code that is compiled when it is
-    first asked for, where it can be had.
+    Pinocchio computes them point by point; from ``MANY`` points, compiled code does, which is
+    built on first use where possible.
 
     Args:
         model: The arm; used from one thread only.
@@ -47,12 +47,12 @@ class RigidDynamics:
 
         Raises:
             ModelError: If a joint moves no mass.
-            InvalidInput: If the answer overflows.
+            InvalidInput: If the result overflows.
         """
         a = self._answer(terms.FORWARD, q, v, tau)
         lost = ~np.isfinite(a).all(axis=-1)
         if lost.any():
-            a[lost] = each(self._points.forward, q[lost], v[lost], tau[lost])  # which says why
+            a[lost] = each(self._points.forward, q[lost], v[lost], tau[lost])  # names the joint
         return a
 
     def mass_matrix(self, q: Array) -> Array:
@@ -70,13 +70,13 @@ class RigidDynamics:
         return self._answer(terms.GRAVITY, q)
 
     def spring(self, q: Array, v: Array) -> Array:
-        """S, what springs and their dampers take, in [N m] or [N], shape (…, n)."""
+        """Torques S of springs and their dampers in [N m] or [N], shape (…, n)."""
         return self._answer(terms.SPRING, q, v) if self._springs else np.zeros_like(q)
 
     def energies(self, q: Array, v: Array) -> Array:
-        """Kinetic energy, with that of the armature, and potential energy in [J], shape (…, 2).
+        """Kinetic energy, armature included, and potential energy in [J], shape (…, 2).
 
-        The potential one is that of the weight and of the springs.
+        The potential energy is that of gravity and springs.
         """
         return self._answer(terms.ENERGIES, q, v)
 

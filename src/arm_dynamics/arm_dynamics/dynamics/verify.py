@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The check that generated code passes before it is used: against Pinocchio, at random states."""
+"""Verification of generated code before it is used: against Pinocchio, at random states."""
 
 from __future__ import annotations
 
@@ -17,34 +17,34 @@ from arm_dynamics.model.regularity import check_regular
 CHECK_TOLERANCE = 1e-10
 CHECK_STATES = 20
 WITHOUT_FRICTION = 23
-"""The terms of inverse dynamics but friction; ``Term`` stands in a module that knows this one."""
+"""The terms of inverse dynamics but friction; ``Term`` is in a module that imports this one."""
 WELL_CONDITIONED = 1e4
-"""Condition of constraints beyond which a position is not looked at, if there are better ones."""
+"""Condition number of constraints above which a position is skipped if others are better."""
 ROUNDINGS = 100.0
-"""Times the condition that rounding is enlarged at most, by as many operations as there are."""
+"""Largest amplification of rounding errors, in multiples of the condition number."""
 MOST_SLACK = 1e3
-"""Whatever the condition, 1e-7 is wrong and not rounding."""
+"""Largest allowance for rounding: an error of 1e-7 never passes, whatever the condition number."""
 
 
 def random_states(n: int, count: int = 3) -> Array:
-    """Vectors to compare at, always the same ones, shape (count, CHECK_STATES, n)."""
+    """Deterministic random vectors to compare at, shape (count, CHECK_STATES, n)."""
     return np.random.default_rng(0).uniform(-np.pi, np.pi, (count, CHECK_STATES, n))
 
 
 def compare(what: str, *parts: tuple[Array, Array]) -> float:
-    """Refuse generated code whose results are off.
+    """Reject generated code whose results are wrong.
 
     Args:
-        what: What was generated, for the message.
-        parts: Differences of results from those of Pinocchio, and the size of what such a result
-            is added up of, which does not vanish where the sum happens to; one entry for each
-            state, so each of shape (k, …).
+        what: Name of the generated code, for the message.
+        parts: Differences from Pinocchio's results, and the size of the summands of such a result,
+            which does not vanish where the sum happens to; one entry for each state, each of shape
+            (k, …).
 
     Returns:
-        The largest difference at a state over the largest size there, of all states and parts.
+        The largest ratio, over states and parts, of the largest difference to the largest size.
 
     Raises:
-        KernelError: If it exceeds ``CHECK_TOLERANCE``, or is not a number.
+        KernelError: If it exceeds ``CHECK_TOLERANCE``, or is NaN.
     """
     error = float(np.max([_relative(*part) for part in parts]))
     if not error <= CHECK_TOLERANCE:
@@ -63,17 +63,17 @@ def _relative(difference: Array, size: Array) -> float:
 
 
 def torque_size(M: Array, a: Array, *torques: Array) -> Array:
-    """Size of what adds up to the torques of a motion, shape (k, n).
+    """Size of the summands of the torques of a motion, shape (k, n).
 
-    Accelerations are compared as the torques that they take: unlike the difference of
-    accelerations, that of torques does not grow with M⁻¹.
+    Accelerations are compared by the torques that they require: unlike a difference of
+    accelerations, one of torques does not grow with M⁻¹.
     """
     heavy: Array = (abs(M) @ abs(a)[..., None])[..., 0]
     return heavy + sum(map(abs, torques))
 
 
 class Expected(Protocol):
-    """What accelerations are checked against: ``Dynamics``."""
+    """Reference for accelerations, as ``Dynamics`` provides it."""
 
     @property
     def model(self) -> ArmModel: ...  # noqa: D102
@@ -91,7 +91,7 @@ Acceleration = Callable[[Array, Array, Array], Array]
 
 
 def check_forward(dynamics: Expected, acceleration: Acceleration) -> float:
-    """Check forward dynamics: the torque of the accelerations must be the one that was put in.
+    """Verify forward dynamics: inverse dynamics of the accelerations must return the torque.
 
     Args:
         dynamics: The reference.
@@ -113,15 +113,15 @@ def check_forward(dynamics: Expected, acceleration: Acceleration) -> float:
 
 
 def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
-    """Check constrained forward dynamics: A a + γ = 0, and the torque that a lacks is Aᵀλ.
+    """Verify constrained forward dynamics: A a + γ = 0, and the missing torque is Aᵀλ.
 
-    It is looked at where the constraints are closed, the only states that occur: elsewhere a long
-    linkage may be as good as singular. What rounding may leave of the first grows with the
-    condition of the constraints in the metric of M (Björck, Numerical Methods for Least Squares
-    Problems, 1996, section 2.4), and so does what is allowed.
+    It is evaluated where the constraints are closed, the only states that occur: elsewhere a long
+    linkage may be nearly singular. The residual due to rounding grows with the condition number of
+    the constraints in the metric of M (Björck, Numerical Methods for Least Squares Problems, 1996,
+    section 2.4), and so does the tolerance.
 
-    Args, returns and errors as those of ``check_forward``; the error is relative to what is
-    allowed for rounding, see ``slack``.
+    Args, returns and errors as those of ``check_forward``; the error is relative to the allowance
+    for rounding, see ``slack``.
     """
     closure = Closure(dynamics.model, dynamics.model.stops)
     names = closure.initially_active
@@ -132,7 +132,7 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
     rows = [closure.rows.stacked(*state, names) for state in zip(q, v, strict=True)]
     A = np.array([row.jacobian[kept] for row in rows])
     drift = np.array([row.drift[kept] for row in rows])
-    # A gear's loss follows the drive's torque, not what the constraints leave of it.
+    # A gear's loss depends on the drive's torque, not on what the constraints leave of it.
     friction = dynamics.friction(v, q=q, load=tau)
     lacking, unmoved = (
         tau - friction - dynamics.inverse(q, v, way, terms=WITHOUT_FRICTION)
@@ -153,16 +153,16 @@ def check_constrained(dynamics: Expected, acceleration: Acceleration) -> float:
 def closed_states(
     closure: Closure, start: Array, kept: Sequence[bool]
 ) -> tuple[Array, Array, Array, Array]:
-    """States to compare at that obey the constraints which hold at the start, always the same.
+    """Deterministic states to compare at that satisfy the initially active constraints.
 
     Args:
-        closure: Of the arm.
-        start: A position to wander from, shape (n,).
-        kept: Which rows of those constraints to obey, the others following from them.
+        closure: Closure of the arm.
+        start: Position from which to sample, shape (n,).
+        kept: Independent rows of those constraints, which imply the others.
 
     Returns:
-        Positions, velocities and torques, shape (k, n), and the condition of the rows in the
-        metric of M, shape (k,). Positions that are singular next to others are left out.
+        Positions, velocities and torques, shape (k, n), and the condition number of the rows in
+        the metric of M, shape (k,). Relatively singular positions are left out.
     """
     names = closure.initially_active
     places = closure.wander(start, names) if names else list(random_states(len(start), 1)[0])
@@ -180,20 +180,20 @@ def closed_states(
 
 
 def slack(condition: Array) -> Array:
-    """How many times ``CHECK_TOLERANCE`` is allowed for rounding, by the condition; at least 1."""
+    """Multiple of ``CHECK_TOLERANCE`` allowed for rounding, by condition number; at least 1."""
     rounding = ROUNDINGS * np.finfo(float).eps * condition
     return np.clip(rounding / CHECK_TOLERANCE, 1.0, MOST_SLACK)
 
 
 def _condition(s: Array, rows: int) -> float:
-    """Of rows with singular values s, those that count as zero left out; 1 without rows."""
+    """Condition number of rows with singular values s, zero values excluded; 1 without rows."""
     if not rows:
         return 1.0
     return float(s[0] / s[-1]) if len(s) == rows else np.inf
 
 
 def _mass_matrices(dynamics: Expected, q: Array) -> Array:
-    """M at each state, regular there and at the initial position."""
+    """M at each state, checked to be regular there and at the initial position."""
     M = dynamics.mass_matrix(np.vstack([q, dynamics.model.q0]))
     check_regular(M, dynamics.model.joint_names)
     return M[:-1]

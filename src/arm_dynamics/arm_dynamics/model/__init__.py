@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Numerical model of an arm: parameters of scene and URDF, checked together, in joint order.
+"""Numerical model of an arm: parameters from scene and URDF, validated together, in joint order.
 
-Depends on the scene and Pinocchio, and describes an arm to the equations.
+Depends on the scene package and Pinocchio, and provides the equations with their data.
 """
 
 from arm_dynamics.model.arm import ArmModel

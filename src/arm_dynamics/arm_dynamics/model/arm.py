@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm as numbers: a robot with friction, drives, limits and a start where loops are closed."""
+"""The numerical arm model: a robot with friction, drives, limits and a closed initial state."""
 
 from __future__ import annotations
 
@@ -23,30 +23,31 @@ from arm_dynamics.scene.schema import Joint, Limits, Scene
 
 
 class ArmModel(Robot):
-    """Inertias, joints, limits and friction coefficients of one scene; nothing in it changes.
+    """Inertias, joints, limits and friction coefficients of one scene; immutable.
 
     Attributes:
         friction: Friction of the joints.
         springs: Springs of joints and between points.
-        armature: Drive inertia in [kg m²] or [kg], that of rotors on rigid gears included, (n,).
-        drives: Drive of each joint, None where the command acts on the link at once.
-        effort_limit: Torque limits in [N m] or [N], inf where there is none, shape (n,).
-        command_unit: What a command is for each joint: ``N m``, ``N``, ``A`` or ``V``.
-        command_limit: Limits of the commands in their units, inf where there is none, shape (n,).
-        velocity_limit: Speed limits in [rad/s] or [m/s], inf where there is none, shape (n,).
+        armature: Drive inertia in [kg m²] or [kg], including rotors on rigid gears, shape (n,).
+        drives: Drive of each joint, None where the command acts on the link directly.
+        effort_limit: Torque limits in [N m] or [N], inf if unlimited, shape (n,).
+        command_unit: Unit of each joint's command: ``N m``, ``N``, ``A`` or ``V``.
+        command_limit: Command limits in those units, inf if unlimited, shape (n,).
+        velocity_limit: Speed limits in [rad/s] or [m/s], inf if unlimited, shape (n,).
         stops: Ranges of the joints and the stops at their ends.
         position_lower: Lower limits in [rad] or [m], shape (n,).
         position_upper: Upper limits in [rad] or [m], shape (n,).
-        held_at_start: Indices of joints that keep their state when loops are closed at the start.
+        held_at_start: Indices of joints that keep their initial state when loops are closed.
         q0: Initial positions, shape (n,).
         v0: Initial velocities, shape (n,).
-        constraint_rows: Rows of each bilateral constraint that imply all others, by the
-            constraint's place in the scene.
+        constraint_rows: Independent rows of each bilateral constraint, by the constraint's index
+            in the scene.
 
     Raises:
-        ModelError: If Pinocchio cannot build the robot, no joint is left to move, or constraints
-            hold a robot whose mass matrix is singular.
-        SceneError: If drives, friction, springs or constraints of the scene do not go together.
+        ModelError: If Pinocchio cannot build the robot, no movable joint is left, or the robot has
+            constraints and a singular mass matrix.
+        SceneError: If drives, friction, springs or constraints of the scene contradict one
+            another.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -78,11 +79,11 @@ class ArmModel(Robot):
 
     @property
     def has_dry_friction(self) -> bool:
-        """Whether a joint can stick."""
+        """Whether any joint can stick."""
         return self.friction.has_dry
 
     def with_viscous(self, viscous: Array) -> ArmModel:
-        """The same arm with other viscous friction in [N m s/rad] or [N s/m], shape (n,)."""
+        """Copy with other viscous friction in [N m s/rad] or [N s/m], shape (n,)."""
         other = copy(self)
         other.friction = self.friction.with_viscous(viscous)
         return other
@@ -107,7 +108,7 @@ class ArmModel(Robot):
         return found
 
     def _described_range(self, name: str) -> tuple[float, float]:
-        """Position limits of any joint in the URDF; infinite for a <limit> that names none."""
+        """Position limits of any joint in the URDF; infinite where its <limit> gives none."""
         whole = self._whole
         joint = whole.joints[whole.getJointId(name)]
         if joint.nq != 1:
@@ -116,7 +117,7 @@ class ArmModel(Robot):
         return (float(lower), float(upper)) if lower != upper else (-np.inf, np.inf)
 
     def _refuse_locked(self) -> None:
-        """Refuse locked joints that are put beyond their limits."""
+        """Reject locked joints whose positions are beyond their limits."""
         given = self.scene.initial.position
         for name in set(self.scene.robot.lock) & given.keys():
             lower, upper = self._described_range(name)
@@ -166,7 +167,7 @@ class ArmModel(Robot):
         self.friction = friction_of(given, self.joint_names, self.followers)
 
     def _set_limits(self, limits: Sequence[Limits], index: Mapping[str, int]) -> None:
-        """Limits from the scene, else from the URDF, where zero or an absurd number is none."""
+        """Limits from the scene, else from the URDF, where zero or an absurd value means none."""
         whole = self._whole
         rows = [index[name] for name in self.joint_names]
         speeds = [_bound(whole.upperVelocityLimit[i]) for i in rows]
@@ -185,13 +186,13 @@ class ArmModel(Robot):
 
 
 def arm_model(source: SceneSource | ArmModel) -> ArmModel:
-    """The arm of a scene; a model is returned as it is.
+    """Build the arm model of a scene; a model is returned unchanged.
 
     Args:
         source: Anything ``load_scene`` takes, or a model.
 
     Raises:
-        SceneError: If the scene cannot be used; of a file, with its name.
+        SceneError: If the scene is invalid; names the file, if there is one.
     """
     if isinstance(source, ArmModel):
         return source

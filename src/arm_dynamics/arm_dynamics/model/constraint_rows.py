@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Constraint rows as numbers, by Pinocchio: residual φ, A and γ = Ȧ v of a scene at a state.
+"""Constraint rows at one state, by Pinocchio: residual φ, A and γ = Ȧ v.
 
-The same rows in the same order as ``equations.constraint`` writes as expressions, found
-independently: from velocities and accelerations of the frames, as seen from the second frame of a
+The same rows in the same order as the expressions of ``equations.constraint``, derived
+independently from velocities and accelerations of the frames relative to the second frame of a
 constraint (relative kinematics: Featherstone, Rigid Body Dynamics Algorithms, 2008, chapter 2).
 """
 
@@ -52,7 +52,7 @@ class Row:
 
 @dataclass(frozen=True)
 class _Derivatives:
-    """Motion of a point or of a frame's orientation: value, Jacobian, rate, rate of the rate."""
+    """Motion of a point or an orientation: value, Jacobian, first and second derivative."""
 
     value: Array
     J: Array
@@ -68,13 +68,13 @@ class ConstraintRows:
 
     Attributes:
         joint_names: Order of every vector.
-        constraints: The scene's, without contacts.
-        names: What each is called.
-        places: Its place in the scene's list.
-        counts: How many rows each has.
+        constraints: Bilateral constraints of the scene.
+        names: Name of each constraint.
+        places: Index of each in the scene's list.
+        counts: Number of rows of each.
 
     Raises:
-        SceneError: If a constraint ties two frames that cannot move against each other.
+        SceneError: If a constraint connects two frames that cannot move relative to each other.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -98,7 +98,7 @@ class ConstraintRows:
         return [_row(constraint, self, q) for constraint in self.constraints]
 
     def stacked(self, q: Array, v: Array, names: Collection[str]) -> Row:
-        """Rows of the named constraints in one, in the order of the scene."""
+        """Rows of the named constraints, stacked in the order of the scene."""
         pairs = zip(self.names, self.at(q, v), strict=True)
         rows = [row for name, row in pairs if name in names]
         return Row(
@@ -108,7 +108,7 @@ class ConstraintRows:
         )
 
     def relative(self, constraint: FrameBased) -> tuple[_Derivatives, _Derivatives, Array]:
-        """First point and first frame's turn as seen from the second frame, and R of the two."""
+        """First point and rotation of the first frame relative to the second, and their R."""
         a, b = (
             self._frame(*pair) for pair in zip(constraint.frames, constraint.points, strict=True)
         )
@@ -133,7 +133,7 @@ class ConstraintRows:
     def _frame(
         self, name: str, point: tuple[float, float, float]
     ) -> tuple[_Derivatives, _Derivatives, Array]:
-        """A point of a frame, the frame's spin, in world axes, and its rotation."""
+        """A point of a frame and the frame's angular velocity, in world axes, and its rotation."""
         model, data, index = self._robot, self._data, self._index(name)
         M, still = data.oMf[index], np.zeros(3)
         if model.pin.frames[index].parentJoint == 0:
@@ -154,7 +154,7 @@ class ConstraintRows:
         return moved, _Derivatives(still, J[3:], w, alpha), M.rotation.copy()
 
     def _index(self, frame: str) -> int:
-        """Pinocchio's number of a frame; that of the world is 0."""
+        """Pinocchio's index of a frame; 0 for the world."""
         return 0 if frame == WORLD else int(self._robot.pin.getFrameId(frame))
 
     def _check_mobile(self, name: str, constraint: FrameBased | CouplingConstraint) -> None:

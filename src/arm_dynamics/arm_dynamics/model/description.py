@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot as its description has it: all joints, followers and locked ones too, and all links.
+"""The complete robot description: all joints, including mimic and locked ones, and all links.
 
-A vector of the suite has one entry for each joint that moves by itself; who draws a robot, or
-publishes its frames, asks for all of them.
+Vectors of the suite have one entry for each independent joint; drawing a robot or publishing its
+frames requires all joints.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from arm_dynamics.model.robot import Robot, configuration_of
 
 
 class AllJoints:
-    """Positions and velocities of all joints of the description, from those of the arm.
+    """Positions and velocities of all joints of the description, from those of the arm model.
 
     Attributes:
         names: The arm's joints in model order, then the others in the order of the description.
@@ -44,12 +44,12 @@ class AllJoints:
 
 
 class Links:
-    """Where links are, each seen from the one that carries it.
+    """Poses of the links, each relative to its parent.
 
     Attributes:
-        fixed: Parent and child of the links that never move against each other.
+        fixed: Parent and child of links that never move relative to each other.
         moving: Parent and child of the others.
-        root: The link that carries all others.
+        root: The root link.
     """
 
     def __init__(self, robot: Robot) -> None:
@@ -70,16 +70,16 @@ class Links:
         self._locked = robot.locked
 
     def place(self, positions: dict[str, float]) -> None:
-        """Put joints at positions in [rad] or [m], by name; locked ones stay where they are."""
+        """Set joint positions in [rad] or [m], by name; locked joints keep theirs."""
         q = configuration_of(self._model, {**positions, **self._locked})
         pin.framesForwardKinematics(self._model, self._data, q)
 
     def fixed_transforms(self) -> Array:
-        """X y z [m] and quaternion x y z w of each of ``fixed``, in its parent, shape (k, 7)."""
+        """Position [m] and quaternion x y z w of each of ``fixed`` in its parent, shape (k, 7)."""
         return self._transforms(self._fixed)
 
     def transforms(self) -> Array:
-        """The same of each of ``moving``."""
+        """The same for each of ``moving``."""
         return self._transforms(self._moving)
 
     def _transforms(self, pairs: list[tuple[int, int]]) -> Array:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The drive of one joint as numbers, checked as a whole."""
+"""Parameters of the drive of one joint, validated together."""
 
 from __future__ import annotations
 
@@ -15,12 +15,12 @@ from arm_dynamics.scene.schema import Joint, Scene
 
 @dataclass(frozen=True)
 class JointDrive:
-    """A motor with its gear, and what is flexible behind it.
+    """A motor with its gear and an optional flexible transmission.
 
     Attributes:
         motor: Motor and gear.
-        coupling: What is flexible between gear and link; None for a rigid drive, whose rotor turns
-            with the joint.
+        coupling: Flexible transmission between gear and link; None for a rigid drive, whose rotor
+            turns with the joint.
     """
 
     motor: Actuator
@@ -28,43 +28,43 @@ class JointDrive:
 
     @property
     def rotor_inertia(self) -> float:
-        """Of the rotor as it is felt at the joint, J N², in [kg m²] or [kg]."""
+        """Rotor inertia reflected to the joint, J N², in [kg m²] or [kg]."""
         return self.motor.rotor_inertia * self.motor.gear_ratio**2
 
     @property
     def rotor_damping(self) -> float:
-        """Of the rotor as it is felt at the joint, b N², in [N m s/rad] or [N s/m]."""
+        """Rotor damping reflected to the joint, b N², in [N m s/rad] or [N s/m]."""
         return self.motor.rotor_damping * self.motor.gear_ratio**2
 
     @property
     def armature(self) -> float:
-        """What the rotor adds to the joint's inertia in [kg m²] or [kg]; 0 if it is flexible."""
+        """Rotor inertia added to the joint in [kg m²] or [kg]; 0 with a flexible transmission."""
         return 0.0 if self.coupling else self.rotor_inertia
 
     @property
     def viscous(self) -> float:
-        """What the rotor adds to the joint's viscous friction; 0 if it is flexible."""
+        """Rotor damping added to the joint's viscous friction; 0 with a flexible transmission."""
         return 0.0 if self.coupling else self.rotor_damping
 
     @property
     def torque_constant(self) -> float:
-        """Torque per current as it is felt at the joint, N K_t, in [N m/A] or [N/A]."""
+        """Torque constant reflected to the joint, N K_t, in [N m/A] or [N/A]."""
         return (self.motor.torque_constant or 1.0) * self.motor.gear_ratio
 
     @property
     def back_emf_constant(self) -> float:
-        """Voltage per joint speed, N K_e, in [V s/rad] or [V s/m]."""
+        """Back-EMF constant reflected to the joint, N K_e, in [V s/rad] or [V s/m]."""
         motor = self.motor
         return (motor.back_emf_constant or motor.torque_constant or 0.0) * motor.gear_ratio
 
     @property
     def has_current(self) -> bool:
-        """Whether its current is a state: a voltage acts on it through an inductance."""
+        """Whether the current is a state: a voltage drives the motor through an inductance."""
         return self.motor.command == "voltage" and bool(self.motor.inductance)
 
     @property
     def transmission(self) -> str:
-        """What is between motor and link, for display."""
+        """The transmission between motor and link, for display."""
         if self.coupling is None:
             return "rigid"
         details = ("stiffening", "backlash", "hysteresis", "kinematic_error")
@@ -73,14 +73,14 @@ class JointDrive:
 
     @property
     def torque_limit(self) -> float:
-        """Most that its current and voltage limits let it give in [N m] or [N], at rest."""
+        """Largest torque at rest that current and voltage limits allow, in [N m] or [N]."""
         motor, torque = self.motor, abs(self.torque_constant)
         stall = (motor.voltage_limit or np.inf) / (motor.resistance or 1.0)
         return torque * min(motor.current_limit or np.inf, stall)
 
     @property
     def passes_torque(self) -> bool:
-        """Whether the command is the joint's torque, and all that the motor has is inertia."""
+        """Whether the command is the joint's torque and the motor has nothing but inertia."""
         plain = self.motor.command == "torque" and self.motor.torque_constant is None
         return plain and self.motor.cogging is None and self.coupling is None
 
@@ -88,7 +88,7 @@ class JointDrive:
         """Largest command, in the command's unit.
 
         Args:
-            effort: Largest torque of the joint in [N m] or [N], inf for none; it has no say in a
+            effort: Largest torque of the joint in [N m] or [N], inf for none; it does not limit a
                 voltage.
         """
         motor = self.motor
@@ -99,22 +99,22 @@ class JointDrive:
         return min(motor.current_limit or np.inf, effort / abs(self.torque_constant))
 
     def command_unit(self, torque: str) -> str:
-        """Unit of the command, where ``torque`` is that of the joint's torque."""
+        """Unit of the command; ``torque`` is the unit of the joint's torque."""
         return {"torque": torque, "current": "A", "voltage": "V"}[self.motor.command]
 
 
 def drives_of(
     scene: Scene, free: Iterable[str], followers: Iterable[str]
 ) -> list[JointDrive | None]:
-    """Drives of the independent joints, None for those without.
+    """Drives of the independent joints, None for joints without one.
 
     Args:
         scene: The scene.
         free: Names of the independent joints.
-        followers: Names of the joints that follow others.
+        followers: Names of the mimic joints.
 
     Raises:
-        SceneError: If what a drive is given does not go together, or a follower is given one.
+        SceneError: If the keys of a drive contradict one another, or a mimic joint has a drive.
     """
     for name in followers:
         own = scene.joints.get(name)

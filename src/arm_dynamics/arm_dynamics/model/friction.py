@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction that follows from a joint's state at once: viscous, dry, and that of gears.
+"""Friction as a static function of a joint's state: viscous, dry, and that of gears.
 
-Laws with states of their own, such as LuGre, are in ``actuation``.
+Friction models with internal states, such as LuGre, are in ``actuation``.
 """
 
 from __future__ import annotations
@@ -23,10 +23,10 @@ from arm_dynamics.equations.tree import constant
 from arm_dynamics.scene.friction import Friction, Sides, Table, refusal
 
 STEEPEST = 0.5
-"""Most that friction may grow with the torque that causes it, over the gear's efficiency; each
-repetition of ``SteadyFriction.demanded`` halves the error."""
+"""Largest slope of friction over the torque that causes it, relative to the gear's efficiency;
+each iteration of ``SteadyFriction.demanded`` then halves the error."""
 UNLOADED = 1e-12
-"""What a gear without load holds in [N m] or [N], so that nothing is divided by zero."""
+"""Static friction of an unloaded gear in [N m] or [N], which avoids a division by zero."""
 
 
 class Sided(NamedTuple):
@@ -52,8 +52,8 @@ class DryFriction:
     Attributes:
         coulomb: Dry friction in sliding in [N m] or [N].
         static: Dry friction at rest in [N m] or [N], at least ``coulomb``.
-        excess: Dry friction at creeping speed beyond ``coulomb``; zero where it falls at once.
-        stribeck_velocity: Speed of that fall in [rad/s] or [m/s]; 1 where there is none.
+        excess: Dry friction near zero speed beyond ``coulomb``; zero without a Stribeck curve.
+        stribeck_velocity: Stribeck velocity in [rad/s] or [m/s]; 1 where there is none.
         position: Factor of dry friction by position, or None, for each joint.
         load: Factor of dry friction by the size of the drive's torque, or None, for each joint.
     """
@@ -67,16 +67,16 @@ class DryFriction:
 
     @property
     def by_position(self) -> bool:
-        """Whether it depends on the joints' positions."""
+        """Whether friction depends on the joints' positions."""
         return any(curve is not None for curve in self.position)
 
     @property
     def by_load(self) -> bool:
-        """Whether it depends on the drives' torques."""
+        """Whether friction depends on the drives' torques."""
         return any(curve is not None for curve in self.load)
 
     def of(self, joints: Sequence[int]) -> DryFriction:
-        """That of some joints; none of the others."""
+        """Friction of the selected joints only; zero for the others."""
         everyone = range(len(self.position))
         theirs = np.isin(everyone, joints)
         return DryFriction(
@@ -89,7 +89,7 @@ class DryFriction:
         )
 
     def sliding(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Friction of joints that slide the way of ``direction``, of its sign.
+        """Sliding friction of joints, of the sign of ``direction``.
 
         Args:
             v: Joint velocities in [rad/s] or [m/s], shape (…, n).
@@ -107,13 +107,13 @@ class DryFriction:
         return torque if factors is None else torque * factors
 
     def level_at(self, v: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Size of ``sliding`` at v in [N m] or [N], in the positive direction where v is zero."""
+        """Magnitude of ``sliding`` at v in [N m] or [N]; positive direction where v is zero."""
         sided = self.coulomb.skew.any() or self.excess.skew.any()
         way = choose(v < 0.0, -1.0, 1.0) if sided else 1.0
         return way * self.sliding(v, way, q, load)
 
     def extremes(self, i: int) -> tuple[Array, Array]:
-        """The lowest Coulomb and the highest static level of joint ``i`` that its factors allow.
+        """The lowest Coulomb and the highest static level of joint ``i`` over all its factors.
 
         Returns:
             Levels in [N m] or [N], each for the positive and the negative direction, shape (2,).
@@ -137,12 +137,12 @@ class DryFriction:
 
 @dataclass(frozen=True)
 class JointFriction(DryFriction):
-    """Friction of the joints of a scene; the dry part is that of joints that stick and slip.
+    """Friction of the joints of a scene; the dry part is that of joints with stick-slip.
 
     Attributes:
         viscous: Viscous friction in [N m s/rad] or [N s/m].
-        by_law: Dry friction of the joints with a law with states, for that law.
-        efficiency: Part of the power that a joint's gear passes on.
+        by_law: Dry friction of the joints whose friction model has states, for that model.
+        efficiency: Efficiency of each joint's gear.
     """
 
     viscous: Sided
@@ -151,7 +151,7 @@ class JointFriction(DryFriction):
 
     @cached_property
     def has_dry(self) -> bool:
-        """Whether a joint can stick."""
+        """Whether any joint can stick."""
         return bool(self.level.any())
 
     @cached_property
@@ -162,26 +162,26 @@ class JointFriction(DryFriction):
 
     @cached_property
     def gearless(self) -> JointFriction:
-        """The same without the gears' losses."""
+        """Copy without the gears' losses."""
         return replace(self, efficiency=np.ones_like(self.efficiency)) if self.gears else self
 
     @cached_property
     def gears(self) -> tuple[int, ...]:
-        """Joints with a gear that loses power."""
+        """Joints whose gear has losses."""
         return tuple(np.flatnonzero(self.efficiency < 1.0).tolist())
 
     def with_viscous(self, viscous: Array) -> JointFriction:
-        """The same with another mean of the viscous coefficients, shape (n,)."""
+        """Copy with other mean viscous coefficients, shape (n,)."""
         return replace(self, viscous=self.viscous._replace(mean=read_only(viscous)))
 
     def smooth(self, v: Quantity, coefficient: Quantity = None) -> Quantity:
-        """Viscous friction at v; another mean ``coefficient`` than the scene's, if given."""
+        """Viscous friction at v; ``coefficient`` replaces the scene's mean, if given."""
         like, (mean, skew) = _like(v), self.viscous
         mean = like(mean) if coefficient is None else coefficient
         return friction.viscous(v, mean, like(skew) if skew.any() else None)
 
     def dry(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Friction of joints that slide the way of ``direction``, but for laws with states.
+        """Sliding friction in ``direction``, without that of friction models with states.
 
         Args:
             v: Joint velocities in [rad/s] or [m/s], shape (…, n).
@@ -201,7 +201,7 @@ class JointFriction(DryFriction):
         return _replaced(torque, lost)
 
     def relative_hold(self, reaction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """A torque that holds a sticking joint, on a scale on which ``level`` is the level."""
+        """Holding torque of a sticking joint, scaled such that it slips at ``level``."""
         whole, (mean, skew) = reaction, self.static
         if skew.any():
             part = skew / np.where(mean > 0.0, mean, 1.0)
@@ -216,11 +216,12 @@ class JointFriction(DryFriction):
         return _replaced(reaction if factors is None else reaction / factors, relative)
 
     def gear_input(self, required: Quantity, direction: Quantity) -> Quantity:
-        """Torques of the motors of which ``required`` arrives behind the gears.
+        """Motor torques that deliver ``required`` at the gears' outputs.
 
         Args:
             required: In [N m] or [N], shape (…, n).
-            direction: Which way joints slide, -1 to 1; a part of one takes that part of the loss.
+            direction: Sliding direction of the joints, -1 to 1; a fraction takes that fraction of
+                the loss.
         """
         motors = {}
         for i in self.gears:
@@ -232,16 +233,16 @@ class JointFriction(DryFriction):
 
 @dataclass(frozen=True)
 class Given:
-    """What is said of the friction of one joint.
+    """Everything given about the friction of one joint.
 
     Attributes:
         name: The joint.
-        own: The scene's words, those for all joints included.
-        named: Those of the joint's own entry alone.
-        damping: Viscous friction if the scene has no word, in [N m s/rad] or [N s/m].
+        own: Keys of the scene, those for all joints included.
+        named: Keys of the joint's own entry alone.
+        damping: Viscous friction where the scene gives none, in [N m s/rad] or [N s/m].
         dry: Dry friction likewise, in [N m] or [N].
-        more: Viscous friction that the joint's drive adds.
-        efficiency: Of the drive's gear.
+        more: Viscous friction added by the joint's drive.
+        efficiency: Efficiency of the drive's gear.
     """
 
     name: str
@@ -254,7 +255,7 @@ class Given:
 
 
 def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) -> JointFriction:
-    """The friction of the independent joints; that of a mimic joint acts through its leader.
+    """Friction of the independent joints; that of a mimic joint acts on its leader.
 
     Args:
         joints: Every moving joint, mimic joints too, in the order of the rows of ``followers``.
@@ -265,7 +266,7 @@ def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) 
         The friction.
 
     Raises:
-        SceneError: If the coefficients of a joint do not go together.
+        SceneError: If the coefficients of a joint contradict one another.
     """
     for joint in joints:
         (_check if joint.name in free else _check_follower)(joint)
@@ -299,7 +300,7 @@ def friction_of(joints: Sequence[Given], free: Sequence[str], followers: Array) 
 
 
 def _sides(value: float | Sides | None, mean: float, skew: float = 0.0) -> tuple[float, float]:
-    """Mean of both directions, and half their difference; the given ones where none is said."""
+    """Mean of both directions and half their difference; the defaults where no value is given."""
     if isinstance(value, Sides):
         return 0.5 * (value.positive + value.negative), 0.5 * (value.positive - value.negative)
     return (mean, skew) if value is None else (float(value), 0.0)
@@ -347,7 +348,7 @@ def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
         level *= float(place.values.max()) if place else 1.0
         grid = np.linspace(curve.at[0], curve.at[-1], 1000)
         steepest = level * float(np.max(np.diff(curve(grid)) / np.diff(grid)))
-        allowed = STEEPEST * joint.efficiency  # the motor gives 1/η of what friction takes
+        allowed = STEEPEST * joint.efficiency  # the motor supplies 1/η of the friction torque
         if steepest > allowed:
             gear = f", half of the gear's efficiency {joint.efficiency}," if allowed < 0.5 else ""
             raise refusal(
@@ -358,7 +359,7 @@ def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
 
 
 def _check_effect(joints: Sequence[Given], coulomb: Sided, static: Sided) -> None:
-    """Refuse what is said of one joint, or of all of them, and changes nothing."""
+    """Reject keys without effect, of one joint or of all."""
     levels = zip(np.transpose(coulomb), np.transpose(static), strict=True)
     silent = [
         _without_effect(joint.own, *level) for joint, level in zip(joints, levels, strict=True)
@@ -367,7 +368,7 @@ def _check_effect(joints: Sequence[Given], coulomb: Sided, static: Sided) -> Non
         for key, why in keys.items():
             if _said(joint.named, key):
                 raise refusal(joint.name, f"{key}' is without effect: {why}")
-    for key, why in silent[0].items():  # of "*": as long as one joint has use of it
+    for key, why in silent[0].items():  # of "*": enough if it affects one joint
         if all(key in keys for keys in silent):
             raise refusal("*", f"{key}' is without effect: {why}")
 
@@ -376,7 +377,7 @@ def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, s
     """Keys of a joint's friction that change nothing, and why.
 
     Args:
-        own: What is said of it.
+        own: Keys given for it.
         coulomb: Its level in sliding, followers' included: mean of both directions and skew.
         static: Its level at rest, likewise.
     """
@@ -394,7 +395,7 @@ def _without_effect(own: Friction, coulomb: Array, static: Array) -> dict[str, s
 
 
 def _said(own: Friction, key: str) -> bool:
-    """Whether something is said by a key, its parts divided by dots."""
+    """Whether a key, its parts separated by dots, is given."""
     said: Any = own
     for part in key.split("."):
         said = getattr(said, part, None)
@@ -424,7 +425,7 @@ def _applied(curves: Sequence[Curve | None], x: Quantity) -> Quantity:
 
 
 def _like(x: Quantity) -> Any:
-    """What turns coefficients into the kind of ``x``; zeros vanish from an expression."""
+    """Converter of coefficients to the type of ``x``; zeros vanish from an expression."""
     return constant if isinstance(x, ca.SX) else np.asarray
 
 

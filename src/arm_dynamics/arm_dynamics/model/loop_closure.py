@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States that obey the constraints, and how many constraint rows are independent.
+"""States that satisfy the constraints, and the number of independent constraint rows.
 
 In coordinates x = Cᵀ a, with M = C Cᵀ, the metric of M is the identity, and the constraints are
 Y x = b with Y = A C^-ᵀ; everything here follows from the singular values of Y.
@@ -20,27 +20,27 @@ from arm_dynamics.model.pinocchio_terms import RigidTerms
 from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.stops import Stops
 
-# Constraints count as closed at this residual in [m] or [rad]; Newton goes on to rounding.
+# Largest residual of a closed constraint in [m] or [rad]; Newton's method continues to rounding.
 CLOSED_TO = 1e-10
 NEWTON_STEPS = 100
-# Longest step of a joint on the way to a closed position, in [rad] or [m].
+# Largest Newton step of a joint in [rad] or [m].
 LONGEST = 0.3
-# Singular values under this part of the largest count as zero.
+# Singular values below this fraction of the largest are treated as zero.
 RANK = 1e-9
-# Rows whose logarithms of what is new in them differ by less count as equals.
+# Rows are treated as equal if the logarithms of their new components differ by less.
 TIE = 1e-6
-# Positions at which the rank is looked at, and how far the robot wanders between them.
+# Number of positions at which the rank is evaluated, and the step between them.
 SAMPLES, WANDER = 6, 0.2
 
 
 @dataclass(frozen=True)
 class Factors:
-    """Singular values of the constraints in the metric of M; those that count as zero left out.
+    """Singular value decomposition of the constraints in the metric of M, without zero values.
 
     Attributes:
         C: Lower factor of M = C Cᵀ, shape (n, n).
         U: Shape (m, r).
-        s: Largest first, shape (r,).
+        s: Singular values in descending order, shape (r,).
         Vt: Shape (r, n).
     """
 
@@ -60,13 +60,13 @@ class Closure:
 
     Args:
         robot: The robot; used from one thread only.
-        stops: Of its joints; positions beyond them are avoided where that is possible.
+        stops: Stops of its joints; positions beyond them are avoided where possible.
 
     Attributes:
         rows: Its constraint rows.
 
     Raises:
-        SceneError: If a constraint leaves nothing to move.
+        SceneError: If a constraint leaves no degree of freedom.
     """
 
     def __init__(self, robot: Robot, stops: Stops) -> None:
@@ -76,12 +76,12 @@ class Closure:
 
     @property
     def initially_active(self) -> tuple[str, ...]:
-        """Names of the constraints that hold at the start."""
+        """Names of the initially active constraints."""
         pairs = zip(self.rows.names, self.rows.constraints, strict=True)
         return tuple(name for name, constraint in pairs if constraint.active)
 
     def chosen(self, active: Collection[str] | None) -> tuple[str, ...]:
-        """Check names of constraints; None stands for those that hold at the start."""
+        """Validate names of constraints; None selects the initially active ones."""
         if active is None:
             return self.initially_active
         for name in active:
@@ -97,20 +97,20 @@ class Closure:
         active: Collection[str] | None = None,
         hold: Sequence[int] = (),
     ) -> tuple[Array, Array]:
-        """The state near a given one that obeys the constraints, near in the metric of M.
+        """A state that satisfies the constraints, close to a given one in the metric of M.
 
         Args:
             q: Joint positions, shape (n,).
             v: Joint velocities, shape (n,).
-            active: Names of the constraints that hold; None for those that do at the start.
+            active: Names of the active constraints; None for the initially active ones.
             hold: Indices of joints that keep position and velocity.
 
         Returns:
             Positions and velocities.
 
         Raises:
-            ConstraintError: If there is none on the way downhill from here, or the joints that
-                keep their velocities leave none.
+            ConstraintError: If Newton's method finds none from here, or the held velocities allow
+                none.
         """
         names = self.chosen(active)
         q = self._inside_stops(self._closed_position(q, names, hold), names, hold)
@@ -126,7 +126,7 @@ class Closure:
         return q, v
 
     def residuals(self, q: Array, active: Collection[str] | None = None) -> dict[str, float]:
-        """How far each constraint is open in [m] or [rad]."""
+        """Residual norm of each constraint in [m] or [rad]."""
         names = self.chosen(active)
         pairs = zip(self.rows.names, self.rows.at(q, np.zeros_like(q)), strict=True)
         return {name: float(abs(row.residual).max()) for name, row in pairs if name in names}
@@ -136,7 +136,7 @@ class Closure:
         return factored(self._rigid.mass(q), A, rank)
 
     def _nearest_of_others(self, q: Array, A: Array, b: Array, hold: Sequence[int]) -> Array:
-        """Shortest motion with A a = b in the metric of M that leaves some joints alone."""
+        """Shortest motion with A a = b in the metric of M in which some joints do not move."""
         free = np.setdiff1d(np.arange(len(q)), hold)
         motion, M = np.zeros(len(q)), self._rigid.mass(q)
         if len(free):
@@ -145,10 +145,10 @@ class Closure:
         return motion
 
     def rank(self, names: tuple[str, ...], near: Array) -> int:
-        """Independent rows of the named constraints at a general closed position.
+        """Number of independent rows of the named constraints at a generic closed position.
 
-        An overconstrained linkage moves only because its rows depend on one another wherever it is
-        closed; where it is not, be it by rounding, they seem independent.
+        An overconstrained linkage moves only because its rows are dependent wherever it is closed;
+        elsewhere, even within rounding of it, they seem independent.
         """
         if names not in self._ranks:
             places = self.wander(near, names)
@@ -166,16 +166,16 @@ class Closure:
         return [k in constraint_rows[place] for place, count in named for k in range(count)]
 
     def independent_rows(self, near: Array) -> dict[int, tuple[int, ...]]:
-        """Rows that imply all others wherever the constraints are closed.
+        """Independent rows, which imply all others wherever the constraints are closed.
 
-        A row of a constraint that can be switched off is left out only if those that cannot, and
-        rows of its own, imply it.
+        A row of a constraint that can be switched off is left out only if it is implied by
+        permanent constraints and other rows of its own.
 
         Args:
             near: Joint positions to start from, shape (n,).
 
         Returns:
-            Numbers of the rows to keep, by the constraint's place in the scene's list.
+            Indices of the rows to keep, by the constraint's index in the scene's list.
         """
         rows = self.rows
         owner = np.repeat(np.arange(len(rows.names)), rows.counts)
@@ -193,22 +193,23 @@ class Closure:
     def _pivots(
         self, active: list[int], candidates: NDArray[np.intp], taken: list[int], near: Array
     ) -> list[int]:
-        """Choose among rows, one after the other, the one with most that is new."""
+        """Greedily select the row with the largest component independent of those selected."""
         names = tuple(self.rows.names[i] for i in sorted(active))
         if not len(candidates):
             return []
         try:
             bases = [self._metric_rows(q) for q in self.wander(near, names)]
-        except ConstraintError:  # one that is off need not be within reach
+        except ConstraintError:  # an inactive constraint need not be closable
             return [int(k) for k in candidates]
         for k in taken:
             bases = [_without(Y, k) for Y in bases]
         chosen: list[int] = []
         for _ in range(self.rank(names, near) - len(taken)):
             sizes = np.array([np.linalg.norm(Y[candidates], axis=1) for Y in bases])
-            # One of the positions may be singular by chance: no single one decides.
+            # One of the positions may happen to be singular, so no single one decides.
             novelty = np.log(np.maximum(sizes, RANK)).sum(0)
-            # Of equals the first, and not the one that this machine's rounding makes the greatest.
+            # The first of equals, so that rounding, which differs between machines, does not
+            # decide.
             best = int(candidates[np.argmax(novelty > novelty.max() - TIE)])
             bases = [_without(Y, best) for Y in bases]
             chosen.append(best)
@@ -221,14 +222,14 @@ class Closure:
         return Y
 
     def wander(self, start: Array, names: tuple[str, ...]) -> list[Array]:
-        """Some closed positions along the motion that the named constraints leave.
+        """Sample closed positions along the motion that the named constraints allow.
 
         Args:
             start: Joint positions to start from, shape (n,).
-            names: Constraints that hold, in the order of the scene.
+            names: Active constraints, in the order of the scene.
 
         Returns:
-            Always the same ones, each of shape (n,), the one nearest to ``start`` first.
+            Deterministic positions of shape (n,), the one nearest to ``start`` first.
 
         Raises:
             ConstraintError: If none can be closed from ``start``.
@@ -247,9 +248,9 @@ class Closure:
         return places
 
     def _inside_stops(self, q: Array, names: tuple[str, ...], hold: Sequence[int]) -> Array:
-        """A closed position near ``q`` with joints beyond their stops put there, if there is one.
+        """A closed position near ``q`` with joints moved back to their stops, if there is one.
 
-        If there is none it is ``q``, for whoever wants it to refuse.
+        Returns ``q`` if there is none; the caller may reject it.
         """
         found, kept = q, set(hold)
         while more := set(np.flatnonzero(self._stops.beyond(found) > 0.0).tolist()) - kept:
@@ -263,7 +264,7 @@ class Closure:
     def _closed_position(
         self, q: Array, names: tuple[str, ...], hold: Sequence[int] = ()
     ) -> Array:
-        """Newton's method in the metric of M, damped so that the residual falls."""
+        """Newton's method in the metric of M, damped such that the residual decreases."""
         row = self.rows.stacked(q, 0 * q, names)
         size = float(np.linalg.norm(row.residual))
         for _ in range(NEWTON_STEPS):
@@ -305,7 +306,7 @@ class Closure:
 
 
 def factored(M: Array, A: Array, rank: int) -> Factors:
-    """Factors of rows A, shape (m, n), in the metric of M, with at most ``rank`` singular values.
+    """Factorize rows A, shape (m, n), in the metric of M, with at most ``rank`` singular values.
 
     Raises:
         ModelError: If M is not positive definite.
@@ -331,7 +332,7 @@ def cholesky(M: Array) -> Array:
 
 
 def _without(Y: Array, k: int) -> Array:
-    """Rows with the direction of row ``k`` taken out."""
+    """Rows with their components along row ``k`` removed."""
     size = np.linalg.norm(Y[k])
     y = Y[k] / size if size > RANK else np.zeros_like(Y[k])
     rest: Array = Y - np.outer(Y @ y, y)

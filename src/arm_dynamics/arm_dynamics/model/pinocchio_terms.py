@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Terms of the equation of motion at one state, and the motion of one frame, from Pinocchio.
 
-Vectors are those of a caller that has checked them: controllers ask at every tick.
+Arguments are not validated here: controllers call these functions at every tick.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ from arm_dynamics.model.springs import SpringTerms
 class RigidTerms:
     """Terms of M a + C v + G + S for single states of shape (n,), friction left out.
 
-    S is what springs and their dampers take; see ``model.springs``.
+    S is the torque of springs and their dampers; see ``model.springs``.
 
     Source of the algorithms: Featherstone, Rigid Body Dynamics Algorithms, 2008, as implemented by
     Pinocchio.
@@ -58,7 +58,7 @@ class RigidTerms:
 
         Raises:
             ModelError: If a joint moves no mass.
-            InvalidInput: If the answer overflows.
+            InvalidInput: If the result overflows.
         """
         robot = self.robot
         if robot.has_followers:
@@ -89,7 +89,7 @@ class RigidTerms:
         return self._springs.torque(q, v)
 
     def standing(self, q: Array) -> Array:
-        """G + S of an arm at rest, what holds it there, in [N m] or [N], shape (n,)."""
+        """Holding torques G + S of an arm at rest, in [N m] or [N], shape (n,)."""
         return self.gravity(q) + self.spring(q, np.zeros(self.robot.n))
 
     def mass(self, q: Array) -> Array:
@@ -114,13 +114,13 @@ class RigidTerms:
         return self._square(pin.computeCoriolisMatrix(self._pin, self._data, *full))
 
     def energies(self, q: Array, v: Array) -> Array:
-        """Kinetic energy, with that of the armature, and potential energy in [J], shape (2,).
+        """Kinetic energy, armature included, and potential energy in [J], shape (2,).
 
-        The potential one is that of the weight and of the springs.
+        The potential energy is that of gravity and springs.
         """
         bent = self._springs.energy(q)
         q, v = self.robot.configuration(q), self.robot.spread(v)
-        # Pinocchio 4.1 forgets the armature of joints whose axis is not a coordinate axis.
+        # Pinocchio 4.1 omits the armature of joints whose axis is not a coordinate axis.
         drives = 0.5 * np.sum(self._pin.armature * v**2)
         kinetic = pin.computeKineticEnergy(self._driveless, self._data, q, v) + drives
         return np.array([kinetic, pin.computePotentialEnergy(self._pin, self._data, q) + bent])
@@ -147,7 +147,7 @@ class RigidTerms:
         return ConstraintRows(self.robot)
 
     def _square(self, matrix: Array) -> Array:
-        # Pinocchio hands a single number out as a vector.
+        # Pinocchio returns a single number as a vector.
         whole = np.array(matrix).reshape(self._pin.nv, -1)
         return self.robot.gather_matrix(whole)
 
@@ -168,10 +168,10 @@ class FrameMotion:
     Args:
         model: The model; used from one thread only.
         frame: Name of a frame that moves.
-        reference: ``local``, ``world`` or ``local_world_aligned``, as Pinocchio means them.
+        reference: ``local``, ``world`` or ``local_world_aligned``, as in Pinocchio.
 
     Raises:
-        InvalidInput: If there is no such frame or reference, or the frame does not move.
+        InvalidInput: If the frame or reference is unknown, or the frame does not move.
     """
 
     def __init__(self, model: Robot, frame: str, reference: str) -> None:
@@ -205,7 +205,7 @@ class FrameMotion:
     def accelerated(self, q: Array, v: Array, a: Array) -> tuple[Array, Array, Array, Array]:
         """Position, rotation, velocity and acceleration, shapes (3,), (3, 3), (6,) and (6,).
 
-        The last two are J v and J a + J̇ v, axes of the world at the frame's origin.
+        The last two are J v and J a + J̇ v, in world axes at the frame's origin.
         """
         model, data, index, axes = self._pin, self._data, self._frame, _ALIGNED
         full = self._model.configuration(q), self._model.spread(v), self._model.spread(a)
@@ -224,7 +224,7 @@ class FrameMotion:
         )
 
     def _gathered(self, J: Array) -> Array:
-        # Pinocchio hands a single column out as a vector.
+        # Pinocchio returns a single column as a vector.
         return self._model.gather(J.reshape(6, -1))
 
 

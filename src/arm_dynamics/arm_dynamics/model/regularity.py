@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether mass matrices can be solved with: every motion of the joints must move mass."""
+"""Regularity of mass matrices: every motion of the joints must move mass."""
 
 from __future__ import annotations
 
@@ -10,37 +10,38 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import ModelError
 
-_NOTHING = 1e-28  # part of the largest inertia that is the rounding of none
-_INVOLVED = 0.1  # part of the largest joint rate of a motion without mass, from which one is named
+_NOTHING = 1e-28  # fraction of the largest inertia that is rounding of zero
+_INVOLVED = 0.1  # smallest rate, relative to the largest, of a joint named in a massless motion
 
 
 def largest_condition(n: int) -> float:
-    """Condition number from which on a matrix of n rows is singular to rounding, 1 / (n ε).
+    """Condition number above which a matrix of n rows is singular to rounding, 1 / (n ε).
 
-    It is that of M in units in which its diagonal is one: so it is the same in [m] and [mm], and
-    for a heavy base with a light finger, and but for a factor of n the least that any units give
-    (van der Sluis, Numerische Mathematik 14, 1969). Published robots stay below 2e6.
+    It applies to M scaled to unit diagonal, which makes it independent of units and of the ratio
+    of a heavy base to a light finger, and is within a factor of n of the least that any scaling
+    gives (van der Sluis, Numerische Mathematik 14, 1969). Published robots stay below 2e6.
     """
     return 1.0 / (n * float(np.finfo(float).eps))
 
 
 def some_positions(n: int) -> Array:
-    """Positions within a turn or 3 m to look at, always the same ones, shape (5, n).
+    """Deterministic sample positions within one revolution or 3 m, shape (5, n).
 
-    Limits have no say: many a description means "none" by a limit of 1e9 m, where M is no arm's.
+    Joint limits are ignored: many descriptions state 1e9 m for "no limit", where M is meaningless.
     """
     return np.random.default_rng(0).uniform(-np.pi, np.pi, (5, n))
 
 
 def check_regular(M: Array, joint_names: Sequence[str]) -> None:
-    """Refuse mass matrices that are singular to rounding.
+    """Reject mass matrices that are singular to rounding.
 
     Args:
         M: In [kg m²] or [kg], shape (k, n, n).
         joint_names: Names of the joints, in order.
 
     Raises:
-        ModelError: Naming the joints that move without moving mass, and the condition number.
+        ModelError: If one is singular; names the joints that move no mass, and the condition
+            number.
     """
     inertia = np.diagonal(M, axis1=-2, axis2=-1)
     nothing = inertia <= _NOTHING * inertia.max(axis=-1, keepdims=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The robot as numbers: a Pinocchio model, the order of its joints, and the map from q to them.
+"""The numerical robot: a Pinocchio model, its joint order, and the map from q to its coordinates.
 
 A vector of the suite has one entry per *independent* joint. Pinocchio's configuration may be
 longer: a continuous joint is stored as cosine and sine, and a mimic joint is a joint of its own
@@ -25,22 +25,22 @@ from arm_dynamics.scene.urdf import Mimic, Urdf, read_urdf
 
 
 class Robot:
-    """Links and joints of one scene: rigid bodies, their order, and nothing that drives them.
+    """Links and joints of one scene: the rigid bodies, without drives.
 
     Attributes:
         scene: The scene it was made from.
-        pin: Pinocchio's model: joints locked, payloads welded on, gravity set.
+        pin: Pinocchio's model with joints locked, payloads attached and gravity set.
         bare: The same without the payloads.
         joint_names: Independent joints, in the order of every vector.
         joint_types: ``revolute``, ``continuous`` or ``prismatic`` for each.
-        has_followers: Whether a mimic joint follows another one.
+        has_followers: Whether there are mimic joints.
         followers: Matrix E of shape (pin.nv, n).
         offsets: Vector e of shape (pin.nv,).
-        locked: Positions of joints that the scene holds fast, in [rad] or [m], by name.
-        doubtful: Links whose inertia no rigid body has, and why.
+        locked: Positions of the joints that the scene locks, in [rad] or [m], by name.
+        doubtful: Links whose inertia is not physically consistent, and why.
 
     Raises:
-        ModelError: If Pinocchio cannot build the robot or no joint is left to move.
+        ModelError: If Pinocchio cannot build the robot or no movable joint is left.
         SceneError: If no joint moves a payload.
     """
 
@@ -68,7 +68,7 @@ class Robot:
         self._continuous = _continuous(self.pin)
 
     def under(self, gravity: Array, payloads: Sequence[Payload]) -> Self:
-        """The same robot under other gravity, in [m/s²], shape (3,), and with other payloads.
+        """Copy of the robot with other gravity, in [m/s²], shape (3,), and other payloads.
 
         Raises:
             SceneError: If no joint moves a payload.
@@ -85,7 +85,7 @@ class Robot:
 
     @property
     def whole(self) -> pin.Model:
-        """Pinocchio's model of the description as it is: no joint locked, no payload."""
+        """Pinocchio's model of the unmodified description: no joint locked, no payload."""
         return self._whole
 
     @property
@@ -125,11 +125,11 @@ class Robot:
         return out
 
     def spread(self, v: Array) -> Array:
-        """Velocities or accelerations of all of Pinocchio's joints, shape (…, pin.nv)."""
+        """Velocities or accelerations of all joints of Pinocchio's model, shape (…, pin.nv)."""
         return v @ self.followers.T if self.has_followers else v
 
     def gather(self, tau: Array) -> Array:
-        """Torques on the independent joints from torques on all, shape (…, n)."""
+        """Torques on the independent joints equivalent to torques on all, shape (…, n)."""
         return tau @ self.followers if self.has_followers else tau
 
     def gather_matrix(self, matrix: Array) -> Array:
@@ -145,7 +145,7 @@ def _parse(text: str) -> pin.Model:
 
 
 def _resolved(urdf: Urdf) -> dict[str, Mimic]:
-    """Mimic rules with chains followed to the joint that really is free."""
+    """Mimic rules with chains resolved to the independent joint."""
     resolved: dict[str, Mimic] = {}
     for name, rule in urdf.mimics.items():
         seen = {name}
@@ -163,7 +163,7 @@ def _resolved(urdf: Urdf) -> dict[str, Mimic]:
 
 
 def _locked_positions(scene: Scene, rules: dict[str, Mimic]) -> dict[str, float]:
-    """Positions of joints that are held fast, those that follow one of them included."""
+    """Positions of locked joints, including mimic joints of locked ones."""
     given = scene.initial.position
     locked = {name: given.get(name, 0.0) for name in scene.robot.lock if name not in rules}
     for name, rule in rules.items():
@@ -180,7 +180,7 @@ def _reduced(whole: pin.Model, locked: dict[str, float]) -> pin.Model:
 
 
 def configuration_of(model: pin.Model, positions: Mapping[str, float]) -> Array:
-    """Pinocchio's configuration with some joints, in [rad] or [m], elsewhere than at neutral."""
+    """Pinocchio's neutral configuration with some joints, in [rad] or [m], replaced."""
     q = pin.neutral(model)
     for name, position in positions.items():
         joint = model.joints[model.getJointId(name)]
@@ -200,7 +200,7 @@ def _weld(model: pin.Model, scene: Scene) -> None:
                 "the payload is without effect"
             )
         body = pin.Inertia(payload.mass, np.array(payload.com), np.zeros((3, 3)))
-        body.inertia = inertia_matrix(payload.inertia)  # the scene has checked it, to rounding
+        body.inertia = inertia_matrix(payload.inertia)  # validated by the scene, up to rounding
         model.appendBodyToJoint(frame.parentJoint, body, frame.placement)
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint positions all over an arm's reach, always the same ones: for seeds and typical values."""
+"""Deterministic joint positions across an arm's range: for seeds and typical values."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from arm_dynamics.model.arm import ArmModel
 
 
 def postures(model: ArmModel, count: int) -> Array:
-    """Positions in [rad] or [m] within the joint limits, a turn where there are none.
+    """Positions in [rad] or [m] within the joint limits, or one revolution without limits.
 
     Args:
         model: The arm.
-        count: How many.
+        count: Number of positions.
 
     Returns:
         Shape (count, n).

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The springs of a robot: described to the equations, and as numbers by Pinocchio."""
+"""The springs of a robot: as data for the equations, and as numerical terms by Pinocchio."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from arm_dynamics.scene.spring import spring_name
 
 
 def springs_of(robot: Robot) -> Springs:
-    """Describe the scene's springs; that of a mimic joint acts through its leader.
+    """Describe the scene's springs; that of a mimic joint acts on its leader.
 
     Raises:
-        SceneError: If a stiffness is missing, or a spring is between frames that cannot move
-            against each other.
+        SceneError: If a stiffness is missing, or a spring connects frames that cannot move
+            relative to each other.
     """
     stiffness, rest, damping = map(read_only, _of_joints(robot))
     return Springs(stiffness, rest, damping, robot.scene.springs, _frames(robot))
 
 
 def _of_joints(robot: Robot) -> Array:
-    """Stiffness, rest and damping of each of Pinocchio's joints, shape (3, joints)."""
+    """Stiffness, rest position and damping of each of Pinocchio's joints, shape (3, joints)."""
     scene, names = robot.scene, list(velocity_index(robot.pin))
     numbers = np.zeros((3, len(names)))
     for column, name in zip(numbers.T, names, strict=True):
@@ -46,7 +46,7 @@ def _of_joints(robot: Robot) -> Array:
 
 
 def _frames(robot: Robot) -> dict[str, Frame]:
-    """The frames that springs between points name."""
+    """The frames of springs between points."""
     springs = robot.scene.springs
     frames = {name: frame_of(robot, name) for spring in springs for name in spring.frames}
     for i, spring in enumerate(springs):
@@ -63,8 +63,8 @@ def _frames(robot: Robot) -> dict[str, Frame]:
 class SpringTerms:
     """S(q, v) and the springs' energy, for single states of shape (n,).
 
-    Where the points are and how they move with the joints comes from Pinocchio, independently of
-    what ``equations.spring`` derives; the laws are the same.
+    Positions and Jacobians of the points come from Pinocchio, independently of
+    ``equations.spring``; the spring laws are the same.
 
     Args:
         robot: The robot; used from one thread only.
@@ -87,7 +87,7 @@ class SpringTerms:
         return np.asarray(S)
 
     def energy(self, q: Array) -> float:
-        """What they store in [J]."""
+        """Energy stored in the springs in [J]."""
         springs, robot = self.springs, self._robot
         bent = q @ robot.followers.T + robot.offsets - springs.rest
         ways = zip(springs.points, self._ways(q), strict=True)
@@ -95,7 +95,7 @@ class SpringTerms:
         return 0.5 * float(springs.stiffness @ bent**2) + between
 
     def _ways(self, q: Array) -> list[tuple[Array, Array]]:
-        """The way from each spring's second point to its first, in the world, and its Jacobian."""
+        """Vector from each spring's second point to its first, in world axes, and its Jacobian."""
         if not self.springs.points:
             return []
         model, data = self._robot.pin, self._data
@@ -108,7 +108,7 @@ class SpringTerms:
         return ways
 
     def _point(self, frame: str, point: Sequence[float]) -> tuple[Array, Array]:
-        """Where a point of a frame is in the world in [m], shape (3,), and its Jacobian."""
+        """Position of a point of a frame in the world in [m], shape (3,), and its Jacobian."""
         model, data = self._robot.pin, self._data
         index = 0 if frame == WORLD else model.getFrameId(frame)
         M, axes = data.oMf[index], pin.ReferenceFrame.LOCAL_WORLD_ALIGNED

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""End stops: where joints cannot go further, and what happens there."""
+"""End stops of the joints: their positions and contact parameters."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from numpy.typing import NDArray
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.scene.schema import Stop
 
-# A limit of the URDF beyond this, in [rad] or [m], is none.
+# A limit of the URDF beyond this, in [rad] or [m], means no limit.
 NO_LIMIT = 1e15
-# How far beyond a stop a position may be, relative to the larger of it and 1, and still count as
-# at the stop: limits are often written with fewer digits.
+# Tolerance within which a position is at a stop, relative to the larger of it and 1: limits are
+# often written with fewer digits.
 ROUNDED = 1e-9
 
 type Flags = NDArray[np.bool_]
@@ -27,13 +27,13 @@ class Range(NamedTuple):
     """Range of one joint of the robot description.
 
     Attributes:
-        name: The joint's.
+        name: The joint.
         lower: Its lower limit in [rad] or [m], -inf for none.
         upper: Its upper limit, inf for none.
-        stop: What the scene says of its stops.
-        leader: Index of the joint in a vector, or of the one that it follows.
-        ratio: How fast it moves with that one: 1 for itself.
-        offset: Its position where that one is at zero in [rad] or [m].
+        stop: The scene's keys for its stops.
+        leader: Index of the joint in a vector; of a mimic joint, that of its leader.
+        ratio: Its speed over that of the leader; 1 for an independent joint.
+        offset: Its position in [rad] or [m] where the leader is at zero.
     """
 
     name: str
@@ -47,18 +47,18 @@ class Range(NamedTuple):
 
 @dataclass(frozen=True)
 class Stops:
-    """Stops of n joints; what a follower may do limits its leader. Arrays of shape (2, n).
+    """Stops of n joints; those of a mimic joint limit its leader. Arrays of shape (2, n).
 
-    The first row is for the lower stops, the second for the upper ones.
+    The first row holds the lower stops, the second the upper ones.
 
     Attributes:
         limit: Range for planning in [rad] or [m], infinite where there is none.
-        place: Where the stops are, infinite where there is none.
-        restitution: Of rigid stops.
-        stiffness: Of compliant stops in [N m/rad] or [N/m], zero for others.
-        damping: Of compliant stops in [N m s/rad] or [N s/m].
-        contradicting: Followers whose limits are left out, since with those of their leaders they
-            would allow no motion at all, as in some published robots.
+        place: Positions of the stops, infinite where there is none.
+        restitution: Coefficient of restitution of rigid stops.
+        stiffness: Stiffness of compliant stops in [N m/rad] or [N/m], zero for others.
+        damping: Damping of compliant stops in [N m s/rad] or [N s/m].
+        contradicting: Mimic joints whose limits are ignored, since combined with those of their
+            leaders they would allow no motion at all, as in some published robots.
     """
 
     limit: Array
@@ -69,45 +69,45 @@ class Stops:
     contradicting: tuple[str, ...] = ()
 
     def __bool__(self) -> bool:
-        """Whether there is any."""
+        """Whether any joint has a stop."""
         return bool(np.isfinite(self.place).any())
 
     @cached_property
     def compliant(self) -> Flags:
-        """Whether a stop yields, booleans."""
+        """Which stops are compliant, booleans."""
         compliant: Flags = self.stiffness > 0.0
         return compliant
 
     @cached_property
     def rigid(self) -> Flags:
-        """Whether there is a stop that does not yield, booleans."""
+        """Which stops are rigid, booleans."""
         rigid: Flags = np.isfinite(self.place) & ~self.compliant
         return rigid
 
     @cached_property
     def bounds(self) -> Array:
-        """Positions that rigid stops allow in [rad] or [m], infinite where there is none."""
+        """Range that rigid stops allow in [rad] or [m], infinite where there is none."""
         wide = np.array([[-np.inf], [np.inf]])
         return read_only(np.where(self.rigid, self.place, wide))
 
     def beyond(self, q: Array) -> Array:
-        """How far positions are beyond rigid stops, negative inside, shape as ``q``, (…, n)."""
+        """Penetration of rigid stops, negative inside the range, shape as ``q``, (…, n)."""
         lower, upper = self.bounds
         beyond: Array = np.maximum(lower - q, q - upper)
         return beyond
 
     def touched(self, q: Array) -> Flags:
-        """Whether joints are at or beyond a stop of either kind, booleans, shape as ``q``."""
+        """Which joints are at or beyond a stop of either kind, booleans, shape as ``q``."""
         touched: Flags = (q <= self.place[0]) | (q >= self.place[1])
         return touched
 
     def within(self, q: Array) -> Array:
-        """Positions moved to the nearest that the rigid stops allow, shape as ``q``."""
+        """Positions clipped to the range that the rigid stops allow, shape as ``q``."""
         nearest: Array = np.clip(q, *self.bounds)
         return nearest
 
     def refusal(self, q: Array, names: tuple[str, ...]) -> str:
-        """What is wrong with positions of shape (n,); nothing if the rigid stops allow them."""
+        """Error message for positions of shape (n,); empty if the rigid stops allow them."""
         beyond, (lower, upper) = self.beyond(q), self.bounds
         beyond = beyond - ROUNDED * np.maximum(1.0, abs(q))
         i = int(np.argmax(beyond))
@@ -123,11 +123,11 @@ def stops_of(ranges: Iterable[Range], names: tuple[str, ...]) -> Stops:
     """Stops of independent joints.
 
     Args:
-        ranges: Of all moving joints of the robot, followers too.
-        names: Of the independent joints.
+        ranges: Ranges of all moving joints of the robot, mimic joints included.
+        names: Names of the independent joints.
 
     Returns:
-        The nearest stop for each side of each joint.
+        The nearest stop on each side of each joint.
     """
     shape, contradicting = (2, len(names)), []
     limit = np.array([[-np.inf] * len(names), [np.inf] * len(names)])
@@ -157,7 +157,7 @@ def stops_of(ranges: Iterable[Range], names: tuple[str, ...]) -> Stops:
 
 
 def _ends(joint: Range) -> tuple[float, float]:
-    """Range of the leading joint in which ``joint`` keeps its own."""
+    """Range of the leader in which ``joint`` stays within its own range."""
     if joint.ratio == 0.0:
         return -np.inf, np.inf
     lower, upper = (

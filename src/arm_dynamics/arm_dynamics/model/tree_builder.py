@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot in the form in which equations take it: links, frames, what ties them, what they touch.
+"""A robot in the form that the equations use: links, frames, constraints and contacts.
 
-Every joint frame is turned so that its axis is z; a frame of the robot is described in the turned
-axes of the link that carries it.
+Every joint frame is rotated such that its axis is z; a frame of the robot is described in the
+rotated axes of the link that carries it.
 """
 
 from __future__ import annotations
@@ -28,9 +28,9 @@ def tree_of(robot: Robot, payloads: Sequence[ca.SX] | None = None, regroup: bool
 
     Args:
         robot: The robot.
-        payloads: In place of the scene's payloads, mass, centre of mass (3) and inertia (6) of
-            each as symbols.
-        regroup: Whether to move inertia to parents where that changes nothing.
+        payloads: Symbols that replace the scene's payloads: mass, centre of mass (3) and inertia
+            (6) of each.
+        regroup: Whether to move inertia to parent links where that leaves the dynamics unchanged.
 
     Returns:
         Its links.
@@ -51,7 +51,7 @@ def gravity_of(robot: Robot) -> ca.SX:
 
 
 def frame_of(robot: Robot, name: str) -> Frame:
-    """Describe a frame or ``world``; what no joint moves is carried by the ground, link -1."""
+    """Describe a frame or ``world``; one that no joint moves belongs to the ground, link -1."""
     if name == WORLD:
         return Frame(-1, np.eye(3), np.zeros(3))
     frame = robot.pin.frames[robot.pin.getFrameId(name)]
@@ -67,7 +67,7 @@ def linkage_of(robot: Robot, kept: Mapping[int, Sequence[int]]) -> Linkage:
 
     Args:
         robot: The robot.
-        kept: Rows of each constraint that, together, imply all others, by its place.
+        kept: Independent rows of each constraint, by its index.
     """
     constraints = robot.scene.bilateral
     tied = [c.frames for c in constraints.values() if not isinstance(c, CouplingConstraint)]
@@ -79,7 +79,7 @@ def contact_points(robot: Robot) -> list[ContactPoint]:
     """Describe the scene's contacts.
 
     Raises:
-        SceneError: If a contact's frame does not move against its plane.
+        SceneError: If a contact's frame does not move relative to its plane.
     """
     return [_contact_point(robot, name, contact) for name, contact in robot.scene.contacts]
 
@@ -109,7 +109,7 @@ def _contact_point(robot: Robot, name: str, contact: Contact) -> ContactPoint:
 
 
 def _one_body(robot: Robot, link: int) -> set[int]:
-    """Links that a link is welded to by constraints that always hold, itself included."""
+    """Links rigidly connected to a link by permanent constraints, itself included."""
     welds = [
         {frame_of(robot, frame).link for frame in weld.frames}
         for weld in robot.scene.bilateral.values()
@@ -122,7 +122,7 @@ def _one_body(robot: Robot, link: int) -> set[int]:
 
 
 def _turn(model: pin.Model, i: int) -> tuple[Array, bool]:
-    """Rotation that brings z onto the axis of joint ``i``, and whether the joint slides."""
+    """Rotation that maps z to the axis of joint ``i``, and whether the joint is prismatic."""
     S = np.array(model.joints[i].createData().S).ravel()
     prismatic = bool(np.linalg.norm(S[:3]) > 0.5)
     z = S[:3] if prismatic else S[3:]
@@ -148,7 +148,7 @@ def _link(model: pin.Model, i: int, turns: list[tuple[Array, bool]]) -> Link:
 
 
 def _load(links: list[Link], frame: Frame, payload: ca.SX) -> None:
-    """Add a symbolic body that sits in ``frame`` to the link that carries the frame."""
+    """Add a symbolic body attached to ``frame`` to the link that carries the frame."""
     if frame.link < 0:
         return
     m, com, (xx, xy, xz, yy, yz, zz) = payload[0], payload[1:4], ca.vertsplit(payload[4:10])
