@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws README's film of a moving arm: ./arm python tools/draw_motion.py. Needs the view's group.
 
-A Panda goes round four postures under computed torque, as ``./arm demo`` does.
+A Panda moves through four postures under computed torque, as ``./arm demo`` does.
 """
 
 from __future__ import annotations
