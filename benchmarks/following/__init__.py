@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Whether a client that behaves as MoveIt's controller manager does gets all its goals.
+"""Do all goals of a client that behaves like MoveIt's controller manager end as expected?
 
-Knows the nodes through their topics and the action alone.
+It uses only the topics and the action of the nodes.
 """

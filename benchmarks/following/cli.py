@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The command line of the study: goals, on a rig or by the clock, and a report."""
+"""The command line of the study: goals in simulated or real time, and a report."""
 
 from __future__ import annotations
 
@@ -70,19 +70,19 @@ _WARM = 3.0  # [s]
 
 @click.command(epilog=EXAMPLES)
 @click.option("--goals", default=200, show_default=True, type=click.IntRange(1),
-              help="For each robot, without and with imperfections.")  # fmt: skip
+              help="Goals for each robot, without and with imperfections.")  # fmt: skip
 @click.option("--cancelled", default=20, show_default=True, type=click.IntRange(0),
-              help="Of them cancelled on the way.")  # fmt: skip
+              help="How many of them are cancelled during the motion.")  # fmt: skip
 @click.option("--replaced", default=20, show_default=True, type=click.IntRange(0),
-              help="Of them replaced on the way.")  # fmt: skip
+              help="How many of them are replaced during the motion.")  # fmt: skip
 @click.option("--robot", "robots", multiple=True, type=click.Choice(list(ROBOTS)),
-              help="Which arms. [default: all]")  # fmt: skip
+              help="Robot to test; may be repeated. [default: all]")  # fmt: skip
 @click.option("--lines", multiple=True, type=click.Choice(["perfect", "imperfect"]),
-              help="Sensors and lines. [default: both]")  # fmt: skip
+              help="Quality of sensors and connections. [default: both]")  # fmt: skip
 @click.option(
     "--realtime",
     is_flag=True,
-    help="By the clock; otherwise in lockstep, where no load of the machine shows.",
+    help="Run in real time; otherwise in lockstep, unaffected by the load of the machine.",
 )
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
@@ -91,11 +91,11 @@ def main(
     goals: int, cancelled: int, replaced: int, robots: tuple[str, ...], lines: tuple[str, ...],
     realtime: bool, out: Path,
 ) -> None:  # fmt: skip
-    """Send goals as MoveIt's controller manager does, and count those it gets.
+    """Send goals as MoveIt's controller manager does, and count those that end as expected.
 
-    Only trajectories are filled in; the start must be within 0.01 rad of a joint state no older
-    than the question; a goal that takes 1.1 times its duration and half a second is cancelled. The
-    exit status is 1 when a goal is not got.
+    Goals contain only a trajectory. Each start must be within 0.01 rad of a current joint state,
+    and a goal that takes longer than 1.1 times its duration plus half a second is cancelled. The
+    exit status is 1 if a goal does not end as expected.
     """
     logs = out / "following_logs"
     logs.mkdir(parents=True, exist_ok=True)
@@ -200,22 +200,22 @@ def page(records: list[dict[str, Any]]) -> str:
         "robot",
         "lines",
         "goals",
-        "got",
+        "as expected",
         "start [mrad]",
         "end [mrad]",
-        "late [ms]",
-        "why not",
+        "delay [ms]",
+        "failures",
     )
     runs = "; ".join(
         f"{r['robot']} {r['lines']} {r['seconds']:.0f} s"
         + (f", {100 * r['share']:.0f} % of a core for the controller" if "share" in r else "")
         for r in records
     )
-    ways = "by the clock" if any(r["realtime"] for r in records) else "in simulated time"
+    ways = "in real time" if any(r["realtime"] for r in records) else "in simulated time"
     return (
         "# Goals as MoveIt sends them\n\n"
-        f"Starts within {START_TOLERANCE} rad of a fresh state, at most {SCALING} times the "
-        f"duration and {MARGIN} s. Greatest distance from the start when a goal was sent and from "
-        "the end when it had succeeded, and greatest time beyond its duration.\n\n"
+        f"Starts within {START_TOLERANCE} rad of a current state; at most {SCALING} times the "
+        f"duration plus {MARGIN} s. Largest distance from the start when a goal was sent and from "
+        "the end when it succeeded, and largest time beyond its duration.\n\n"
         f"{table(heads, rows)}\n\nRun {ways}: {runs}.\n"
     )

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A course of goals: followed to the end, cancelled or replaced on the way."""
+"""A sequence of goals: followed to the end, cancelled or replaced during the motion."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _REACH = 0.5  # [rad] around the initial position
 _SCALE = 0.5  # of the speed limits
 _ACCELERATION = 2.0  # [rad/s²]
 _SETTLING = 0.5  # [s] after a goal was cancelled
-_STILL = 0.05  # [rad/s], what an encoder and a filter tell of an arm at rest included
+_STILL = 0.05  # [rad/s], including what an encoder and a filter report at rest
 _DRIFT = 1e-3  # [rad] in a tenth of a second
 
 
@@ -28,8 +28,8 @@ class Tally:
     """What became of the goals of one kind.
 
     Attributes:
-        asked: How many there were.
-        got: How many ended as they should.
+        asked: Number of goals.
+        got: Number of goals that ended as expected.
         failures: Why the others did not.
         start: Largest distance from the start of a trajectory when it was sent in [rad].
         goal: Largest distance from its end when it had succeeded in [rad].
