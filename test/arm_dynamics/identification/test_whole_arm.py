@@ -7,6 +7,7 @@ import pytest
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.identification import JointRecord, identify
+from arm_dynamics.identification.filtering import ZeroPhase
 from arm_dynamics.identification.regression import bodies
 from arm_dynamics.identification.regression.regressor import RigidRegressor
 
@@ -217,6 +218,22 @@ def test_positions_that_jump_by_whole_turns():
     assert np.ptp(wrapped - q) > 6.0
     result = identify(wide(model), JointRecord.of(model.joint_names, t, wrapped, tau))
     assert result.error[0] < 0.02
+
+
+def test_efforts_that_the_robot_filtered():
+    """Its bandwidth is found, and noise above it is left out of the error."""
+    model, t, q, _, _, tau = two_link()
+    filtered = ZeroPhase(1.2, t[1] - t[0])(tau)
+    noisy = filtered + 0.05 * tau.std(axis=0) * np.random.default_rng(4).normal(size=tau.shape)
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, noisy))
+    assert result.effort_band == pytest.approx(1.2, rel=0.1)
+    assert result.band == pytest.approx(2.0 * result.effort_band, rel=0.2)
+    assert result.error[0] < 0.02
+    _, _, _, numbers = truth("two_link")
+    for name, own in numbers.items():
+        assert result.parameters[f"{name}.viscous"] == pytest.approx(own["viscous"], rel=0.1)
+        assert result.parameters[f"{name}.coulomb"] == pytest.approx(own["coulomb"], rel=0.1)
+    assert any("efforts do not follow the motion above" in note for note in result.notes)
 
 
 def test_known_masses_are_kept():

@@ -4,7 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -28,6 +29,54 @@ SATURATED = 8
 """Consecutive samples at the same extreme effort that count as saturation."""
 
 
+@dataclass(frozen=True)
+class EvenRecord:
+    """A recording at a constant rate, with corrected time stamps; not filtered.
+
+    Attributes:
+        stretches: Stretches without a gap; at least one.
+        dt: Time between samples in [s].
+        notes: Irregularities of the recording.
+    """
+
+    stretches: tuple[JointRecord, ...]
+    dt: float
+    notes: tuple[str, ...]
+
+    @property
+    def exact(self) -> bool:
+        """Whether it has velocities and accelerations, so that nothing is filtered."""
+        return all(np.isfinite(s.a).all() and np.isfinite(s.v).all() for s in self.stretches)
+
+    @cached_property
+    def band(self) -> float:
+        """Cut-off frequency in [Hz] that suits the noise; see ``filtering.chosen_band``."""
+        if self.exact:
+            return np.inf
+        return max(chosen_band(stretch.q, self.dt) for stretch in self.stretches)
+
+    def filtered(self, band: float | None = None) -> MeasuredMotion:
+        """Low-pass filter with zero phase and differentiate; see ``prepare``.
+
+        Raises:
+            InvalidInput: If the band is not positive, or too wide for the sampling rate.
+        """
+        band = self._allowed(self.band if band is None else band)
+        low_pass = ZeroPhase(np.inf if self.exact else band, self.dt)
+        return joined([_motion(stretch, low_pass) for stretch in self.stretches], self.notes)
+
+    def _allowed(self, band: float) -> float:
+        name, widest = self.stretches[0].name, WIDEST / self.dt
+        if not band > 0.0:
+            raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
+        if np.isfinite(band) and band > widest:
+            raise InvalidInput(
+                f"{name}: band is {band:g} Hz; at {1.0 / self.dt:.5g} samples per second at most "
+                f"{widest:.4g} Hz is allowed"
+            )
+        return band
+
+
 def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
     """Resample a recording at a constant rate, filter it with zero phase and differentiate it.
 
@@ -42,6 +91,15 @@ def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
 
     Returns:
         The motion.
+
+    Raises:
+        InvalidInput: If positions are missing, or no stretch is long enough.
+    """
+    return resampled(record).filtered(band)
+
+
+def resampled(record: JointRecord) -> EvenRecord:
+    """Correct the time stamps of a recording and resample it at a constant rate.
 
     Raises:
         InvalidInput: If positions are missing, or no stretch is long enough.
@@ -67,12 +125,19 @@ def prepare(record: JointRecord, band: float | None = None) -> MeasuredMotion:
     pieces = [repaired(piece) for piece in pieces]
     notes += [note for piece in pieces for note in piece.notes if note not in notes]
     step = _exact_step(pieces, step)
-    grids = [_even(piece, step) for piece in pieces]
-    band = _band(record.name, grids, step, band)
-    exact = all(np.isfinite(grid.a).all() and np.isfinite(grid.v).all() for grid in grids)
-    low_pass = ZeroPhase(np.inf if exact else band, step)
-    motions = [_motion(grid, low_pass, notes) for grid in grids]
-    return joined(motions, notes)
+    stretches = tuple(_even(piece, step) for piece in pieces)
+    for stretch in stretches:
+        notes += _saturation(stretch)
+    return EvenRecord(stretches, step, tuple(notes))
+
+
+def _saturation(stretch: JointRecord) -> list[str]:
+    shares = saturated(stretch.effort).mean(axis=0)
+    return [
+        f"'{name}': effort saturated in {share:.1%} of the samples"
+        for name, share in zip(stretch.joint_names, shares.tolist(), strict=True)
+        if share > 0.0
+    ]
 
 
 def thinned(motion: MeasuredMotion) -> tuple[MeasuredMotion, int]:
@@ -163,27 +228,9 @@ def cubic(at: Array, time: Array, x: Array, slopes: Array) -> Array:
     )
 
 
-def _band(name: str, grids: Sequence[JointRecord], step: float, band: float | None) -> float:
-    if band is None:
-        return max(chosen_band(grid.q, step) for grid in grids)
-    if not band > 0.0:
-        raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
-    if np.isfinite(band) and band > WIDEST / step:
-        raise InvalidInput(
-            f"{name}: band is {band:g} Hz; at {1.0 / step:.5g} samples per second at most "
-            f"{WIDEST / step:.4g} Hz is allowed"
-        )
-    return band
-
-
-def _motion(grid: JointRecord, low_pass: ZeroPhase, notes: list[str]) -> MeasuredMotion:
+def _motion(grid: JointRecord, low_pass: ZeroPhase) -> MeasuredMotion:
     """Filter one even stretch."""
-    valid = np.isfinite(grid.effort)
-    stuck = saturated(grid.effort)
-    for i in np.flatnonzero(stuck.any(axis=0)):
-        share = float(stuck[:, i].mean())
-        notes.append(f"'{grid.joint_names[i]}': effort saturated in {share:.1%} of the samples")
-    valid &= ~stuck
+    valid = np.isfinite(grid.effort) & ~saturated(grid.effort)
     effort = _filled(grid.effort, np.isfinite(grid.effort))
     margin = low_pass.margin(len(grid.time))
     valid = _eroded(valid, margin)

@@ -12,10 +12,11 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput, known_names
 from arm_dynamics.identification import checks
-from arm_dynamics.identification.data import JointRecord, MeasuredMotion, records_of
+from arm_dynamics.identification.data import JointRecord, records_of
 from arm_dynamics.identification.described import scene_with
 from arm_dynamics.identification.names import mapped, unwrapped
-from arm_dynamics.identification.preparation import PER_BAND, prepare
+from arm_dynamics.identification.preparation import PER_BAND, EvenRecord, resampled
+from arm_dynamics.identification.regression.bandwidth import noise_above, with_bandwidth
 from arm_dynamics.identification.regression.base_parameters import BaseParameters, base_parameters
 from arm_dynamics.identification.regression.estimation import (
     Belief,
@@ -49,10 +50,8 @@ NOTHING = 1e-9
 """Standard deviation below which even a zero counts as identified."""
 MASSES, SHAPES = (0.03, 0.06, 0.12, 0.3, 1.0), (1e-4, 1e-3, 0.01, 0.05, 0.2, 1.0)
 """Prior deviations of bodies from nominal: of density, of all else; selected by the evidence."""
-PARTS = (0.6, 0.4, 0.3)
-"""Fractions of the band that are tried as the bandwidth of the efforts."""
-BETTER = 0.95
-"""Relative residual that the best of them must reach to be accepted."""
+ROUNDS = 3
+"""Largest number of selections of friction laws until the bandwidth of the efforts is stable."""
 MOST_ROWS = 6_000
 """Rows beyond which the band is narrowed, so that long recordings take seconds."""
 SHOWN = 0.7
@@ -119,8 +118,9 @@ def identify(
     for record in records:
         checks.check_record(record, model)
     say("filtering")
-    motions = _motions([_in_torques(r, effort) for r in records], band)
-    return _Run(model, motions, effort == "scale", total_mass, masses or {}, held_out, say).done()
+    sampled = [resampled(_in_torques(record, effort)) for record in records]
+    run = _Run(model, sampled, band, effort == "scale", total_mass, masses or {}, held_out, say)
+    return run.done()
 
 
 def _in_torques(record: JointRecord, effort: str | Mapping[str, float]) -> JointRecord:
@@ -139,37 +139,40 @@ def _in_torques(record: JointRecord, effort: str | Mapping[str, float]) -> Joint
     return replace(record, effort=record.effort * factors)
 
 
-def _motions(records: Sequence[JointRecord], band: float | None) -> list[MeasuredMotion]:
-    """All motions filtered at the same band: the narrowest that any of them needs."""
-    motions = [prepare(record, band) for record in records]
-    common = min(motion.band for motion in motions)
-    if band is None and np.isfinite(common):
-        spans = sum(len(motion.time) * motion.dt for motion in motions)
-        common = min(common, MOST_ROWS / (PER_BAND * spans))
-    if all(motion.band == common for motion in motions):
-        return motions
-    return [prepare(record, common) for record in records]
+def _common_band(recordings: Sequence[EvenRecord]) -> float:
+    """The narrowest band that any of the recordings needs, or less for a long motion."""
+    common = min(recording.band for recording in recordings)
+    if not np.isfinite(common):
+        return common
+    spans = sum(len(part.time) * each.dt for each in recordings for part in each.stretches)
+    return float(min(common, MOST_ROWS / (PER_BAND * spans)))
 
 
 class _Run:
     """One identification, step by step."""
 
     def __init__(
-        self, model: ArmModel, motions: list[MeasuredMotion], scaled: bool,
+        self, model: ArmModel, recordings: list[EvenRecord], band: float | None, scaled: bool,
         total_mass: float | None, masses: Mapping[str, float], held_out: float,
         say: Callable[[str], None],
     ) -> None:  # fmt: skip
-        self.model, self.motions, self.say = model, motions, say
+        self.model, self.recordings, self.say = model, recordings, say
         self.regressor = RigidRegressor(model)
-        self.names = model.joint_names
-        self.notes = list(dict.fromkeys(n for motion in motions for n in motion.notes))
-        self.ranges = checks.moved(motions)
-        self.rows = Rows(self.regressor, motions, None, held_out)
+        self.names, self.held_out, self.band = model.joint_names, held_out, band
+        self.scaled, self.scales = scaled, np.ones(model.n)
+        self.notes = list(dict.fromkeys(n for each in recordings for n in each.notes))
+        self._filter(_common_band(recordings) if band is None else band)
+        self.ranges = checks.moved(self.motions)
         checks.check_rows(self.rows, self.names)
         self.known_masses = self._mass_rows(total_mass, masses)
         self.sigmas = (MASSES[3], SHAPES[4])
-        self.scaled, self.scales = scaled, np.ones(model.n)
+
+    def _filter(self, band: float, effort_band: float | None = None) -> None:
+        """Filter all recordings at a band."""
+        self.motions = [each.filtered(band) for each in self.recordings]
+        self.rows = Rows(self.regressor, self.motions, effort_band, self.held_out)
         self.measured = self.rows.effort.copy()
+        self.rows.effort = self.measured * self.scales
 
     # --- prior ---------------------------------------------------------------------------------
 
@@ -207,26 +210,18 @@ class _Run:
 
     def done(self) -> Identification:
         """Run all steps."""
-        rows = self.rows
-        train = rows.use & rows.train[:, None]
         simple = [JointFit((VISCOUS, COULOMB, COULOMB_SKEW)) for _ in self.names]
         self.say("fitting bodies with simple friction")
         if self.scaled:
-            self._find_scales(train, simple)
-        first = fitted(rows, train, self.belief, simple)
-        first = self._effort_band(train, simple, first)
-        rows = self.rows
+            self._find_scales(self._train(), simple)
+        first = self._within_bandwidth(simple)
         self._believe(first)
         self.say("selecting friction laws by cross-validation")
-        laws = self._chosen(train, first)
-        trial = fitted(rows, train, self.belief, laws)
-        if (kept := self._without_outliers(train, trial)) is not None:
-            train = kept
-            laws = self._chosen(train, trial)
-            trial = fitted(rows, train, self.belief, laws)
-        trial = tabled(rows, train, self.belief, trial)
+        train, trial = self._with_laws(first)
+        trial = tabled(self.rows, train, self.belief, trial)
         self._believe(trial)
         self.say("fitting all parameters")
+        rows = self.rows
         trial = fitted(rows, train, self.belief, list(trial.friction), possible=True)
         whole = train | (rows.use & ~rows.train[:, None])
         if (kept := self._without_outliers(whole, trial, note=False)) is not None:
@@ -234,35 +229,39 @@ class _Run:
         final = fitted(rows, whole, self.belief, list(trial.friction), possible=True)
         return self._told(trial, final, whole)
 
+    def _train(self) -> Mask:
+        return np.asarray(self.rows.use & self.rows.train[:, None])
+
+    def _within_bandwidth(self, laws: list[JointFit]) -> Fit:
+        """Fit laws within the bandwidth of the efforts, and filter these above it."""
+        fit = fitted(self.rows, self._train(), self.belief, laws)
+        self.rows, fit = with_bandwidth(self.rows, self._train(), self.belief, fit)
+        limit = noise_above(self.rows, self._train(), fit) if self.band is None else None
+        if limit is None:
+            return fit
+        self._filter(limit, self.rows.effort_band)
+        fit = fitted(self.rows, self._train(), self.belief, laws)
+        self.rows, fit = with_bandwidth(self.rows, self._train(), self.belief, fit)
+        return fit
+
+    def _with_laws(self, first: Fit) -> tuple[Mask, Fit]:
+        """Select friction laws, leave out outliers, and adapt the bandwidth of the efforts."""
+        train, fit = self._train(), first
+        for again in range(ROUNDS):
+            laws = self._chosen(train, fit)
+            fit = fitted(self.rows, train, self.belief, laws)
+            kept = None if again else self._without_outliers(train, fit)
+            rows, fit = with_bandwidth(self.rows, train, self.belief, fit)
+            if kept is None and rows is self.rows:
+                break
+            self.rows, train = rows, train if kept is None else kept
+        return train, fit
+
     def _chosen(self, train: Mask, fit: Fit) -> list[JointFit]:
         rows = self.rows
         load = fit.columns.predicted(fit.x) + rows.known
         size = len(self.regressor.nominal) + rows.n
         return Choice(rows, train, common_columns(rows, train), self.belief(size), load).run()
-
-    def _effort_band(self, train: Mask, laws: list[JointFit], plain: Fit) -> Fit:
-        """Low-pass filter predictions more than efforts, where that explains these better."""
-        best, chosen, band = plain, self.rows, self.motions[0].band
-        error = BETTER * self._left(plain, train)
-        for part in PARTS if np.isfinite(band) else ():
-            rows = self.rows.low_passed(part * band)
-            fit = fitted(rows, train, self.belief, laws)
-            now = self._left(fit, train)
-            if now < error:
-                best, chosen, error = fit, rows, now
-        if chosen is not self.rows:
-            self.notes.append(
-                f"efforts do not follow the motion above about {chosen.effort_band:.3g} Hz: "
-                "they were filtered before, or predictions are only position noise there; "
-                "predictions are filtered likewise"
-            )
-            self.rows = chosen
-        return best
-
-    def _left(self, fit: Fit, use: Mask) -> float:
-        """Geometric mean over joints of the residual of a fit."""
-        left = deviations(fit.residual, np.zeros_like(fit.residual), use)
-        return float(np.exp(np.log(left).mean()))
 
     def _without_outliers(self, use: Mask, fit: Fit, note: bool = True) -> Mask | None:
         """Rows without outliers; None if there are none."""
@@ -423,6 +422,7 @@ class _Run:
              for j, name in enumerate(self.names)],
             np.nan, final.x[final.bodies : final.bodies + n],
         )  # fmt: skip
+        self._tell_bandwidth()
         self._tell_drift(final, used)
         self._tell_tilt(trial)
         theta = final.x[: final.bodies]
@@ -477,6 +477,14 @@ class _Run:
             for j, u in enumerate((rows.use & rows.train[:, None]).T)
         ]
         return np.array([a / b if b > 0.0 else 1.0 for a, b in sums])
+
+    def _tell_bandwidth(self) -> None:
+        if self.rows.effort_band is not None:
+            self.notes.append(
+                f"efforts do not follow the motion above about {self.rows.effort_band:.3g} Hz: "
+                "they were filtered before, or predictions are only position noise there; "
+                "predictions are filtered likewise"
+            )
 
     def _tell_tilt(self, fit: Fit) -> None:
         """Note a base whose orientation does not agree with the scene's gravity.

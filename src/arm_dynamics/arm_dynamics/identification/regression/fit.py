@@ -68,10 +68,16 @@ class Fit:
         """Number of inertial parameters."""
         return self.columns.size - len(self.weights) - sum(len(f.kinds) for f in self.friction)
 
-    def friction_place(self, j: int) -> int:
-        """Index of the first friction coefficient of a joint in x."""
-        before = sum(len(f.kinds) for f in self.friction[:j])
-        return self.bodies + len(self.weights) + before
+    def predicted(self, rows: Rows) -> Array:
+        """Efforts of the same motion in rows with another bandwidth, shape (k, n)."""
+        bodies, n = self.bodies, len(self.weights)
+        load = self.columns.predicted(self.x) + rows.known
+        own = [
+            rows.friction(law, j, load[:, j]) @ [law.coefficients[kind] for kind in law.kinds]
+            for j, law in enumerate(self.friction)
+        ]
+        rigid = rows.rigid @ self.x[:bodies] + rows.inertia * self.x[bodies : bodies + n]
+        return np.asarray(rows.known + rigid + np.column_stack(own))
 
 
 def fitted(

@@ -83,8 +83,15 @@ class Rows:
 
     @cached_property
     def rigid(self) -> Array:  # noqa: D102 - see the attributes
-        raw = self.regressor(self.q, self.v, self.a)
-        return np.stack([self.filtered(raw[:, j]) for j in range(self.n)], axis=1)
+        found = self._unfiltered.copy()
+        for j in range(self.n):  # a joint does not carry the bodies before it
+            there = found[:, j].any(axis=0)
+            found[:, j, there] = self.filtered(found[:, j, there])
+        return found
+
+    @cached_property
+    def _unfiltered(self) -> Array:
+        return self.regressor(self.q, self.v, self.a)
 
     @cached_property
     def known(self) -> Array:
@@ -102,13 +109,30 @@ class Rows:
         parts = zip(np.split(columns, ends), self.motions, strict=True)
         return np.concatenate([self._low(part, motion) for part, motion in parts])
 
-    def low_passed(self, effort_band: float) -> Rows:
-        """The same rows, for efforts that were filtered before at ``effort_band``."""
+    @property
+    def band(self) -> float:
+        """Cut-off frequency of the low-pass filter in [Hz]."""
+        return self.motions[0].band
+
+    def low_passed(self, effort_band: float | None) -> Rows:
+        """The same rows, for efforts that were filtered before at ``effort_band``, or were not."""
+        if effort_band == self.effort_band:
+            return self
         other = copy(self)
         other.effort_band, other._made = effort_band, {}
         for name in ("rigid", "known", "inertia"):
             vars(other).pop(name, None)
         return other
+
+    def narrowed(self, columns: Array, band: float) -> Array:
+        """Low-pass filter columns once more, at a band of its own, shape (k, …)."""
+        low_pass, found, start = ZeroPhase(band, self.motions[0].dt), np.empty_like(columns), 0
+        for motion in self.motions:
+            for stretch in motion.stretches:
+                span = slice(start + stretch.start, start + stretch.stop)
+                found[span] = low_pass(columns[span])
+            start += len(motion.time)
+        return found
 
     def friction(self, fit: JointFit, joint: int, load: Array) -> Array:
         """Low-pass filtered columns of a joint's friction, shape (k, kinds); see ``sudden``.

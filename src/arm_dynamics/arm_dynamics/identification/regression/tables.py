@@ -9,7 +9,8 @@ from dataclasses import replace
 import numpy as np
 
 from arm_dynamics.arrays import Array
-from arm_dynamics.identification.regression.estimation import Mask, deviations
+from arm_dynamics.identification.regression.bandwidth import mean_residual
+from arm_dynamics.identification.regression.estimation import Mask
 from arm_dynamics.identification.regression.fit import Fit, fitted
 from arm_dynamics.identification.regression.friction_columns import COULOMB, VISCOUS, JointFit
 from arm_dynamics.identification.regression.rows import FOLDS, Rows
@@ -20,13 +21,17 @@ COUNTS = (2, 3, 4)
 ENDS = np.geomspace(0.1, 1.1, 10)
 """First guesses of the last point, relative to the largest load."""
 BETTER = 0.95
-"""Relative prediction error that a table must reach to be accepted."""
+"""Relative prediction error of each of ``JUDGES`` that a table must reach to be accepted."""
+JUDGES = (FOLDS - 1, FOLDS // 2)
+"""Folds that tables predict from the others; one alone may favor a table by chance."""
 
 
 def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
     """The fit with other tables of friction over load, if they predict better.
 
-    They are fitted to all folds but the last, and compared by their prediction of the last.
+    They are fitted without one fold, and compared by their prediction of it, for two folds. Tables
+    with points beyond the loads that occur, other than the last, are not used: nothing determines
+    them.
 
     Args:
         rows: The regression's rows.
@@ -36,27 +41,36 @@ def tabled(rows: Rows, use: Mask, belief_for: object, fit: Fit) -> Fit:
     """
     if all(own.shape.load is None for own in fit.friction):
         return fit
-    last = (rows.fold == FOLDS - 1)[:, None]
     load = fit.columns.predicted(fit.x) + rows.known
-    chosen = list(fit.friction)
 
-    def error(laws: Sequence[JointFit]) -> tuple[float, tuple[JointFit, ...]]:
-        trial = fitted(rows, use & ~last, belief_for, laws)
-        left = deviations(trial.residual, np.zeros_like(trial.residual), use & last)
-        return float(np.exp(np.log(left).mean())), trial.friction
+    def trial(laws: Sequence[JointFit], fold: int) -> tuple[float, tuple[JointFit, ...]]:
+        mine = (rows.fold == fold)[:, None]
+        found = fitted(rows, use & ~mine, belief_for, laws)
+        return mean_residual(found, use & mine), found.friction
 
-    least, _ = error(chosen)
+    least = [trial(fit.friction, fold)[0] for fold in JUDGES]
+    chosen: Sequence[JointFit] = ()
     for count in COUNTS:
         laws = [
             own if own.shape.load is None else _begun(rows, use, load, fit, j, count)
             for j, own in enumerate(fit.friction)
         ]
-        now, friction = error(laws)
-        if now < BETTER * least:
-            least, chosen = now, list(friction)
-    if all(not own.shape.points for own in chosen):
+        trials = [trial(laws, fold) for fold in JUDGES]
+        if all(now < BETTER * before for (now, _), before in zip(trials, least, strict=True)):
+            least, chosen = [now for now, _ in trials], trials[0][1]
+    if not chosen:
         return fit
-    return fitted(rows, use, belief_for, chosen)
+    found = fitted(rows, use, belief_for, chosen)
+    return found if _determined(found, use, load) else fit
+
+
+def _determined(fit: Fit, use: Mask, load: Array) -> bool:
+    """Whether the loads that occur reach all points of all tables but the last."""
+    return all(
+        own.shape.load is not None and own.shape.points[-2][0] < abs(load[use[:, j], j]).max()
+        for j, own in enumerate(fit.friction)
+        if own.shape.points
+    )
 
 
 def _begun(rows: Rows, use: Mask, load: Array, fit: Fit, j: int, count: int) -> JointFit:
