@@ -11,7 +11,7 @@ import pytest
 import models
 from arm_dynamics import ArmModel, Dynamics, load_scene
 from arm_dynamics.equations import rigid_body
-from arm_dynamics.equations.derivatives import inverse_derivatives
+from arm_dynamics.equations.derivatives import IN_LINKS_AT_MOST, inverse_derivatives
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 from models.large import mobile
 from models.random_tree import tree
@@ -24,7 +24,7 @@ def derivatives(model: ArmModel) -> ca.Function:
     return ca.Function("derivatives", [q, v, a], list(found))
 
 
-@pytest.mark.parametrize("joints", [1, 2, 5, 13])
+@pytest.mark.parametrize("joints", [1, 2, 5, 13, IN_LINKS_AT_MOST + 1])
 @pytest.mark.parametrize("repeat", range(3))
 def test_of_random_trees_are_pinocchios(
     joints: int, repeat: int, rng: np.random.Generator

@@ -2,15 +2,23 @@
 """Derivatives of inverse dynamics, with as many entries as joints act on one another.
 
 Singh, Russell, Wensing, "Efficient analytical derivatives of rigid-body dynamics using spatial
-vector algebra", IEEE Robotics and Automation Letters 7(2), 2022, for joints of one freedom. What
-joint j changes in the motion of the bodies that it carries is, seen from them,
+vector algebra", IEEE Robotics and Automation Letters 7(2), 2022, for joints of one freedom; about
+the origins of the links, so that no linear velocity enters. A link's frame has the angular
+velocity ω and the angular acceleration α, and its origin accelerates by c. Where these change by
+δω, δα, δc, points that the link carries, at r with the velocity u relative to that origin,
+accelerate more by δc + δβ × r + 2 δω × u, with δβ = δα + ω × δω (by Jacobi's identity). The force
+and the moment on them so change by
 
-    by its position   v: Ṡ,  a: S̈ - v × Ṡ,  with Ṡ = v_λ × S, S̈ = a_λ × S + v_λ × Ṡ,
-    by its speed      v: S,  a: 2 Ṡ - v × S,
+    δf = m δc + δβ × h + δω × P,   δn = h × δc + I δβ + (1 tr Q - Q) δω,
 
-so that the forces on composite bodies change by I S̈ + B Ṡ and 2 I Ṡ + B S, where
-B x = x ×* (I v) + v ×* (I x) - I (v × x). All is written in the world's axes about its origin,
-where composite bodies are plain sums.
+where P = 2 Σ m u and Q = 2 Σ m u rᵀ add up over bodies as the mass m, the first moment h and the
+inertia I do. A joint about z changes the motion of its link's frame
+
+    by its position       δc = c × z,  δβ = α × z + ω × (ω × z),  δω = ω × z,
+    by its speed          δβ = 2 ω × z,  δω = z,
+    by its acceleration   δβ = z,
+
+and its position turns the wrench (f, n) on the link, which the parent feels, by z × f, z × n.
 """
 
 from __future__ import annotations
@@ -19,50 +27,122 @@ from dataclasses import dataclass
 
 import casadi as ca
 
-from arm_dynamics.equations.rigid_body import placements
+from arm_dynamics.equations.rigid_body import Rotation, motion, placements
 from arm_dynamics.equations.tree import Link, Tree, cross, moved, skew, spread_map
 
-Spatial = tuple[ca.SX, ca.SX]
-"""A motion (angular, linear), or a force (moment, force)."""
+# Above this many joints pairs of them are compared in the world's axes: that takes dot products
+# of full vectors, but none is taken down link by link.
+IN_LINKS_AT_MOST = 16
+
+
+@dataclass
+class _Change:
+    """Change (δc, δβ, δω) of the motion of a frame, or a row that is multiplied by one."""
+
+    c: ca.SX
+    beta: ca.SX
+    omega: ca.SX
+
+    def dot(self, other: _Change) -> ca.SX:
+        angular = ca.dot(self.beta, other.beta) + ca.dot(self.omega, other.omega)
+        return ca.dot(self.c, other.c) + angular
+
+
+@dataclass
+class _Wrench:
+    """Force and moment about the origin of a frame."""
+
+    f: ca.SX
+    n: ca.SX
+
+    def dot(self, change: _Change) -> ca.SX:
+        """Force along a joint's axis; ``change`` is that by its acceleration."""
+        return ca.dot(self.f, change.c) + ca.dot(self.n, change.beta)
+
+
+@dataclass
+class _Frame:
+    """Placement of a frame in another one.
+
+    Attributes:
+        R: Rotation.
+        p: Origin.
+        d: Twice the velocity of the origin relative to that of the other frame.
+    """
+
+    R: ca.SX
+    p: ca.SX
+    d: ca.SX
+
+    def of(self, inner: _Frame) -> _Frame:
+        """The placement of a frame that is placed in this one."""
+        p, d = self.p + self.R @ inner.p, self.d + self.R @ inner.d
+        return _Frame(ca.sparsify(self.R @ inner.R), ca.sparsify(p), ca.sparsify(d))
+
+    def wrench(self, x: _Wrench) -> _Wrench:
+        f = ca.sparsify(self.R @ x.f)
+        return _Wrench(f, ca.sparsify(self.R @ x.n + cross(self.p, f)))
+
+    def row(self, x: _Change) -> _Change:
+        c = ca.sparsify(self.R @ x.c)
+        beta, omega = self.R @ x.beta + cross(self.p, c), self.R @ x.omega + cross(self.d, c)
+        return _Change(c, ca.sparsify(beta), ca.sparsify(omega))
+
+    def change(self, x: _Change) -> _Change:
+        beta, omega = ca.sparsify(self.R @ x.beta), ca.sparsify(self.R @ x.omega)
+        c = self.R @ x.c - cross(beta, self.p) - cross(omega, self.d)
+        return _Change(ca.sparsify(c), beta, omega)
 
 
 @dataclass
 class _Joint:
-    """Axis S of a joint with Ṡ and S̈, and the motion of its body."""
+    """Changes of a link's motion by the position, speed and acceleration of its joint."""
 
-    S: Spatial
-    rate: Spatial
-    turn: Spatial
-    v: Spatial
-    a: Spatial
+    place: _Change
+    speed: _Change
+    push: _Change
+
+    def seen(self, frame: _Frame) -> _Joint:
+        return _Joint(frame.change(self.place), frame.change(self.speed), frame.change(self.push))
 
 
 @dataclass
 class _Composite:
-    """Sums over a joint's body and all that hangs on it.
-
-    Mass, first moment and inertia; matrix N and momentum P of B x = (N x_ang, 2 x_ang × P), to
-    which B comes by Jacobi's identity; force that moves the bodies.
-    """
+    """Sums over a link's body and all that hangs on it, about the origin of the link's frame."""
 
     m: ca.SX
     h: ca.SX
     I: ca.SX  # noqa: E741 - the symbol of every book
-    N: ca.SX
     P: ca.SX
-    force: Spatial
+    Q: ca.SX
+    wrench: _Wrench
 
-    def inertia(self, x: Spatial) -> Spatial:
-        return self.I @ x[0] + cross(self.h, x[1]), self.m * x[1] - cross(self.h, x[0])
+    @property
+    def N(self) -> ca.SX:
+        """1 tr Q - Q."""
+        return ca.sparsify(ca.trace(self.Q) * ca.SX.eye(3) - self.Q)
 
-    def bend(self, x: Spatial) -> Spatial:
-        """B x."""
-        return self.N @ x[0], 2 * cross(x[0], self.P)
+    def response(self, x: _Change) -> _Wrench:
+        """Change of the wrench."""
+        f = self.m * x.c + cross(x.beta, self.h) + cross(x.omega, self.P)
+        n = cross(self.h, x.c) + self.I @ x.beta + self.N @ x.omega
+        return _Wrench(ca.sparsify(f), ca.sparsify(n))
 
-    def add(self, other: _Composite) -> None:
-        self.m, self.h, self.I = self.m + other.m, self.h + other.h, self.I + other.I
-        self.N, self.P = self.N + other.N, self.P + other.P
-        self.force = _plus(self.force, other.force)
+    def row(self, axis: _Change) -> _Change:
+        """The row that gives, of a change of motion, the change of the force along an axis."""
+        c = self.m * axis.c + cross(axis.beta, self.h)
+        beta = cross(self.h, axis.c) + self.I @ axis.beta
+        omega = cross(self.P, axis.c) + self.N.T @ axis.beta
+        return _Change(ca.sparsify(c), ca.sparsify(beta), ca.sparsify(omega))
+
+    def add(self, other: _Composite, frame: _Frame) -> None:
+        """Add what hangs on a link that is placed in this one."""
+        h, inertia = moved(frame.R, frame.p, other.m, other.h, other.I)
+        P, wrench = ca.sparsify(frame.R @ other.P), frame.wrench(other.wrench)
+        Q = frame.R @ other.Q @ frame.R.T + P @ frame.p.T + frame.d @ h.T
+        self.m, self.h, self.I = self.m + other.m, self.h + h, self.I + inertia
+        self.P, self.Q = self.P + P + other.m * frame.d, self.Q + Q
+        self.wrench = _Wrench(self.wrench.f + wrench.f, self.wrench.n + wrench.n)
 
 
 def inverse_derivatives(
@@ -80,93 +160,87 @@ def inverse_derivatives(
     Returns:
         Three sparse matrices of shape (n, n): zero between joints on different branches.
     """
-    E, count = spread_map(tree), len(tree.links)
-    joints, bodies = _outward(tree, q, E @ v, E @ a, gravity)
-    by_q, by_v, M = ca.SX(count, count), ca.SX(count, count), ca.SX(count, count)
-    for i in reversed(range(count)):
-        body, joint = bodies[i], joints[i]
-        held = body.inertia(joint.S)
-        bent = body.N.T @ joint.S[0] + 2 * cross(body.P, joint.S[1])
-        change = _plus(body.inertia(joint.turn), body.bend(joint.rate))
-        by_place = _plus(change, _force_cross(joint.S, body.force))
-        by_speed = _plus(_twice(body.inertia(joint.rate)), body.bend(joint.S))
+    E, links = spread_map(tree), tree.links
+    frames, joints, bodies = _outward(tree, q, E @ v, E @ a, gravity)
+    in_links = len(links) <= IN_LINKS_AT_MOST
+    worlds = list[_Frame]() if in_links else _in_world(tree, frames)
+    seen = joints if in_links else [j.seen(w) for j, w in zip(joints, worlds, strict=True)]
+    by_q, by_v, M = (ca.SX(len(links), len(links)) for _ in range(3))
+    for i in reversed(range(len(links))):
+        row, place, speed = _of_joint(bodies[i], joints[i], links[i])
+        if not in_links:
+            world = worlds[i]
+            row, place, speed = world.row(row), world.wrench(place), world.wrench(speed)
         j = i
         while j >= 0:
-            other = joints[j]
-            by_q[i, j] = _dot(held, other.turn) + ca.dot(bent, other.rate[0])
-            by_v[i, j] = _dot(held, _twice(other.rate)) + ca.dot(bent, other.S[0])
-            M[i, j] = _dot(held, other.S)
+            by_q[i, j], by_v[i, j] = row.dot(seen[j].place), row.dot(seen[j].speed)
+            M[i, j] = M[j, i] = row.dot(seen[j].push)
             if j != i:
-                by_q[j, i], by_v[j, i] = _dot(other.S, by_place), _dot(other.S, by_speed)
-                M[j, i] = M[i, j]
-            j = tree.links[j].parent
+                by_q[j, i], by_v[j, i] = place.dot(seen[j].push), speed.dot(seen[j].push)
+            if in_links:
+                step = frames[j]
+                row, place, speed = step.row(row), step.wrench(place), step.wrench(speed)
+            j = links[j].parent
         M[i, i] += float(tree.armature[i])
-        if tree.links[i].parent >= 0:
-            bodies[tree.links[i].parent].add(body)
+        if links[i].parent >= 0:
+            bodies[links[i].parent].add(bodies[i], frames[i])
     by_q, by_v, M = (ca.sparsify(E.T @ matrix @ E) for matrix in (by_q, by_v, M))
     return by_q, by_v, M
 
 
 def _outward(
     tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX
-) -> tuple[list[_Joint], list[_Composite]]:
-    """Joints, and bodies on their own."""
-    still = ca.SX(3, 1), ca.SX(3, 1)
-    ground = _Joint(still, still, still, v=still, a=(ca.SX(3, 1), -gravity))
-    places: list[tuple[ca.SX, ca.SX]] = []
-    joints: list[_Joint] = []
-    bodies: list[_Composite] = []
-    for i, (link, pose) in enumerate(zip(tree.links, placements(tree, q), strict=True)):
-        R, p = places[link.parent] if link.parent >= 0 else (ca.SX.eye(3), ca.SX(3, 1))
-        R, p = ca.sparsify(R @ pose.R), ca.sparsify(p + R @ pose.p)
-        joint = _joint(link, R, p, joints[link.parent] if link.parent >= 0 else ground, v[i], a[i])
-        places.append((R, p))
-        joints.append(joint)
-        bodies.append(_body(link, R, p, joint))
-    return joints, bodies
+) -> tuple[list[_Frame], list[_Joint], list[_Composite]]:
+    """Frames in those of the parents, joints, and bodies on their own."""
+    pose = placements(tree, q)
+    motions = list(zip(*motion(tree, pose, v, a, gravity), strict=True))
+    frames, joints, bodies = list[_Frame](), list[_Joint](), list[_Composite]()
+    for i, link in enumerate(tree.links):
+        omega = motions[link.parent][0] if link.parent >= 0 else ca.SX(3, 1)
+        frames.append(_frame(link, pose[i], omega, v[i]))
+        joints.append(_joint(link, *motions[i]))
+        bodies.append(_body(link, *motions[i]))
+    return frames, joints, bodies
 
 
-def _joint(link: Link, R: ca.SX, p: ca.SX, parent: _Joint, v: ca.SX, a: ca.SX) -> _Joint:
-    z = R[:, 2]
-    S = (ca.SX(3, 1), z) if link.prismatic else (z, cross(p, z))
-    rate = _motion_cross(parent.v, S)
-    turn = _plus(_motion_cross(parent.a, S), _motion_cross(parent.v, rate))
-    speed = _plus(parent.v, _times(v, S))
-    return _Joint(S, rate, turn, speed, _plus(parent.a, _times(a, S), _times(v, rate)))
+def _frame(link: Link, pose: Rotation, omega: ca.SX, v: ca.SX) -> _Frame:
+    """Placement of a link in its parent, which turns with ``omega``."""
+    slides = v * pose.R[:, 2] if link.prismatic else ca.SX(3, 1)
+    return _Frame(pose.R, pose.p, ca.sparsify(cross(omega, 2 * pose.p) + 2 * slides))
 
 
-def _body(link: Link, R: ca.SX, p: ca.SX, joint: _Joint) -> _Composite:
-    h, inertia = moved(R, p, link.m, link.h, link.I)
-    (w, u), zero = joint.v, ca.SX(3, 1)
-    body = _Composite(link.m, h, inertia, ca.SX(3, 3), zero, (zero, zero))
-    L, body.P = body.inertia(joint.v)
-    W = skew(w)
-    turning = ca.trace(inertia) * W - 2 * (skew(inertia @ w) + inertia @ W)
-    body.N = ca.sparsify(turning - 2 * (skew(cross(h, u)) + skew(u) @ skew(h)))
-    body.force = _plus(body.inertia(joint.a), _force_cross(joint.v, (L, body.P)))
-    return body
+def _joint(link: Link, omega: ca.SX, alpha: ca.SX, c: ca.SX) -> _Joint:
+    z, none = ca.sparsify(ca.SX([0, 0, 1])), ca.SX(3, 1)
+    turn = cross(omega, z)
+    bend = ca.sparsify(cross(alpha, z) + cross(omega, turn))
+    if link.prismatic:
+        return _Joint(*(_Change(c, none, none) for c in (bend, 2 * turn, z)))
+    place, speed = _Change(cross(c, z), bend, turn), _Change(none, 2 * turn, z)
+    return _Joint(place, speed, _Change(none, z, none))
 
 
-def _motion_cross(x: Spatial, y: Spatial) -> Spatial:
-    return cross(x[0], y[0]), ca.sparsify(cross(x[0], y[1]) + cross(x[1], y[0]))
+def _body(link: Link, omega: ca.SX, alpha: ca.SX, c: ca.SX) -> _Composite:
+    W = skew(omega)
+    second = ca.sparsify(ca.trace(link.I) * ca.SX.eye(3) - 2 * link.I)  # 2 Σ m r rᵀ
+    f = link.m * c + (skew(alpha) + W @ W) @ link.h
+    n = link.I @ alpha + cross(omega, link.I @ omega) + cross(link.h, c)
+    P, Q = cross(omega, 2 * link.h), ca.sparsify(W @ second)
+    return _Composite(link.m, link.h, link.I, P, Q, _Wrench(ca.sparsify(f), ca.sparsify(n)))
 
 
-def _force_cross(x: Spatial, f: Spatial) -> Spatial:
-    return ca.sparsify(cross(x[0], f[0]) + cross(x[1], f[1])), cross(x[0], f[1])
+def _in_world(tree: Tree, frames: list[_Frame]) -> list[_Frame]:
+    worlds = list[_Frame]()
+    for link, frame in zip(tree.links, frames, strict=True):
+        worlds.append(worlds[link.parent].of(frame) if link.parent >= 0 else frame)
+    return worlds
 
 
-def _plus(*parts: Spatial) -> Spatial:
-    angular, linear = zip(*parts, strict=True)
-    return ca.sparsify(sum(angular[1:], angular[0])), ca.sparsify(sum(linear[1:], linear[0]))
-
-
-def _times(factor: ca.SX, x: Spatial) -> Spatial:
-    return factor * x[0], factor * x[1]
-
-
-def _twice(x: Spatial) -> Spatial:
-    return 2 * x[0], 2 * x[1]
-
-
-def _dot(x: Spatial, y: Spatial) -> ca.SX:
-    return ca.dot(x[0], y[0]) + ca.dot(x[1], y[1])
+def _of_joint(body: _Composite, joint: _Joint, link: Link) -> tuple[_Change, _Wrench, _Wrench]:
+    """The row of a joint's torque, and the changes of its wrench by its position and speed."""
+    place, z = body.response(joint.place), ca.sparsify(ca.SX([0, 0, 1]))
+    turned = cross(z, body.wrench.f)
+    if link.prismatic:
+        place.n = ca.sparsify(place.n + turned)
+    else:
+        place.f, place.n = place.f + turned, ca.sparsify(place.n + cross(z, body.wrench.n))
+    return body.row(joint.push), place, body.response(joint.speed)

@@ -38,6 +38,42 @@ def placements(tree: Tree, q: ca.SX) -> list[Rotation]:
     return [Rotation(link, full[i]) for i, link in enumerate(tree.links)]
 
 
+def motion(
+    tree: Tree, pose: list[Rotation], v: ca.SX, a: ca.SX, gravity: ca.SX
+) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+    """Angular velocity, angular and linear acceleration of every link frame, in link axes.
+
+    Args:
+        tree: The robot.
+        pose: Placements of all links.
+        v: Velocities of all links' joints in [rad/s] or [m/s].
+        a: Their accelerations.
+        gravity: Gravity in the world frame in [m/s²], shape (3,), counted as an acceleration of
+            the ground upwards.
+    """
+    omega: list[ca.SX] = []
+    alpha: list[ca.SX] = []
+    acc: list[ca.SX] = []
+    z = ca.sparsify(ca.SX([0, 0, 1]))
+    for i, link in enumerate(tree.links):
+        R, p = pose[i].R, pose[i].p
+        if link.parent < 0:
+            w, dw, dv = ca.SX(3, 1), ca.SX(3, 1), R.T @ -gravity
+        else:
+            j = link.parent
+            w, dw = R.T @ omega[j], R.T @ alpha[j]
+            dv = R.T @ (acc[j] + _angular_tensor(omega[j], alpha[j]) @ p)
+        if link.prismatic:
+            dv = dv + 2 * v[i] * cross(w, z) + a[i] * z
+        else:
+            dw = dw + v[i] * cross(w, z) + a[i] * z
+            w = w + v[i] * z
+        omega.append(ca.sparsify(w))
+        alpha.append(ca.sparsify(dw))
+        acc.append(ca.sparsify(dv))
+    return omega, alpha, acc
+
+
 def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
     """Torques M a + C v + G of a tree, by recursive Newton-Euler.
 
@@ -53,7 +89,7 @@ def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
     """
     pose = placements(tree, q)
     v_full, a_full = spread_map(tree) @ v, spread_map(tree) @ a
-    omega, alpha, acc = _motion(tree, pose, v_full, a_full, gravity)
+    omega, alpha, acc = motion(tree, pose, v_full, a_full, gravity)
     tau = ca.SX(len(tree.links), 1)
     force = [ca.SX(3, 1) for _ in tree.links]
     moment = [ca.SX(3, 1) for _ in tree.links]
@@ -194,33 +230,6 @@ def substituted(F: ca.SX, b: ca.SX) -> ca.SX:
             if F.sparsity().has_nz(k, i):
                 x[k] = x[k] - F[k, i] * x[i]
     return x
-
-
-def _motion(
-    tree: Tree, pose: list[Rotation], v: ca.SX, a: ca.SX, gravity: ca.SX
-) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
-    """Angular velocity, angular and linear acceleration of every link frame, in link axes."""
-    omega: list[ca.SX] = []
-    alpha: list[ca.SX] = []
-    acc: list[ca.SX] = []
-    z = ca.sparsify(ca.SX([0, 0, 1]))
-    for i, link in enumerate(tree.links):
-        R, p = pose[i].R, pose[i].p
-        if link.parent < 0:
-            w, dw, dv = ca.SX(3, 1), ca.SX(3, 1), R.T @ -gravity
-        else:
-            j = link.parent
-            w, dw = R.T @ omega[j], R.T @ alpha[j]
-            dv = R.T @ (acc[j] + _angular_tensor(omega[j], alpha[j]) @ p)
-        if link.prismatic:
-            dv = dv + 2 * v[i] * cross(w, z) + a[i] * z
-        else:
-            dw = dw + v[i] * cross(w, z) + a[i] * z
-            w = w + v[i] * z
-        omega.append(ca.sparsify(w))
-        alpha.append(ca.sparsify(dw))
-        acc.append(ca.sparsify(dv))
-    return omega, alpha, acc
 
 
 def _angular_tensor(omega: ca.SX, alpha: ca.SX) -> ca.SX:
