@@ -47,6 +47,15 @@ def test_everything_is_inside_the_picture() -> None:
     assert axes.get_aspect() == 1.0
 
 
+@pytest.mark.parametrize("size", [(4.4, 4.4), (6.4, 2.6), (5.5, 5.0)])
+def test_the_clock_is_inside_the_picture(size: tuple[float, float]) -> None:
+    film = animation(TIME, [ROD], size=size)
+    *_, clock = film._func(0)
+    figure = plt.gcf()
+    box = clock.get_window_extent(figure.canvas.get_renderer())
+    assert figure.bbox.y0 <= box.y0 and box.y1 <= figure.bbox.y1
+
+
 def test_a_trail_that_does_not_go_with_the_times_is_refused() -> None:
     with pytest.raises(InvalidInput, match=r"\(400, 1, 2\) does not match 401 times"):
         animation(TIME, [ROD], trail=np.zeros((400, 2)))

@@ -113,7 +113,9 @@ def animation(
     axes.set(**_around(np.vstack(seen)), title=title)
     behind = axes.plot([], [], color="tab:orange", linewidth=1.2)[0]
     drawn = [axes.plot([], [], **properties)[0] for _, properties in links]
-    clock = axes.text(0.0, 1.01, "", transform=axes.transAxes, verticalalignment="bottom")
+    clock = axes.text(
+        0.0, 1.01, f"{time[-1]:.2f} s", transform=axes.transAxes, verticalalignment="bottom"
+    )
     fig.canvas.draw()
     fig.set_layout_engine("none")  # that of this frame is that of all
 

@@ -123,7 +123,7 @@ def _energy(axis: Any, recordings: Sequence[Motion]) -> None:
             shown = label if line == _LINES[0] else None
             axis.plot(*_thinned(recording.time, values), line, color=f"C{i}", label=shown)
     axis.set_ylabel("energy [J]")
-    axis.legend(loc="upper left", ncols=3, fontsize=8)
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=5, fontsize=8, frameon=False)
 
 
 def _account(recording: Motion) -> list[tuple[str, Array]]:
