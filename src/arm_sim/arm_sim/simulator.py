@@ -523,7 +523,9 @@ class Simulator:
     ) -> tuple[Array, Array] | tuple[Array, Array, dict[str, Array]]:
         """Exact derivatives of the state after a tick (or several, torque held).
 
-        Across events, which move with the state: see ``docs/concepts/derivatives.md``.
+        Across events, which move with the state: see ``docs/concepts/derivatives.md``. Under error
+        control the first tick chooses its sub-steps anew, as after ``reset``, whatever sub-step
+        the simulator remembers: derivatives depend on the arguments alone.
 
         Args:
             state: Where the tick begins.
@@ -599,8 +601,7 @@ class Simulator:
         whole("ticks", ticks, 1)
         x, command = self._point(state, tau)
         weights = row("weights", weights, self.plant.nx)
-        p = self._stepper.p[: len(self.plant.parameters.nominal)]
-        return self._compiled.gradients.product(x, command, p, ticks, weights)
+        return self._compiled.gradients.product(x, command, self._stepper.p, ticks, weights)
 
     @overload
     def linearize_many(
@@ -660,8 +661,8 @@ class Simulator:
             SimulationDiverged: If a tick of an arm cannot be computed; likewise.
         """
         whole("ticks", ticks, 1)
-        p = self._stepper.p[: len(self.plant.parameters.nominal)]
-        batch = self._compiled.rollouts.batch(q, v, tau, 1, p, last_only=True)
+        rollouts, p = self._compiled.rollouts, self._stepper.p
+        batch = rollouts.batch(q, v, tau, 1, p, last_only=True)
         places = self._places(by)
         linearizer = self._compiled.linearizer(tuple(chain(*places.values())))
         slopes = linearizer.many(batch.x0, batch.tau[:, 0], ticks, threads, lanes)

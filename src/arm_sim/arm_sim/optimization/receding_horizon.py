@@ -57,8 +57,9 @@ class RecedingHorizon:
     What is small over the horizon is ∫ e² + (4ζ² - 2) ė²/ω² + |M⁻¹ (τ - τ_d)|²/ω⁴ dt, with τ_d the
     torque of the reference, and at its end what that integral would be for ever. Far from limits
     every joint's error so obeys ë + 2 ζ ω ė + ω² e = 0, as under computed torque (the linear
-    quadratic regulator of a double integrator); at limits the arm brakes in time, which computed
-    torque does not. The reference is continued at its acceleration.
+    quadratic regulator of a double integrator). At limits the arm brakes earlier than under
+    computed torque and overshoots less; after a jump from which it cannot brake within the horizon
+    it still overshoots. The reference is continued at its acceleration.
 
     For the controller node and closed loops: ``arm_sim.optimization:RecedingHorizon``.
     """

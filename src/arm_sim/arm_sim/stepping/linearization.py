@@ -128,8 +128,7 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        p = self._stepper.p[: len(self._plant.parameters.nominal)]
-        return self.carried(self._seeded(x, r, ticks, p), threads, lanes)[:, 0]
+        return self.carried(self._seeded(x, r, ticks, self._stepper.p), threads, lanes)[:, 0]
 
     def product(self, x: Array, r: Array, ticks: int, dx: Array, dr: Array) -> Array:
         """Derivatives by state and command of ticks of one arm, times a column, shape (nx,).
@@ -145,10 +144,9 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        p = self._stepper.p[: len(self._plant.parameters.nominal)]
         held = np.broadcast_to(dr[:, None], (1, ticks, len(dr), 1))
         tau = np.broadcast_to(r, (1, ticks, len(r)))
-        arm = Arms(x[None], tau, p[None], dx[None, :, None], held)
+        arm = Arms(x[None], tau, self._stepper.p[None], dx[None, :, None], held)
         product: Array = self.carried(arm, threads=1, lanes=1)[0, 0, :, 0]
         return product
 
