@@ -21,6 +21,7 @@ SAYS = {
         "cli": "./arm describe, build, call, demo, sim …",
         "ros": "the sim node; its tick engine knows no ROS",
         "closed_loop": "arm and controller",
+        "autodiff": "for JAX and PyTorch",
         "replay": "runs a recording again",
         "runtime_changes": "payload, friction, push",
         "simulator": "step, run, reset; the present state",
