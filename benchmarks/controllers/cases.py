@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is compared: two arms, four plants, two tasks, two paces."""
+"""The cases of the comparison: two arms, four plants, two tasks, two speeds."""
 
 from __future__ import annotations
 
@@ -27,29 +27,29 @@ from arm_dynamics.trajectory import (
 SCENES = Path(__file__).parents[2] / "src/arm_sim/arm_sim/scenes"
 PLANTS = {
     "exact": "as the controller's model",
-    "payload": "20 % more payload than the model has",
+    "payload": "20 % more payload than in the model",
     "friction": "dry friction missing from the model",
     "limits": "torque limits that the fast motions exceed",
 }
 TASKS = ("regulation", "line")
 PACES = ("slow", "fast")
 STAY = 0.7  # [s] after the motion
-JUMP = 3.0  # [s] that a jump of the set-point is looked at
+JUMP = 3.0  # [s] simulated after a step of the set-point
 
 
 @dataclass(frozen=True)
 class Arm:
-    """An arm that is compared on.
+    """An arm of the comparison.
 
     Attributes:
-        title: Its name for people.
+        title: Its name in tables and figures.
         scene: Its scene, by name or path.
-        frame: Frame that carries the payload and draws the line.
+        frame: Frame that carries the payload and follows the line.
         axes: Axes of the task.
         payload: Mass in the hand in [kg].
         step: The line from the start in [m], shape (3,).
         speeds: Peak speeds of the slow and the fast line in [m/s].
-        coulomb: Dry friction of the joints in the plant that has it, in [N m].
+        coulomb: Dry friction of the joints in the plant with friction in [N m].
     """
 
     title: str
@@ -68,7 +68,7 @@ class Arm:
 
     @cached_property
     def nominal(self) -> Dynamics:
-        """The dynamics that controllers know."""
+        """The dynamics that the controllers use."""
         return Dynamics(self._scene(self.payload))
 
     @cached_property

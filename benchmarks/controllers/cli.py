@@ -35,29 +35,31 @@ from benchmarks.controllers.own import arm_of
 @click.argument("scenes", metavar="[SCENE]...", type=SCENE, nargs=-1)
 @click.option(
     "--arm", "arms", multiple=True, type=click.Choice(list(ARMS)),
-    help="One of the two arms of docs/concepts/control.md; both where nothing is said.",
+    help="Arm of docs/concepts/control.md; may be repeated.  [default: both]",
 )  # fmt: skip
 @click.option(
     "--controller", "own", multiple=True, metavar="PACKAGE.MODULE:CLASS",
-    help="A controller of your own, beside the nine; may be repeated.",
+    help="User-defined controller to compare with the nine; may be repeated.",
 )  # fmt: skip
 @click.option(
-    "--frame", help="Of SCENE: what draws the line; the last frame that moves if not said."
+    "--frame", help="Frame of SCENE that follows the line.  [default: the last moving frame]"
 )
 @click.option(
     "--step", type=VectorType(), metavar='"X Y Z"',
-    help="Of SCENE: the line from the start, in m; one that the arm can follow if not said.",
+    help="Line from the start, in m, for SCENE.  [default: one that the arm can follow]",
 )  # fmt: skip
 @click.option(
     "--payload", type=click.FloatRange(0.0, min_open=True),
-    help="Of SCENE: mass in the hand, in kg; 5 % of the moving mass if not said.",
+    help="Payload in kg, for SCENE.  [default: 5 % of the moving mass]",
 )  # fmt: skip
 @click.option(
     "--out", type=click.Path(file_okay=False, path_type=Path),
     default=Path("reports/compare-controllers"),
-    show_default=True, help="Folder for the figures and the numbers.",
+    show_default=True, help="Folder for figures and results.",
 )  # fmt: skip
-@click.option("--json", "as_json", is_flag=True, help="Print all numbers as JSON, and no tables.")
+@click.option(
+    "--json", "as_json", is_flag=True, help="Print all results as JSON instead of tables."
+)
 def main(
     scenes: tuple[str, ...],
     arms: tuple[str, ...],
@@ -70,9 +72,9 @@ def main(
 ) -> None:
     """Compare nine controllers on an arm that matches their model, and on three that do not.
 
-    The arm is that of SCENE, or two that are known well. Every controller has the same bandwidth.
+    Without SCENE, a Panda and a planar 2R arm are used. All controllers have the same bandwidth.
     Tables show, for each case, the errors of the hand, overshoot, settling time, effort and
-    energy; figures and all numbers go to a folder.
+    energy; figures and all results are written to a folder.
     """
     try:
         chosen = [ARMS[name] for name in dict.fromkeys(arms)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The controllers that compete, all tuned to one bandwidth on the model they know."""
+"""The controllers of the comparison, all tuned to one bandwidth on the nominal model."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ CONTENDERS: dict[str, str | Maker] = {
 
 
 def contenders(own: Sequence[str] = ()) -> dict[str, str | Maker]:
-    """Titles of all that compete, with their names or what makes them.
+    """Titles of all controllers, with their names or constructors.
 
     Args:
         own: Further ones, as ``package.module:Class``.

@@ -44,7 +44,7 @@ def _names(results: Sequence[Result]) -> list[str]:
 
 
 def _errors(results: Sequence[Result]) -> Figure:
-    """Dots: every controller a row, every plant a colour."""
+    """A dot for each case: controllers as rows, plants by colour."""
     figure = Figure(figsize=(12.0, 7.6), layout="constrained")
     axes = figure.subplots(2, 2, sharey=True)
     figure.suptitle(f"{results[0].title}: errors of the hand")
@@ -54,8 +54,8 @@ def _errors(results: Sequence[Result]) -> Figure:
         axes[0, column].set_title(f"Straight line, {pace}: largest distance from the reference")
         point = [r for r in results if r.pace == pace and r.task == "regulation"]
         _dots(axes[1, column], point, [r.final for r in point])
-        how = "set-point led there in 1.5 s" if pace == "slow" else "set-point jumps"
-        axes[1, column].set_title(f"Regulation, {how}: distance that remains")
+        how = "set-point moved in 1.5 s" if pace == "slow" else "step of the set-point"
+        axes[1, column].set_title(f"Regulation, {how}: remaining distance")
     figure.legend(*axes[0, 0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     return figure
 
@@ -69,7 +69,7 @@ def _dots(axis: Axes, results: Sequence[Result], values: Sequence[float]) -> Non
         x = [max(value, _LEAST) for _, value in rows]
         axis.plot(x, y, _MARKS[i], color=_COLOURS[i], label=f"{plant}: {PLANTS[plant]}", ms=5.5)
     axis.set_xscale("log")
-    axis.set_xlabel("mm (dots at the left edge: below a thousandth)")
+    axis.set_xlabel("distance [mm]; at the left edge: below 0.001 mm")
     axis.set_xlim(_LEAST / 1.5, 2e3)
     axis.set_yticks(range(len(names)), names)
     axis.set_ylim(len(names) - 0.5, -0.5)
