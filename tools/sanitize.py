@@ -28,12 +28,15 @@ NODES = [
     "test/arm_dynamics/ros/test_joint_state_compiled.py",
     "test/arm_dynamics/ros/test_compiled_services.py",
     "test/arm_dynamics/ros/test_ordinary_answers.py",
+    "test/arm_sim/ros/test_ordinary_ticks.py",
+    "test/arm_sim/ros/test_tick_recorder.py",
 ]
 ENGINE = [
     "test/arm_sim/stepping/test_fuzz.py",
     "test/arm_sim/stepping/test_cone.py",
     "test/arm_sim/stepping/test_search.py",
     "test/arm_sim/stepping/test_flow.py",
+    "test/arm_sim/optimization/test_backward.py",
 ]
 # Of each sanitizer: flags, libraries that must be loaded first, options, what has tests for it.
 KINDS = {

@@ -14,6 +14,7 @@ from rclpy.serialization import serialize_message
 from sensor_msgs.msg import JointState
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
+from arm_dynamics.control import make_controller, preparation
 from arm_dynamics.ros.controller_node import ControllerNode
 from arm_dynamics.ros.interfaces import JOINT_COMMANDS, JOINT_STATES
 
@@ -108,6 +109,13 @@ class Pair:
         """Set parameters of both."""
         wanted = [Parameter(name, value=value) for name, value in values.items()]
         self.both(lambda node: node.set_parameters_atomically(wanted))
+
+    def build(self, *names: str) -> None:
+        """Build controllers of both, so that a change to them takes no time."""
+        for node in self.slow, self.fast:
+            for name in names:
+                if job := preparation(make_controller(name, node.dynamics)):
+                    job()
 
     def go(self, *points: tuple[float, Sequence[float] | float]) -> None:
         """Send both a trajectory of times in [s] and ways from home."""

@@ -33,7 +33,7 @@ def test_every_controller_holds_the_arm_at_rest(name: str, observer: float) -> N
     still = Reference(q, np.zeros(7), np.zeros(7))
     settings = Settings(frame="panda_hand_tcp", observer=observer)
     control = make_controller(name, sim.dynamics, settings)
-    assert isinstance(control, DisturbanceObserver) == (observer > 0.0)
+    assert isinstance(control.law, DisturbanceObserver) == (observer > 0.0)
     done = sim.run(0.3, lambda s: control.torque(s, still))
     moved = abs(done.q[-1] - q).max()
     sags = name in ("pd", "pid")

@@ -133,6 +133,7 @@ def test_the_law_is_the_one_of_the_core(ros: Ros) -> None:
     law = make_controller("motion_force", dynamics, settings)
     assert_close(effort(node, MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
     assert change(node, controller="joint_impedance", force=0.0).successful
+    settle(node)
     law = make_controller("joint_impedance", dynamics, settings)
     effort(node, 2 * MS, q, v)
     assert_close(effort(node, 3 * MS, q, v), law.torque(Measured(q, v), still), ALGEBRA)
@@ -189,6 +190,7 @@ def test_a_change_without_time_would_jump(ros: Ros) -> None:
     node = controller_node(ros, controller="pd", switch_time=0.0)
     before = effort(node, 0)
     assert change(node, controller="pd_gravity").successful
+    settle(node)
     held, after = effort(node, MS), effort(node, 2 * MS)
     np.testing.assert_array_equal(held, before)
     assert abs(after - before).max() > 10.0
@@ -261,7 +263,7 @@ def test_the_newest_choice_counts_whatever_was_being_prepared(ros: Ros) -> None:
     assert change(node, controller="operational_space", task_frame="panda_link5").successful
     assert node.busy  # compiles for a frame that no test has used before
     assert change(node, controller="pd_gravity").successful
-    assert not node.busy
+    settle(node)
     end = time.monotonic() + 2.0
     while time.monotonic() < end:
         time.sleep(0.05)
@@ -336,6 +338,7 @@ def test_bad_settings_in_motion_are_refused_and_the_law_goes_on(ros: Ros) -> Non
 def test_nothing_is_left_to_build_for_the_first_torque(ros: Ros) -> None:
     """The loop would wait for it; what a frame needs is built in the background meanwhile."""
     node = controller_node(ros, task_frame=FRAME)
-    assert preparation("computed_torque", node.dynamics, Settings()) is None
+    assert preparation(node.control.active) is None
     settle(node)
-    assert preparation("operational_space", node.dynamics, Settings(frame=FRAME)) is None
+    settings = Settings(frame=FRAME)
+    assert preparation(make_controller("operational_space", node.dynamics, settings)) is None

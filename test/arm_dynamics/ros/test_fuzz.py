@@ -33,6 +33,7 @@ pytestmark = [
 
 NAMES = ["base", "elbow", "wrist_é"]
 LENGTHS = (0, 1, 3, 4, 2**16, 2**24 + 1, 2**31 - 1, 2**31, 2**32 - 8, 2**32 - 1)
+CONTROLLERS = ("computed_torque", "pd_gravity", "pid", "joint_impedance")
 ROOM = 0.3  # of requests that C may answer
 
 
@@ -150,7 +151,7 @@ def ordered(pair: Pair, rng: np.random.Generator) -> None:
     elif way == 1:
         pair.change(bandwidth=rng.uniform(1.0, 40.0, 1).tolist())
     elif way == 2:
-        pair.change(controller=str(rng.choice(["computed_torque", "pd_gravity", "pid"])))
+        pair.change(controller=str(rng.choice(CONTROLLERS)))
     elif way == 3:
         pair.change(controller="computed_torque", jump_limit=float(rng.choice([0.0, 0.5])))
     else:
@@ -163,6 +164,7 @@ def test_orders_and_states_in_any_sequence(
 ) -> None:
     scene = models.scene("two_link")
     with side_by_side(ros, scene, switch_time=0.003, saturate=saturate) as pair:
+        pair.build(*CONTROLLERS)
         for _ in range(500 * fuzz):
             if rng.random() < 0.1:
                 ordered(pair, rng)

@@ -17,6 +17,7 @@ from two_link_control import NAMES, point, state, still, trajectory
 
 import models
 from arm_dynamics.codegen.compiler import find_compiler
+from arm_dynamics.control import NAMES as CONTROLLERS
 from arm_dynamics.ros.controller import ordinary_answers
 from arm_dynamics.ros.controller_node import ControllerNode
 
@@ -26,6 +27,13 @@ pytestmark = [
 ]
 
 TWO_LINK = models.scene("two_link")
+BENT = {
+    "robot": {"urdf": (models.SCENES / "two_link.urdf").read_text()},
+    "joints": {"*": {"friction": {"coulomb": 0.2, "viscous": 0.1}}},
+    "initial": {"position": {"shoulder": 0.4, "elbow": 0.9}},
+}
+OWN = "own_controllers:Springs"
+NAMED = [name for name in CONTROLLERS if name not in ("computed_torque", "float")]
 DRIVEN = {
     "robot": {"urdf": (models.SCENES / "two_link.urdf").read_text()},
     "joints": {
@@ -60,6 +68,38 @@ def test_commands_are_those_of_python(
         assert pair.in_c > 270
 
 
+@pytest.mark.parametrize("more", [{}, {"observer": 10.0, "saturate": True}], ids=str)
+@pytest.mark.parametrize("name", NAMED)
+def test_every_controller_is_answered_in_c(
+    ros: Ros, rng: np.random.Generator, name: str, more: dict[str, Any]
+) -> None:
+    """With the same memory as Python, which answers now and then."""
+    task = {"task_frame": "tip", "task_axes": "x z", "force_direction": [1.0, 0.0, 0.0]}
+    with side_by_side(ros, BENT, controller=name, friction=True, **task, **more) as pair:
+        pair.led(20, rng)
+        pair.go((0.02, 0.01), (0.06, -0.01))
+        pair.led(40, rng)
+        while pair.slow.busy or pair.fast.busy:  # another controller is built ahead
+            pair.led(1, rng)
+        pair.change(bandwidth=[12.0])  # controllers with memory fade in
+        pair.led(240, rng)
+        assert pair.in_c > 80
+        assert not pair.fast.answers.obstacle
+
+
+def test_near_a_singularity_python_answers(ros: Ros, rng: np.random.Generator) -> None:
+    task = {"task_frame": "tip", "task_axes": "x z", "jump_limit": 0.0}
+    with side_by_side(ros, BENT, controller="operational_space", **task) as pair:
+        pair.led(10, rng)
+        before = pair.in_c
+        for _ in range(5):
+            pair.stamp += MS
+            pair.answers(pair.state((0.0, 0.0), (0.0, 0.0)))  # straight
+        assert pair.in_c == before
+        pair.led(10, rng)
+        assert pair.in_c > before
+
+
 def test_one_motion_takes_over_from_another_at_its_time(
     ros: Ros, rng: np.random.Generator
 ) -> None:
@@ -78,12 +118,12 @@ def test_one_motion_takes_over_from_another_at_its_time(
 def test_gains_and_controllers_change_between_two_states(
     ros: Ros, rng: np.random.Generator
 ) -> None:
-    with side_by_side(ros, TWO_LINK, switch_time=0.01) as pair:
+    with side_by_side(ros, TWO_LINK, switch_time=0.01, controllers=[OWN]) as pair:
         pair.led(20, rng)
         pair.change(bandwidth=[35.0])
         pair.led(20, rng)
         assert pair.in_c > 30
-        pair.change(controller="pd_gravity")  # it begins with C's last torque
+        pair.change(controller=OWN)  # it begins with C's last torque
         before = pair.in_c
         pair.led(20, rng)
         assert pair.in_c == before

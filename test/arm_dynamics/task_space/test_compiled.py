@@ -77,7 +77,7 @@ def test_more_axes_than_joints_are_damped() -> None:
 def test_a_frame_is_built_once_for_a_model(monkeypatch: pytest.MonkeyPatch) -> None:
     model = ArmModel(models.scene("two_link"))
     first = TaskKernel(model, "tip", ("x", "y"), 1e-4)
-    monkeypatch.setattr(task_kernel, "_functions", None)
+    monkeypatch.setattr(task_kernel, "expressions", None)
     again = TaskKernel(model, "tip", ("x", "y"), 1e-2)
     held = first.state(np.ones(2), np.ones(2)).position
     before = held.copy()

@@ -4,8 +4,13 @@
 They depend on the model of the arm and on references, and not on what applies their torques.
 """
 
-from arm_dynamics.control.computed_torque import (
+from arm_dynamics.control.compiled_law import (
+    Compiled,
     CompiledComputedTorque,
+    Law,
+    preparation,
+)
+from arm_dynamics.control.computed_torque import (
     ComputedTorque,
     Controller,
     Measured,
@@ -13,7 +18,7 @@ from arm_dynamics.control.computed_torque import (
     held_gains,
 )
 from arm_dynamics.control.custom import Watched, load_controller
-from arm_dynamics.control.factory import NAMES, Settings, make_controller, preparation
+from arm_dynamics.control.factory import NAMES, Settings, make_controller
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.joint_space import (
     PD,
@@ -43,9 +48,10 @@ from arm_dynamics.control.wrappers import (
 )
 
 __all__ = [
-    "AlongJoints", "AnyController", "CartesianImpedance", "CompiledComputedTorque",
+    "AlongJoints", "AnyController", "CartesianImpedance", "Compiled",
+    "CompiledComputedTorque",
     "ComputedTorque", "Controller", "DisturbanceObserver", "FeedForwardPD",
-    "FrictionFeedForward", "GravityCompensation", "HalfTickAhead", "JointImpedance",
+    "FrictionFeedForward", "GravityCompensation", "HalfTickAhead", "JointImpedance", "Law",
     "Measured", "MotionForce", "NAMES", "OperationalSpace", "PD", "PDGravity", "PID",
     "Restartable", "Saturated", "Settings", "Switch", "TaskController", "Watched", "at_rest",
     "gains", "held_gains", "load_controller", "make_controller", "preparation",

@@ -1,13 +1,37 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers without internal state as compiled functions, for loops that run in C."""
+"""Controllers as native code: for Python, and for loops that run in C.
+
+A controller is written once, as a formula that takes numbers as well as expressions. With
+expressions it becomes code for an arm, in which gains are inputs: other gains need no other code.
+"""
 
 from __future__ import annotations
 
+import logging
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol, runtime_checkable
+from functools import cached_property, partial
+from typing import Any, Protocol, runtime_checkable
+from weakref import WeakKeyDictionary
 
-from arm_dynamics.arrays import Array
-from arm_dynamics.codegen.kernel import Call
+import casadi as ca
+import numpy as np
+from numpy.typing import ArrayLike
+
+from arm_dynamics.arrays import Array, all_finite
+from arm_dynamics.codegen import compiler
+from arm_dynamics.codegen.kernel import Call, Kernel
+from arm_dynamics.control.computed_torque import ComputedTorque, Measured, Moving, checked
+from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.dynamics.verify import compare, random_states
+from arm_dynamics.exceptions import KernelError
+from arm_dynamics.model.arm import ArmModel
+from arm_dynamics.model.rigid_expressions import RigidExpressions
+from arm_dynamics.trajectory.reference import Reference
+
+Job = Callable[[], object]
+_NAME = "control_law"
+_log = logging.getLogger(__name__)
 
 
 @dataclass(frozen=True)
@@ -15,8 +39,10 @@ class CompiledLaw:
     """A controller as a compiled function that returns the same bits.
 
     Attributes:
-        call: Takes q, v and the reference's q, v and a in one array of shape (5n,) and returns
-            torques of shape (n,); native code with memory of its own.
+        call: Takes q, v and the reference's q, v and a in one array of shape (5n,), tuning, and
+            memory; returns torques of shape (n,), and memory for the next call. It is that of the
+            controller itself: only one of both may run at a time, and who runs it copies the
+            memory from its results to its inputs if the torques are used.
         limit: Limits at which the controller cuts torques in [N m] or [N], shape (n,); None if it
             cuts none.
     """
@@ -36,3 +62,229 @@ class Compilable(Protocol):
 def compiled_law(control: object) -> CompiledLaw | None:
     """Return a controller as a compiled function; None if it is not available."""
     return control.compiled() if isinstance(control, Compilable) else None
+
+
+@runtime_checkable
+class Law(Protocol):
+    """A controller for joint references whose formula takes expressions, too.
+
+    Attributes:
+        key: What its formula depends on besides the model; None if it has no formula.
+        tuning: Numbers of the formula that may change without compiling it again.
+        memory: Numbers that it remembers from one call to the next.
+    """
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on."""
+
+    @property
+    def tuning(self) -> tuple[Array, ...]:
+        """Numbers of the formula."""
+
+    memory: tuple[Array, ...]
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,); see ``Controller.torque``."""
+
+    def formula(
+        self,
+        rigid: Any,
+        q: Any,
+        v: Any,
+        desired: Reference,
+        tuning: Sequence[Any],
+        memory: Sequence[Any],
+    ) -> tuple[Any, Sequence[Any]]:
+        """Torques, and the memory for the next call.
+
+        Args:
+            rigid: ``RigidExpressions`` of the arm.
+            q: Joint positions.
+            v: Joint velocities.
+            desired: The reference.
+            tuning: As the attribute.
+            memory: Likewise.
+
+        Returns:
+            Expressions. Torques may not be numbers in states that only ``torque`` can treat.
+        """
+
+
+def law_of(control: object) -> Law | None:
+    """The controller itself if it can be compiled, else None."""
+    return control if isinstance(control, Law) and control.key is not None else None
+
+
+class Compiled:
+    """A controller, compiled for the arm.
+
+    It is built for a model with the first torque, unless ``build`` has done so. If it cannot be
+    built, or differs from the controller, the latter is used, and that is logged.
+    """
+
+    def __init__(self, law: Law, model: ArmModel) -> None:
+        """Take a controller and the model of its arm."""
+        self.law, self.model = law, model
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,); see the controller's own."""
+        call = self._call
+        if call is None or reference is None:
+            return self.law.torque(state, reference)
+        q, v = checked(state, self.model.n, reference)
+        np.concatenate((q, v, reference.q, reference.v, reference.a), out=call.inputs[0])
+        call.run()
+        if not all_finite(call.outputs[0]):
+            return self._by_numbers(call, state, reference)
+        call.inputs[2][:] = call.outputs[1]
+        return call.outputs[0].copy()
+
+    def compiled(self) -> CompiledLaw | None:
+        """Return the controller as a compiled function; None without a compiler."""
+        call = self._call
+        return None if call is None or call.entry is None else CompiledLaw(call)
+
+    def _by_numbers(self, call: Call, state: Moving, reference: Reference) -> Array:
+        law = self.law
+        law.memory = _parts(np, call.inputs[2], law.memory)
+        tau = law.torque(state, reference)
+        call.inputs[2][:] = _flat(law.memory)
+        return tau
+
+    @cached_property
+    def _call(self) -> Call | None:
+        kernel = build(self.law, self.model)
+        if kernel is None:
+            return None
+        call = kernel.call(_NAME)
+        call.inputs[1][:] = _flat(self.law.tuning)
+        call.inputs[2][:] = _flat(self.law.memory)
+        return call
+
+
+class CompiledWithMemory(Compiled):
+    """A controller with memory, compiled for the arm."""
+
+    def __init__(self, law: Law, model: ArmModel) -> None:
+        """Take a controller that has not been used, and the model of its arm."""
+        super().__init__(law, model)
+        self._start = law.memory
+
+    def restart(self) -> None:
+        """Reset the memory."""
+        self.law.memory = self._start
+        if self._call is not None:
+            self._call.inputs[2][:] = _flat(self._start)
+
+
+class CompiledComputedTorque(Compiled):
+    """``ComputedTorque``, compiled for the arm."""
+
+    def __init__(
+        self,
+        dynamics: Dynamics,
+        bandwidth: ArrayLike = 20.0,
+        damping_ratio: ArrayLike = 1.0,
+        dt: float = 1e-3,
+    ) -> None:
+        """Choose gains, as those of ``ComputedTorque``."""
+        law = ComputedTorque(dynamics, bandwidth, damping_ratio, dt)
+        super().__init__(law, dynamics.model)
+
+
+def with_code(control: Any, model: ArmModel) -> Any:
+    """The controller, compiled if it can be."""
+    law = law_of(control)
+    if law is None:
+        return control
+    return (CompiledWithMemory if law.memory else Compiled)(law, model)
+
+
+def preparation(control: object) -> Job | None:
+    """The lengthy preparation of a controller's first torque; None if it is done.
+
+    Args:
+        control: A controller of ``make_controller``.
+    """
+    if not isinstance(control, Compiled) or is_built(control.law, control.model):
+        return None
+    return partial(build, control.law, control.model)
+
+
+_built: WeakKeyDictionary[ArmModel, dict[tuple[Any, ...], Kernel | None]] = WeakKeyDictionary()
+
+
+def is_built(law: Law, model: ArmModel) -> bool:
+    """Whether a controller is built already for a model."""
+    return law.key in _built.get(model, {})
+
+
+def build(law: Law, model: ArmModel) -> Kernel | None:
+    """The kernel, built once for a model; None if it cannot be built, or is wrong."""
+    known, key = _built.setdefault(model, {}), law.key
+    if key is None:
+        return None
+    if key not in known:
+        known[key] = _compiled(law, model) if compiler.may_build() else None
+    return known[key]
+
+
+def _compiled(law: Law, model: ArmModel) -> Kernel | None:
+    _log.info("building %s of %d joints", type(law).__name__, model.n)
+    try:
+        kernel = Kernel([_function(law, model)], "native")
+        _check(kernel, law, model)
+    except (KernelError, OSError) as error:
+        _log.warning("%s; the controller goes on without compiled code, slower", error)
+        return None
+    return kernel
+
+
+def _function(law: Law, model: ArmModel) -> ca.Function:
+    moving = ca.SX.sym("moving", 5 * model.n)
+    tuning, memory = (
+        ca.SX.sym(name, _flat(parts).size)
+        for name, parts in (("tuning", law.tuning), ("memory", law.memory))
+    )
+    q, v, *desired = ca.vertsplit(moving, model.n)
+    tau, after = law.formula(
+        RigidExpressions(model), q, v, Reference(*desired),
+        _parts(ca, tuning, law.tuning), _parts(ca, memory, law.memory),
+    )  # fmt: skip
+    results = [ca.densify(tau), ca.densify(ca.vertcat(ca.SX(0, 1), *after))]
+    return ca.Function(_NAME, [moving, tuning, memory], results, {"cse": True})
+
+
+def _check(kernel: Kernel, law: Law, model: ArmModel) -> None:
+    """Check the code against the controller; errors of ``compare``."""
+    call, kept, found = kernel.call(_NAME), law.memory, []
+    call.inputs[1][:] = _flat(law.tuning)
+    rng = np.random.default_rng(0)
+    for q, v, *desired in np.swapaxes(random_states(model.n, 5), 0, 1):
+        law.memory = tuple(rng.normal(size=part.shape) for part in kept)
+        call.inputs[0][:] = np.concatenate((q, v, *desired))
+        call.inputs[2][:] = _flat(law.memory)
+        call.run()
+        if all_finite(call.outputs[0]):
+            tau = law.torque(Measured(q, v), Reference(*desired))
+            found.append((np.hstack(call.outputs), np.hstack((tau, _flat(law.memory)))))
+    law.memory = kept
+    if not found:
+        raise KernelError(f"{type(law).__name__} is singular wherever it was compared")
+    made, expected = np.swapaxes(found, 0, 1)
+    compare(type(law).__name__, (made - expected, np.maximum(abs(expected), 1.0)))
+
+
+def _flat(parts: Sequence[Array]) -> Array:
+    """All numbers in one array, matrices by columns."""
+    return np.concatenate([np.zeros(0), *(np.ravel(part, order="F") for part in parts)])
+
+
+def _parts(library: Any, flat: Any, like: Sequence[Array]) -> tuple[Any, ...]:
+    """The inverse of ``_flat``, for numbers of NumPy and expressions of CasADi."""
+    ends = np.cumsum([0, *(part.size for part in like)])
+    cut = [flat[i:j] for i, j in zip(ends, ends[1:], strict=False)]
+    if library is np:
+        return tuple(x.reshape(y.shape, order="F").copy() for x, y in zip(cut, like, strict=True))
+    return tuple(ca.reshape(x, *(*y.shape, 1)[:2]) for x, y in zip(cut, like, strict=True))

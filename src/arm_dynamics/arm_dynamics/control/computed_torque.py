@@ -3,12 +3,9 @@
 
 from __future__ import annotations
 
-import logging
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from functools import cached_property, partial
 from typing import Any, Protocol
-from weakref import WeakKeyDictionary
 
 import casadi as ca
 import numpy as np
@@ -16,16 +13,11 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, all_finite, numbers, vector
-from arm_dynamics.codegen import compiler
-from arm_dynamics.codegen.kernel import Call, Kernel
-from arm_dynamics.control.compiled_law import CompiledLaw
 from arm_dynamics.dynamics.dynamics import Dynamics
-from arm_dynamics.dynamics.verify import compare, random_states
-from arm_dynamics.equations import spring
-from arm_dynamics.exceptions import InvalidInput, KernelError
+from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.model.pinocchio_terms import RigidTerms
-from arm_dynamics.model.tree_builder import gravity_of, tree_of
+from arm_dynamics.model.rigid_expressions import RigidExpressions
 from arm_dynamics.trajectory.reference import Reference
 
 _FLOAT = np.dtype(float)
@@ -97,6 +89,9 @@ class ComputedTorque:
     and only feedback counteracts model errors.
     """
 
+    key = ("computed torque",)
+    memory: tuple[Array, ...] = ()
+
     def __init__(
         self,
         dynamics: Dynamics,
@@ -117,8 +112,8 @@ class ComputedTorque:
         """
         self._model, self._n, self._friction = dynamics.model, dynamics.n, dynamics.steady_friction
         self._rigid = RigidTerms(dynamics.model)
-        self._kp, self._kd = held_gains(bandwidth, damping_ratio, dynamics.n, dt)
-        self._dt = float(dt)
+        gains = held_gains(bandwidth, damping_ratio, dynamics.n, dt)
+        self.tuning = *gains, np.array([float(dt)])
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m], shape (n,).
@@ -130,9 +125,21 @@ class ComputedTorque:
         q, v = checked(state, self._n, reference)
         friction, desired = self._friction, (reference.q, reference.v, reference.a)
         sliding = np.sign(np.where(v == 0.0, reference.v, v)) if friction.has_dry else v
-        tuning = self._kp, self._kd, self._dt
-        made = demanded_torque(self._rigid.frictionless, friction, q, v, desired, tuning, sliding)
-        return np.asarray(made)
+        rigid, tuning = self._rigid.frictionless, self.tuning
+        return np.asarray(demanded_torque(rigid, friction, q, v, desired, tuning, sliding))
+
+    def formula(
+        self,
+        rigid: Any,
+        q: ca.SX,
+        v: ca.SX,
+        desired: Reference,
+        tuning: Sequence[ca.SX],
+        memory: Sequence[ca.SX],
+    ) -> tuple[ca.SX, Sequence[ca.SX]]:
+        """Torques as an expression; see ``compiled_law.Law``."""
+        motion = desired.q, desired.v, desired.a
+        return expression(self._model, q, v, motion, tuning), memory
 
 
 def demanded_torque(
@@ -271,97 +278,12 @@ def _check_shapes(reference: object, n: int) -> None:
             raise InvalidInput(f"reference.{name} has shape {np.shape(value)}; ({n},) is expected")
 
 
-_log = logging.getLogger(__name__)
-
-
-class CompiledComputedTorque(ComputedTorque):
-    """The same controller, compiled for the arm.
-
-    It is built for a model with the first torque, unless ``build`` has done so. If it cannot be
-    built, or differs from ``ComputedTorque``, the latter is used, and that is logged.
-    """
-
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m], shape (n,); see ``ComputedTorque.torque``."""
-        call = self._call
-        if call is None:
-            return super().torque(state, reference)
-        q, v = checked(state, self._n, reference)
-        np.concatenate((q, v, reference.q, reference.v, reference.a), out=call.inputs[0])
-        call.run()
-        return call.outputs[0].copy()
-
-    def compiled(self) -> CompiledLaw | None:
-        """Return the controller as a compiled function; None without a compiler."""
-        call = self._bound()
-        return None if call is None or call.entry is None else CompiledLaw(call)
-
-    @cached_property
-    def _call(self) -> Call | None:
-        return self._bound()
-
-    def _bound(self) -> Call | None:
-        kernel = build(self._model)
-        if kernel is None:
-            return None
-        call = kernel.call(_NAME)
-        call.inputs[1][:] = np.hstack((self._kp, self._kd, self._dt))
-        return call
-
-
 def expression(
     model: ArmModel, q: ca.SX, v: ca.SX, desired: Sequence[ca.SX], tuning: Sequence[ca.SX]
 ) -> ca.SX:
     """The controller of a model as an expression; arguments as of ``demanded_torque``."""
-    tree, gravity = tree_of(model), gravity_of(model)
-    rigid = partial(spring.frictionless, model.springs, tree, gravity=gravity)
+    rigid = RigidExpressions(model).frictionless
     sliding = ca.sign(ca.if_else(v == 0, desired[1], v))  # as in ComputedTorque
     friction = SteadyFriction.of(model)
     made: ca.SX = demanded_torque(rigid, friction, q, v, desired, tuning, sliding)
     return made
-
-
-_NAME = "computed_torque"
-_built: WeakKeyDictionary[ArmModel, Kernel | None] = WeakKeyDictionary()
-
-
-def is_built(model: ArmModel) -> bool:
-    """Whether the controller of a model is built already."""
-    return model in _built
-
-
-def build(model: ArmModel) -> Kernel | None:
-    """The kernel, built once for a model; None if it cannot be built, or is wrong."""
-    if model not in _built:
-        _built[model] = _compiled(model) if compiler.may_build() else None
-    return _built[model]
-
-
-def _compiled(model: ArmModel) -> Kernel | None:
-    _log.info("building computed torque of %d joints", model.n)
-    try:
-        kernel = Kernel([_function(model)])
-        _check(kernel, model)
-    except (KernelError, OSError) as error:
-        _log.warning("%s; computed torque goes on without compiled code, slower", error)
-        return None
-    return kernel
-
-
-def _function(model: ArmModel) -> ca.Function:
-    n = model.n
-    moving, tuning = ca.SX.sym("moving", 5 * n), ca.SX.sym("tuning", 2 * n + 1)
-    q, v, *desired = ca.vertsplit(moving, n)
-    tau = expression(model, q, v, desired, ca.vertsplit(tuning, [0, n, 2 * n, 2 * n + 1]))
-    return ca.Function(_NAME, [moving, tuning], [ca.densify(tau)], {"cse": True})
-
-
-def _check(kernel: Kernel, model: ArmModel) -> None:
-    """Check the code against ``ComputedTorque``; errors of ``compare``."""
-    gains = 20.0, 1.0, 1e-3
-    plain, call = ComputedTorque(Dynamics(model), *gains), kernel.call(_NAME)
-    tuning = np.hstack((*held_gains(*gains[:2], model.n, gains[2]), gains[2]))
-    moving = np.swapaxes(random_states(model.n, 5), 0, 1)
-    made = np.array([call(each.ravel(), tuning)[0].copy() for each in moving])
-    expected = np.array([plain.torque(Measured(*x[:2]), Reference(*x[2:])) for x in moving])
-    compare("computed torque", (made - expected, np.maximum(abs(expected), 1.0)))

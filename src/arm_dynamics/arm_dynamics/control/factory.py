@@ -13,17 +13,16 @@ from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, numbers, positive, unit_vector
 from arm_dynamics.control import computed_torque, custom, joint_space, task_space
+from arm_dynamics.control.compiled_law import with_code
 from arm_dynamics.control.friction_compensation import FrictionFeedForward
 from arm_dynamics.control.wrappers import AnyController, DisturbanceObserver, Saturated
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import InvalidInput, choices, known_names
 from arm_dynamics.model.sampling import postures
-from arm_dynamics.task_space import compiled as task_kernel
 from arm_dynamics.task_space.axes import chosen_axes
 from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
 
-Job = Callable[[], object]
 _STRONGEST = 1e4  # [N]
 _STEADY = 1.5  # of dt times K_d; from 2 on an acceleration that is held swings up
 
@@ -144,6 +143,7 @@ def make_controller(
         control = FrictionFeedForward(control, dynamics.model, _FRICTION[name])
     if settings.observer:
         control = DisturbanceObserver(control, dynamics, settings.dt, settings.observer, limit)
+    control = with_code(control, dynamics.model)
     return Saturated(control, limit, dynamics.n) if settings.saturate else control
 
 
@@ -164,24 +164,6 @@ def _plain(name: str | custom.Maker, dynamics: Dynamics, settings: Settings) -> 
         for key in ("bandwidth", "damping_ratio"):
             computed_torque.gain(key, getattr(settings, key), dynamics.n)
     return _BUILDERS[name](dynamics, settings)
-
-
-def preparation(name: str, dynamics: Dynamics, settings: Settings) -> Job | None:
-    """The lengthy preparation of a controller's first torque; None if it is done.
-
-    Args:
-        name: One of ``NAMES``.
-        dynamics: Its model.
-        settings: Its settings.
-    """
-    model = dynamics.model
-    if name in IN_TASK_SPACE and settings.frame:
-        task = settings.frame, chosen_axes(settings.axes)
-        built = task_kernel.is_built(model, *task)
-        return None if built else partial(task_kernel.build, model, *task)
-    if name == "computed_torque" and not computed_torque.is_built(model):
-        return partial(computed_torque.build, model)
-    return None
 
 
 def _pid(dynamics: Dynamics, s: Settings) -> AnyController:
@@ -241,7 +223,7 @@ _BUILDERS: dict[str, Callable[[Dynamics, Settings], AnyController]] = {
     "pid": _pid,
     "pd_gravity": lambda dyn, s: joint_space.PDGravity(dyn, *_tuned(dyn, s)),
     "feed_forward": lambda dyn, s: joint_space.FeedForwardPD(dyn, *_tuned(dyn, s)),
-    "computed_torque": lambda dyn, s: computed_torque.CompiledComputedTorque(
+    "computed_torque": lambda dyn, s: computed_torque.ComputedTorque(
         dyn, s.bandwidth, s.damping_ratio, s.dt
     ),
     "operational_space": lambda dyn, s: _along_joints(

@@ -3,11 +3,16 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 
 from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array
+from arm_dynamics.control.compiled_law import law_of
 from arm_dynamics.control.computed_torque import Controller, Moving
+from arm_dynamics.equations.elementary import Quantity, hyperbolic_tangent
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.trajectory.reference import Reference
@@ -17,11 +22,11 @@ BAND = 0.01
 
 
 def ahead(
-    friction: SteadyFriction, v: Array, q: Array, load: Array, viscous: bool = True
-) -> Array:
+    friction: SteadyFriction, v: Quantity, q: Quantity, load: Quantity, viscous: bool = True
+) -> Quantity:
     """Friction torques of the model at a desired velocity, shape (n,).
 
-    Dry friction changes sign over ``BAND`` and is zero for a reference at rest.
+    Arguments are arrays or expressions. Dry friction changes sign over ``BAND`` and is zero for a reference at rest.
 
     Args:
         friction: The model's.
@@ -31,12 +36,12 @@ def ahead(
         viscous: Whether viscous friction is part of it.
     """
     joints = friction.joints
-    tau = joints.smooth(v) if viscous else np.zeros_like(v)
+    tau = joints.smooth(v) if viscous else 0.0 * v
     if friction.has_dry:
-        way = np.tanh(v / BAND)
+        way = hyperbolic_tangent(v / BAND)
         tau = tau + friction.gearless.dry(v, way, q, load)
         tau = joints.gear_input(load + tau, way) - load if joints.gears else tau
-    return np.asarray(tau)
+    return tau
 
 
 class FrictionFeedForward:
@@ -59,9 +64,42 @@ class FrictionFeedForward:
         if terms not in ("all", "dry"):
             raise InvalidInput(f"terms = {terms!r}; allowed: all, dry")
         self._control, self._viscous = control, terms == "all"
+        self._law: Any = law_of(control)
         self._friction = SteadyFriction.of(model)
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         tau = self._control.torque(state, reference)
-        return tau + ahead(self._friction, reference.v, reference.q, tau, self._viscous)
+        return np.asarray(self._with_friction(tau, reference))
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the model; see ``compiled_law.Law``."""
+        law = self._law
+        return None if law is None else (type(self).__name__, self._viscous, law.key)
+
+    @property
+    def tuning(self) -> tuple[Array, ...]:
+        """Numbers of the controller's formula."""
+        numbers: tuple[Array, ...] = self._law.tuning
+        return numbers
+
+    @property
+    def memory(self) -> tuple[Array, ...]:
+        """The controller's memory."""
+        parts: tuple[Array, ...] = self._law.memory
+        return parts
+
+    @memory.setter
+    def memory(self, parts: tuple[Array, ...]) -> None:
+        self._law.memory = parts
+
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, *numbers: Any
+    ) -> tuple[Any, Sequence[Any]]:
+        """The controller's torques and friction as an expression; see ``compiled_law.Law``."""
+        tau, after = self._law.formula(rigid, q, v, desired, *numbers)
+        return self._with_friction(tau, desired), after
+
+    def _with_friction(self, tau: Quantity, desired: Reference) -> Quantity:
+        return tau + ahead(self._friction, desired.v, desired.q, tau, self._viscous)

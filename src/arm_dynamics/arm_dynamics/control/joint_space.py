@@ -3,22 +3,68 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits, vector
 from arm_dynamics.control.computed_torque import Moving, checked, gain, gains
 from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.equations.elementary import choose, diagonal, root
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.model.robot import Robot
 from arm_dynamics.model.sampling import postures
 from arm_dynamics.trajectory.reference import Reference
 
+Parts = Sequence[Any]
+"""Numbers of a formula, arrays or expressions."""
 _POSTURES = 200  # over which inertia is averaged
 _STABLE = 1.5  # of dt times the greatest eigenvalue of M⁻¹ K_d; from 2 on a held torque swings up
 
 
-class PD:
+class JointLaw:
+    """A controller of joints whose formula takes numbers and expressions alike.
+
+    Attributes:
+        tuning: Numbers of the formula, arrays of shape (n,).
+        memory: Numbers that it remembers from one call to the next, likewise.
+    """
+
+    tuning: tuple[Array, ...]
+    memory: tuple[Array, ...] = ()
+
+    def __init__(self, n: int, robot: Robot | None = None) -> None:
+        """Take the degrees of freedom, and the robot if its terms are in the formula."""
+        self._n, self._rigid = n, None if robot is None else RigidTerms(robot)
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the model; see ``compiled_law.Law``."""
+        return (type(self).__name__,)
+
+    def torque(self, state: Moving, reference: Reference) -> Array:
+        """Return joint torques in [N m] or [N], shape (n,)."""
+        q, v = checked(state, self._n, reference)
+        tau, memory = self.formula(self._rigid, q, v, reference, self.tuning, self.memory)
+        self.memory = tuple(memory)
+        return np.asarray(tau)
+
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
+        """Torques and the next memory, for numbers and expressions; see ``compiled_law.Law``."""
+        raise NotImplementedError
+
+
+def pull(q: Any, v: Any, desired: Reference, kp: Any, kd: Any) -> Any:
+    """K_p e + K_d ė, for numbers and expressions."""
+    return kp * (desired.q - q) + kd * (desired.v - v)
+
+
+class PD(JointLaw):
     """Springs and dampers alone: τ = K_p e + K_d ė. Gravity causes a steady-state error."""
 
     def __init__(self, n: int, kp: ArrayLike, kd: ArrayLike) -> None:
@@ -32,17 +78,17 @@ class PD:
         Raises:
             InvalidInput: If a gain has a wrong shape or value.
         """
-        self._n, self._kp, self._kd = n, gain("kp", kp, n), gain("kd", kd, n)
+        super().__init__(n)
+        self.tuning = gain("kp", kp, n), gain("kd", kd, n)
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        return self._feedback(*checked(state, self._n, reference), reference)
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
+        """τ = K_p e + K_d ė; see ``JointLaw.formula``."""
+        return pull(q, v, desired, *tuning), memory
 
-    def _feedback(self, q: Array, v: Array, reference: Reference) -> Array:
-        return self._kp * (reference.q - q) + self._kd * (reference.v - v)
 
-
-class PID:
+class PID(JointLaw):
     """τ = K_p e + K_d ė + ∫ K_i e dt, clipped at the limits, with anti-windup.
 
     If a torque is clipped, the integral is reduced by the excess with the time constant K_p / K_i
@@ -71,35 +117,35 @@ class PID:
         Raises:
             InvalidInput: If a gain, the limit or dt has a wrong shape or value.
         """
-        self._n, self._dt = n, positive("dt", dt)
-        self._kp, self._ki, self._kd = gain("kp", kp, n), gain("ki", ki, n), gain("kd", kd, n)
-        if np.any((self._kp == 0.0) & (self._ki > 0.0)):
-            raise InvalidInput(f"kp is {self._kp}; allowed: positive where ki is positive")
-        self._limit = positive_limits("limit", limit, n)
-        self._return = np.divide(self._ki, self._kp, out=np.zeros(n), where=self._kp > 0.0)
-        self._integral = np.zeros(n)
+        super().__init__(n)
+        kp, ki, kd = gain("kp", kp, n), gain("ki", ki, n), gain("kd", kd, n)
+        if np.any((kp == 0.0) & (ki > 0.0)):
+            raise InvalidInput(f"kp is {kp}; allowed: positive where ki is positive")
+        each = ki * positive("dt", dt)
+        back = np.minimum(np.divide(each, kp, out=np.zeros(n), where=kp > 0.0), 1.0)
+        self.tuning = kp, kd, each, back, positive_limits("limit", limit, n)
+        self.restart()
 
     @property
     def integral(self) -> Array:
         """The integral's torque in [N m] or [N], shape (n,)."""
-        return self._integral.copy()
+        return self.memory[0].copy()
 
     def restart(self) -> None:
         """Reset the integral."""
-        self._integral = np.zeros(self._n)
+        self.memory = (np.zeros(self._n),)
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n, reference)
-        e = reference.q - q
-        asked = self._kp * e + self._kd * (reference.v - v) + self._integral
-        tau = cut(asked, self._limit)
-        back = np.minimum(self._return * self._dt, 1.0)
-        self._integral = self._integral + self._ki * self._dt * e + back * (tau - asked)
-        return tau
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
+        """Torques, and the integral with back-calculation; see ``JointLaw.formula``."""
+        (kp, kd, each, back, limit), (integral,) = tuning, memory
+        asked = pull(q, v, desired, kp, kd) + integral
+        tau = choose(asked > limit, limit, choose(asked < -limit, -limit, asked))
+        return tau, (integral + each * (desired.q - q) + back * (tau - asked),)
 
 
-class GravityCompensation:
+class GravityCompensation(JointLaw):
     """Compensates gravity only, for hand guiding: τ = G(q) + S(q, 0) - D v.
 
     S is the torque of springs, which relieve the drives.
@@ -107,13 +153,19 @@ class GravityCompensation:
 
     def __init__(self, dynamics: Dynamics, damping: ArrayLike = 0.0) -> None:
         """Choose the damping D in [N m s/rad] or [N s/m], a number or shape (n,)."""
-        self._rigid, self._n = RigidTerms(dynamics.model), dynamics.n
-        self._damping = gain("damping", damping, dynamics.n)
+        super().__init__(dynamics.n, dynamics.model)
+        self.tuning = (gain("damping", damping, dynamics.n),)
 
-    def torque(self, state: Moving, reference: object = None) -> Array:
+    def torque(self, state: Moving, reference: Any = None) -> Array:
         """Return joint torques in [N m] or [N], shape (n,); the reference is not looked at."""
         q, v = checked(state, self._n)
-        return self._rigid.standing(q) - self._damping * v
+        return np.asarray(self.formula(self._rigid, q, v, reference, self.tuning, ())[0])
+
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
+        """τ = G(q) + S(q, 0) - D v; see ``JointLaw.formula``."""
+        return rigid.standing(q) - tuning[0] * v, memory
 
 
 class PDGravity(PD):
@@ -130,10 +182,11 @@ class PDGravity(PD):
         super().__init__(dynamics.n, kp, kd)
         self._rigid = RigidTerms(dynamics.model)
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n, reference)
-        return self._rigid.standing(q) + self._feedback(q, v, reference)
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
+        """τ = G(q) + S(q, 0) + K_p e + K_d ė; see ``JointLaw.formula``."""
+        return rigid.standing(q) + pull(q, v, desired, *tuning), memory
 
 
 class FeedForwardPD(PD):
@@ -146,16 +199,19 @@ class FeedForwardPD(PD):
     def __init__(self, dynamics: Dynamics, kp: ArrayLike, kd: ArrayLike) -> None:
         """Choose gains, as those of ``PD``."""
         super().__init__(dynamics.n, kp, kd)
-        self._rigid, self._viscous = RigidTerms(dynamics.model), dynamics.model.viscous
+        self._rigid = RigidTerms(dynamics.model)
+        self.tuning = *self.tuning, dynamics.model.viscous
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n, reference)
-        ahead = self._rigid.frictionless(reference.q, reference.v, reference.a)
-        return ahead + self._viscous * reference.v + self._feedback(q, v, reference)
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
+        """τ = ID(q_d, q̇_d, q̈_d) + K_p e + K_d ė; see ``JointLaw.formula``."""
+        *gains, viscous = tuning
+        ahead = rigid.frictionless(desired.q, desired.v, desired.a) + viscous * desired.v
+        return ahead + pull(q, v, desired, *gains), memory
 
 
-class JointImpedance:
+class JointImpedance(JointLaw):
     """The arm as springs and dampers about its path: M ë + (C + D) ė + K e = -τ_ext.
 
     τ = M q̈_d + C q̇_d + G + S + F_v + K e + D ė with the arm's own inertia, hence passive towards
@@ -181,22 +237,28 @@ class JointImpedance:
         Raises:
             InvalidInput: If a number has a wrong shape or value.
         """
-        self._rigid, self._n = RigidTerms(dynamics.model), dynamics.n
-        self._viscous = dynamics.model.viscous
-        self._stiffness = gain("stiffness", stiffness, dynamics.n)
-        self._ratio = 2.0 * gain("damping_ratio", damping_ratio, dynamics.n)
-        self._damping = None if damping is None else gain("damping", damping, dynamics.n)
+        n, viscous = dynamics.n, dynamics.model.viscous
+        super().__init__(n, dynamics.model)
+        self._by_ratio = damping is None
+        ratio = 2.0 * gain("damping_ratio", damping_ratio, n)
+        resistance = ratio if damping is None else gain("damping", damping, n)
+        self.tuning = gain("stiffness", stiffness, n), resistance, viscous
 
-    def torque(self, state: Moving, reference: Reference) -> Array:
-        """Return joint torques in [N m] or [N], shape (n,)."""
-        q, v = checked(state, self._n, reference)
-        rigid, K, D = self._rigid, self._stiffness, self._damping
-        M, C = rigid.mass(q), rigid.coriolis(q, v)
-        if D is None:
-            D = self._ratio * np.sqrt(K * M.diagonal())
-        ahead = M @ reference.a + C @ reference.v + rigid.gravity(q)
-        ahead += rigid.spring(q, reference.v) + self._viscous * reference.v
-        return ahead + K * (reference.q - q) + D * (reference.v - v)
+    @property
+    def key(self) -> tuple[Any, ...]:
+        """What the formula depends on besides the model."""
+        return type(self).__name__, self._by_ratio
+
+    def formula(
+        self, rigid: Any, q: Any, v: Any, desired: Reference, tuning: Parts, memory: Parts
+    ) -> tuple[Any, Parts]:
+        """τ = M q̈_d + C q̇_d + G + S + F_v + K e + D ė; see ``JointLaw.formula``."""
+        (K, D, viscous), M, C = tuning, rigid.mass(q), rigid.coriolis(q, v)
+        if self._by_ratio:
+            D = D * root(K * diagonal(M))
+        ahead = M @ desired.a + C @ desired.v + rigid.gravity(q)
+        ahead = ahead + rigid.spring(q, desired.v) + viscous * desired.v
+        return ahead + pull(q, v, desired, K, D), memory
 
 
 def tuned(

@@ -6,9 +6,11 @@ They evaluate the model once a tick, by the task's compiled kernel, built with t
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
-from typing import NamedTuple
+from typing import Any, NamedTuple, cast
 
+import casadi as ca
 import numpy as np
 import pinocchio as pin
 from numpy.typing import ArrayLike
@@ -17,8 +19,10 @@ from arm_dynamics.actuation.steady_friction import SteadyFriction
 from arm_dynamics.arrays import Array, unit_vector, vector
 from arm_dynamics.control.computed_torque import Controller, Moving, checked, gain, gains
 from arm_dynamics.control.friction_compensation import ahead
+from arm_dynamics.equations.elementary import root
+from arm_dynamics.equations.frame import rotation_vector
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.task_space.compiled import TaskInstant
+from arm_dynamics.task_space.compiled import TaskInstant, expressions
 from arm_dynamics.task_space.inertia import axis_masses
 from arm_dynamics.task_space.task_space import TaskSpace
 from arm_dynamics.trajectory.reference import Reference, TaskReference
@@ -59,13 +63,23 @@ class OperationalSpace:
             InvalidInput: If a number has a wrong shape or value, or the axes are others.
         """
         self._arm = _Arm(task, posture, posture_bandwidth, friction)
-        self._kp, self._kd = gains(bandwidth, damping_ratio, task.m)
+        self.tuning = *self._arm.tuning, *gains(bandwidth, damping_ratio, task.m)
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the task; see ``compiled_law.Law``."""
+        return _key(self, self._arm)
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
         now = self._arm.state(state, reference)
-        desired = now.ahead + self._kd * now.rate + self._kp * now.error
-        return self._arm.torque(now, reference, desired)
+        return np.asarray(self.demanded(now, reference, self.tuning))
+
+    def demanded(self, now: Instant, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+        """The torque, for numbers and expressions."""
+        *arms, kp, kd = tuning
+        desired = now.ahead + kd * now.rate + kp * now.error
+        return self._arm.torque(now, reference, desired, arms)
 
 
 class MotionForce:
@@ -91,21 +105,32 @@ class MotionForce:
             InvalidInput: If the direction is zero or not among the task's axes, and as there.
         """
         self._arm = _Arm(task, posture, posture_bandwidth, friction)
-        self._kp, self._kd = gains(bandwidth, damping_ratio, task.m)
+        kp, kd = gains(bandwidth, damping_ratio, task.m)
         u = unit_vector("direction", direction, 3)
-        self._along = np.concatenate([u, np.zeros(3)])[task.rows]
-        if np.linalg.norm(self._along) < 1.0 - 1e-9:
+        along = np.concatenate([u, np.zeros(3)])[task.rows]
+        if np.linalg.norm(along) < 1.0 - 1e-9:
             raise InvalidInput(f"direction = {u} is not among the axes of the task, {task.axes}")
-        square = np.outer(self._along, self._along)
-        self._across = np.eye(task.m) - square
-        self._brake = (self._kd @ self._along**2) * square
+        square = np.outer(along, along)
+        across, brake = np.eye(task.m) - square, (kd @ along**2) * square
+        self.tuning = *self._arm.tuning, kp, kd, along, across, brake
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the task; see ``compiled_law.Law``."""
+        return _key(self, self._arm)
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        now, u = self._arm.state(state, reference), self._along
-        desired = now.ahead + self._kd * now.rate + self._kp * now.error
-        desired = self._across @ desired - self._brake @ now.arm.velocity
-        return self._arm.torque(now, reference, desired) + (reference.force * u) @ now.arm.J
+        now = self._arm.state(state, reference)
+        return np.asarray(self.demanded(now, reference, self.tuning))
+
+    def demanded(self, now: Instant, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+        """The torque, for numbers and expressions."""
+        *arms, kp, kd, along, across, brake = tuning
+        desired = now.ahead + kd * now.rate + kp * now.error
+        desired = across @ desired - brake @ now.arm.velocity
+        moving = self._arm.torque(now, reference, desired, arms)
+        return moving + now.arm.J.T @ (reference.force * along)
 
 
 class CartesianImpedance:
@@ -142,25 +167,75 @@ class CartesianImpedance:
             InvalidInput: If a number has a wrong shape or value, or the axes are others.
         """
         self._arm = _Arm(task, posture, posture_bandwidth, friction)
-        self._stiffness = gain("stiffness", stiffness, task.m)
-        self._ratio = 2.0 * gain("damping_ratio", damping_ratio, task.m)
-        self._damping = None if damping is None else gain("damping", damping, task.m)
+        self._by_ratio = damping is None
+        ratio = 2.0 * gain("damping_ratio", damping_ratio, task.m)
+        resistance = ratio if damping is None else gain("damping", damping, task.m)
+        self.tuning = *self._arm.tuning, gain("stiffness", stiffness, task.m), resistance
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the task; see ``compiled_law.Law``."""
+        key = _key(self, self._arm)
+        return None if key is None else (*key, self._by_ratio)
 
     def torque(self, state: Moving, reference: TaskReference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        now, K, D = self._arm.state(state, reference), self._stiffness, self._damping
-        if D is None:
-            D = self._ratio * np.sqrt(K * axis_masses(now.arm.A, now.arm.inertia))
+        now = self._arm.state(state, reference)
+        return np.asarray(self.demanded(now, reference, self.tuning))
+
+    def demanded(self, now: Instant, reference: TaskReference, tuning: Sequence[Any]) -> Any:
+        """The torque, for numbers and expressions."""
+        *arms, K, D = tuning
+        if self._by_ratio:
+            D = D * root(K * axis_masses(now.arm.A, now.arm.inertia))
         force = K * now.error + D * now.rate
-        return self._arm.torque(now, reference, now.ahead) + force @ now.arm.J
+        return self._arm.torque(now, reference, now.ahead, arms) + now.arm.J.T @ force
 
 
 class AlongJoints:
     """Adapts a task controller to joint references: their pose, velocity and acceleration."""
 
+    memory: tuple[Array, ...] = ()
+
     def __init__(self, control: TaskController, task: TaskSpace, force: float = 0.0) -> None:
         """Take a controller, its task, and the force in [N] along its direction."""
         self._control, self._task, self._force = control, task, force
+
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the model; see ``compiled_law.Law``."""
+        key, task = getattr(self._control, "key", None), self._task
+        return None if key is None else (*key, task.frame, task.axes, task.threshold)
+
+    @property
+    def tuning(self) -> tuple[Array, ...]:
+        """Numbers of the formula."""
+        control: Any = self._control
+        return *control.tuning, np.array([self._force])
+
+    def formula(
+        self,
+        rigid: Any,
+        q: ca.SX,
+        v: ca.SX,
+        desired: Reference,
+        tuning: Sequence[ca.SX],
+        memory: Sequence[ca.SX],
+    ) -> tuple[ca.SX, Sequence[ca.SX]]:
+        """Torques as an expression, not numbers near singularities; see ``compiled_law.Law``."""
+        task, control = self._task, cast(Any, self._control)
+        *its, force = tuning
+        state, meant = expressions(task.model, task.frame, task.axes)
+        position, rotation, velocity, acceleration = meant(desired.q, desired.v, desired.a)
+        reference = TaskReference(position, rotation, velocity, acceleration, force, desired.q)
+        *parts, bound, _, _ = state(q, v)
+        arm = TaskInstant._make(parts)
+        turn = rotation_vector(reference.rotation @ arm.rotation.T)
+        error = ca.vertcat(reference.position - arm.position, turn)[task.rows]
+        rate = reference.velocity[task.rows] - arm.velocity
+        now = Instant(q, v, arm, error, rate, reference.acceleration[task.rows])
+        tau = control.demanded(now, reference, its)
+        return ca.if_else(bound < 1.0 / task.threshold, tau, np.nan), memory
 
     def torque(self, state: Moving, reference: Reference) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
@@ -186,15 +261,24 @@ def at_rest(task: TaskSpace, q: ArrayLike, force: float = 0.0) -> TaskReference:
     return replace(task_reference(task, Reference(here, still, still), force), posture=None)
 
 
-class _Now(NamedTuple):
-    """Input of a task controller at one instant, in the task's axes."""
+class Instant(NamedTuple):
+    """Input of a task controller at one instant, in the task's axes, numbers or expressions.
 
-    q: Array
-    v: Array
-    arm: TaskInstant
-    error: Array
-    rate: Array
-    ahead: Array
+    Attributes:
+        q: Joint positions, shape (n,).
+        v: Joint velocities, shape (n,).
+        arm: The arm.
+        error: Error of the pose, shape (m,).
+        rate: Error of the velocity, likewise.
+        ahead: Acceleration of the reference, likewise.
+    """
+
+    q: Any
+    v: Any
+    arm: Any
+    error: Any
+    rate: Any
+    ahead: Any
 
 
 class _Arm:
@@ -206,27 +290,38 @@ class _Arm:
         task.require_world_axes()
         self._task = task
         self._posture = None if posture is None else vector("posture", posture, task.n)
-        self._kp, self._kd = gains(bandwidth, 1.0, task.n)
+        self.tuning = gains(bandwidth, 1.0, task.n)
         self._friction = SteadyFriction.of(task.model) if friction else None
 
-    def state(self, state: Moving, reference: TaskReference) -> _Now:
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What its part of a formula depends on; None where the posture is given."""
+        return (self._friction is not None,) if self._posture is None else None
+
+    def state(self, state: Moving, reference: TaskReference) -> Instant:
         q, v = checked(state, self._task.n)
         arm, rows = self._task.kernel.state(q, v), self._task.rows
         turn = pin.log3(reference.rotation @ arm.rotation.T)
         error = np.concatenate([reference.position - arm.position, turn])
         rate = reference.velocity[rows] - arm.velocity
-        return _Now(q, v, arm, error[rows], rate, reference.acceleration[rows])
+        return Instant(q, v, arm, error[rows], rate, reference.acceleration[rows])
 
-    def torque(self, now: _Now, reference: TaskReference, desired: Array) -> Array:
+    def torque(
+        self, now: Instant, reference: TaskReference, desired: Any, tuning: Sequence[Any]
+    ) -> Any:
         """Torque for a desired acceleration of the frame, with the posture in the null space."""
-        arm = now.arm
+        arm, (kp, kd) = now.arm, tuning
         goal = self._posture if reference.posture is None else reference.posture
-        a = -self._kd * now.v
+        a = -kd * now.v
         if goal is not None:
-            a += self._kp * (goal - now.q)
+            a = a + kp * (goal - now.q)
         force = arm.inertia @ (desired - arm.drift - arm.J @ a)
-        tau = arm.M @ a + arm.bias + force @ arm.J
+        tau = arm.M @ a + arm.bias + arm.J.T @ force
         if self._friction is not None:
             way = arm.B @ (arm.inertia @ reference.velocity[self._task.rows])
-            tau += ahead(self._friction, way, now.q, tau)
-        return np.asarray(tau)
+            tau = tau + ahead(self._friction, way, now.q, tau)
+        return tau
+
+
+def _key(control: object, arm: _Arm) -> tuple[Any, ...] | None:
+    return None if arm.key is None else (type(control).__name__, *arm.key)

@@ -3,20 +3,25 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 from numpy.typing import ArrayLike
 
 from arm_dynamics.arrays import Array, positive, positive_limits
-from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law
+from arm_dynamics.control.compiled_law import CompiledLaw, compiled_law, law_of
 from arm_dynamics.control.computed_torque import Controller, Measured, Moving, checked, gain
 from arm_dynamics.control.joint_space import cut
 from arm_dynamics.dynamics.dynamics import Dynamics
+from arm_dynamics.equations.elementary import choose, sign
 from arm_dynamics.exceptions import InvalidInput
 from arm_dynamics.model.pinocchio_terms import RigidTerms
+from arm_dynamics.trajectory.reference import Reference
 
+_TUNING, _SEEN = 3, 4  # parts of the numbers and of the memory of an observer
 AnyController = Controller[Any]
 """A controller for any kind of reference."""
 
@@ -34,11 +39,14 @@ class Saturated:
 
     Clipping a joint's torque changes the direction of the arm's acceleration: a controller that
     cancels the dynamics loses its error equation while ``saturated`` is true anywhere.
+
+    Attributes:
+        control: The controller.
     """
 
     def __init__(self, control: AnyController, limit: ArrayLike, n: int) -> None:
         """Set limits in [N m] or [N], positive, inf for none, a number or shape (n,)."""
-        self._control, self._limit = control, positive_limits("limit", limit, n)
+        self.control, self._limit = control, positive_limits("limit", limit, n)
         self._asked = np.zeros(n)
 
     @property
@@ -53,16 +61,16 @@ class Saturated:
 
     def restart(self) -> None:
         """Let the controller forget the past."""
-        restart(self._control)
+        restart(self.control)
 
     def compiled(self) -> CompiledLaw | None:
         """Return the controller with its limits; None if it is not compiled."""
-        law = compiled_law(self._control)
+        law = compiled_law(self.control)
         return None if law is None else replace(law, limit=self._limit)
 
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques within the limits in [N m] or [N], shape (n,)."""
-        self._asked = self._control.torque(state, reference)
+        self._asked = self.control.torque(state, reference)
         return cut(self._asked, self._limit)
 
 
@@ -94,44 +102,91 @@ class DisturbanceObserver:
         Raises:
             InvalidInput: If a number has a wrong shape or value.
         """
-        self._control, self._n = control, dynamics.n
+        self._control, self._n, self._law = control, dynamics.n, law_of(control)
         self._rigid, self._friction = RigidTerms(dynamics.model), dynamics.steady_friction
-        self._dt, self._gain = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
-        if np.any(self._gain * self._dt >= 1.0):
+        each, K = positive("dt", dt), gain("bandwidth", bandwidth, dynamics.n)
+        if np.any(K * each >= 1.0):
             raise InvalidInput(
                 f"bandwidth = {bandwidth!r} with dt = {dt}: their product must stay below one"
             )
-        self._limit = positive_limits("limit", limit, dynamics.n)
+        self._tuning = K, np.array([each]), positive_limits("limit", limit, dynamics.n)
         self.restart()
 
     @property
     def disturbance(self) -> Array:
         """Last estimate of the external torque in [N m] or [N], shape (n,)."""
-        return self._r.copy()
+        return self._seen[0].copy()
 
     def restart(self) -> None:
         """Reset the observer."""
-        self._r, self._last = np.zeros(self._n), np.zeros(self._n)
-        self._integral: Array | None = None
+        still = np.zeros(self._n)
+        self._seen: tuple[Array, ...] = still, still, still, np.zeros(1)
         restart(self._control)
 
     def torque(self, state: Moving, reference: Any) -> Array:
         """Return joint torques in [N m] or [N], shape (n,)."""
-        self._observe(*checked(state, self._n))
-        tau = self._control.torque(state, reference) - self._r
-        self._last = cut(tau, self._limit)
-        return self._last.copy()
+        q, v = checked(state, self._n)
+        wanted = partial(self._control.torque, state, reference)
+        tau, self._seen = self._observed(self._rigid, q, v, self._tuning, self._seen, wanted)
+        return np.array(tau)
 
-    def _observe(self, q: Array, v: Array) -> None:
-        rigid = self._rigid
+    @property
+    def key(self) -> tuple[Any, ...] | None:
+        """What the formula depends on besides the model; see ``compiled_law.Law``."""
+        return None if self._law is None else (type(self).__name__, self._law.key)
+
+    @property
+    def tuning(self) -> tuple[Array, ...]:
+        """Numbers of the formula, those of the controller last."""
+        return self._tuning if self._law is None else (*self._tuning, *self._law.tuning)
+
+    @property
+    def memory(self) -> tuple[Array, ...]:
+        """Memory of the observer, and that of the controller."""
+        return self._seen if self._law is None else (*self._seen, *self._law.memory)
+
+    @memory.setter
+    def memory(self, parts: tuple[Array, ...]) -> None:
+        self._seen = parts[:_SEEN]
+        if self._law is not None:
+            self._law.memory = parts[_SEEN:]
+
+    def formula(
+        self,
+        rigid: Any,
+        q: Any,
+        v: Any,
+        desired: Reference,
+        tuning: Sequence[Any],
+        memory: Sequence[Any],
+    ) -> tuple[Any, Sequence[Any]]:
+        """Torques and the next memory as expressions; see ``compiled_law.Law``."""
+        mine, its = tuning[:_TUNING], tuning[_TUNING:]
+        seen, kept = memory[:_SEEN], memory[_SEEN:]
+        law: Any = self._law
+        wanted, after = law.formula(rigid, q, v, desired, its, kept)
+        tau, seen = self._observed(rigid, q, v, mine, seen, lambda: wanted)
+        return tau, (*seen, *after)
+
+    def _observed(
+        self,
+        rigid: Any,
+        q: Any,
+        v: Any,
+        tuning: Sequence[Any],
+        seen: Sequence[Any],
+        wanted: Callable[[], Any],
+    ) -> tuple[Any, Any]:
+        """Torque without the disturbance, and what is remembered: r, τ, the integral, whether."""
+        (K, dt, limit), (r, last, integral, started) = tuning, seen
         momentum = rigid.mass(q) @ v
-        if self._integral is None:
-            self._integral = momentum
-        else:
-            lost = self._friction(v, np.sign(v), q, self._last)
-            known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - rigid.spring(q, v) - lost
-            self._integral = self._integral + self._dt * (self._last + known + self._r)
-        self._r = self._gain * (momentum - self._integral)
+        lost = self._friction(v, sign(v), q, last)
+        known = rigid.coriolis(q, v).T @ v - rigid.gravity(q) - rigid.spring(q, v) - lost
+        integral = choose(started > 0.0, integral + dt * (last + known + r), momentum)
+        r = K * (momentum - integral)
+        tau = wanted() - r
+        tau = choose(tau > limit, limit, choose(tau < -limit, -limit, tau))
+        return tau, (r, tau, integral, started * 0.0 + 1.0)
 
 
 class HalfTickAhead:

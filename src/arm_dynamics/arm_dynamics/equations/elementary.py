@@ -53,6 +53,21 @@ def floor(x: Quantity) -> Quantity:
     return _of(x).floor(x)
 
 
+def sign(x: Quantity) -> Quantity:
+    """-1, 0 or 1, the sign of a number."""
+    return _of(x).sign(x)
+
+
+def hyperbolic_tangent(x: Quantity) -> Quantity:
+    """Hyperbolic tangent."""
+    return _of(x).tanh(x)
+
+
+def diagonal(matrix: Quantity) -> Quantity:
+    """Diagonal of a square matrix."""
+    return _of(matrix).diag(matrix)
+
+
 def size(x: Quantity) -> Quantity:
     """Absolute value."""
     return _of(x).fabs(x)

@@ -6,6 +6,7 @@ And the placement of two frames against one another.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -42,6 +43,23 @@ def placement(tree: Tree, frame: Frame, q: ca.SX) -> tuple[ca.SX, ca.SX]:
     """Position in [m], shape (3,), and rotation, shape (3, 3), of a frame in the world."""
     R, p = _placed(tree, q)[frame.link]
     return p + R @ constant(frame.p), R @ constant(frame.R)
+
+
+def rotation_vector(R: ca.SX) -> ca.SX:
+    """Axis times angle of a rotation in [rad], shape (3,); not a number beyond 150°.
+
+    There the angle's sine says little about the axis; see ``pinocchio.log3`` for all angles.
+
+    Source: Murray, Li and Sastry, A Mathematical Introduction to Robotic Manipulation, 1994,
+    equations (2.17) and (2.18).
+
+    Args:
+        R: Rotation matrix, shape (3, 3).
+    """
+    axis = ca.vertcat(R[2, 1] - R[1, 2], R[0, 2] - R[2, 0], R[1, 0] - R[0, 1]) / 2
+    sine, cosine = ca.sqrt(ca.sumsqr(axis)), (ca.trace(R) - 1) / 2
+    ratio = ca.if_else(sine > 0, ca.atan2(sine, cosine) / sine, 1)
+    return ca.if_else(cosine > -math.sqrt(0.75), ratio * axis, math.nan)
 
 
 def jacobian(tree: Tree, frame: Frame, q: ca.SX) -> ca.SX:

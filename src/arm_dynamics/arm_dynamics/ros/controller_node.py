@@ -18,14 +18,9 @@ from trajectory_msgs.msg import JointTrajectory
 
 from arm_dynamics.actuation.command_map import rigid_twin
 from arm_dynamics.arrays import Array, finite_numbers
+from arm_dynamics.control.compiled_law import Job, preparation
 from arm_dynamics.control.computed_torque import Checked, Measured
-from arm_dynamics.control.factory import (
-    IN_TASK_SPACE,
-    Job,
-    Settings,
-    make_controller,
-    preparation,
-)
+from arm_dynamics.control.factory import IN_TASK_SPACE, Settings, make_controller
 from arm_dynamics.control.wrappers import AnyController, Saturated, Switch
 from arm_dynamics.dynamics.dynamics import Dynamics
 from arm_dynamics.exceptions import ArmError, ControllerFailed, InvalidInput, plain
@@ -210,8 +205,8 @@ class ControllerNode(Node):
     def _settings(self, params: ControllerParams) -> Settings:
         return replace(params.settings, limit=self.dynamics.model.effort_limit)
 
-    def _preparation(self, name: str, params: ControllerParams) -> Job | None:
-        return preparation(name, self.dynamics, self._settings(params))
+    def _preparation(self, control: AnyController) -> Job | None:
+        return preparation(control.control if isinstance(control, Saturated) else control)
 
     @_locked
     def _apply(self, params: ControllerParams) -> None:
@@ -235,16 +230,19 @@ class ControllerNode(Node):
         self.params = params
         self._log.forget()
         self._builder.give_up()
-        if (job := self._preparation(params.controller, params)) is None:
+        if (job := self._preparation(control)) is None:
             put()
         else:
             self._builder.start(job, lambda built: self._put(built, put))
 
     def _build_ahead(self, params: ControllerParams) -> None:
         """Prepare the first controller at once, a task-space controller in the background."""
-        if job := self._preparation(params.controller, params):
+        if job := self._preparation(self.control.active):
             job()
-        if job := self._preparation(IN_TASK_SPACE[0], params):
+        if not params.settings.frame:
+            return
+        another = make_controller(IN_TASK_SPACE[0], self.dynamics, self._settings(params))
+        if job := self._preparation(another):
             self._builder.start(job, lambda built: None)  # errors matter when it is selected
 
     def _put(self, built: Callable[[], object], put: Callable[[], None]) -> None:

@@ -106,13 +106,19 @@ def build(model: ArmModel, frame: str, axes: tuple[str, ...]) -> Kernel:
     """The functions of a frame, built once for a model; see ``TaskKernel``, errors included."""
     known = _built.setdefault(model, {})
     if (frame, axes) not in known:
-        kernel = Kernel(_functions(model, frame, axes))
+        kernel = Kernel(expressions(model, frame, axes))
         _check(kernel, model, frame, axes)
         known[frame, axes] = kernel
     return known[frame, axes]
 
 
-def _functions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Function]:
+def expressions(model: ArmModel, name: str, axes: tuple[str, ...]) -> list[ca.Function]:
+    """The functions of a frame: ``state`` of q and v, ``meant`` of q, v and a.
+
+    Results of the first are those of ``TaskInstant`` and three that tell a singularity: a bound of
+    1/σ of ``inertia.task_inertia``, its scaled mobility and scales; those of the second are of
+    ``TaskKernel.frame_motion``.
+    """
     tree, frame = tree_of(model), frame_of(model, name)
     q, v, a = (ca.SX.sym(letter, model.n) for letter in "qva")
     placed = placement(tree, frame, q)

@@ -10,6 +10,7 @@ import pinocchio as pin
 from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array
+from arm_dynamics.equations.elementary import Quantity, diagonal, larger
 
 THRESHOLD = 1e-4
 """Scaled mobility in the least mobile direction below which a task counts as singular."""
@@ -67,7 +68,7 @@ def regularized(scaled: Array, scale: Array, threshold: float) -> Inertia:
     return Inertia(matrix, least < threshold, least)
 
 
-def axis_masses(A: Array, inertia: Array) -> Array:
+def axis_masses(A: Quantity, inertia: Quantity) -> Quantity:
     """Mass of every axis for tuning gains, bounded at singularities, shape (m,).
 
     That with the other axes held, Λ_ii, which is infinite at a singularity that is not along an
@@ -75,11 +76,11 @@ def axis_masses(A: Array, inertia: Array) -> Array:
     damped inertia itself.
 
     Args:
-        A: Mobility J M⁻¹ Jᵀ, shape (m, m).
+        A: Mobility J M⁻¹ Jᵀ, an array or expression of shape (m, m).
         inertia: Λ of shape (m, m).
     """
-    mass = inertia.diagonal()
-    return np.asarray(mass / np.maximum(0.1 * mass * A.diagonal(), 1.0))
+    mass = diagonal(inertia)
+    return mass / larger(0.1 * mass * diagonal(A), 1.0)
 
 
 def _scales(A: Array, linear: int) -> Array:

@@ -93,12 +93,13 @@ def _other_parts(
     """Other parts that a scene may need, each with the function that compiles it."""
     import numpy as np
 
-    from arm_dynamics.control import computed_torque
+    from arm_dynamics.control import make_controller, preparation
     from arm_dynamics.dynamics.rigid import MANY
 
     if simulator.energy_account.may_make_ticks_again:
         yield "energy account", simulator.energy_account.prepare
-    yield "computed torque", lambda: computed_torque.build(simulator.model)
+    if job := preparation(make_controller("computed_torque", simulator.dynamics)):
+        yield "computed torque", job
     if not batches:
         return
     q, dynamics = np.tile(simulator.model.q0, (MANY, 1)), simulator.dynamics

@@ -59,6 +59,7 @@ class Answers(Structure):
         ("joints", c_int64), ("until", c_int64),
         ("report", c_void_p), ("next_report", c_int64),
         ("law", c_void_p), ("input", c_void_p), ("torque", c_void_p), ("limit", c_void_p),
+        ("memory", c_void_p), ("next_memory", c_void_p), ("remembered", c_int64),
         ("gain", c_void_p), ("back_emf", c_void_p), ("command", c_void_p),
         ("start", c_int64), ("segments", c_int64),
         ("knots", c_void_p), ("polynomials", c_void_p), ("ends", c_void_p),
@@ -269,6 +270,9 @@ class OrdinaryAnswers:
         answers.law = addressof(call.entry)
         answers.input, answers.torque = _place(call.inputs[0]), _place(call.outputs[0])
         answers.limit = _place(law.limit)
+        memory, after = call.inputs[2], call.outputs[1]
+        answers.memory, answers.next_memory = _place(memory), _place(after)
+        answers.remembered = memory.size
         return (law,)
 
     def _use_motion(self, motion: Trajectory) -> tuple[object, ...]:

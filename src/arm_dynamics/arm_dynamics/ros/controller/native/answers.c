@@ -40,6 +40,10 @@ typedef struct {
   const entry_t* law;
   double* input;
   const double *torque, *limit;
+  /* What it remembers: before and after a call, and how many numbers. */
+  double* memory;
+  const double* next_memory;
+  int64_t remembered;
   /* Commands: gain times torque plus back_emf times velocity; NULL: the torque itself. */
   const double *gain, *back_emf;
   double* command;
@@ -156,6 +160,7 @@ static void remember(answers_t* a, const joint_state_t* s, int64_t stamp, int64_
   memcpy(a->q, a->input, 8 * n);
   memcpy(a->v, a->input + n, 8 * n);
   memcpy(a->tau, a->torque, 8 * n);
+  memcpy(a->memory, a->next_memory, 8 * a->remembered);
   memcpy(a->raw, s->raw, s->length);
   a->length = s->length;
   a->last = now();

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Computed torque in compiled code: the plain law, built once, and never a wrong one."""
+"""Controllers in compiled code: the same laws, built once, and never a wrong one."""
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import casadi as ca
@@ -12,19 +13,22 @@ import pytest
 import models
 from arm_dynamics import ArmModel, Dynamics, InvalidInput, load_scene
 from arm_dynamics.control import (
+    NAMES,
     CompiledComputedTorque,
     ComputedTorque,
     Measured,
-    Saturated,
+    Restartable,
     Settings,
+    compiled_law,
     computed_torque,
     make_controller,
     preparation,
 )
-from arm_dynamics.control.compiled_law import compiled_law
+from arm_dynamics.control.compiled_law import build, is_built
+from arm_dynamics.control.factory import IN_TASK_SPACE
 from arm_dynamics.trajectory import Reference
 from models.rotor import rotor
-from tolerances import ALGEBRA, assert_close
+from tolerances import ALGEBRA, INVERSE_PAIR, assert_close
 
 DRY = {
     "viscous": 0.3,
@@ -37,6 +41,11 @@ DRY = {
 def new(name: str) -> Dynamics:
     """A model for which nothing has been built yet."""
     return Dynamics(ArmModel(models.scene(name)))
+
+
+def built(model: ArmModel) -> bool:
+    """Whether there is code of computed torque for a model, which is built if need be."""
+    return build(ComputedTorque(Dynamics(model)), model) is not None
 
 
 def rubbing() -> Dynamics:
@@ -68,7 +77,7 @@ def test_it_is_the_plain_law(robot: str, rng: np.random.Generator) -> None:
     agree(dynamics, rng)
     agree(dynamics, rng, rng.uniform(0.0, 40.0, dynamics.n), 0.7, 4e-3)
     agree(dynamics, rng, 10.0, 1.0, 0.0)
-    assert computed_torque.build(dynamics.model) is not None
+    assert built(dynamics.model)
 
 
 @pytest.mark.parametrize("name", models.DRIVEN)
@@ -80,16 +89,16 @@ def test_joints_at_rest_are_helped_to_where_they_are_to_slide(rng: np.random.Gen
     dynamics = rubbing()
     assert dynamics.steady_friction.has_dry
     agree(dynamics, rng)
-    assert computed_torque.build(dynamics.model) is not None
+    assert built(dynamics.model)
 
 
 def test_it_is_built_once_for_all_gains(monkeypatch: pytest.MonkeyPatch) -> None:
     dynamics = new("two_link")
-    job = preparation("computed_torque", dynamics, Settings())
+    job = preparation(make_controller("computed_torque", dynamics))
     assert job is not None
     job()
-    assert preparation("computed_torque", dynamics, Settings()) is None
-    monkeypatch.setattr(computed_torque, "Kernel", None)
+    assert preparation(make_controller("computed_torque", dynamics)) is None
+    monkeypatch.setattr(compiled_law, "Kernel", None)
     for bandwidth in (5.0, 50.0):
         control = ComputedTorque(dynamics, bandwidth)
         fast = make_controller("computed_torque", dynamics, Settings(bandwidth=bandwidth))
@@ -100,10 +109,10 @@ def test_it_is_built_once_for_all_gains(monkeypatch: pytest.MonkeyPatch) -> None
 
 def test_nothing_is_built_unless_it_is_asked_for() -> None:
     dynamics = new("two_link")
-    assert preparation("pd", dynamics, Settings()) is None
-    assert preparation("operational_space", dynamics, Settings(frame="tip")) is not None
-    make_controller("computed_torque", dynamics)
-    assert not computed_torque.is_built(dynamics.model)
+    control = make_controller("computed_torque", dynamics)
+    assert preparation(control) is not None
+    assert not is_built(control.law, dynamics.model)
+    assert preparation(control.law) is None, "not a controller that is to be compiled"
 
 
 def test_without_a_compiler_it_is_still_right(
@@ -112,7 +121,7 @@ def test_without_a_compiler_it_is_still_right(
     monkeypatch.setenv("CC", "/no/such/compiler")
     dynamics = new("two_link")
     agree(dynamics, rng)
-    assert computed_torque.build(dynamics.model) is None
+    assert not built(dynamics.model)
 
 
 def test_a_law_that_differs_is_not_used(
@@ -126,7 +135,7 @@ def test_a_law_that_differs_is_not_used(
     monkeypatch.setattr(computed_torque, "expression", wrong)
     dynamics = new("two_link")
     agree(dynamics, rng)
-    assert computed_torque.build(dynamics.model) is None
+    assert not built(dynamics.model)
     assert "differs" in caplog.text
     assert "slower" in caplog.text
 
@@ -139,7 +148,7 @@ def test_small_torques_are_compared_as_torques_of_one(
     right = computed_torque.expression
     monkeypatch.setattr(computed_torque, "expression", lambda *given: right(*given) + off)
     model = ArmModel(load_scene(rotor(1e-7, viscous=0.0, coulomb=0.0)))
-    assert (computed_torque.build(model) is not None) == used
+    assert built(model) == used
 
 
 @pytest.mark.parametrize(("off", "used"), [(5e-11, True), (2e-10, False)])
@@ -150,7 +159,7 @@ def test_large_torques_are_compared_by_their_size(
     right = computed_torque.expression
     monkeypatch.setattr(computed_torque, "expression", lambda *given: right(*given) * (1 + off))
     model = ArmModel(load_scene(rotor(1e3, viscous=0.0, coulomb=0.0)))
-    assert (computed_torque.build(model) is not None) == used
+    assert built(model) == used
 
 
 def test_its_answer_is_the_callers_own(rng: np.random.Generator) -> None:
@@ -160,6 +169,67 @@ def test_its_answer_is_the_callers_own(rng: np.random.Generator) -> None:
     kept = first.copy()
     law.torque(other, goal)
     np.testing.assert_array_equal(first, kept)
+
+
+@pytest.mark.parametrize("more", [{}, {"friction": True}, {"observer": 10.0}], ids=str)
+@pytest.mark.parametrize("name", NAMES)
+def test_every_controller_is_the_plain_one(
+    name: str, more: dict[str, Any], rng: np.random.Generator
+) -> None:
+    """With its memory, and with torques that are cut."""
+    dynamics = rubbing()
+    settings = Settings(frame="tip", axes="position", force=3.0, limit=40.0, **more)
+    if name in IN_TASK_SPACE:
+        settings = replace(settings, axes=("x", "z"), direction=(1.0, 0.0, 0.0))
+    control = make_controller(name, dynamics, settings)
+    plain = make_controller(name, dynamics, settings).law
+    law = compiled_law.compiled_law(control)
+    assert law is not None and law.call.entry is not None
+    assert isinstance(control, Restartable) == bool(plain.memory)
+    for _ in range(3):
+        for state, reference in states(rng, dynamics.n):
+            expected = plain.torque(state, reference)
+            assert_close(control.torque(state, reference), expected, INVERSE_PAIR)
+            remembered = np.hstack((np.zeros(0), *plain.memory))
+            assert_close(law.call.inputs[2], remembered, INVERSE_PAIR)
+    if plain.memory:
+        start = make_controller(name, dynamics, settings).law.memory
+        control.restart()
+        np.testing.assert_array_equal(law.call.inputs[2], np.hstack(start))
+
+
+def test_where_code_has_no_answer_numbers_have(rng: np.random.Generator) -> None:
+    """Near a singularity, and where a pose is off by half a turn; memory is that of both."""
+    dynamics = models.dynamics("panda")
+    settings = Settings(frame="panda_hand_tcp", observer=10.0)
+    control = make_controller("operational_space", dynamics, settings)
+    plain = make_controller("operational_space", dynamics, settings).law
+    law, still, bent = compiled_law.compiled_law(control), np.zeros(7), dynamics.model.q0
+    turned = bent + np.eye(7)[6] * 3.0
+    assert law is not None
+    for q, goal, answers in (bent, bent, True), (still, still, False), (bent, turned, False):
+        state, reference = Measured(q, still + 0.1), Reference(goal, still, still)
+        tau = control.torque(state, reference)
+        assert np.isfinite(law.call.outputs[0]).all() == answers
+        assert_close(tau, plain.torque(state, reference), 1e-6)
+        assert_close(law.call.inputs[2], np.hstack(plain.memory), 1e-6)
+
+
+def test_a_task_that_is_singular_everywhere_is_not_compiled(
+    caplog: pytest.LogCaptureFixture,
+) -> None:
+    control = make_controller("operational_space", new("two_link"), Settings(frame="tip"))
+    assert compiled_law.compiled_law(control) is None
+    assert "singular wherever it was compared" in caplog.text
+
+
+def test_an_integral_is_reset_also_within_friction(rng: np.random.Generator) -> None:
+    control = make_controller("pid", rubbing(), Settings(friction=True))
+    (state, reference), *_ = states(rng, 2)
+    first = control.torque(state, reference)
+    assert (control.torque(state, reference) != first).all()
+    control.restart()
+    np.testing.assert_array_equal(control.torque(state, reference), first)
 
 
 @pytest.mark.parametrize("bad", [np.ones(3), np.array([1.0, np.nan]), np.ones((1, 2))])
@@ -178,7 +248,7 @@ def test_bad_gains_are_refused_as_by_the_plain_law(gains: tuple[float, ...]) -> 
 def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Generator) -> None:
     dynamics = rubbing()
     control = CompiledComputedTorque(dynamics, 12.0, 0.8)
-    law = compiled_law(control)
+    law = compiled_law.compiled_law(control)
     assert law is not None and law.limit is None and law.call.entry is not None
     for state, reference in states(rng, dynamics.n):
         moving = np.concatenate((state.q, state.v, reference.q, reference.v, reference.a))
@@ -187,17 +257,13 @@ def test_for_other_compiled_code_it_is_the_same_to_the_bit(rng: np.random.Genera
         assert law.call.outputs[0].tobytes() == control.torque(state, reference).tobytes()
 
 
-def test_limits_around_it_are_told_and_others_are_not_compiled() -> None:
+def test_limits_around_it_are_told() -> None:
     dynamics = models.dynamics("two_link")
     control = make_controller("computed_torque", dynamics, Settings(saturate=True, limit=7.0))
-    law = compiled_law(control)
+    law = compiled_law.compiled_law(control)
     assert law is not None and law.limit is not None and law.limit.tolist() == [7.0, 7.0]
-    for settings in Settings(observer=10.0), Settings(observer=10.0, saturate=True):
-        assert compiled_law(make_controller("computed_torque", dynamics, settings)) is None
-    assert compiled_law(make_controller("pd", dynamics)) is None
-    assert compiled_law(Saturated(make_controller("pid", dynamics), 1.0, 2)) is None
 
 
 def test_without_a_compiler_there_is_none(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(computed_torque.compiler, "may_build", lambda: False)
-    assert compiled_law(CompiledComputedTorque(new("two_link"))) is None
+    monkeypatch.setattr(compiled_law.compiler, "may_build", lambda: False)
+    assert compiled_law.compiled_law(CompiledComputedTorque(new("two_link"))) is None
