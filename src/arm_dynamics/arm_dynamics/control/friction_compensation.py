@@ -26,7 +26,8 @@ def ahead(
 ) -> Quantity:
     """Friction torques of the model at a desired velocity, shape (n,).
 
-    Arguments are arrays or expressions. Dry friction changes sign over ``BAND`` and is zero for a reference at rest.
+    Arguments are arrays or expressions. Dry friction changes sign over ``BAND`` and is zero for a
+    reference at rest.
 
     Args:
         friction: The model's.
