@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What this suite promises about speed and accuracy, held against what was just measured."""
+"""What this suite claims about speed and accuracy, compared with the measurements of a run."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ from benchmarks.measurement.intervals import of_median
 from benchmarks.peers.base import OURS
 from benchmarks.studies.bench import Record
 
-KEPT, BROKEN, OPEN, MISSING = "kept", "broken", "open", "not measured"
+MET, MISSED, OPEN, MISSING = "met", "missed", "open", "not measured"
 PANDA, FREE = "Panda", "free motion"
 ADAPTIVE = "dop853, adaptive"
 
 
 @dataclass(frozen=True)
 class Claim:
-    """One promise.
+    """One claim.
 
     Attributes:
-        text: what is promised. limit: the largest value that keeps it.
+        text: what is claimed. limit: the largest value that meets it.
         value: what was measured, None where a peer or a study is missing.
         unit: of both.
-        between: confidence interval of the value; None for what is the same in every run.
+        between: confidence interval of the value; None for values that are the same in every run.
     """
 
     text: str
@@ -37,13 +37,13 @@ class Claim:
 
     @property
     def verdict(self) -> str:
-        """Kept or broken if the whole interval is on one side of the limit, else open."""
+        """Met or missed if the whole interval is on one side of the limit, else open."""
         if self.value is None:
             return MISSING
         low, high = self.between or (self.value, self.value)
         if high <= self.limit:
-            return KEPT
-        return BROKEN if low > self.limit else OPEN
+            return MET
+        return MISSED if low > self.limit else OPEN
 
 
 def check(results: Record) -> list[Record]:
@@ -61,7 +61,7 @@ Rounds = Sequence[float]
 
 
 def _timed(text: str, value: float | None, rounds: Rounds, limit: float, unit: str = "×") -> Claim:
-    """A claim on times, whose value is the median of what the rounds gave."""
+    """A claim on times, whose value is the median over the rounds."""
     if value is None:
         return Claim(text, None, limit, unit)
     if rounds:

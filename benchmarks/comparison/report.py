@@ -10,13 +10,13 @@ from pathlib import Path
 from rich.table import Table
 
 from benchmarks.comparison import figures, sections
-from benchmarks.comparison.claims import BROKEN, KEPT, OPEN
+from benchmarks.comparison.claims import MISSED, MET, OPEN
 from benchmarks.reporting.markdown import quantity, wrapped
 from benchmarks.studies.bench import Record
 
 TEMPLATE = Path(__file__).with_name("page.md")
 FIGURES = "figures/"
-_COLOURS = {KEPT: "[green]", BROKEN: "[red]", OPEN: "[yellow]"}
+_COLOURS = {MET: "[green]", MISSED: "[red]", OPEN: "[yellow]"}
 
 
 def write(results: Record, out: Path) -> Path:
@@ -24,7 +24,7 @@ def write(results: Record, out: Path) -> Path:
 
     Args:
         results: as ``suite.run`` returns them.
-        out: folder, made if need be.
+        out: folder, created if it does not exist.
 
     Returns:
         Path of the Markdown report.
@@ -48,8 +48,8 @@ def save(results: Record, out: Path) -> None:
 
 
 def summary(results: Record) -> Table:
-    """The promises and what was measured, for the terminal."""
-    table = Table("promise", "measured", "95 % interval", "allowed", "")
+    """The claims and their measurements, for the terminal."""
+    table = Table("claim", "measured", "95 % interval", "allowed", "")
     for claim in results["claims"]:
         verdict = _COLOURS.get(claim["verdict"], "") + claim["verdict"]
         table.add_row(
@@ -60,7 +60,7 @@ def summary(results: Record) -> Table:
 
 
 def write_page(results: Record, docs: Path) -> Path:
-    """Write performance.md: words from page.md, tables and figures from the results.
+    """Write performance.md: text from page.md, tables and figures from the results.
 
     Args:
         results: of all studies.

@@ -6,7 +6,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-from benchmarks.comparison.claims import BROKEN
+from benchmarks.comparison.claims import MISSED
 from benchmarks.peers.base import OURS
 from benchmarks.reporting.markdown import duration, number, quantity, table
 from benchmarks.studies.bench import Record
@@ -14,12 +14,12 @@ from benchmarks.studies.bench import Record
 METHOD = """\
 Times are processor times of one thread unless a line says otherwise. All measurements of a table
 are interleaved (every job once, then every job again), medians are shown, and ratios are between
-numbers of the same run; those of promises are taken round by round, so that a slow second slows
-both sides. The interval holds their median with 95 % confidence, whatever the distribution (order
-statistics; it takes at least six rounds). A promise is kept if the whole interval is below the
-limit, broken if it is above, and open if the limit lies inside. Every simulator reads the same
-URDF (no limits, friction, meshes or contacts), and each has switched off what such a scene does
-not need."""
+numbers of the same run; those of claims are computed round by round, so that a slow second affects
+both sides. The interval contains their median with 95 % confidence for any distribution (order
+statistics, at least six rounds). A claim is met if the whole interval is below the limit, missed
+if it is above, and open if it contains the limit. All simulators read the same URDF (without
+limits, friction, meshes or contacts), and features that such a scene does not need are switched
+off."""
 
 
 def markdown(results: Record, pictures: dict[str, str]) -> str:
@@ -29,7 +29,7 @@ def markdown(results: Record, pictures: dict[str, str]) -> str:
         results: of all studies that ran.
         pictures: file names of the figures, by study.
     """
-    parts = ["# Run time against error", about(results), METHOD, "## Promises", claims(results)]
+    parts = ["# Run time against error", about(results), METHOD, "## Claims", claims(results)]
     for name, (title, section) in SECTIONS.items():
         if name in results:
             parts += [f"## {title}", section(results), figures(pictures, name)]
@@ -45,7 +45,7 @@ def figures(pictures: dict[str, str], study: str, folder: str = "") -> str:
 
 
 def about(results: Record) -> str:
-    """Machine, versions, how long, how noisy."""
+    """Machine, versions, duration and noise."""
     about = results["about"]
     noise = about["noise"]
     lines = [
@@ -63,17 +63,17 @@ def about(results: Record) -> str:
 
 
 def claims(results: Record) -> str:
-    """What is promised and what was measured."""
+    """The claims and their measurements."""
     rows = [
         (c["text"], quantity(c["value"], c["unit"]), interval(c), quantity(c["limit"], c["unit"]),
-         "**broken**" if c["verdict"] == BROKEN else c["verdict"])
+         "**missed**" if c["verdict"] == MISSED else c["verdict"])
         for c in results["claims"]
     ]  # fmt: skip
-    return table(("promise", "measured", "95 % interval", "at most", ""), rows)
+    return table(("claim", "measured", "95 % interval", "at most", ""), rows)
 
 
 def interval(claim: Record) -> str:
-    """The confidence interval of a promise; empty for what is no time or was measured once."""
+    """The confidence interval of a claim; empty if it is not a time or was measured once."""
     if claim["value"] is None or claim["between"] is None:
         return ""
     if not all(map(math.isfinite, claim["between"])):

@@ -14,7 +14,7 @@ from benchmarks.robots.models import Robot, chain
 from benchmarks.studies.bench import Bench, Record
 
 STEP = 1e-3
-ROUNDS = 9  # short ones, of which the promises are taken
+ROUNDS = 9  # short ones, from which the claims are computed
 STEPS = 500
 LINKS = (2, 3, 5, 7, 10, 15, 20, 30, 40, 50)
 QUICK_LINKS = (2, 7, 20)

@@ -20,7 +20,7 @@ from benchmarks.reporting.markdown import table
 from benchmarks.robots.models import panda
 from benchmarks.trajectory_optimization.problem import FRICTION, MOTORS, Problem
 
-OURS, RIGID = "ours, motors and friction in the model", "ours, the rigid arm alone"
+OURS, RIGID = "`ILQR`, motors and friction in the model", "`ILQR`, the rigid arm alone"
 SOLVERS = {"SolverDDP": "Crocoddyl, DDP", "SolverBoxDDP": "Crocoddyl, DDP with limits"}
 THERE = Path(__file__).with_name("crocoddyl_side.py")
 
@@ -29,8 +29,8 @@ THERE = Path(__file__).with_name("crocoddyl_side.py")
 @click.option("--crocoddyl", "python", type=click.Path(exists=True, dir_okay=False),
               help="A Python with Crocoddyl, in an environment of its own (pip install "
               "crocoddyl==3.2.1 libpinocchio==4.0.0 pin==4.0.0: with 4.1.0 its arms have no "
-              "weight); without it, only ours is measured.")  # fmt: skip
-@click.option("--repeats", default=40, show_default=True, help="Rounds.")
+              "weight); without it, only ILQR is measured.")  # fmt: skip
+@click.option("--repeats", default=40, show_default=True, help="Number of rounds.")
 @click.option("--out", default=Path("reports/trajectory_optimization.json"), show_default=True,
               type=click.Path(path_type=Path), help="JSON file for the results.")  # fmt: skip
 def main(python: str | None, repeats: int, out: Path) -> None:
