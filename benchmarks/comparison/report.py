@@ -10,7 +10,7 @@ from pathlib import Path
 from rich.table import Table
 
 from benchmarks.comparison import figures, sections
-from benchmarks.comparison.claims import MISSED, MET, OPEN
+from benchmarks.comparison.claims import MET, MISSED, OPEN
 from benchmarks.reporting.markdown import quantity, wrapped
 from benchmarks.studies.bench import Record
 

@@ -28,8 +28,8 @@ def test_figures_of_the_readme_are_of_the_file() -> None:
     """Every row of the README's table of measurements that states a figure has a fact."""
     readme = (ROOT / "README.md").read_text()
     table = readme.split("| | measured |\n")[1].split("\n\n")[0]
-    stated = [fact["stated"]["README.md"] for fact in FACTS.values()]
+    stated = [fact["stated"].get("README.md", "") for fact in FACTS.values()]
     rest = table
-    for words in stated:
+    for words in filter(None, stated):
         rest = rest.replace(words, "")
     assert re.findall(r"\d+e-\d+|[\d.]+ [µm]s|1/\d+", rest) == ["1 ms"]  # the step itself

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 import numpy as np
@@ -14,6 +14,10 @@ if TYPE_CHECKING:
     from arm_sim.identification import Comparison
 
 _COLORS = ("C1", "C0")
+_ABOVE: dict[str, Any] = {  # its axes, so that it hides no curve
+    "loc": "lower right", "bbox_to_anchor": (1.0, 1.0), "fontsize": 7, "ncols": 3,
+    "borderaxespad": 0.2,
+}  # fmt: skip
 
 
 def draw(found: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None:
@@ -39,10 +43,10 @@ def draw(found: Sequence[Comparison], scenes: Sequence[str], path: Path) -> None
             left.set_ylabel(joint, fontsize=8)
             span = np.nanmax(abs(first.measured[:, i]))
             right.set_ylim(-span, span)
-            right.legend(loc="upper right", fontsize=7)
-        axes[0, 0].set_title("torque [N m or N]")
-        axes[0, 1].set_title("measured minus computed")
-        axes[0, 0].legend(loc="upper right", fontsize=7, ncols=3)
+            right.legend(**_ABOVE)
+        axes[0, 0].set_title("torque [N m or N]", pad=22)
+        axes[0, 1].set_title("measured minus computed", pad=22)
+        axes[0, 0].legend(**_ABOVE)
         for axis in axes[-1]:
             axis.set_xlabel("time [s]")
         try:
