@@ -23,8 +23,7 @@ _UNARY: dict[int, Callable[[str], str]] = {
 def column_function(function: ca.Function) -> str:
     """C code of a function of coefficients, the first argument, and of columns, the others.
 
-    The code expects definitions of ``real``, the type of a scalar; ``column``, that of an entry of
-    all columns side by side; and SPREAD(x), which converts a scalar to a column.
+    The code expects ``native/columns.h``.
 
     Args:
         function: A CasADi function of scalar expressions with one dense result.

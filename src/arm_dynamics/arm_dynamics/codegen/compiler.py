@@ -50,6 +50,9 @@ FLAGS = (
     "-shared",
     "-w",
 )
+# C++ is the language of many arms side by side: what is done lane by lane, such as finding angles
+# beyond the sine's range, becomes code without loops.
+_FLAGS_OF_LANGUAGE = {"c": (), "c++": ("-funroll-loops",)}
 HOW_TO_GET_CODE = (
     "install one (apt install gcc), or compile the scene on another machine "
     "(./arm build SCENE --out DIR) and set ARM_CACHE=DIR"
@@ -125,7 +128,7 @@ def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> C
     Args:
         source: The code.
         language: ``c`` or ``c++``.
-        flags: Flags of the compiler, without the processor.
+        flags: Flags of the compiler, without the processor and what the language adds.
 
     Returns:
         The loaded library.
@@ -134,6 +137,7 @@ def build(source: str, language: str = "c", flags: tuple[str, ...] = FLAGS) -> C
         CompilerMissing: If there is neither a compiler nor a library that may be loaded.
         KernelError: If the compiler refuses the code.
     """
+    flags += _FLAGS_OF_LANGUAGE[language]
     key = digest(source, *_headers(source, flags), language, *flags)
     destination = _destination.get()
     if destination is not None:

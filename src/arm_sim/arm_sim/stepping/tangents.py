@@ -217,31 +217,20 @@ class Tangents:
             "ND": str(self._advance.size1_out(1)),
             "NA": str(self._acting.size1_out(1)),
             "NT": str(self._held - self.plant.model.n),
-            "WIDTH": str(1 if lanes > 1 else natural_width()),
         }
         stops, parts = stop_defines(self.plant)
         columns = [self._carry, self._limit]
         if lanes == 1:
-            defines["STRETCH"] = "1"
+            defines |= {"WIDTH": str(natural_width()), "STRETCH": "1"}
             columns.append(self._stretch)
         text = "\n".join(map(column_function, columns))
         return (
             of_lanes(generate(functions), lanes)
             + source(defines | stops)
-            + (_OF_ARMS if lanes > 1 else _OF_COLUMNS)
+            + '\n#include "columns.h"\n'
             + text
             + source({}, *parts, "arms.c", "tangents.c")
         )
-
-
-_OF_COLUMNS = """
-typedef double column __attribute__((vector_size(8 * WIDTH)));
-#define SPREAD(x) ((x) - (column){})
-"""
-_OF_ARMS = """
-typedef real column;
-#define SPREAD(x) real(x)
-"""
 
 
 def _strides(array: Array, axes: int) -> list[ctypes.c_longlong]:

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Derivatives of smooth motion carried in columns, WIDTH of them in a `column`; where LANES > 1 a column is that of as many
- * arms, each in a lane. The columns' matrices lie row by row, `count` numbers a row.
+ * Derivatives of smooth motion carried in columns, see columns.h; where LANES > 1 they are those of as many arms, each in a
+ * lane. The columns' matrices lie row by row, `count` numbers a row.
  *
  * Before this file: NX, NU (lengths of state and command), NP (of the parameters), NT (of those that columns change), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the
  * generated functions), ND and NA (how many numbers the derivatives of a step and of the limits need), and the generated
@@ -18,33 +18,44 @@
 #endif
 
 /* Of arm j (of_lane[j]) the matrix begins at matrix + of_lane[j] * size. */
+#if LANES == 1
 static inline void take(column* to, const double* matrix, const long long* of_lane, long long size, int rows, long long count,
                         long long first) {
   for (int i = 0; i < rows; ++i) {
-    const double* row = matrix + i * count + first;
-#if LANES == 1
-    row += of_lane[0] * size;
+    const double* row = matrix + of_lane[0] * size + i * count + first;
     if (count - first >= WIDTH) memcpy(&to[i], row, sizeof(column));
     else for (int j = 0; j < WIDTH; ++j) to[i][j] = j < count - first ? row[j] : 0.0;
-#else
-    for (int j = 0; j < LANES; ++j) LANE(to[i], j) = row[of_lane[j] * size];
-#endif
   }
 }
 
 static inline void put(const column* from, double* matrix, const long long* of_lane, long long size, int rows, long long count,
                        long long first) {
   for (int i = 0; i < rows; ++i) {
-    double* row = matrix + i * count + first;
-#if LANES == 1
-    row += of_lane[0] * size;
+    double* row = matrix + of_lane[0] * size + i * count + first;
     if (count - first >= WIDTH) memcpy(row, &from[i], sizeof(column));
     else for (int j = 0; j < count - first; ++j) row[j] = from[i][j];
-#else
-    for (int j = 0; j < LANES; ++j) row[of_lane[j] * size] = LANE(from[i], j);
-#endif
   }
 }
+#else
+/* Spare columns of the last pass repeat its first. */
+static inline void take(column* to, const double* matrix, const long long* of_lane, long long size, int rows, long long count,
+                        long long first) {
+  for (int i = 0; i < rows; ++i)
+    for (int c = 0; c < WIDTH; ++c) {
+      const double* row = matrix + i * count + first + (first + c < count ? c : 0);
+      if (!size) to[i].each[c] = row[0]; /* the same for all arms */
+      else for (int j = 0; j < LANES; ++j) LANE(to[i].each[c], j) = row[of_lane[j] * size];
+    }
+}
+
+static inline void put(const column* from, double* matrix, const long long* of_lane, long long size, int rows, long long count,
+                       long long first) {
+  for (int i = 0; i < rows; ++i)
+    for (int j = 0; j < LANES; ++j)
+      for (int c = 0; c < WIDTH && first + c < count; ++c)
+        matrix[of_lane[j] * size + i * count + first + c] = LANE(from[i].each[c], j);
+}
+#endif
 
 /* The arms first … last-1 over `ticks` ticks, with what becomes of columns.
  *
