@@ -1,46 +1,49 @@
 # SPDX-License-Identifier: Apache-2.0
 """The least that can be done, to compare with: a thread, a timer, a ping and its echo, a server.
 
-Each is a process: ``python -m benchmarks.loop.baseline NAME SECONDS``; it prints what it measured.
+Each is a process: ``python -m benchmarks.loop.baseline NAME SECONDS [PERIOD]``; it prints what it
+measured. The period in [ns] is the thread's.
 """
 
 from __future__ import annotations
 
+import ctypes
 import json
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 PERIOD = 1_000_000  # [ns]
+_PR_SET_TIMERSLACK = 29
 
 
-def thread(seconds: float) -> dict[str, Any]:
-    """Sleep to absolute deadlines a millisecond apart and do nothing."""
-    late = []
+def thread(seconds: float, period: int = PERIOD) -> dict[str, Any]:
+    """Sleep to absolute deadlines in C, a period in [ns] apart, and do nothing."""
+    from arm_dynamics.codegen import compiler
+
+    library = compiler.build(Path(__file__).with_name("bare.c").read_text()).library
+    late = np.zeros(round(1e9 * seconds / period), np.int64)
+    ctypes.CDLL(None).prctl(_PR_SET_TIMERSLACK, 1, 0, 0, 0)  # as the sim asks for
     used = time.process_time()
-    deadline = time.monotonic_ns()
-    end = deadline + round(1e9 * seconds)
-    while deadline < end:
-        now = time.monotonic_ns()
-        if now < deadline:
-            time.sleep(1e-9 * (deadline - now))
-            now = time.monotonic_ns()
-        late.append(now - deadline)
-        deadline += PERIOD
+    library.sleep_to_deadlines(
+        ctypes.c_int64(period), ctypes.c_int64(late.size), ctypes.c_void_p(late.ctypes.data)
+    )
     used = time.process_time() - used
-    return {"share": used / seconds, "rate": len(late) / seconds, **lateness(np.array(late))}
+    share = {"share": used / seconds, "rate": late.size / seconds}
+    return share | lateness(late, period)
 
 
-def lateness(late: np.ndarray) -> dict[str, Any]:
+def lateness(late: np.ndarray, period: int = PERIOD) -> dict[str, Any]:
     """How well deadlines were kept, from how late each tick was in [ns]."""
     # Summed up here: to write every single one down would keep a processor busy for a second,
     # beside the node that is being measured.
     micro, counts = np.unique(late // 1000, return_counts=True)
     return {
-        "missed": int((late > PERIOD).sum()), "ticks": len(late), **spread(late),
+        "missed": int((late > period).sum()), "ticks": len(late), **spread(late),
         "bars": np.transpose([1e-6 * (micro + 1), counts]).tolist(),
     }  # fmt: skip
 
@@ -182,7 +185,7 @@ def _spin(executor: Any, done: Callable[[], Any], timeout: float) -> bool:
 
 
 if __name__ == "__main__":
-    measure = {
+    measure: Callable[..., dict[str, Any]] = {
         "thread": thread, "timer": timer, "ping": ping, "echo": echo, "server": server,
     }[sys.argv[1]]  # fmt: skip
-    print(json.dumps(measure(float(sys.argv[2]))), flush=True)
+    print(json.dumps(measure(float(sys.argv[2]), *map(int, sys.argv[3:]))), flush=True)

@@ -33,10 +33,10 @@ Record = dict[str, Any]
 class Baseline:
     """One of the processes of ``baseline``, ended whatever happens."""
 
-    def __init__(self, name: str, seconds: float) -> None:
+    def __init__(self, name: str, seconds: float, *more: str) -> None:
         """Start it."""
         self._process = subprocess.Popen(
-            [sys.executable, "-m", "benchmarks.loop.baseline", name, str(seconds)],
+            [sys.executable, "-m", "benchmarks.loop.baseline", name, str(seconds), *more],
             stdout=subprocess.PIPE, text=True,
         )  # fmt: skip
         self._patience = seconds + 60.0

@@ -12,7 +12,9 @@ import pytest
 
 pytest.importorskip("arm_msgs")
 
-from benchmarks.loop.baseline import lateness, spread
+from arm_dynamics.codegen.compiler import find_compiler
+from benchmarks.loop.baseline import lateness, spread, thread
+from benchmarks.loop.hold import kept
 from benchmarks.loop.page import promises, write
 from benchmarks.soak.faults import FAULTS
 from benchmarks.soak.page import complaints, page
@@ -103,6 +105,21 @@ def soaked() -> Result:
     result.memory = {"sim": [(float(t), 60.0) for t in range(100)]}
     result.rates = [1000.0]
     return result
+
+
+@pytest.mark.skipif(find_compiler() is None, reason="no C compiler")
+def test_the_bare_thread_begins_no_tick_early() -> None:
+    found = thread(0.05, 500_000)
+    assert found["ticks"] == 100
+    assert 0.0 <= found["p50"] <= found["p99"] <= found["max"]
+
+
+def test_misses_are_compared_by_tick() -> None:
+    """With a bare thread that missed none, as if it had missed one."""
+    new = {"missed": 6, "ticks": 20_000, "p99": 3e-4}
+    bare = {"missed": 2, "ticks": 10_000, "p99": 2e-4}
+    assert [got for _, _, got in kept("", new, bare, 1.3, 1.5)] == pytest.approx([1.5, 1.5])
+    assert kept("", new, bare | {"missed": 0}, 1.3, 1.5)[0][2] == pytest.approx(3.0)
 
 
 def test_a_good_soak_has_no_complaints() -> None:
