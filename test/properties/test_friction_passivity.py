@@ -22,6 +22,10 @@ SCENES: dict[str, dict[str, Any]] = {
         "static": {"positive": 0.9, "negative": 0.4},
         "stribeck_velocity": 0.05,
     },
+    "dry, rising with speed": {
+        "viscous": 0.1, "coulomb": {"positive": 0.6, "negative": 0.2},
+        "static": {"positive": 0.1, "negative": 0.3}, "stribeck_velocity": 0.05,
+    },
     "dry by position and load": {
         "coulomb": 0.4,
         "static": 0.5,

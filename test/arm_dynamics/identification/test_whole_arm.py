@@ -123,6 +123,23 @@ def test_stribeck_and_load_where_the_motion_shows_them():
     assert result.scene.joints["elbow"].friction.static is None
 
 
+def test_dry_friction_that_rises_with_speed():
+    """As that of harmonic drives does; the nominal scene knows nothing of it."""
+    model, t, q, v, a, _ = two_link()
+    scene = wide(model)
+    scene["joints"] = {
+        "shoulder": {"friction": {"viscous": 0.7, "coulomb": 2.4, "static": 1.5,
+                                  "stribeck_velocity": 0.6}},
+        "elbow": {"friction": {"viscous": 0.4, "coulomb": 0.8}, "armature": 0.1},
+    }  # fmt: skip
+    tau = Dynamics(scene).inverse(q, v, a)
+    result = identify(wide(model), JointRecord.of(model.joint_names, t, q, tau, v, a))
+    said = result.scene.joints["shoulder"].friction
+    found = (said.viscous, said.coulomb, said.static, said.stribeck_velocity)
+    assert found == pytest.approx((0.7, 2.4, 1.5, 0.6), rel=1e-4)
+    assert result.scene.joints["elbow"].friction.static is None
+
+
 def test_friction_by_direction_and_by_load():
     """Of the load, points and factors of the scene's own table come out, which nobody told."""
     model, t, q, v, a, _ = two_link()

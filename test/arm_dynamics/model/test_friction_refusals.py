@@ -45,6 +45,7 @@ def test_bristles_carry_the_friction_of_the_gear_too() -> None:
     assert "friction.load" in said
 
 
+RISES = {"stribeck_velocity": 0.1}
 STATIC: dict[str, tuple[dict[str, Any], str | None]] = {
     "equal": ({"coulomb": 0.5, "static": 0.5}, None),
     "less": ({"coulomb": 0.5, "static": 0.499}, "static' = 0.499: at least coulomb, 0.5, is"),
@@ -63,11 +64,20 @@ STATIC: dict[str, tuple[dict[str, Any], str | None]] = {
         {"coulomb": UNEQUAL, "static": {"positive": 3, "negative": 1.75}},
         "at least coulomb, positive=1.0 negative=2.0, is",
     ),
+    "less, from which friction rises": ({"coulomb": 0.5, "static": 0.1} | RISES, None),
+    "none, from which it rises": (
+        {"coulomb": 0.5, "static": 0.0} | RISES,
+        "static' = 0.0: more than 0 is expected, so that the joint can rest",
+    ),
+    "less, of bristles": (
+        {"coulomb": 0.5, "static": 0.4} | RISES | LUGRE,
+        "static' = 0.4: at least coulomb, 0.5, is expected with 'lugre'",
+    ),
 }
 
 
 @pytest.mark.parametrize(("friction", "said"), STATIC.values(), ids=STATIC)
-def test_at_rest_a_joint_holds_as_much_as_in_motion(
+def test_levels_at_rest_and_in_motion_go_together(
     friction: dict[str, Any], said: str | None
 ) -> None:
     if said is None:

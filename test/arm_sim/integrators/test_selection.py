@@ -63,6 +63,15 @@ def test_the_stronger_direction_of_friction_decides() -> None:
     assert damping_rate(model(rotor(0.1))) == 0.0
 
 
+def test_dry_friction_that_rises_decides() -> None:
+    """The largest slope of ΔF (1 - exp(-(v/vs)²)), here by search."""
+    fc, fs, vs, b = 0.6, 0.2, 0.03, 0.1
+    scene = rotor(0.1, viscous=b, coulomb=fc, static=fs, stribeck_velocity=vs)
+    v = np.linspace(0.0, 3.0 * vs, 100_001)
+    slope = np.diff((fc - fs) * (1.0 - np.exp(-((v / vs) ** 2)))).max() / v[1]
+    assert_close(damping_rate(model(scene)), (b + slope) / 0.1, 1e-6 * slope)
+
+
 @pytest.mark.parametrize("dt", [1e-3, 1e-2])
 def test_viscous_friction_is_stiff_beyond_its_limit(dt: float) -> None:
     """b/J dt = 1.4: RK4 is stable up to 2.8."""

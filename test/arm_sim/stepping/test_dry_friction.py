@@ -49,6 +49,19 @@ def test_breaks_away_above_it(options: dict[str, Any], sign: float) -> None:
     assert_close(run.v[:, 0], sign * 0.1 * run.time, CLOSED_FORM)
 
 
+@pytest.mark.parametrize("name", ["rk4 1 ms", "error control"])
+def test_friction_that_rises_from_a_lower_level_at_rest(name: str) -> None:
+    """It holds to the lower level; beyond it, a joint creeps where friction equals the torque.
+
+    That is at Fc - (Fc - Fs) exp(-(v/vs)²) = τ; at Fc without it, friction would hold.
+    """
+    fs, vs, tau = 0.2, 0.5, 0.4
+    sim = wheel(OPTIONS[name], coulomb=FC, static=fs, stribeck_velocity=vs)
+    assert not sim.run(0.5, [fs * (1.0 - 1e-12)]).q.any()
+    v = vs * np.sqrt(np.log((FC - fs) / (FC - tau)))
+    assert_close(sim.run(5.0, [tau]).v[-1], [v], 1e-9)
+
+
 @pytest.mark.parametrize("name", ["rk4 1 ms", "rk4 10 ms", "error control"])
 def test_coasts_down_and_stops(name: str) -> None:
     """From w0 with viscous friction b: stops at t = J/b ln(1 + b w0/Fc), having turned through

@@ -32,16 +32,16 @@ def dry(
 ) -> Quantity:
     """Dry friction of joints that slide: F = s (Fc + ΔF exp(-(v/vs)²)), s the way they slide.
 
-    Coulomb's constant torque with Stribeck's fall from the level at rest; the exponent 2 is of
-    Armstrong-Hélouvry, Dupont and Canudas de Wit, "A survey of models, analysis tools and
-    compensation methods for the control of machines with friction", Automatica 30(7), 1994,
-    equation (4). With ΔF = 0 it is Coulomb's law.
+    Coulomb's constant torque with Stribeck's fall from the level at rest, or, with ΔF < 0, a rise
+    from there that levels off; the exponent 2 is of Armstrong-Hélouvry, Dupont and Canudas de Wit,
+    "A survey of models, analysis tools and compensation methods for the control of machines with
+    friction", Automatica 30(7), 1994, equation (4). With ΔF = 0 it is Coulomb's law.
 
     Args:
         v: Joint velocities in [rad/s] or [m/s], shape (…, n).
         direction: Sign of the motion, or of the motion about to begin; 0 gives no torque.
         coulomb: Fc in [N m] or [N], shape (n,).
-        excess: ΔF = Fs - Fc in [N m] or [N], not negative.
+        excess: ΔF = Fs - Fc in [N m] or [N], more than -Fc.
         stribeck_velocity: vs in [rad/s] or [m/s], positive.
 
     Returns:

@@ -24,6 +24,9 @@ from arm_dynamics.identification.regression.selection import STEEPEST
 from arm_dynamics.model.arm import ArmModel
 from arm_dynamics.scene.schema import Scene, validated
 
+HELD = 1e-3
+"""Smallest static friction relative to Coulomb friction: a joint has to be able to rest."""
+
 
 def urdf_with(model: ArmModel, theta: Array) -> str:
     """The URDF with other inertias.
@@ -155,8 +158,15 @@ def _friction(
         "viscous": _sides(viscous, float(np.clip(c.get(VISCOUS_SKEW, 0.0), -viscous, viscous))),
         "coulomb": _sides(coulomb, offset),
     }
-    if c.get(EXCESS, 0.0) > 0.0 and fit.shape.stribeck_velocity is not None:
-        found["static"] = _sides(coulomb + c[EXCESS], offset)
+    if c.get(EXCESS, 0.0) < 0.0 and "lugre" in said:
+        notes.append(
+            f"'{name}': dry friction rises with speed, from {coulomb + c[EXCESS]:.3g} to "
+            f"{coulomb:.3g}, which a scene cannot express together with 'lugre'"
+        )
+    elif EXCESS in c and fit.shape.stribeck_velocity is not None:
+        level = max(coulomb + c[EXCESS], HELD * coulomb)
+        most = level if c[EXCESS] > 0.0 else (1.0 - HELD) * level
+        found["static"] = _sides(level, float(np.clip(offset, -most, most)))
         found["stribeck_velocity"] = fit.shape.stribeck_velocity
     if fit.shape.load is not None and coulomb > 0.0:
         most = STEEPEST / (coulomb * max(fit.shape.steepness, 1e-300))

@@ -51,8 +51,8 @@ class DryFriction:
 
     Attributes:
         coulomb: Dry friction in sliding in [N m] or [N].
-        static: Dry friction at rest in [N m] or [N], at least ``coulomb``.
-        excess: Dry friction near zero speed beyond ``coulomb``; zero without a Stribeck curve.
+        static: Dry friction at rest in [N m] or [N].
+        excess: Dry friction near zero speed less ``coulomb``; zero without a Stribeck curve.
         stribeck_velocity: Stribeck velocity in [rad/s] or [m/s]; 1 where there is none.
         position: Factor of dry friction by position, or None, for each joint.
         load: Factor of dry friction by the size of the drive's torque, or None, for each joint.
@@ -113,7 +113,7 @@ class DryFriction:
         return way * self.sliding(v, way, q, load)
 
     def extremes(self, i: int) -> tuple[Array, Array]:
-        """The lowest Coulomb and the highest static level of joint ``i`` over all its factors.
+        """The lowest and the highest level of joint ``i`` over all speeds and factors.
 
         Returns:
             Levels in [N m] or [N], each for the positive and the negative direction, shape (2,).
@@ -124,7 +124,20 @@ class DryFriction:
             side.mean[i] + side.skew[i] * np.array([1.0, -1.0])
             for side in (self.coulomb, self.static)
         )
-        return least * coulomb, most * static
+        return least * np.minimum(coulomb, static), most * np.maximum(coulomb, static)
+
+    @property
+    def steepest_rise(self) -> Array:
+        """Largest slope of dry friction over speed in [N m s/rad] or [N s/m], shape (n,).
+
+        Where friction rises by ΔF (1 - exp(-(v/vs)²)), that is √(2/e) ΔF/vs.
+        """
+        rise = np.maximum(abs(self.excess.skew) - self.excess.mean, 0.0)
+        largest = [
+            float(np.prod([curve.values.max() for curve in curves if curve]))
+            for curves in zip(self.position, self.load, strict=True)
+        ]
+        return np.asarray(np.sqrt(2.0 / np.e) * rise / self.stribeck_velocity * largest)
 
     def _factors(self, q: Quantity, load: Quantity) -> Quantity | None:
         product: Any = 1.0
@@ -322,9 +335,16 @@ def _check(joint: Given) -> None:
         )
     fc, fc_skew = _sides(own.coulomb, joint.dry)
     fs, fs_skew = _sides(own.static, fc, fc_skew)
-    if fs + fs_skew < fc + fc_skew or fs - fs_skew < fc - fc_skew:
-        level = joint.dry if own.coulomb is None else own.coulomb
-        text = f"static' = {own.static}: at least coulomb, {level}, is expected"
+    if fs + fs_skew >= fc + fc_skew and fs - fs_skew >= fc - fc_skew:
+        return
+    level = joint.dry if own.coulomb is None else own.coulomb
+    text = f"static' = {own.static}: at least coulomb, {level}, is expected"
+    if own.stribeck_velocity is None:
+        raise refusal(joint.name, f"{text} without 'stribeck_velocity'")
+    if law:
+        raise refusal(joint.name, f"{text} with '{law}'")
+    if not fs > abs(fs_skew):
+        text = f"static' = {own.static}: more than 0 is expected, so that the joint can rest"
         raise refusal(joint.name, text)
 
 
@@ -344,8 +364,7 @@ def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
     for i, (joint, curve) in enumerate(zip(joints, dry.load, strict=True)):
         if curve is None:
             continue
-        level, place = float(dry.static.mean[i] + abs(dry.static.skew[i])), dry.position[i]
-        level *= float(place.values.max()) if place else 1.0
+        level = float(dry.extremes(i)[1].max()) / float(curve.values.max())
         grid = np.linspace(curve.at[0], curve.at[-1], 1000)
         steepest = level * float(np.max(np.diff(curve(grid)) / np.diff(grid)))
         allowed = STEEPEST * joint.efficiency  # the motor supplies 1/η of the friction torque

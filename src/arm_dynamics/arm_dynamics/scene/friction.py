@@ -92,10 +92,10 @@ class Friction(Part):
     Attributes:
         viscous: Torque per speed in [N m s/rad] or [N s/m]; one number, or one for each direction.
         coulomb: Dry friction of a sliding joint in [N m] or [N], likewise.
-        static: Largest dry friction of a joint at rest in [N m] or [N], at least ``coulomb``,
-            likewise.
-        stribeck_velocity: Speed in [rad/s] or [m/s] at which friction has fallen by 63 % of the
-            way from ``static`` to ``coulomb``; without it, friction falls at once.
+        static: Largest dry friction of a joint at rest in [N m] or [N], likewise; below
+            ``coulomb`` only with ``stribeck_velocity``: friction then rises with speed.
+        stribeck_velocity: Speed in [rad/s] or [m/s] at which friction has gone 63 % of the way
+            from ``static`` to ``coulomb``; without it, friction falls at once.
         position: Factor of the dry friction over the position of the joint.
         load: Factor of the dry friction over the size of the drive's torque at the joint.
         lugre: LuGre bristles in place of stick and slip; needs ``coulomb``, and

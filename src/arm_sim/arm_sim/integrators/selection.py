@@ -167,20 +167,22 @@ def law_rate(model: ArmModel) -> tuple[float, str]:
 
 
 def damping_rate(model: ArmModel) -> float:
-    """Fastest decay that viscous friction causes at the initial position, in [1/s].
+    """Fastest decay that friction rising with speed causes at the initial position, in [1/s].
 
     Args:
         model: The robot.
 
     Returns:
-        Largest eigenvalue of M⁻¹ diag(viscous); 0 without viscous friction.
+        Largest eigenvalue of M⁻¹ diag(b), b the largest slope of each joint's friction over its
+        speed; 0 if none rises.
     """
-    viscous = model.viscous + abs(model.friction.viscous.skew)
-    if not viscous.any():
+    friction = model.friction
+    slope = model.viscous + abs(friction.viscous.skew) + friction.steepest_rise
+    if not slope.any():
         return 0.0
     M = Dynamics(model).mass_matrix(model.q0)
     try:
-        return float(np.max(np.linalg.eigvals(np.linalg.solve(M, np.diag(viscous))).real))
+        return float(np.max(np.linalg.eigvals(np.linalg.solve(M, np.diag(slope))).real))
     except np.linalg.LinAlgError:
         return 0.0  # as in ``law_rate``
 

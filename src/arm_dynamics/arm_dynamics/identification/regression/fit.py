@@ -35,7 +35,7 @@ from arm_dynamics.identification.regression.regressor import EACH
 from arm_dynamics.identification.regression.rows import Rows
 from arm_dynamics.identification.regression.selection import STEEP, STEEPEST
 
-SIGNED = (COULOMB_SKEW, VISCOUS_SKEW)
+SIGNED = (COULOMB_SKEW, VISCOUS_SKEW, EXCESS)
 STEPS = 25
 SETTLED = 1e-10
 """Relative change of a shape at which it has converged."""
@@ -98,11 +98,12 @@ def fitted(
     fits, load = list(friction), np.zeros_like(target)
     fits = [_kept(rows, use, j, fit) for j, fit in enumerate(fits)]
     weights = 1.0 / deviations(target, np.zeros_like(target), use)
-    for _ in range(3):  # negative coefficients are removed
+    fastest = abs(rows.v).max(axis=0)
+    for _ in range(4):  # impossible terms are removed
         fits, load, weights, x, columns = _settled(
             rows, use, common, belief_for, fits, target, load, weights
         )
-        lean = [_without_negative(fit) for fit in fits]
+        lean = [_without_impossible(fit, fastest[j]) for j, fit in enumerate(fits)]
         if all(_same(a, b) for a, b in zip(lean, fits, strict=True)):
             break
         fits = lean
@@ -238,10 +239,23 @@ def _same(one: JointFit, other: JointFit) -> bool:
     return one.kinds == other.kinds and _shapes(one) == _shapes(other)
 
 
-def _without_negative(fit: JointFit) -> JointFit:
-    """The law without terms of impossible coefficients, such as negative friction."""
+def _without_impossible(fit: JointFit, fastest: float) -> JointFit:
+    """The law without terms of impossible coefficients, such as negative friction.
+
+    Args:
+        fit: The law.
+        fastest: Largest speed of the joint, at which friction must have changed from its level at
+            rest; else the change is viscous friction.
+    """
     c = fit.coefficients
-    kinds = [k for k in fit.kinds if k in (COULOMB_SKEW, VISCOUS_SKEW) or c[k] > 0.0]
+    kinds = [k for k in fit.kinds if k in SIGNED or c[k] > 0.0]
+    level = c.get(COULOMB, 0.0)
+    if EXCESS in kinds and (
+        level <= 0.0
+        or c[EXCESS] < -STEEP * level
+        or (fit.shape.stribeck_velocity or 0.0) > fastest
+    ):  # the other terms may be possible without it
+        kinds = [k for k in fit.kinds if k != EXCESS]
     for skew, mean in ((COULOMB_SKEW, COULOMB), (VISCOUS_SKEW, VISCOUS)):
         if skew in kinds and mean not in kinds and skew != COULOMB_SKEW:
             kinds.remove(skew)

@@ -23,14 +23,15 @@ from arm_dynamics.identification.regression.friction_columns import (
 )
 from arm_dynamics.identification.regression.rows import FOLDS, Rows
 
-FALLS = np.geomspace(0.01, 0.6, 6)
+FALLS = np.geomspace(0.01, 1.0, 7)
 """Stribeck velocities that are tried, relative to a joint's root mean square velocity."""
 WORTH = 0.02
 """Relative reduction of the prediction error by which a law is accepted."""
 RESOLVED = 1e-6
 """Resolution of prediction errors relative to the torque."""
 STEEP = 0.98
-"""Largest fraction of the dry friction that may grow with the load: a factor is positive."""
+"""Largest fraction of the dry friction that may grow with the load, or with the speed: friction is
+positive."""
 STEEPEST = 0.3
 """Largest growth of friction with the load; the scene's curve is up to half as steep again."""
 ROUNDS = 2
@@ -201,19 +202,24 @@ class Choice:
     def _scores(self, j: int, weights: Array, precision: Array) -> tuple[Array, bool]:
         """Weighted errors of each fold predicted from the others, and whether laws are possible.
 
-        Friction must not fall towards rest, nor fall under load.
+        Friction must not fall under load, nor below zero towards rest.
         """
         places, found, possible = self._all(), [], True
         for sums in self._sums:
             x = self._solve(self._total - sums, weights, precision, places)
             errors = [w * _error(s, x) for w, s in zip(weights, sums, strict=True)]
             found.append(sum(errors))
-            possible &= all(
-                0.0 <= x[place] <= _most(self.offered[j][place - self._starts[j]])
-                for place in self.chosen[j]
-                if self.offered[j][place - self._starts[j]].kind in (EXCESS, LOADED)
-            )
+            possible &= self._possible(j, x)
         return np.array(found), possible
+
+    def _possible(self, j: int, x: Array) -> bool:
+        own = {(c := self.offered[j][p - self._starts[j]]).kind: (x[p], c) for p in self.chosen[j]}
+        grows, heaviest = 0.0, 1.0
+        if LOADED in own:
+            grows, heaviest = own[LOADED][0], own[LOADED][1].shape.heaviest
+        level = own[COULOMB][0] + grows
+        excess = own[EXCESS][0] if EXCESS in own else 0.0
+        return bool(0.0 <= grows <= STEEPEST * heaviest and excess >= -STEEP * max(level, 0.0))
 
     def _extend(self, j: int, weights: Array, precision: Array) -> None:
         """Add laws to a joint one by one as long as they reduce the prediction error."""
@@ -236,10 +242,6 @@ class Choice:
                 return
             best = found[2]
             self.chosen[j].add(found[1])
-
-
-def _most(candidate: Candidate) -> float:
-    return STEEPEST * candidate.shape.heaviest if candidate.kind == LOADED else np.inf
 
 
 def _error(sums: Array, x: Array) -> float:
