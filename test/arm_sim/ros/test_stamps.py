@@ -79,7 +79,7 @@ def test_stamps_are_never_of_the_future_nor_go_backwards(
 def test_a_stall_that_is_made_up_for_leaves_stamps_even(machine: Machine, stall: int) -> None:
     """As long as the loop catches up, it is late by what it has not made up for yet."""
     late = np.zeros(5000, int)
-    behind = np.arange(stall, 0, -int(0.65 * MS))  # ticks follow after 0.35 of a period
+    behind = np.arange(stall, 0, -int(0.8 * MS))  # ticks follow after 0.2 of a period
     late[1300 : 1300 + behind.size] = behind
     np.testing.assert_array_equal(machine.ticks(late), MS * np.arange(1, 5001))
 

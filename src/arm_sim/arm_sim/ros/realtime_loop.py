@@ -99,7 +99,7 @@ class RealtimeLoop:
         period: float,
         *,
         overrun: str = CATCH_UP,
-        closest: float = 0.35,
+        closest: float = 0.2,
         give_up: float = 1.0,
         prepare: Callable[[], None] = lambda: None,
         ahead: Callable[[Due], bool] = lambda due: False,
