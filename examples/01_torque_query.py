@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which torques does a motion need, and what are they spent on?"""
+"""The torques of a motion, term by term: inertia, Coriolis, gravity, friction."""
 
 import numpy as np
 
@@ -25,20 +25,20 @@ print("torques in N m" + " " * 6 + "".join(f"{name:>12}" for name in [*terms, "A
 for i, joint in enumerate(dynamics.joint_names):
     print(f"{joint:<20}" + "".join(f"{tau[i]:12.4f}" for tau in [*terms.values(), total]))
 
-# Forward dynamics is the way back: these torques produce that acceleration.
+# Forward dynamics is the inverse: these torques produce that acceleration.
 np.testing.assert_allclose(dynamics.forward(q, v, total), a, atol=1e-9)
 
-# A batch in, a batch out: what holds the arm at a thousand postures at once.
+# Batches: the torques that hold the arm in a thousand postures, in one call.
 lower, upper = dynamics.model.position_lower, dynamics.model.position_upper
 postures = np.random.default_rng(0).uniform(lower, upper, (1000, dynamics.n))
 worst = np.abs(dynamics.gravity(postures)).max(axis=0)
-print("\nheaviest of 1000 postures [N m]:", np.round(worst, 2))
+print("\nlargest holding torques in 1000 postures [N m]:", np.round(worst, 2))
 
 with figure("torques", size=(8, 4)) as axis:
     places, joints = np.arange(dynamics.n), [f"joint {i + 1}" for i in range(dynamics.n)]
     for k, (name, tau) in enumerate(terms.items()):
         axis.bar(places + 0.15 * (k - 2), tau, 0.14, label=name.lower())
     axis.plot(places, total, "k_", markersize=26, label="all")
-    axis.set(ylabel="torque [N m]", title="What the torques of a Panda are spent on")
+    axis.set(ylabel="torque [N m]", title="Torques of a Panda by term")
     axis.set_xticks(places, joints)
     axis.legend(ncols=3)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A double pendulum swings freely: which integrator keeps its energy?"""
+"""A double pendulum swings freely: which integrators conserve its energy?"""
 
 from importlib.resources import files
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm whose drives carry its weight: it stays where it is, and floats where it is pushed."""
+"""Gravity compensation: the arm stays where it is, and moves freely when it is pushed."""
 
 from importlib.resources import files
 
@@ -13,7 +13,7 @@ push = np.array([0.0, 4.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # [N m], for a tenth of a 
 
 
 def floating(state: State) -> np.ndarray:
-    """Carry the weight, and push a little at the beginning."""
+    """Compensate gravity, with a short push at the beginning."""
     weight = sim.dynamics.gravity(state.q)
     return weight + push if state.time < 0.1 else weight
 
@@ -29,10 +29,10 @@ print(f"with gravity compensation it stays: {moved:.1e} rad in 1 s")
 
 sim.reset()
 pushed = sim.run(2.0, control=floating)
-print("pushed, it floats on; joint speeds after 0.1, 1 and 2 s in rad/s:")
+print("after a push it moves on; joint speeds after 0.1, 1 and 2 s in rad/s:")
 for tick in (100, 1000, 2000):
     print("  ", np.round(pushed.v[tick], 4))
-print(f"energy that came from nowhere: {np.abs(pushed.balance).max():.1e} J")
+print(f"energy balance: {np.abs(pushed.balance).max():.1e} J")
 
 with figure("gravity_compensation", columns=2) as (left, right):
     for name, run in {"no torque": released, "weight carried": still}.items():
@@ -40,7 +40,7 @@ with figure("gravity_compensation", columns=2) as (left, right):
     left.set(xlabel="time [s]", ylabel="farthest joint [rad]", title="Released", xlim=(0.0, 0.5))
     left.legend()
     right.plot(pushed.time, pushed.v, label=[f"joint {i + 1}" for i in range(sim.n)])
-    right.set(xlabel="time [s]", ylabel="speed [rad/s]", title="Pushed, it floats on")
+    right.set(xlabel="time [s]", ylabel="speed [rad/s]", title="After a push")
     right.legend(ncols=2)
 
 assert moved < 1e-9

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A thousand arms at once, each with torques of its own: as for learning or for sampling plans."""
+"""A thousand arms at once, each with its own torques, for learning or sampling-based planning."""
 
 import time
 from importlib.resources import files
@@ -24,7 +24,7 @@ took = time.perf_counter() - start
 per_tick = 1e6 * took / ARMS / TICKS
 print(f"{ARMS} arms, {TICKS} ticks of RK4: {1e3 * took:.1f} ms, {per_tick:.2f} µs a tick")
 
-# Every arm does what it would do alone.
+# Every arm moves as it would alone.
 sim.reset(q0[7], v0[7])
 alone = sim.run(TICKS * sim.dt, control=tau[7])
 np.testing.assert_allclose(paths[7, :, : sim.n], alone.q, atol=1e-12)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Exact derivatives of a tick, and a controller made of them that balances the arm upright."""
+"""Exact derivatives of a tick, and a regulator based on them that balances the arm upright."""
 
 from importlib.resources import files
 
@@ -14,10 +14,10 @@ rest = sim.reset(q=upright, v=np.zeros(sim.n))
 hold = sim.dynamics.gravity(upright)  # [N m]; none is needed here
 
 A, B = sim.linearize(rest, hold)  # x⁺ = A x + B τ near this state, x = (q, v)
-print("left alone, errors grow by these factors in a second:")
+print("without control, errors grow by these factors in a second:")
 print("  ", np.round(np.abs(np.linalg.eigvals(A)) ** round(1 / sim.dt), 3))
 
-# Linear-quadratic regulator: the Riccati recursion until it stands still.
+# Linear-quadratic regulator: iterate the Riccati equation until it converges.
 Q, R = np.diag([10.0, 10.0, 1.0, 1.0]), np.eye(sim.n)
 P = Q
 for _ in range(20_000):
@@ -30,20 +30,20 @@ print("with feedback they shrink by:\n  ", np.round(closed ** round(1 / sim.dt),
 
 
 def balance(state: State) -> np.ndarray:
-    """Feed the state back."""
+    """State feedback."""
     return hold - K @ np.concatenate([state.q - upright, state.v])
 
 
 sim.reset(q=upright + [0.2, -0.1], v=[0.0, 0.0])
 motion = sim.run(5.0, control=balance)
-print(f"from 0.2 rad beside it, after 5 s: {np.abs(motion.q[-1] - upright).max():.1e} rad")
+print(f"started 0.2 rad from upright, after 5 s: {np.abs(motion.q[-1] - upright).max():.1e} rad")
 
 with figure("balance", columns=2) as (left, right):
     names = ["lower link", "upper link"]
     left.plot(motion.time, motion.q - upright, label=names)
     left.set(xlabel="time [s]", ylabel="angle from upright [rad]", title="Balanced")
     right.plot(motion.time, motion.tau, label=names)
-    right.set(xlabel="time [s]", ylabel="torque [N m]", title="What it takes")
+    right.set(xlabel="time [s]", ylabel="torque [N m]", title="Torques")
     for axis in (left, right):
         axis.legend()
 

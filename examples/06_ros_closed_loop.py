@@ -5,7 +5,7 @@ import os
 import time
 from importlib.resources import files
 
-# Set before ROS starts: a graph that the rest of the network does not see.
+# Set before ROS starts: the nodes are not visible to the rest of the network.
 os.environ["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
 
 import numpy as np
@@ -43,7 +43,7 @@ while time.monotonic() < start + 3.0:
         publisher.publish(JointTrajectory(joint_names=sim.simulator.joint_names, points=[point]))
         sent = True
 
-sim.destroy_node()  # says how well it kept the clock
+sim.destroy_node()  # logs rate and lateness
 controller.destroy_node()
 executor.shutdown()
 context.try_shutdown()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What friction laws do: Stribeck curve, stick and slip, pre-sliding hysteresis, break-away."""
+"""Friction models: Stribeck curve, stick-slip, pre-sliding hysteresis, break-away."""
 
 import numpy as np
 
@@ -21,7 +21,7 @@ def wheel(inertia: float, friction: dict) -> Simulator:
     return Simulator({"robot": {"urdf": WHEEL.format(J=inertia)}, "joints": {"axle": joint}})
 
 
-# --- the law in a steady motion ---------------------------------------------------------------
+# --- steady motion ----------------------------------------------------------------------------
 with figure("friction", columns=2, size=(11, 4)) as (curve, pulled):
     speeds = np.linspace(-1.5, 1.5, 1201)
     SIDES = {
@@ -33,12 +33,12 @@ with figure("friction", columns=2, size=(11, 4)) as (curve, pulled):
     curve.set(xlabel="speed [rad/s]", ylabel="friction [N m]", title="Steady motion")
     curve.legend()
 
-    # --- a load pulled by a spring at constant speed: stick and slip ---
+    # --- a load pulled by a spring at constant speed: stick-slip ---
     STIFFNESS, SPEED, DT = 20.0, 0.1, 1e-3
     slip = {name: wheel(1.0, law) for name, law in (("stick and slip", DRY), ("LuGre", LUGRE))}
     motions = {}
     for name, sim in slip.items():
-        # The spring's force as it will be in the middle of the tick.
+        # The spring force in the middle of the tick.
         motions[name] = sim.run(
             8.0,
             lambda s: STIFFNESS * (SPEED * (s.time + 0.5 * DT) - s.q - 0.5 * DT * s.v),
@@ -48,9 +48,9 @@ with figure("friction", columns=2, size=(11, 4)) as (curve, pulled):
     pulled.set(xlabel="time [s]", ylabel="angle [rad]", title="Pulled by a slow spring")
     pulled.legend()
 still = float(np.mean(motions["stick and slip"].v == 0.0))
-print(f"stick and slip: exactly at rest {100 * still:.0f} % of the time")
+print(f"stick-slip: exactly at rest {100 * still:.0f} % of the time")
 
-# --- bristles: what happens before it slips ---------------------------------------------------
+# --- bristles: pre-sliding displacement -------------------------------------------------------
 with figure("bristles", columns=2, size=(11, 4)) as (loop, breaking):
     soft = {"coulomb": 1.0, "lugre": {"sigma0": 1e3, "sigma1": 1.0}}
     ramp = np.linspace(0.0, 1.0, 2001)[1:]
@@ -67,7 +67,7 @@ with figure("bristles", columns=2, size=(11, 4)) as (loop, breaking):
     loop.legend()
     print(f"hysteresis: {1e3 * reached:.3f} mrad at 0.7 N m, closed form {1e3 * expected:.3f}")
 
-    # --- the faster the torque grows, the sooner it slips ---
+    # --- the faster the torque grows, the lower the break-away torque ---
     rates, forces = np.geomspace(1.0, 50.0, 12), []
     for rate in rates:
         sim = wheel(1.0, LUGRE)

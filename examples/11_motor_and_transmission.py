@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What motors and transmissions do: step response, belt, play, harmonic drive."""
+"""Motors and transmissions: step response, torque-speed curve, belt, backlash, harmonic drive."""
 
 import numpy as np
 
@@ -19,7 +19,7 @@ def wheel(inertia: float, actuator: dict, transmission: dict | None = None) -> S
     return Simulator({"robot": {"urdf": WHEEL.format(J=inertia)}, "joints": {"axle": joint}})
 
 
-# --- motor: 12 V at once, against the closed form --------------------------------------------
+# --- motor: a step of 12 V, compared with the closed form ------------------------------------
 winding = {"resistance": R, "inductance": L, "torque_constant": K}
 step = wheel(J, {"command": "voltage"} | winding).run(0.1, [12.0])
 poles = np.roots([1.0, R / L, K**2 / (L * J)])
@@ -34,7 +34,7 @@ with figure("motor", columns=2, size=(11, 4)) as (left, right):
     left.set(xlabel="time [ms]", title="12 V on a motor at rest")
     left.legend()
 
-    # --- motor: the torque-speed curve, by asking for too much at every speed --------------------
+    # --- motor: the torque-speed curve, by commanding too much torque at every speed -------------
     limits = {"current_limit": 8.0, "voltage_limit": 12.0}
     geared = winding | limits | {"gear_ratio": 20.0, "rotor_inertia": J}
     motor = wheel(0.1, geared)
@@ -51,7 +51,7 @@ no_load = np.interp(12.0, speeds, torques)
 corner = (12.0 - 8.0 * R) / (K * 20.0)
 print(f"torque-speed curve: {torques[0]:.3g} N m up to {corner:.3g} rad/s, none at 12 rad/s")
 
-# --- belt: rigid, flexible, with play ---------------------------------------------------------
+# --- belt: rigid, flexible, with backlash -----------------------------------------------------
 rotor = {"rotor_inertia": 2e-5, "gear_ratio": 50.0}
 belts = {
     "rigid": None,
@@ -86,7 +86,7 @@ with figure("transmission", columns=3, size=(15, 4)) as axes:
     area = np.trapezoid(loop.tau[4000:6001, 0], twist[4000:6001])
     print(f"harmonic drive: {area * 1e3:.3g} mJ lost in a cycle of 30 N m")
 
-    # --- harmonic drive: its error in position excites the arm -----------------------------------
+    # --- harmonic drive: its kinematic error excites the arm -------------------------------------
     wave = {"kinematic_error": {"amplitude": 2e-4, "order": 2}, "stiffness": 4e3, "damping": 1.0}
     resonance = np.sqrt(4e3 * (1.0 / 1.0 + 1.0 / 0.3))  # rotor and link against each other
     sim = wheel(0.3, {"rotor_inertia": 1e-4, "gear_ratio": 100.0}, wave)
@@ -101,7 +101,9 @@ with figure("transmission", columns=3, size=(15, 4)) as axes:
     )
     axes[2].legend()
 loudest = speeds[int(np.argmax(shaking))]
-print(f"kinematic error: loudest at {loudest:.2f} rad/s, resonance at {resonance / 200:.2f}")
+print(
+    f"kinematic error: largest ripple at {loudest:.2f} rad/s, resonance at {resonance / 200:.2f}"
+)
 
 assert error < 1e-9
 assert abs(torques[0] - 8.0) < 1e-9 and abs(no_load) < 1e-2

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A four-bar linkage turns freely: its loop stays closed, and what the hinge bears is known."""
+"""A four-bar linkage turns freely: closure of its loop, and the force in its hinge."""
 
 from importlib.resources import files
 
@@ -20,9 +20,9 @@ force = np.linalg.norm(motion.multipliers, axis=1)  # of the coupler upon the ro
 
 print(f"turns of the crank   {(crank[-1] - crank[0]) / (2 * np.pi):.1f}")
 print(f"rocker swings        {np.degrees(np.ptp(rocker)):.1f} degrees")
-print(f"loop is open by      {gap.max():.1e} m at most")
-print(f"energy comes and goes by {np.ptp(motion.energy):.1e} J")
-print(f"hinge bears          {force.min():.2f} to {force.max():.2f} N")
+print(f"gap of the loop      {gap.max():.1e} m at most")
+print(f"energy varies by    {np.ptp(motion.energy):.1e} J")
+print(f"force in the hinge   {force.min():.2f} to {force.max():.2f} N")
 
 with figure("four_bar", columns=2, size=(9, 4)) as (left, right):
     middle = knee + 0.15 * np.exp(1j * coupler)

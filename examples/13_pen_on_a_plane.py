@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Panda writes: its pen stays on the sheet and is pressed on with 5 N, then it is lifted.
+"""A Panda draws a circle, pressing the pen on the sheet with 5 N, then lifts it.
 
-The pen on the sheet is a constraint, the pressure its multiplier.
+The pen on the sheet is a constraint, and the pressing force its multiplier.
 """
 
 from importlib.resources import files
@@ -38,7 +38,7 @@ start = tip(sim.state.q)
 
 
 def write(state: State) -> np.ndarray:
-    """Draw a circle: weight, a spring and a damper to the moving point, pressure."""
+    """Draw a circle: gravity compensation, a spring and damper to the moving point, pressure."""
     turn = 2.0 * np.pi / 4.0  # [rad/s]
     s, c = np.sin(turn * state.time), np.cos(turn * state.time)
     goal = start + RADIUS * np.array([c - 1.0, s, 0.0])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm goes down to a table, pushes on it, slides along it and lifts off.
+"""An arm moves down to a table, pushes on it, slides along it and lifts off.
 
-Its torques are those that carry its weight, some damping, and Jᵀf for the force with which it is
-to push. The table's answer follows from contact mechanics: no springs, no penetration.
+Its torques are gravity compensation, some damping, and Jᵀf for the desired force f. The reaction
+of the table follows from rigid contact: no springs, no penetration.
 """
 
 from importlib.resources import files
@@ -12,10 +12,10 @@ import numpy as np
 from arm_sim import Simulator, State, contact_history
 from arm_sim.figures import figure
 
-PHASES = (  # until when [s], and the force of the hand upon the world [N]
+PHASES = (  # until when [s], and the force of the hand on the world [N]
     (0.7, (0.0, 0.0, -5.0)),  # down
     (1.4, (0.0, 0.0, -20.0)),  # push
-    (2.1, (12.0, 0.0, -20.0)),  # push sideways, by more than friction holds
+    (2.1, (12.0, 0.0, -20.0)),  # push sideways, by more than friction can hold
     (2.5, (0.0, 0.0, 10.0)),  # up
 )
 sim = Simulator(files("arm_sim") / "scenes/panda_table.yaml", dt=1e-3)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A DC motor turns a slider-crank whose slider rubs on its rail: where energy goes, and stalling.
+"""A DC motor drives a slider-crank with friction: its energy account, and stalling.
 
-A closed chain, a motor with a current of its own and dry friction that sticks, in one scene.
+One scene combines a closed chain, a motor with inductance and dry friction that sticks.
 """
 
 from importlib.resources import files
@@ -21,7 +21,7 @@ def voltage(volts: float) -> np.ndarray:
 
 
 run = sim.run(3.0, voltage(12.0))
-late = run.time > 1.0  # at its pace
+late = run.time > 1.0  # in steady motion
 speed, current = run.v[late, pivot], run.z[late, 0]
 ticks = run.time[1:] - run.time[:-1]
 winding = 0.8 * float(np.sum(0.5 * (run.z[1:, 0] ** 2 + run.z[:-1, 0] ** 2) * ticks))  # R i²
@@ -34,17 +34,17 @@ print(f"of {run.supplied[-1]:.2f} J the winding heats with {winding:.2f} J, the 
 print(
     f"{rubbing:.2f} J, the crank's bearing with {bearing:.2f} J; all heat is {run.lost[-1]:.2f} J"
 )
-print(f"energy from nowhere: {np.abs(run.balance).max():.0e} J")
+print(f"energy balance: {np.abs(run.balance).max():.0e} J")
 
 
 def held(volts: float) -> bool:
-    """Whether it stays where it starts, to the bit."""
+    """Whether it stays exactly where it starts."""
     sim.reset()
     return not np.ptp(sim.run(0.1, voltage(volts)).q, axis=0).any()
 
 
 holding = [volts for volts in np.arange(-3.0, 3.0, 0.1) if held(volts)]
-print(f"from its start it stands between {min(holding):.1f} and {max(holding):.1f} V, to the bit")
+print(f"it stays at rest between {min(holding):.1f} and {max(holding):.1f} V, to the bit")
 
 with figure("slider_crank", columns=2) as (left, right):
     left.plot(run.time, run.v[:, pivot])

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """A Panda with LuGre friction in its joints pushes on a table, and then along it until it slides.
 
-Where the table lets the hand go, the bristles of the joints still hold it: it gives by a fraction
-of a millimetre, like a spring, and slides when they have bent over. A controller that takes
-torques for forces does not know of that.
+When the hand slips on the table, the bristles of the joints still hold it: it deflects by a
+fraction of a millimetre, like a spring, and slides when the bristles yield. A controller that
+equates torques and forces does not account for this.
 """
 
 from importlib.resources import files
@@ -22,12 +22,12 @@ smooth["joints"] = {"*": {"friction": {"viscous": 0.5}}}
 
 
 def sideways(time: float) -> float:
-    """The push along the table in [N]: it grows from when the hand has landed."""
+    """The force along the table in [N], which grows once the hand has landed."""
     return RATE * max(0.0, time - LANDED)
 
 
 def measured(sim: Simulator, axis, name: str) -> list[float]:
-    """Pushes sideways in [N] at which the table lets go, and the hand is off by 0.1 and 1 mm."""
+    """Sideways forces in [N] at which the hand slips, and has moved by 0.1 and 1 mm."""
     dyn, hand = sim.dynamics, TaskSpace(sim.dynamics, "panda_hand", selection="position")
 
     def push(state: State) -> np.ndarray:
@@ -43,7 +43,7 @@ def measured(sim: Simulator, axis, name: str) -> list[float]:
     signs = along > 0.9999 * MU * felt[landed:, 2], moved > 1e-4, moved > 1e-3
     pushes = [sideways(run.time[landed + int(np.argmax(sign))]) for sign in signs]
     axis.plot(1e3 * moved, [sideways(t) for t in run.time[landed:]], label=name)
-    print(f"  presses with {felt[landed, 2]:.2f} N; let go at {pushes[0]:.2f} N,", end=" ")
+    print(f"  presses with {felt[landed, 2]:.2f} N; slips at {pushes[0]:.2f} N,", end=" ")
     print(f"0.1 mm off at {pushes[1]:.2f} N, 1 mm off at {pushes[2]:.2f} N")
     return pushes
 
@@ -54,8 +54,10 @@ with figure("bristles_on_a_table", size=(7, 4)) as axis:
     plain = measured(Simulator(smooth, dt=2e-3), axis, "joints without dry friction")
     print("joints with bristles:")
     bristles = measured(Simulator(scene, dt=2e-3, tolerance=1e-5), axis, "joints with bristles")
-    axis.axhline(MU * PRESS, color="0.5", linestyle=":", label="what the table holds")
-    axis.set(xlabel="way of the hand [mm]", ylabel="push along the table [N]", xlim=(-0.1, 4.0))
+    axis.axhline(MU * PRESS, color="0.5", linestyle=":", label="friction limit of the table")
+    axis.set(
+        xlabel="displacement of the hand [mm]", ylabel="push along the table [N]", xlim=(-0.1, 4.0)
+    )
     axis.legend()
 
 assert abs(plain[0] - MU * PRESS) < 0.1 and bristles[2] > plain[2] + 0.5

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""An arm with flexible joints swings against a wall: its links rebound, its rotors go on.
+"""An arm with flexible joints swings against a wall: its links rebound, its rotors continue.
 
-In the instant of an impact only the links stop; the springs of the drives then carry the momentum
-of the rotors to the wall, which is hit again. Rigid drives hit it with all their inertia at once.
+At the instant of an impact only the links stop; the springs of the drives then transmit the
+momentum of the rotors, and the arm hits the wall again. Rigid drives hit it with all their inertia
+at once.
 """
 
 from importlib.resources import files

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A gripper closes on a box until its motors are at their current limit, lifts and drops it.
+"""A gripper closes on a box until its motors reach their current limit, lifts it and drops it.
 
-Fingertips are balls, the faces of the box are planes of a link that moves. How much the fingers
-may lift follows from the current: two contacts with friction carry 2 µ (N K_t I - F_c).
+The fingertips are balls, the faces of the box planes on a moving link. The current determines the
+weight that the fingers can lift: two contacts with friction carry 2 µ (N K_t I - F_c).
 """
 
 from importlib.resources import files
@@ -46,7 +46,7 @@ def grasp(current: float) -> tuple[float, float]:
 
 
 print(f"the limit of {LIMIT} A allows {MU * 2 * (FORCE_PER_CURRENT * LIMIT - RUB) / 9.81:.2f} kg")
-squeezed, up = grasp(2.0 * LIMIT)  # cut to the limit
+squeezed, up = grasp(2.0 * LIMIT)  # clipped at the limit
 _, slipped = grasp(0.15)  # too little for 0.3 kg
 
 with figure("grasp_and_lift", size=(7, 4)) as axis:

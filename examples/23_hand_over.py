@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Switching controllers while the arm moves: abruptly, and without a jump of the torque."""
+"""Switching controllers during a motion: abruptly, and without a jump of the torque."""
 
 from importlib.resources import files
 

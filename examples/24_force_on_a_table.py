@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Drawing a line on a table: motion along it and a force onto it, each held by itself.
+"""Drawing a line on a table: motion along the table and a force on it, controlled separately.
 
-The table is a contact of the scene. Friction that the controller does not know drags the pen
-behind; known, it is fed forward as a force that the arm exerts upon the table.
+The table is a contact of the scene. Friction missing from the controller's model makes the pen lag
+behind; if it is known, it is fed forward as a force that the arm exerts on the table.
 """
 
 from dataclasses import replace

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller of one's own: springs that give way, in a run, in a closed loop, and in the node.
+"""A user-defined controller with springs of limited force: in a run, a closed loop, and the node.
 
-The spring of a joint never pulls harder than it may, however far the goal is: PD with gravity and
+The force of a joint's spring is limited, however far the goal is: PD with gravity compensation and
 a bounded proportional term (Kelly, Santibanez and Loria, "Control of Robot Manipulators in Joint
 Space", 2005, chapter 11). In the controller node, with this file's folder on PYTHONPATH:
 
@@ -16,14 +16,14 @@ from arm_dynamics.trajectory import Waypoint, hold
 from arm_sim import ClosedLoop, Simulator
 from arm_sim.figures import figure
 
-SHARE = 0.1  # of the effort limit that the spring may take
+SHARE = 0.1  # largest spring torque, as a fraction of the effort limit
 
 
 class Gentle:
     """τ = G(q) + F tanh(K e / F) + D ė, with F the largest torque of the spring."""
 
     def __init__(self, dynamics: Dynamics, bandwidth: float = 10.0) -> None:
-        """It is given what it asks for by name, such as the model, ``dt`` or ``bandwidth``."""
+        """Arguments are passed by name, such as the model, ``dt`` or ``bandwidth``."""
         self._dynamics = dynamics
         self._stiffness, self._damping = tuned(dynamics, bandwidth)
         self._most = SHARE * dynamics.model.effort_limit
@@ -39,20 +39,24 @@ class Gentle:
 sim = Simulator("panda")
 goal = sim.state.q + [1.0, 0.6, -0.8, 0.7, 0.5, 0.6, -1.0]
 control = Gentle(sim.dynamics)
-motion = sim.run(6.0, control, reference=hold(goal))  # the goal jumps, the torque does not
+motion = sim.run(6.0, control, reference=hold(goal))  # the goal steps, the torque stays bounded
 print(f"in a run: {abs(motion.q[-1] - goal).max():.1e} rad from the goal")
-print(f"largest share of an effort limit: {(abs(motion.tau) / sim.model.effort_limit).max():.2f}")
+print(
+    f"largest fraction of an effort limit: {(abs(motion.tau) / sim.model.effort_limit).max():.2f}"
+)
 assert abs(motion.q[-1] - goal).max() < 1e-3
 
 pair = ClosedLoop("panda", Gentle, Settings(bandwidth=30.0))
 pair.follow([Waypoint(2.0, goal)])
 led = pair.run(3.0)
-print(f"led along a trajectory: {abs(led.q[-1] - goal).max():.1e} rad from the goal")
+print(f"along a trajectory: {abs(led.q[-1] - goal).max():.1e} rad from the goal")
 assert abs(led.q[-1] - goal).max() < 1e-3
 
 with figure("own_controller", columns=2) as (left, right):
     left.plot(motion.time, motion.q - goal)
-    left.set(xlabel="time [s]", ylabel="distance from the goal [rad]", title="The goal jumps")
+    left.set(xlabel="time [s]", ylabel="distance from the goal [rad]", title="Step of the goal")
     right.plot(motion.time, motion.tau / sim.model.effort_limit)
-    right.set(xlabel="time [s]", ylabel="share of the effort limit", title="The torque is bounded")
+    right.set(
+        xlabel="time [s]", ylabel="fraction of the effort limit", title="The torque is bounded"
+    )
     right.legend([f"joint {i + 1}" for i in range(sim.n)], ncols=2)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Panda whose friction and load nobody told: excited, recorded, identified, controlled again."""
+"""A Panda with unknown friction and payload: excite, record, identify, and control it."""
 
 import sys
 import time
@@ -22,7 +22,7 @@ def say(text):
     print(f"{time.monotonic() - begin:5.1f} s  {text}", file=sys.stderr, flush=True)
 
 
-# What the arm really is, and what is believed of it: the URDF.
+# The true arm, and its nominal model, the URDF.
 rough = {"viscous": 2.0, "coulomb": 2.5, "static": 3.2, "stribeck_velocity": 0.1}
 fine = {"viscous": 0.4, "coulomb": 0.6, "static": 0.8, "stribeck_velocity": 0.1}
 names = [f"panda_joint{k}" for k in range(1, 8)]
@@ -39,7 +39,7 @@ arm = nominal.model_dump(exclude_unset=True) | {
 }
 sim = Simulator(arm)
 
-# A motion worth measuring, found on what is believed; one attempt, for the sake of time.
+# An exciting motion, computed with the nominal model; one attempt, to save time.
 say("looking for an exciting motion")
 room = Room(Dynamics(nominal), share=0.6, acceleration=8.0)
 best = excite(room, period=8.0, attempts=1, iterations=30)
@@ -47,7 +47,7 @@ print(f"exciting motion: {best.parameters} parameters, condition {best.condition
 
 
 def controller(scene):
-    """Computed torque with the bodies of a scene; its friction is fed forward from the motion."""
+    """Computed torque with the bodies of a scene, and feed-forward of its friction."""
     bare = scene.model_dump(exclude_unset=True)
     bare["joints"] = {name: {"friction": {"viscous": 0.0, "coulomb": 0.0}} for name in names}
     rigid = ComputedTorque(Dynamics(bare))
@@ -55,7 +55,7 @@ def controller(scene):
 
 
 def tracked(scene, motion):
-    """The arm led along a motion with the numbers of a scene, and its distance from there."""
+    """Follow a motion with the parameters of a scene; the recording and the tracking error."""
     sim.reset(motion.sample(0.0).q)
     run = sim.run(motion.duration, controller(scene), motion)
     wanted = np.array([motion.sample(t).q for t in run.time])
@@ -65,13 +65,13 @@ def tracked(scene, motion):
 say("recording it")
 run, _ = tracked(nominal, best.motion)
 say("identifying")
-found = identify(nominal, run, band=8.0, told=say)  # [Hz], of the low-pass; more takes longer
+found = identify(nominal, run, band=8.0, told=say)  # [Hz], cut-off frequency; higher takes longer
 
 before, after = found.nominal_error, found.torque_error
 for name in names:
-    print(f"{name}: torque error held out {before[name]:6.1%}, identified {after[name]:6.1%}")
+    print(f"{name}: held-out error: nominal {before[name]:6.1%}, identified {after[name]:6.1%}")
 
-# Another motion, which has not been seen: errors before and after.
+# Validation on another motion: errors before and after.
 say("another motion with both sets of numbers")
 goals = sim.model.q0 + np.array([[0.0] * 7, [0.8, 0.5, -0.4, 0.6, 0.5, 0.4, -0.6],
                                  [-0.7, 0.2, 0.6, -0.4, -0.8, 0.8, 0.9], [0.0] * 7])  # fmt: skip
@@ -83,14 +83,14 @@ for label, scene in scenes.items():
     beside, off = compare(scene, unseen), runs[label][1]
     error[label] = float(np.sqrt(np.mean(off**2)))
     print(
-        f"numbers of {label}: torque error {beside.whole:.1%}, tracking error "
+        f"parameters of {label}: torque error {beside.whole:.1%}, tracking error "
         f"{1e3 * error[label]:.2f} mrad rms, {1e3 * abs(off).max():.1f} mrad at most"
     )
 
 with figure("identify_a_panda", rows=2, size=(8.0, 5.6), sharex=True) as axes:
     for axis, (label, (run, off)) in zip(axes, runs.items(), strict=True):
         axis.plot(run.time, 1e3 * off)
-        axis.set(ylabel="error [mrad]", title=f"Computed torque with the numbers of {label}")
+        axis.set(ylabel="error [mrad]", title=f"Computed torque with the parameters of {label}")
     axes[1].set_xlabel("time [s]")
     axes[1].legend([f"joint {k}" for k in range(1, 8)], ncols=7, fontsize=7, loc="upper center")
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Three controllers on arms whose payload and friction they do not know.
+"""Three controllers on arms with unknown payload and friction.
 
-The same as a file for ``./arm sweep``: examples/payload_sweep.yaml.
+The same study as a file for ``./arm sweep``: examples/payload_sweep.yaml.
 """
 
 from pathlib import Path
@@ -16,14 +16,14 @@ done = sweep(study, workers=1)  # workers=None: all cores
 table = done.table
 print(f"{len(table)} closed loops of {study.duration:g} s in {done.seconds:.1f} s")
 
-off = np.abs(table["payloads.0.mass"] - 1.0)  # from what controllers know, in [kg]
+off = np.abs(table["payloads.0.mass"] - 1.0)  # difference from the model, in [kg]
 for name in ("computed_torque", "feed_forward", "pd_gravity"):
     these = table["controller"] == name
     error = 1e3 * table["tracking_max"][these]
     print(
         f"{name:16} largest error [mrad]: median {np.median(error):5.1f}, worst {error.max():5.1f}"
     )
-    if name != "pd_gravity":  # what relies on the model is the worse the more that is wrong
+    if name != "pd_gravity":  # controllers that rely on the model get worse with its error
         assert np.corrcoef(off[these], error)[0, 1] > 0.7
 
 with figure("payload_sweep", size=(7, 4)) as axis:
@@ -33,6 +33,6 @@ with figure("payload_sweep", size=(7, 4)) as axis:
             table["payloads.0.mass"][these], 1e3 * table["tracking_max"][these], s=9, label=name
         )
     axis.axvline(1.0, color="0.5", linewidth=0.8)
-    axis.set(xlabel="payload [kg]; controllers know 1 kg", ylabel="largest tracking error [mrad]",
+    axis.set(xlabel="payload [kg]; 1 kg in the model", ylabel="largest tracking error [mrad]",
              yscale="log", title="A Panda whose payload and friction are not known")  # fmt: skip
     axis.legend()

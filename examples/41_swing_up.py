@@ -2,7 +2,7 @@
 """Swing-up of a cart-pole by iLQR: motor, gear and friction are in the model that is optimized.
 
 ``arm_sim.optimization.ILQR`` improves a trajectory by the exact derivatives of the simulation's
-own steps, within the motor's voltage limit. What it plans is then played to the arm at 1 kHz.
+own steps, within the motor's voltage limit. The plan is then executed on the arm at 1 kHz.
 """
 
 import time
@@ -28,7 +28,7 @@ sim = Simulator(scene, dt=DT)
 start = np.array([0.0, np.pi, 0.0, 0.0])  # x = (slide, hinge, their velocities): hanging
 goal = np.zeros(4)  # upright, in the middle of the rail, at rest
 
-# What is small: errors, the last ones above all, and the voltage.
+# The cost: errors, mainly at the end, and the voltage.
 x_weight = np.tile([0.02, 0.0, 0.002, 0.002], (NODES + 1, 1))
 x_weight[-1] = [2e3, 2e3, 2e2, 2e2]
 cost = QuadraticCost(
@@ -46,7 +46,7 @@ took, rounds = time.perf_counter() - begin, len(best.costs) - 1
 print(f"{best.verdict} after {rounds} improvements of {1e3 * took / rounds:.2f} ms, "
       f"cost {best.costs[0]:.1f} -> {best.cost:.4f}")  # fmt: skip
 
-# What was planned is what happens: the voltages alone, tick by tick, from rest.
+# Execute the plan: apply the voltages alone, tick by tick, from rest.
 arm = Simulator(scene)
 arm.reset(start[:2], start[2:])
 motion = arm.run(NODES * DT, np.repeat(best.u, round(DT / arm.dt), axis=0))
@@ -60,7 +60,7 @@ with figure("swing_up", columns=3, size=(12, 3.4)) as (left, middle, right):
     left.set(xlabel="time [s]", title="Swing-up; upright is 0")
     left.legend()
     middle.step(np.arange(NODES) * DT, best.u[:, 0], where="post", color="tab:red")
-    middle.set(xlabel="time [s]", ylabel="voltage [V]", title="What the motor gets")
+    middle.set(xlabel="time [s]", ylabel="voltage [V]", title="Motor voltage")
     right.semilogy(best.costs, ".-")
     right.set(xlabel="improvement", ylabel="cost", title="iLQR")
 

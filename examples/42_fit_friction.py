@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Friction of a Panda found through a whole trajectory: Newton's method on the motion itself.
+"""Friction of a Panda, estimated from a whole trajectory by Newton's method.
 
 No accelerations are estimated and nothing is filtered: the simulated motion under the recorded
-torques is held against noisy positions, and ``rollout_gradient`` tells how the misfit depends on
-the friction of each joint. Differences of gradients at neighbouring points, all in one call, give
-the Hessian, whose inverse is the covariance of what was found (Ljung, System Identification, 1999,
-section 9.4).
+torques is compared with noisy positions, and ``rollout_gradient`` gives the derivatives of the
+misfit by the friction of each joint. Differences of gradients at neighbouring points, all in one
+call, give the Hessian, whose inverse is the covariance of the estimate (Ljung, System
+Identification, 1999, section 9.4).
 """
 
 import numpy as np
@@ -20,28 +20,28 @@ NOISE = 2e-4  # [rad]
 rng = np.random.default_rng(3)
 scene = load_scene("panda").model_dump(exclude_unset=True)
 scene |= {
-    # What is believed in [N m s/rad]; no stops, at which parameters have no derivative.
+    # The nominal values in [N m s/rad]; without stops, which would be events.
     "joints": {"*": {"friction": {"viscous": 0.5}, "limits": {"stop": False}}},
     "initial": {"position": {"panda_joint2": -0.8, "panda_joint4": -2.4, "panda_joint6": 1.6}},
     "tunable": ["friction"],
 }
 truth = rng.uniform(0.2, 1.2, 7)
 
-# The recording: the true arm on its way, led by a controller that believes what is wrong.
+# The recording: the true arm, controlled with the nominal model.
 arm = Simulator(scene)
 believed = arm.dynamics
 arm.set_parameter("friction", truth)
 q0 = arm.state.q
 way = quintic([Waypoint(0.0, q0), Waypoint(0.4, q0 + 0.3), Waypoint(0.8, q0 - 0.2)])
 recorded = arm.run(0.8, ComputedTorque(believed), way)
-told = recorded.q + rng.normal(0.0, NOISE, recorded.q.shape)  # what the encoders say
+told = recorded.q + rng.normal(0.0, NOISE, recorded.q.shape)  # measured by the encoders
 tau, ticks = recorded.tau[:-1], len(recorded) - 1
 
-sim = Simulator(scene)  # the arm as it is believed
+sim = Simulator(scene)  # the nominal arm
 
 
 def slopes(points: np.ndarray) -> tuple[float, np.ndarray]:
-    """Misfit at the first point, and its gradients at all of them, by the friction's logarithm."""
+    """Misfit at the first point, and its gradients at all, by the logarithm of the friction."""
     d, b = np.exp(points), len(points)
     start, rest, torques = np.tile(q0, (b, 1)), np.zeros((b, 7)), np.tile(tau, (b, 1, 1))
     states = sim.rollout(start, rest, torques, ticks, parameters={"friction": d})
@@ -57,7 +57,7 @@ for _ in range(20):
     misfit, g = slopes(np.vstack([z, z + h * np.eye(7)]))
     hessian = (g[1:] - g[0]) / h
     hessian = 0.5 * (hessian + hessian.T)
-    values, vectors = np.linalg.eigh(hessian)  # made positive, so that each step goes downhill
+    values, vectors = np.linalg.eigh(hessian)  # made positive, so that each step descends
     step = -vectors @ ((vectors.T @ g[0]) / np.maximum(abs(values), 1e-7 * values.max()))
     errors.append(abs(np.exp(z) - truth))
     rms = np.sqrt(2.0 * misfit / told.size)
@@ -68,7 +68,7 @@ for _ in range(20):
 
 found, deviation = np.exp(z), np.exp(z) * np.sqrt(np.diag(np.linalg.inv(hessian)))
 for name, true, value, sigma in zip(sim.joint_names, truth, found, deviation, strict=True):
-    print(f"{name}: {value:.5f} ± {sigma:.5f}, in truth {true:.5f} N m s/rad")
+    print(f"{name}: {value:.5f} ± {sigma:.5f}, true value {true:.5f} N m s/rad")
 
 with figure("fit_friction", columns=2, size=(10, 3.6)) as (left, right):
     left.semilogy(np.array(errors), ".-")
@@ -77,9 +77,9 @@ with figure("fit_friction", columns=2, size=(10, 3.6)) as (left, right):
     joints = np.arange(1, 8)
     right.bar(joints, truth, color="0.85", label="truth")
     right.errorbar(
-        joints, found, 2.0 * deviation, fmt=".", color="tab:orange", label="found, ± 2σ"
+        joints, found, 2.0 * deviation, fmt=".", color="tab:orange", label="estimate, ± 2σ"
     )
-    right.axhline(0.5, color="0.5", linewidth=0.8, label="believed")
+    right.axhline(0.5, color="0.5", linewidth=0.8, label="nominal")
     right.set(xlabel="joint", ylabel="viscous friction [N m s/rad]")
     right.legend()
 

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Panda notices what it carries: moving-horizon estimate of a payload from encoders alone.
+"""Moving-horizon estimation of the payload of a Panda, from encoders alone.
 
-Every 50 ms the last 200 ms are explained by one motion of the model: state at the beginning of the
-window and payload are chosen so that the motion under the torques that acted passes the encoders'
-noisy positions (Rao, Rawlings and Mayne, "Constrained state estimation for nonlinear discrete-time
-systems", IEEE TAC 48(2), 2003; the past before the window counts by what it had left as an
-estimate). Gradients are exact, by ``rollout_gradient``; sixteen of them in one call, at
-neighbouring points, give the Hessian of Newton's method.
+Every 50 ms, the payload and the state at the beginning of a window of 200 ms are estimated such
+that the motion under the applied torques fits the noisy positions (Rao, Rawlings and Mayne,
+"Constrained state estimation for nonlinear discrete-time systems", IEEE TAC 48(2), 2003; the
+previous estimate represents the past before the window). Gradients are exact, by
+``rollout_gradient``; sixteen of them in one call, at neighbouring points, give the Hessian of
+Newton's method.
 """
 
 import time
@@ -31,16 +31,16 @@ scene |= {
 }
 nothing = np.array([0.0, 0.0, 0.0, 0.1, *np.zeros(6)])  # mass, centre of mass, inertia
 
-# The arm waves about; it takes a part and puts it down, which nobody tells it.
+# The arm moves continuously; it picks up a part and puts it down, unknown to the estimator.
 arm = Simulator(scene)
 q0 = arm.state.q
 turns = [q0 + s * 0.35 * np.array([1, 0.6, -1, 0.8, 1, -0.8, 1]) for s in (0, 1, -1, 1, -1, 0)]
 way = quintic([Waypoint(0.56 * k, q) for k, q in enumerate(turns)])
-control = ComputedTorque(arm.dynamics)  # of the empty hand
+control = ComputedTorque(arm.dynamics)  # with the model of the empty hand
 
 
 def led(state: State) -> np.ndarray:
-    """Torque of the controller; the part comes and goes."""
+    """Torque of the controller; the part is picked up and put down."""
     carried = LOAD if TAKEN <= state.time < PUT_DOWN else 0.0
     arm.set_parameter("payload", nothing + np.eye(10)[0] * carried)
     return control.torque(state, way.sample(state.time))
@@ -50,12 +50,12 @@ run = arm.run(2.8, led)
 told = run.q + np.random.default_rng(5).normal(0.0, NOISE, run.q.shape)
 
 sim = Simulator(scene)
-# Unknowns z = (mass, q, v at the window's beginning), each in units of how much it may change.
+# Unknowns z = (mass, q, v at the beginning of the window), scaled by their expected changes.
 UNIT = np.concatenate([[0.5], np.full(7, 2.0 * NOISE), np.full(7, 0.05)])
 
 
 def moved(points: np.ndarray, first: int) -> tuple[tuple, dict, np.ndarray]:
-    """A rollout's arguments for points z of shape (b, 15), and how far off the encoders it is."""
+    """A rollout's arguments for points z of shape (b, 15), and its deviation from the encoders."""
     z = points * UNIT
     payload = {"payload": nothing + z[:, :1] * np.eye(10)[0]}
     tau = np.tile(run.tau[first : first + WINDOW], (len(z), 1, 1))
@@ -65,14 +65,14 @@ def moved(points: np.ndarray, first: int) -> tuple[tuple, dict, np.ndarray]:
 
 
 def misfit(points: np.ndarray, before: np.ndarray, first: int) -> np.ndarray:
-    """What is minimized, at points z; shape (b,)."""
+    """The cost at points z, shape (b,)."""
     _, _, off = moved(points, first)
     value = (off**2).sum(axis=(1, 2)) / NOISE**2 + ((points - before) ** 2).sum(axis=1)
     return np.nan_to_num(0.5 * value, nan=np.inf)
 
 
 def slopes(points: np.ndarray, before: np.ndarray, first: int) -> np.ndarray:
-    """Its gradients, shape (b, 15)."""
+    """The gradients of the cost, shape (b, 15)."""
     arms, payload, off = moved(points, first)
     g = np.concatenate([off / NOISE**2, np.zeros(off.shape)], axis=2)
     found = sim.rollout_gradient(*arms, g, parameters=payload)
@@ -87,9 +87,9 @@ def explained(before: np.ndarray, first: int) -> tuple[np.ndarray, float]:
         g = slopes(np.vstack([z, z + h * np.eye(15)]), before, first)
         hessian = (g[1:] - g[0]) / h
         values, vectors = np.linalg.eigh(0.5 * (hessian + hessian.T))
-        covariance = (vectors / abs(values)) @ vectors.T  # positive: steps go downhill
+        covariance = (vectors / abs(values)) @ vectors.T  # positive: steps descend
         tried = z - sizes[:, None] * (covariance @ g[0])
-        tried[:, 0] = np.maximum(tried[:, 0], 0.0)  # no part weighs less than nothing
+        tried[:, 0] = np.maximum(tried[:, 0], 0.0)  # masses are not negative
         best = tried[np.argmin(misfit(tried, before, first))]
         done = abs(best - z).max() < 1e-3
         z = best
@@ -105,28 +105,28 @@ for first in range(0, len(run) - 1 - WINDOW + 1, EVERY):
     z, sigma = explained(z, first)
     took.append(time.perf_counter() - begin)
     estimates.append((run.time[first + WINDOW], z[0] * UNIT[0], sigma))
-    now = z * UNIT  # where the next window begins, as this one has it
+    now = z * UNIT  # the start of the next window, as estimated by this one
     payload = nothing + now[0] * np.eye(10)[0]
     ahead = sim.rollout(now[None, 1:8], now[None, 8:], run.tau[None, first : first + EVERY],
                         EVERY, parameters={"payload": payload}, last_only=True)  # fmt: skip
     z = np.concatenate([now[:1], ahead[0]]) / UNIT
 
 when, mass, sigma = np.array(estimates).T
-late = WINDOW * sim.dt  # a window holds the part, or not, from this time after the change on
+late = WINDOW * sim.dt  # from then on, the whole window is after the change
 carrying = (when >= TAKEN + late + 0.05) & (when < PUT_DOWN)
 empty = (when < TAKEN) | (when >= PUT_DOWN + late + 0.05)
 print(f"{1e3 * np.median(took[1:]):.0f} ms a window of {WINDOW} ticks")
 print(f"carrying {LOAD} kg: {mass[carrying].mean():.4f} kg, worst off by "
-      f"{1e3 * abs(mass[carrying] - LOAD).max():.1f} g; deviation claimed "
+      f"{1e3 * abs(mass[carrying] - LOAD).max():.1f} g; estimated deviation "
       f"{1e3 * sigma[carrying].mean():.1f} g")  # fmt: skip
 print(f"empty: at most {1e3 * mass[empty].max():.1f} g")
 
 with figure("payload_estimate", columns=2, size=(10, 3.6)) as (left, right):
     left.plot(run.time, LOAD * ((run.time >= TAKEN) & (run.time < PUT_DOWN)), "k:", label="truth")
     left.errorbar(when, mass, 2.0 * sigma, fmt=".-", color="tab:orange", label="estimate, ± 2σ")
-    left.set(xlabel="time [s]", ylabel="payload [kg]", title="What the hand carries")
+    left.set(xlabel="time [s]", ylabel="payload [kg]", title="Payload")
     left.legend()
     right.plot(run.time, 1e3 * (run.q - np.array([way.sample(t).q for t in run.time])))
-    right.set(xlabel="time [s]", ylabel="tracking error [mrad]", title="What the load does")
+    right.set(xlabel="time [s]", ylabel="tracking error [mrad]", title="Effect of the load")
 
 assert abs(mass[carrying] - LOAD).max() < 0.02 and mass[empty].max() < 0.02

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A Panda picks a part and places it on the other side, in one second, with the least currents.
+"""A Panda picks up a part and places it on the other side in one second, with minimal currents.
 
 iLQR (``arm_sim.optimization``) finds motor currents for 100 nodes of 10 ms. Rotors, friction and
-current limits are in the model, and so is the part, from the grasp on: the second phase has
-another arm than the first. What comes out is a policy too: its feedback leads an arm that carries
-another part than was planned for.
+current limits are in the model, and so is the part, from the grasp on: the arm of the second phase
+differs from that of the first. The result includes a feedback policy, which also moves an arm that
+carries a different part than planned.
 """
 
 import time
@@ -25,7 +25,7 @@ SMALL = LARGE | {"rotor_inertia": 5e-6, "rotor_damping": 1e-5}
 
 
 def arm(part: float, dt: float = DT) -> Simulator:
-    """The Panda with its motors, carrying so many [kg]."""
+    """The Panda with its motors and a payload in [kg]."""
     scene = load_scene("panda").model_dump(exclude_unset=True)
     scene["joints"] = {
         f"panda_joint{i}": {"actuator": LARGE if i < 5 else SMALL, "friction": {"viscous": 0.5}}
@@ -41,20 +41,20 @@ hand = TaskSpace(empty.dynamics, "panda_hand")
 home = hand.pose(start[:n]).position
 pick, place = home + [0.12, -0.12, -0.17], home + [0.12, 0.13, -0.17]
 LIFT = np.array([0.0, 0.0, 0.08])
-# Where the hand has to be, by node; on the way it is only pulled.
+# Positions of the hand at certain nodes; between them it is only attracted.
 STATIONS = {36: (pick + LIFT, 2e3), GRASP: (pick, 5e4), 55: (pick + LIFT, 2e3),
             88: (place + LIFT, 2e3), NODES: (place, 5e4)}  # fmt: skip
 nodes = np.array(list(STATIONS))
 places = np.array([place for place, _ in STATIONS.values()])
 weights = np.array([weight for _, weight in STATIONS.values()])
-DOWN, UPRIGHT = np.array([0.0, 0.0, -1.0]), 0.1  # where the hand points, and what that counts
+DOWN, UPRIGHT = np.array([0.0, 0.0, -1.0]), 0.1  # direction of the hand, and its weight
 
 
 class PickAndPlace:
-    """Currents and speeds squared, and how far the hand is from its stations."""
+    """Squared currents and speeds, and the distance of the hand from its stations."""
 
     def __init__(self) -> None:
-        """At rest where a part is taken or put down."""
+        """At rest where the part is picked up or put down."""
         x_weight = np.hstack([np.full((NODES + 1, n), 1e-3), np.full((NODES + 1, n), 2e-2)])
         x_weight[[GRASP, NODES], n:] = 1e2
         self.way = QuadraticCost(
@@ -71,12 +71,12 @@ class PickAndPlace:
         return np.sqrt(weights)[:, None] * np.hstack([pose.position - places, tilt])
 
     def value(self, x: np.ndarray, u: np.ndarray) -> np.ndarray:
-        """Of trajectories side by side."""
+        """Cost of trajectories side by side."""
         at_stations = [0.5 * np.sum(self.off(np.nan_to_num(one)) ** 2) for one in x]
         return self.way.value(x, u) + at_stations
 
     def expansion(self, x: np.ndarray, u: np.ndarray) -> Expansion:
-        """Of one, with the Hessian of Gauss and Newton."""
+        """Cost of one trajectory, with the Gauss-Newton Hessian."""
         way, error = self.way.expansion(x, u), self.off(x)
         axes, J = hand.pose(x[nodes, :n]).rotation[:, :, 2], hand.jacobian(x[nodes, :n])
         for k, node in enumerate(nodes):
@@ -88,7 +88,7 @@ class PickAndPlace:
 
 
 def held(sim: Simulator) -> np.ndarray:
-    """Currents that hold the arm where it starts."""
+    """Currents that hold the arm at the start."""
     still = np.zeros(n)
     return sim.dynamics.command_map(start[:n], still, sim.dynamics.gravity(start[:n]))
 
@@ -105,7 +105,7 @@ print(f"{best.verdict} after {rounds} improvements of {1e3 * took / rounds:.1f} 
 
 
 def driven(part: float, gain: float) -> np.ndarray:
-    """States at the nodes when an arm that carries so many [kg] is driven at 1 kHz."""
+    """States at the nodes when the arm with a payload in [kg] is driven at 1 kHz."""
     arms = arm(0.0, 1e-3), arm(part, 1e-3)
     x = best.x.copy()
     for node in range(NODES):
@@ -117,7 +117,7 @@ def driven(part: float, gain: float) -> np.ndarray:
 
 
 def missed(x: np.ndarray) -> float:
-    """How far from its place the part is put down in [mm]."""
+    """Distance of the part from its goal when it is put down, in [mm]."""
     return 1e3 * float(np.linalg.norm(hand.pose(x[-1, :n]).position - place))
 
 
@@ -127,10 +127,10 @@ share = abs(best.u) / limit
 print(
     f"planned: {missed(best.x):.2f} mm off at the end, {abs(best.x[-1, n:]).max():.1e} rad/s left"
 )
-print(f"played at 1 kHz: {missed(plain):.2f} mm off")
+print(f"executed at 1 kHz: {missed(plain):.2f} mm off")
 print(f"a part that weighs 20 % more: {missed(heavy):.1f} mm off, with the plan's feedback "
       f"{missed(led):.1f} mm")  # fmt: skip
-print(f"largest share of a limit: current {share.max():.2f}, speed {speed.max():.2f}")
+print(f"largest fraction of a limit: current {share.max():.2f}, speed {speed.max():.2f}")
 
 path, heavier = (hand.pose(x[:, :n]).position for x in (best.x, led))
 t = DT * np.arange(NODES + 1)
@@ -144,7 +144,7 @@ with figure("pick_and_place", rows=2, columns=2, size=(10, 7)) as ((side, up), (
     up.axvline(GRASP * DT, color="0.6", linestyle=":")
     up.set(xlabel="time [s]", ylabel="speed [rad/s]", title="Joints; dotted: the grasp")
     currents.step(t[:-1], best.u / limit, where="post")
-    currents.set(xlabel="time [s]", ylabel="share of the limit", title="Motor currents")
+    currents.set(xlabel="time [s]", ylabel="fraction of the limit", title="Motor currents")
     currents.legend([f"joint {i + 1}" for i in range(n)], ncols=2, fontsize=8)
     costs.semilogy(best.costs, ".-")
     costs.set(xlabel="improvement", ylabel="cost", title="iLQR")
