@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from itertools import chain
+from itertools import accumulate, chain
 from struct import Struct
 from typing import Any, overload
 
@@ -858,7 +858,8 @@ class Simulator:
     ) -> tuple[Array, Array, dict[str, Array]]:
         """Derivatives by state, torque and quantities, from all of them side by side."""
         sizes = [self.plant.nx, self.n, *map(len, places.values())]
-        A, B, *parts = np.split(slope, np.cumsum(sizes)[:-1], axis=-1)
+        ends = accumulate(sizes)
+        A, B, *parts = (slope[..., end - k : end] for end, k in zip(ends, sizes, strict=True))
         return A, B, dict(zip(places, parts, strict=True))
 
     def _seen(self) -> Instant:

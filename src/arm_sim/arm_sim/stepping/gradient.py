@@ -31,7 +31,7 @@ from arm_sim.plant.slopes import pullback
 from arm_sim.stepping.linearization import Linearizer
 from arm_sim.stepping.rollout import Batch, alike, of_lanes, share, stop_defines, widths
 from arm_sim.stepping.stepper import pointer, sizes, source
-from arm_sim.stepping.tangents import LONGEST, Arms
+from arm_sim.stepping.tangents import LONGEST, Arms, repeated
 
 
 @dataclass(frozen=True)
@@ -198,7 +198,7 @@ class Gradients:
             NotDifferentiable: If a tick has no derivative.
             SimulationDiverged: If a tick cannot be computed.
         """
-        commands = np.broadcast_to(r, (1, ticks, len(r)))
+        commands = repeated(r[None, None], (1, ticks, len(r)))
         batch = Batch(x[None], commands, p[None], ticks, np.empty((1, len(x))))
         g = np.zeros((1, ticks + 1, len(x)))
         g[0, -1] = weights

@@ -36,7 +36,7 @@ from arm_sim.stepping.guards import INSTANT, Guards
 from arm_sim.stepping.rollout import alike, widths
 from arm_sim.stepping.settling import Settling
 from arm_sim.stepping.stepper import Stepper
-from arm_sim.stepping.tangents import Arms, Carried, Tangents
+from arm_sim.stepping.tangents import Arms, Carried, Tangents, repeated
 from arm_sim.stepping.trace import segment_type, trace_tick
 from arm_sim.stepping.turning import Turning
 
@@ -144,8 +144,8 @@ class Linearizer:
             SimulationDiverged: If a tick cannot be computed.
             NotDifferentiable: If a tick has no derivative.
         """
-        held = np.broadcast_to(dr[:, None], (1, ticks, len(dr), 1))
-        tau = np.broadcast_to(r, (1, ticks, len(r)))
+        held = repeated(dr[None, None, :, None], (1, ticks, len(dr), 1))
+        tau = repeated(r[None, None], (1, ticks, len(r)))
         arm = Arms(x[None], tau, self._stepper.p[None], dx[None, :, None], held)
         product: Array = self.carried(arm, threads=1, lanes=1)[0, 0, :, 0]
         return product
@@ -153,13 +153,13 @@ class Linearizer:
     def _seeded(self, x: Array, r: Array, ticks: int, p: Array) -> Arms:
         """Arms under held commands, with a column for each number to differentiate by."""
         arms, nx, n = len(x), self._plant.nx, r.shape[1]
-        seeds = np.eye(nx + self._held)
+        of_x, of_w = self._seeds[:nx], self._seeds[nx:]
         return Arms(
             np.ascontiguousarray(x),
-            np.broadcast_to(np.ascontiguousarray(r)[:, None], (arms, ticks, n)),
-            np.broadcast_to(p, (arms, len(p))),
-            np.broadcast_to(seeds[:nx], (arms, *seeds[:nx].shape)),
-            np.broadcast_to(seeds[nx:], (arms, ticks, *seeds[nx:].shape)),
+            repeated(np.ascontiguousarray(r)[:, None], (arms, ticks, n)),
+            repeated(p[None], (arms, len(p))),
+            repeated(of_x[None], (arms, *of_x.shape)),
+            repeated(of_w[None, None], (arms, ticks, *of_w.shape)),
         )
 
     def carried(
@@ -194,6 +194,10 @@ class Linearizer:
                     raise type(error)(f"arm {arm}: {error}") from None
                 raise
         return found.columns
+
+    @cached_property
+    def _seeds(self) -> Array:
+        return np.eye(self._plant.nx + self._held)
 
     @cached_property
     def _alike(self) -> bool:

@@ -291,7 +291,9 @@ def source(defines: dict[str, str], *files: str) -> str:
 
 def pointer(array: Array) -> ctypes.c_void_p:
     """Address of an array for a C function; it keeps the array alive."""
-    return array.ctypes.data_as(ctypes.c_void_p)
+    address = ctypes.c_void_p(array.__array_interface__["data"][0])
+    vars(address)["array"] = array
+    return address
 
 
 def _eventful(plant: Plant) -> str:

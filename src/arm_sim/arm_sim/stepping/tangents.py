@@ -94,7 +94,12 @@ class Carried:
     def by_tick(self, ticks: int) -> Array:
         """The columns by tick; where only the last are kept, each tick overwrites those before."""
         columns = self.columns
-        return np.broadcast_to(columns, (len(columns), ticks, *columns.shape[2:]))
+        return repeated(columns, (len(columns), ticks, *columns.shape[2:]))
+
+
+def repeated(array: Array, shape: tuple[int, ...]) -> Array:
+    """The array in another shape, repeated by strides of zero."""
+    return array if array.shape == shape else np.broadcast_to(array, shape)
 
 
 class Tangents:
