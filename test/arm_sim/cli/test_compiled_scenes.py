@@ -22,6 +22,8 @@ from arm_dynamics import InvalidInput, KernelError
 from arm_dynamics.codegen import compiler, processor
 from arm_sim import Simulator
 from arm_sim.cli.main import main
+from arm_sim.optimization import ILQR, Phase, QuadraticCost, RecedingHorizon
+from arm_sim.optimization.backward import library_of
 
 URDF = """
 <robot name="pendulum">
@@ -112,6 +114,27 @@ def test_a_process_without_a_compiler_runs_the_scene(scene: Path, compiled: Path
         here = Simulator(scene, backend="native")
         assert str(compiled) not in here.plan.backend
         assert here.run(0.3).q[-1, 0] == float.fromhex(position)
+
+
+def test_derivatives_are_compiled_on_request(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """A machine without a compiler then optimizes motions."""
+    (tmp_path / "rod.urdf").write_text(URDF)
+    out = tmp_path / "compiled"
+    build(tmp_path / "rod.urdf", out, "--derivatives", "--integrator", "rk4")
+    for variable in ("CC", "CXX"):
+        monkeypatch.delenv(variable, raising=False)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    monkeypatch.setenv("XDG_CACHE_HOME", str(tmp_path / "cache"))
+    monkeypatch.setenv("ARM_CACHE", str(out))
+    library_of.cache_clear()
+    sim = Simulator(tmp_path / "rod.urdf", "rk4", backend="native")
+    x, u = np.zeros((11, 2)), np.zeros((10, 1))
+    optimizer = ILQR([Phase(sim, 10)], QuadraticCost(x, np.ones(x.shape), u, np.ones(u.shape)))
+    assert optimizer.solve([0.1, 0.0], u).verdict == "converged"
+    RecedingHorizon(sim.dynamics)
+    assert not list((tmp_path / "cache").rglob("*.so"))
 
 
 def test_other_folders_of_the_list_are_searched(

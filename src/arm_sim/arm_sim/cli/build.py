@@ -5,7 +5,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
+from itertools import chain
 from pathlib import Path
 from time import perf_counter
 from typing import TYPE_CHECKING
@@ -37,6 +38,7 @@ if TYPE_CHECKING:
 @click.option("--processor", type=click.Choice(TARGETS), default=NATIVE, show_default=True,
               help="Processors to compile for: like this one, or all of a level.")  # fmt: skip
 @click.option("--batches", is_flag=True, help="Also compile batches and rollouts of many arms.")
+@click.option("--derivatives", is_flag=True, help="Also compile derivatives and optimization.")
 @click.option("--json", "as_json", is_flag=True, help="Print JSON at the end.")
 def build(
     scenes: tuple[str, ...],
@@ -46,6 +48,7 @@ def build(
     tolerance: float | None,
     processor: str,
     batches: bool,
+    derivatives: bool,
     as_json: bool,
 ) -> None:
     """Compile what SCENEs need into DIR, for machines without a compiler.
@@ -62,7 +65,8 @@ def build(
         name = Path(scene).name
         with _into(out, name, "simulator step", processor):
             simulator = Simulator(scene, integrator, dt, tolerance, "native")
-        for part, work in _other_parts(simulator, batches):
+        parts = _other_parts(simulator, batches), _of_derivatives(simulator, derivatives)
+        for part, work in chain(*parts):
             with _into(out, name, part, processor):
                 work()
     entries = list(out.glob("*.so"))
@@ -111,3 +115,22 @@ def _other_parts(
     yield "batches of G", lambda: dynamics.gravity(q)
     yield "batches of energies", lambda: dynamics.energy(q, still)
     yield "rollouts", lambda: simulator.rollout(q[:1], still[:1], still[:1], 1)
+
+
+def _of_derivatives(
+    simulator: Simulator, wanted: bool
+) -> Iterator[tuple[str, Callable[[], object]]]:
+    if not wanted:
+        return
+    from arm_dynamics import InvalidInput
+    from arm_sim.optimization import RecedingHorizon, prepare
+
+    def horizon() -> None:
+        with suppress(InvalidInput):  # a model with events has none
+            RecedingHorizon(simulator.dynamics)
+
+    compiled = simulator.compiled
+    yield "derivatives of ticks", compiled.linearizer().prepare
+    yield "gradients of rollouts", compiled.gradients.prepare
+    yield "trajectory optimization", lambda: prepare(simulator)
+    yield "receding horizon", horizon

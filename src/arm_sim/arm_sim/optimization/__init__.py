@@ -6,9 +6,10 @@ object with ``value`` and ``expansion``.
 """
 
 from arm_sim.optimization.cost import Cost, Expansion, QuadraticCost
-from arm_sim.optimization.ilqr import ILQR, Phase, Trajectory
+from arm_sim.optimization.ilqr import ILQR, Phase, Trajectory, prepare
 from arm_sim.optimization.receding_horizon import RecedingHorizon
 
 __all__ = [
     "ILQR", "Cost", "Expansion", "Phase", "QuadraticCost", "RecedingHorizon", "Trajectory",
+    "prepare",
 ]  # fmt: skip

@@ -60,7 +60,7 @@ def backward(
         np.ascontiguousarray(array, float)
         for array in (slopes, cost.x, cost.xx, cost.u, cost.uu, low, high)
     ]
-    reached = _library(nx, n).backward(
+    reached = library_of(nx, n).backward(
         ctypes.c_longlong(nodes), *map(pointer, given), ctypes.c_double(damping),
         pointer(k), pointer(K), pointer(promised),
     )  # fmt: skip
@@ -68,7 +68,12 @@ def backward(
 
 
 @lru_cache
-def _library(nx: int, n: int) -> ctypes.CDLL:
+def library_of(nx: int, n: int) -> ctypes.CDLL:
+    """Compiled backward pass of states of ``nx`` and commands of ``n`` numbers.
+
+    Raises:
+        CompilerMissing: If there is no C compiler.
+    """
     text = f"#define NX {nx}\n#define NU {n}\n" + (NATIVE / "backward.c").read_text()
     library = compiler.build(text, "c", _FLAGS).library
     library.backward.restype = ctypes.c_longlong

@@ -48,6 +48,10 @@ class Forward:
         self._simulator = simulator
         self._plant, self._choice = simulator.plant, simulator.choice
 
+    def prepare(self) -> None:
+        """Compile what arms side by side need, unless that is done."""
+        _ = self._library
+
     def follow(self, course: Course, size: Array, x: Array, u: Array) -> None:
         """Advance an arm for each size of the step.
 

@@ -21,7 +21,7 @@ from arm_dynamics import InvalidInput
 from arm_dynamics.arrays import Array, real_array
 from arm_sim.exceptions import NotDifferentiable, SimulationDiverged
 from arm_sim.inputs import whole
-from arm_sim.optimization.backward import Policy, backward
+from arm_sim.optimization.backward import Policy, backward, library_of
 from arm_sim.optimization.cost import Cost
 from arm_sim.optimization.forward import Course, Forward
 from arm_sim.simulator import Simulator
@@ -257,6 +257,17 @@ class ILQR:
                 f"({self._nodes}, {self._n})"
             )
         return np.broadcast_to(given, (self._nodes, self._n))
+
+
+def prepare(simulator: Simulator) -> None:
+    """Compile what ``ILQR`` needs of a simulator, unless that is done.
+
+    Raises:
+        CompilerMissing: If there is no C compiler.
+    """
+    simulator.compiled.linearizer().prepare()
+    Forward(simulator).prepare()
+    library_of(simulator.plant.nx, simulator.n)
 
 
 def _check(phases: tuple[Phase, ...]) -> None:

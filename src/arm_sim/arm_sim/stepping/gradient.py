@@ -182,6 +182,10 @@ class Gradients:
             self._tick_by_tick(batch, g, found, arm)
         return found
 
+    def prepare(self) -> None:
+        """Compile what smooth motions need, unless that is done."""
+        self._library(lanes=None)
+
     def product(
         self, x: Array, r: Array, p: Array, ticks: int, weights: Array
     ) -> tuple[Array, Array]:

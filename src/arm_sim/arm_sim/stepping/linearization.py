@@ -130,6 +130,11 @@ class Linearizer:
         """
         return self.carried(self._seeded(x, r, ticks, self._stepper.p), threads, lanes)[:, 0]
 
+    def prepare(self) -> None:
+        """Compile what smooth ticks need, unless that is done."""
+        for width in widths(None):
+            self._smooth.library(width)
+
     def product(self, x: Array, r: Array, ticks: int, dx: Array, dr: Array) -> Array:
         """Derivatives by state and command of ticks of one arm, times a column, shape (nx,).
 
