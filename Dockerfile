@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-# Two images to start from:
+# Two images to use as a starting point:
 #   docker build --target library -t arm .     the libraries and the commands that need no ROS
 #   docker build --target ros -t arm-ros .     everything, on ROS 2 Jazzy
 #   docker run --rm arm describe panda

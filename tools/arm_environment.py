@@ -2,9 +2,9 @@
 """Lets the Python of an environment that ``./arm`` made import everything, however it is started.
 
 The set-up copies this file into the environment, beside a ``.pth`` file that imports it and the
-file ``environment`` with the variables of ``./arm`` itself. So an editor, Jupyter or a script
-finds ROS 2 and the built workspace too. Libraries are searched for in the folders that
-``LD_LIBRARY_PATH`` named when the process began: where it lacks some, Python starts once more.
+file ``environment`` with the variables of ``./arm`` itself. An editor, Jupyter or a script
+thus finds ROS 2 and the built workspace, too. Libraries are searched for in the folders that
+``LD_LIBRARY_PATH`` named when the process began: if some are missing, Python is restarted.
 """
 
 from __future__ import annotations

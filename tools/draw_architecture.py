@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Draws docs/figures/architecture.svg: the layers as pyproject.toml enforces them.
 
-``./arm python tools/draw_architecture.py``; ``test/docs`` says when it is due.
+``./arm python tools/draw_architecture.py``; ``test/docs`` checks that it is up to date.
 """
 
 from __future__ import annotations

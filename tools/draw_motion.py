@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Draws README's film of a moving arm: ./arm python tools/draw_motion.py. Needs the view's group.
+"""Draws the animation of the README: ./arm python tools/draw_motion.py. Needs ./arm setup view.
 
 A Panda moves through four postures under computed torque, as ``./arm demo`` does.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Seeded mutation tests: small mistakes are made in ``src`` one at a time; tests should notice.
+"""Mutation testing: small mistakes are made in ``src``, one at a time, which tests should detect.
 
 Run it by hand with ``./arm python tools/mutate.py``; ``--help`` shows how. A draw is the same for
 the same seed and the same tree. It goes evenly through all files of ``src``, by the number of
@@ -1398,19 +1398,23 @@ def interrupted(number: int, _: object) -> None:
 
 @click.command(help=__doc__, epilog=EXAMPLES, context_settings={"max_content_width": 99})
 @click.option("--count", default=60, show_default=True, help="Number of mutations drawn.")
-@click.option("--seed", default=1, show_default=True, help="Another seed, other mutations.")
+@click.option("--seed", default=1, show_default=True, help="Seed of the draw.")
 @click.option("--under", default=SOURCE, show_default=True, help="Only files in this folder.")
-@click.option("--safety", is_flag=True, help="Only what brakes, limits, refuses or arbitrates.")
+@click.option(
+    "--safety", is_flag=True, help="Only code that brakes, limits, refuses or arbitrates."
+)
 @click.option("--only", type=int, help="Only the mutation of this number.")
-@click.option("--list", "only_list", is_flag=True, help="Only show what is drawn.")
+@click.option("--list", "only_list", is_flag=True, help="Only list the drawn mutations.")
 @click.option("--tests", help="Files that run first, as in 'test/unit/test_s*', for every one.")
 @click.option("--trace", type=click.Path(path_type=Path), help=TRACE_HELP)
-@click.option("--everything", is_flag=True, help="Then run all other tests.")
+@click.option("--everything", is_flag=True, help="Also run all other tests.")
 @click.option("--pytest", default="", help="More options for pytest.")
 @click.option("--limit", default=600.0, show_default=True, help="Seconds for the tests run first.")
-@click.option("--jobs", default=1, show_default=True, help="Mutations tried side by side.")
+@click.option("--jobs", default=1, show_default=True, help="Mutations tested in parallel.")
 @click.option("--write", type=click.Path(path_type=Path), help="Write the table as Markdown.")
-@click.option("--resume", is_flag=True, help="Run only what that file lacks, or left open.")
+@click.option(
+    "--resume", is_flag=True, help="Run only mutations that are missing or open in that file."
+)
 def main(**options) -> None:
     """Make small mistakes and see whether tests notice."""
     for number in (signal.SIGTERM, signal.SIGHUP):

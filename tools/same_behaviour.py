@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Show whether two revisions of the suite behave the same.
+"""Show whether two revisions of the suite behave identically.
 
     ./arm python tools/same_behaviour.py                  # this working tree against HEAD
     ./arm python tools/same_behaviour.py v1 --only c,states --scenes panda z1
@@ -111,7 +111,7 @@ def take(
     Args:
         tree: A checkout.
         folder: Receives ``records.json``, digests by name, and ``texts``; adds to what is there.
-        groups: What is wanted.
+        groups: Groups to record.
         scenes: Names of shipped scenes, None for all.
         jobs: Processes at once.
     """

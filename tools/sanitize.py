@@ -3,7 +3,7 @@
 
     ./arm python tools/sanitize.py                  addresses and undefined behaviour, some minutes
     ./arm python tools/sanitize.py thread           data races
-    ./arm python tools/sanitize.py --fuzz 100       a hundred times as many bent inputs
+    ./arm python tools/sanitize.py --fuzz 100       a hundred times as many malformed inputs
     ./arm python tools/sanitize.py address TEST…    other tests; arguments go to pytest
 
 The code is compiled as always, by a compiler that is told to instrument it, into a cache that is
@@ -60,7 +60,7 @@ def main() -> int:
     """Run it, and return pytest's exit status."""
     parser = ArgumentParser(description=__doc__.split("\n", 1)[0])
     parser.add_argument("kind", nargs="?", choices=KINDS, default="address")
-    parser.add_argument("--fuzz", default="1", help="how many times as many bent inputs")
+    parser.add_argument("--fuzz", default="1", help="factor for the number of malformed inputs")
     chosen, tests = parser.parse_known_args()
     flags, libraries, options, usual = KINDS[chosen.kind]
     with tempfile.TemporaryDirectory(prefix="sanitize-") as cache:

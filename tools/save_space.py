@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Makes a virtual environment smaller, without taking anything from it that Python would miss.
+"""Makes a virtual environment smaller, without removing anything that Python needs.
 
 ``python tools/save_space.py ENVIRONMENT``, which ``./arm`` runs after it has installed packages.
-Wheels cannot hold symbolic links, so that each shared library lies there under up to three names;
-files that are equal become hard links to one. What only C++ needs of libraries is removed, and of
-the robots in example-robot-data the meshes of those that walk or fly: the suite has no floating
-base, and their descriptions stay.
+Wheels cannot contain symbolic links, so each shared library exists under up to three names; equal
+files are replaced by hard links. Files that only C++ needs are removed, and
+so are the meshes of walking and flying robots in example-robot-data, since the suite has no
+floating base; their descriptions are kept.
 """
 
 from __future__ import annotations

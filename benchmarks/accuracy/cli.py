@@ -33,7 +33,7 @@ KINDS = ("fixed", "controlled", "scipy", "orders", "gates")
 
 
 @click.command(epilog=EXAMPLES)
-@click.option("--only", multiple=True, help="A problem by name; may be given more than once.")
+@click.option("--only", multiple=True, help="Run only this problem; may be repeated.")
 @click.option(
     "--out",
     type=click.Path(path_type=Path, file_okay=False),
@@ -41,7 +41,7 @@ KINDS = ("fixed", "controlled", "scipy", "orders", "gates")
     show_default="benchmarks/results",
     help="Folder for accuracy.md, accuracy.json and figures/accuracy.png.",
 )
-@click.option("--docs", is_flag=True, help="Also renew the page in docs/laboratory.")
+@click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
 def main(only: tuple[str, ...], out: Path, docs: bool) -> None:
     """Measure the error of every method, step and tolerance on motions that are known.
 

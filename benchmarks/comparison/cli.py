@@ -32,7 +32,7 @@ Examples:
     "--only",
     multiple=True,
     type=click.Choice(suite.STUDIES),
-    help="Run this study; may be given more than once. Without it all run.",
+    help="Run only this study; may be repeated.  [default: all]",
 )
 @click.option(
     "--out",
@@ -41,11 +41,11 @@ Examples:
     show_default="benchmarks/results",
     help="Folder for report.md, report.json and the figures.",
 )
-@click.option("--docs", is_flag=True, help="Also renew the page in docs/laboratory.")
+@click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
 @click.option(
     "--again",
     type=click.Path(path_type=Path, exists=True, dir_okay=False),
-    help="Measure nothing: write reports anew from an earlier report.json.",
+    help="Measure nothing; write the reports from an earlier report.json.",
 )
 def main(quick: bool, only: tuple[str, ...], out: Path, docs: bool, again: Path | None) -> None:
     """Measure run time against error, here and in MuJoCo, Drake, PyBullet and SciPy, in one run.

@@ -25,7 +25,7 @@ LIMITS = {
 
 
 @click.command()
-@click.option("--repeats", default=60, show_default=True, help="Rounds.")
+@click.option("--repeats", default=60, show_default=True, help="Number of rounds.")
 @click.option("--out", default=Path("reports/derivatives.json"), show_default=True,
               type=click.Path(path_type=Path), help="JSON file for the results.")  # fmt: skip
 def main(repeats: int, out: Path) -> None:

@@ -13,9 +13,9 @@ from benchmarks.reporting.markdown import table
 
 
 @click.command()
-@click.option("--seeds", default=20, show_default=True, help="Robots to identify.")
+@click.option("--seeds", default=20, show_default=True, help="Number of robots to identify.")
 @click.option("--out", default=Path("reports/identification.json"), show_default=True,
-              type=click.Path(path_type=Path), help="Where figures go as JSON.")  # fmt: skip
+              type=click.Path(path_type=Path), help="JSON file for the results.")  # fmt: skip
 def main(seeds: int, out: Path) -> None:
     """A Panda of known bodies and friction under noise: masses, intervals, time."""
     print("searching an exciting motion", flush=True)

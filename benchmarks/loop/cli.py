@@ -28,14 +28,18 @@ Examples:
 
 
 @click.command(epilog=EXAMPLES)
-@click.option("--seconds", type=click.FloatRange(5.0), help="Closed loop. [default: 60, quick 10]")
+@click.option(
+    "--seconds",
+    type=click.FloatRange(5.0),
+    help="Duration of the closed loop. [default: 60, quick 10]",
+)
 @click.option("--priority", default=0, show_default=True, type=click.IntRange(0, 99),
-              help="Real-time priority in the closed loop; 0: none.")  # fmt: skip
+              help="Real-time priority of the closed loop; 0: none.")  # fmt: skip
 @click.option("--quick", is_flag=True, help="Shorter runs.")
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for loop.md, loop.json and figures/loop.png.")  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also renew the page in docs/laboratory.")
+@click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
 def main(seconds: float | None, priority: int, quick: bool, out: Path, docs: bool) -> None:
     """Measure the loop over ROS on a Panda, next to bare rclpy and a bare thread in the same run.
 

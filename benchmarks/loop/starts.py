@@ -119,9 +119,14 @@ def _kill(processes: Processes, name: str) -> None:
 
 @click.command()
 @click.option("--scene", default="panda", show_default=True)
-@click.option("--rounds", default=10, show_default=True, help="Every node is killed once in each.")
+@click.option(
+    "--rounds",
+    default=10,
+    show_default=True,
+    help="Rounds, in each of which every node is killed once.",
+)
 @click.option("--seed", default=1, show_default=True)
-@click.option("--output", type=click.Path(path_type=Path), help="Where to write the numbers.")
+@click.option("--output", type=click.Path(path_type=Path), help="File for the results.")
 def main(scene: str, rounds: int, seed: int, output: Path | None) -> None:
     """Start and kill all nodes, in any order, with and without a source of commands."""
     rng, found = random.Random(seed), []

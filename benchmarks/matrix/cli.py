@@ -44,9 +44,9 @@ Examples:
     show_default="benchmarks/results",
     help="Folder for features-together.md and features-together.json.",
 )
-@click.option("--jobs", default=2, show_default=True, help="Processes.")
-@click.option("--resume", is_flag=True, help="Keep what an interrupted run has measured.")
-@click.option("--docs", is_flag=True, help="Also renew docs/laboratory/features-together.md.")
+@click.option("--jobs", default=2, show_default=True, help="Number of processes.")
+@click.option("--resume", is_flag=True, help="Keep the results of an interrupted run.")
+@click.option("--docs", is_flag=True, help="Also update docs/laboratory/features-together.md.")
 def main(arms: tuple[str, ...], out: Path, jobs: int, resume: bool, docs: bool) -> None:
     """Compare every pair of features, and many at once, with independent solutions.
 

@@ -18,10 +18,14 @@ MB = 1e6
 
 
 @click.command()
-@click.option("--seconds", type=float, default=600.0, show_default=True, help="Of the loops.")
-@click.option("--viewed", is_flag=True, help="A browser follows the loop that is recorded.")
-@click.option("--replayed", type=float, default=600.0, show_default=True, help="Seconds replayed.")
-@click.option("--out", type=click.Path(path_type=Path), help="Write all figures as JSON.")
+@click.option(
+    "--seconds", type=float, default=600.0, show_default=True, help="Duration of the loops."
+)
+@click.option("--viewed", is_flag=True, help="Let a browser follow the recorded loop.")
+@click.option(
+    "--replayed", type=float, default=600.0, show_default=True, help="Seconds to replay."
+)
+@click.option("--out", type=click.Path(path_type=Path), help="JSON file for the results.")
 def main(seconds: float, viewed: bool, replayed: float, out: Path | None) -> None:
     """Record a closed loop beside one that is not, and replay a long motion."""
     with tempfile.TemporaryDirectory() as name:

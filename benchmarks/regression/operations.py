@@ -43,9 +43,9 @@ def recorded() -> dict[str, int]:
 
 
 def main() -> None:
-    """Print what differs from the file, and write it where that is wanted."""
+    """Print the differences from the file, and update it on request."""
     parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--renew", action="store_true", help="write the file")
+    parser.add_argument("--renew", action="store_true", help="update the file")
     renew = parser.parse_args().renew
     before = recorded() if FILE.exists() else {}
     now = {name: count(scene) for name, scene in scenes().items()}

@@ -157,11 +157,13 @@ def table(
 
 @click.command()
 @click.argument("revision")
-@click.option("--only", multiple=True, help="Lines whose name contains this; more than once.")
+@click.option(
+    "--only", multiple=True, help="Only lines whose name contains this; may be repeated."
+)
 @click.option("--processes", default=6, show_default=True, type=click.IntRange(1),
-              help="Pairs of processes in turn; fewer than six decide nothing.")  # fmt: skip
+              help="Pairs of processes, alternating; a decision needs at least six.")  # fmt: skip
 @click.option("--samples", default=20, show_default=True, type=click.IntRange(1),
-              help="Measurements of a line in each process; the least counts.")  # fmt: skip
+              help="Measurements of a line in each process; the minimum counts.")  # fmt: skip
 def main(revision: str, only: tuple[str, ...], processes: int, samples: int) -> None:
     """Compare the times of this tree with those of REVISION in pairs.
 

@@ -24,7 +24,7 @@ Examples:
 
 @click.command(epilog=EXAMPLES)
 @click.option("--minutes", default=60.0, show_default=True, type=click.FloatRange(3.0),
-              help="How long.")  # fmt: skip
+              help="Duration.")  # fmt: skip
 @click.option("--out", type=click.Path(path_type=Path, file_okay=False),
               default=ROOT / "benchmarks/results", show_default="benchmarks/results",
               help="Folder for soak.md, soak.json and the logs.")  # fmt: skip

@@ -48,23 +48,23 @@ Examples:
     "--only",
     type=click.Choice(["arms", "features"]),
     default=None,
-    help="Unpleasant arms, or random sets of features on ordinary ones. [default: both]",
+    help="Extreme arms, or random sets of features on ordinary ones. [default: both]",
 )
 @click.option("--seed", type=click.IntRange(0), default=0, show_default=True,
-              help="Of the first arm and scene; the next have the next seeds.")  # fmt: skip
+              help="Seed of the first arm and scene; later ones count up.")  # fmt: skip
 @click.option("--quick", is_flag=True, help=f"Arms of at most {QUICK_JOINTS} joints, fewer runs.")
 @click.option("--workers", type=click.IntRange(1), default=os.cpu_count(),
-              show_default="one for each core", help="Processes.")  # fmt: skip
+              show_default="one for each core", help="Number of processes.")  # fmt: skip
 @click.option(
     "--backend", default="auto", show_default=True, type=click.Choice(["auto", "native", "vm"]),
-    help="Of arms: compiled code, or CasADi's virtual machine. Features need compiled code.",
+    help="For arms: compiled code, or CasADi's virtual machine. Features need compiled code.",
 )  # fmt: skip
 @click.option(
     "--out", type=click.Path(path_type=Path, file_okay=False), default=ROOT / "benchmarks/results",
     show_default="benchmarks/results",
     help="Folder for stability.md, stability*.json and figures/stability.png.",
 )  # fmt: skip
-@click.option("--docs", is_flag=True, help="Also renew the page in docs/laboratory.")
+@click.option("--docs", is_flag=True, help="Also update the page in docs/laboratory.")
 def main(
     wanted: int | None, only: str | None, seed: int, quick: bool, workers: int, backend: str,
     out: Path, docs: bool,

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""``python -m benchmarks.sweeps``: a study as a whole, killed and resumed, and on a cluster."""
+"""``python -m benchmarks.sweeps``: a study uninterrupted, killed and resumed, and on a cluster."""
 
 from __future__ import annotations
 
@@ -30,7 +30,9 @@ sweep(file, out, workers=int(workers), told=told)
 
 
 @click.command()
-@click.option("--runs", type=click.IntRange(1), help="Closed loops.  [default: the study's]")
+@click.option(
+    "--runs", type=click.IntRange(1), help="Number of closed loops.  [default: as in the study]"
+)
 @click.option("--workers", default=2, show_default=True, type=click.IntRange(1),
               help="Processes on this machine.")  # fmt: skip
 @click.option("--cluster-workers", default=4, show_default=True, type=click.IntRange(1),
@@ -38,7 +40,7 @@ sweep(file, out, workers=int(workers), told=told)
 @click.option("--out", default=Path("reports/sweeps.json"), show_default=True,
               type=click.Path(path_type=Path), help="JSON file for the results.")  # fmt: skip
 def main(runs: int | None, workers: int, cluster_workers: int, out: Path) -> None:
-    """Time examples/ten_thousand_loops.yaml, and make it again killed, resumed, and on a cluster.
+    """Time examples/ten_thousand_loops.yaml; repeat it killed and resumed, and on a cluster.
 
     The three tables must agree to the bit.
     """
