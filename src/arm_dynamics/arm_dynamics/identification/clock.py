@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Correction of time stamps, from the errors that all joints have in common."""
+"""Correction of time stamps, from the errors that all joints have in common; repeated rows."""
 
 from __future__ import annotations
 
@@ -16,8 +16,36 @@ EXPLAINED = 0.75
 """Fraction of the positions' noise power that late stamps must explain to be corrected."""
 LEAST = 1e-2
 """Errors below this fraction of the sampling interval are not corrected."""
+REPEATS = 3
+"""Largest number of repetitions of a row; in longer ones the robot rests."""
 MOTION = 30.0
 """Ratio to the noise above which the power of a position counts as motion."""
+
+
+def without_repeats(record: JointRecord) -> JointRecord:
+    """The recording without rows that repeat the one before.
+
+    Drivers publish the last state that they have, again if no other has arrived.
+
+    Args:
+        record: Joint states.
+
+    Returns:
+        The recording, with a note if it had such rows. Computed recordings, which have
+        accelerations, are not changed.
+    """
+    if np.isfinite(record.a).all():
+        return record
+    both = np.hstack([record.q, record.effort])
+    same = (both[1:] == both[:-1]) | np.isnan(both[1:]) & np.isnan(both[:-1])
+    repeated = np.concatenate([[False], same.all(axis=1)])
+    edges = np.flatnonzero(np.diff(repeated.astype(np.int8), prepend=0, append=0))
+    for start, end in edges.reshape(-1, 2):
+        repeated[start:end] = end - start <= REPEATS
+    if not repeated.any():
+        return record
+    note = f"{np.count_nonzero(repeated)} rows repeat the one before and are not used"
+    return replace(record.rows(~repeated), notes=(*record.notes, note))
 
 
 def repaired(record: JointRecord) -> JointRecord:
@@ -26,7 +54,9 @@ def repaired(record: JointRecord) -> JointRecord:
     A stamp that is late by δ shifts the position of *every* joint by q̇ δ. So n positions at one
     time determine δ and leave n - 1 numbers to check it: δ is the weighted mean of the joints'
     deviations over their velocities, and is applied only if it removes ``EXPLAINED`` of their
-    power. Efforts are assumed to be sampled at the same instants.
+    power. Efforts are assumed to be sampled at the same instants. Likewise, times are made even if
+    the positions have that much less noise at even times: then samples were, and stamps are those
+    of the transport.
 
     Args:
         record: Joint states without gaps.
@@ -39,16 +69,16 @@ def repaired(record: JointRecord) -> JointRecord:
     dt = float(np.median(np.diff(record.time)))
     late = np.zeros(len(record.time))
     band = min(chosen_band(record.q, dt, MOTION / ABOVE), 0.5 * WIDEST / dt)
+    record = _evened(record, band, dt)
     before, _ = _deviations(record, late, band, dt)
     for _ in range(ROUNDS):
         deviation, velocity = _deviations(record, late, band, dt)
         late = late + _lateness(deviation, velocity, dt)
         late = np.clip(late - late.mean(), -0.3 * dt, 0.3 * dt)
     after, _ = _deviations(record, late, band, dt)
-    moving = record.q.std(axis=0) > 1e-6
-    left = np.median((after**2).mean(axis=0)[moving] / (before**2).mean(axis=0)[moving])
+    left = _share(record, after, before)
     time = record.time - late
-    believed = moving.any() and left < 1.0 - EXPLAINED and late.std() > LEAST * dt
+    believed = left < 1.0 - EXPLAINED and late.std() > LEAST * dt
     if not believed or not np.all(np.diff(time) > 0.0):
         return record
     note = (
@@ -56,6 +86,35 @@ def repaired(record: JointRecord) -> JointRecord:
         f"{1.0 - left:.0%} of the positions' noise; they are corrected"
     )
     return replace(record, time=read_only(time), notes=(*record.notes, note))
+
+
+def _evened(record: JointRecord, band: float, dt: float) -> JointRecord:
+    """The recording at even times if these explain the noise of its positions."""
+    late = np.zeros(len(record.time))
+    even = np.linspace(record.time[0], record.time[-1], len(late))
+    off = float((record.time - even).std())
+    if off < LEAST * dt:
+        return record
+    found = replace(record, time=read_only(even))
+    step = float(even[1] - even[0])
+    before, _ = _deviations(record, late, band, dt)
+    after, _ = _deviations(found, late, band, step)
+    left = _share(record, after, before)
+    if left >= 1.0 - EXPLAINED:
+        return record
+    note = (
+        f"samples are evenly spaced, but time stamps were off by {1e3 * off:.2g} ms (standard "
+        f"deviation), which explains {1.0 - left:.0%} of the positions' noise; they are corrected"
+    )
+    return replace(found, notes=(*record.notes, note))
+
+
+def _share(record: JointRecord, after: Array, before: Array) -> float:
+    """Ratio of the power of deviations, in the median over the joints that move."""
+    moving = record.q.std(axis=0) > 1e-6
+    if not moving.any():
+        return 1.0
+    return float(np.median((after**2).mean(axis=0)[moving] / (before**2).mean(axis=0)[moving]))
 
 
 def _deviations(record: JointRecord, late: Array, band: float, dt: float) -> tuple[Array, Array]:

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 
 from arm_dynamics.arrays import Array, read_only
 from arm_dynamics.exceptions import InvalidInput
-from arm_dynamics.identification.clock import repaired
+from arm_dynamics.identification.clock import repaired, without_repeats
 from arm_dynamics.identification.data import JointRecord, MeasuredMotion
 from arm_dynamics.identification.filtering import WIDEST, ZeroPhase, chosen_band
 
@@ -104,13 +104,13 @@ def resampled(record: JointRecord) -> EvenRecord:
     Raises:
         InvalidInput: If positions are missing, or no stretch is long enough.
     """
-    notes = list(record.notes)
     whole = np.isfinite(record.q).all(axis=1)
     if not whole.any():
         raise InvalidInput(f"{record.name}: no row has a position of every joint")
+    record = without_repeats(record.rows(whole))
+    notes = list(record.notes)
     if not whole.all():
         notes.append(f"{np.count_nonzero(~whole)} rows lack a position of some joint")
-        record = record.rows(whole)
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else np.inf
     pieces, short = _pieces(record, step)
     if short:

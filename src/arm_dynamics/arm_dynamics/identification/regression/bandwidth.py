@@ -20,8 +20,8 @@ BETTER = 0.95
 """Relative residual that a bandwidth must reach to be accepted."""
 ROUNDS = 8
 """Largest number of fits until the bandwidth is stable."""
-SIGNAL = 2.0
-"""Ratio to the bandwidth above which efforts contain none of the motion: the gain is 4e-3."""
+FLAT = 2.0
+"""The band over the frequency up to which predictions exceed residuals, as for positions."""
 NOISY = 0.05
 """Fraction of the residual's power above that frequency for which the band is narrowed to it."""
 
@@ -68,25 +68,47 @@ def mean_residual(fit: Fit, use: Mask) -> float:
 
 
 def noise_above(rows: Rows, use: Mask, fit: Fit) -> float | None:
-    """The frequency in [Hz] above which efforts are only noise; None if they have none there."""
-    if rows.effort_band is None or SIGNAL * rows.effort_band >= rows.band:
+    """The frequency in [Hz] above which efforts contain more noise than motion, with a margin.
+
+    None if that is above the band, or if the efforts have hardly any noise there.
+    """
+    if not np.isfinite(rows.band):
         return None
-    limit = SIGNAL * rows.effort_band
-    left = deviations(rows.narrowed(fit.residual, limit), np.zeros_like(fit.residual), use)
-    whole = deviations(fit.residual, np.zeros_like(fit.residual), use)
-    return limit if float(np.mean(1.0 - (left / whole) ** 2)) > NOISY else None
+    whole = _size(fit.residual, use)
+
+    def above(values: Array) -> Array:
+        """Power above each frequency of the grid, relative to the residual's."""
+        parts = (values - rows.narrowed(values, band) for band in _grid(rows))
+        return np.array([np.mean((_size(part, use) / whole) ** 2) for part in parts])
+
+    signal, noise = above(rows.effort - fit.residual), above(fit.residual)
+    less = np.diff(signal) < np.diff(noise)
+    three = np.flatnonzero(less[:-2] & less[1:-1] & less[2:])
+    if not three.size:
+        return None
+    limit = float(FLAT * _grid(rows)[three[-1] + 3])
+    left = float(np.mean((_size(rows.narrowed(fit.residual, limit), use) / whole) ** 2))
+    return limit if limit < rows.band and 1.0 - left > NOISY else None
+
+
+def _size(values: Array, use: Mask) -> Array:
+    return deviations(values, np.zeros_like(values), use)
+
+
+def _grid(rows: Rows) -> list[float]:
+    """Bandwidths, from the band downwards."""
+    count = int(np.log(NARROWEST) / np.log(STEP))
+    return [rows.band * STEP**k for k in range(1, count + 1)]
 
 
 def _screened(plain: Rows, use: Mask, fit: Fit) -> float | None:
     """The bandwidth at which the predictions of a fit are best, without another fit."""
     predicted = fit.predicted(plain)
-    count = int(np.log(NARROWEST) / np.log(STEP))
-    bands = [plain.band * STEP**k for k in range(1, count + 1)]
+    bands = _grid(plain)
     errors = [_mean(plain.effort - plain.narrowed(predicted, band), use) for band in bands]
     best = int(np.argmin(errors))
     return bands[best] if errors[best] < _mean(plain.effort - predicted, use) else None
 
 
 def _mean(residual: Array, use: Mask) -> float:
-    left = deviations(residual, np.zeros_like(residual), use)
-    return float(np.exp(np.log(left).mean()))
+    return float(np.exp(np.log(_size(residual, use)).mean()))
