@@ -222,7 +222,7 @@ def decay(x: np.ndarray, rate: float, h: float, control: SubstepControl) -> np.n
     The error of a sub-step is that of Euler's method. None if it gives up.
     """
     sizes = {"ADAPTIVE": "1", "ORDER": "2", "MOST_SUBSTEPS": "2000"}
-    library = _library(_DECAY + source(sizes, "flow.c") + _FLOW)
+    library = _library(_DECAY + source(sizes, "substeps.c", "flow.c") + _FLOW)
     u, after = np.array([rate]), np.zeros(2)
     done = library.decay(
         _address(x), _address(u), ctypes.c_double(h), ctypes.byref(control), _address(after)

@@ -12,6 +12,7 @@ import models
 from arm_dynamics import InvalidInput, load_scene
 from arm_sim import SimulationDiverged, Simulator
 from arm_sim.stepping.rollout import share
+from models import features
 from models.driven import WINDING, wheel
 from tolerances import BACKENDS, assert_close
 
@@ -129,6 +130,46 @@ def test_one_by_one_an_arm_that_diverges_is_nan_from_there_on() -> None:
     assert np.isfinite(motion[[0, 2]]).all() and np.isfinite(motion[1, :5]).all()
     assert np.isnan(motion[1, 5:]).all()
     np.testing.assert_array_equal(motion[0], motion[2])
+
+
+CONTROLLED: dict[str, tuple[tuple[str, ...], dict[str, Any]]] = {
+    "rigid": (("viscous", "payload"), {"tolerance": 1e-9}),
+    "dopri5": (("spring", "point spring"), {"integrator": "dopri5", "tolerance": 1e-7}),
+    "bristles": (("lugre",), {}),
+    "voltage and flexible": (("voltage", "flexible", "mimic"), {}),
+    "harmonic": (("harmonic", "payload"), {}),
+    "a loop": (("bilateral", "current"), {"tolerance": 1e-8}),
+    "stops": (("end stop", "voltage"), {}),
+}
+
+
+@pytest.mark.parametrize(("chosen", "options"), CONTROLLED.values(), ids=CONTROLLED)
+def test_error_control_in_registers_gives_the_bits_of_one_arm(
+    chosen: tuple[str, ...], options: dict[str, Any], rng: np.random.Generator
+) -> None:
+    """Arms with sub-steps of their own, more of them than lanes; those at stops among them."""
+    sim = Simulator(features.scene("planar", chosen), **options)
+    arms, steps = 11, 30
+    q = sim.model.q0 + 0.02 * rng.normal(size=(arms, sim.n))
+    v = np.outer(rng.permutation(arms) / arms, np.ones(sim.n))  # some are at rest, some are not
+    tau = rng.normal(0.0, 3.0, size=(arms, steps, sim.n))
+    for threads in (1, 2):
+        side_by_side = sim.rollout(q, v, tau, steps, lanes=4, threads=threads)
+        np.testing.assert_array_equal(side_by_side, sim.rollout(q, v, tau, steps, lanes=1))
+    last = sim.rollout(q, v, tau, steps, lanes=4, last_only=True)
+    np.testing.assert_array_equal(last, side_by_side[:, -1])
+    still = sim.rollout(q, v, tau[0, 0], 0, lanes=4)
+    np.testing.assert_array_equal(still[:, 0], side_by_side[:, 0])
+
+
+def test_in_registers_an_arm_that_cannot_be_advanced_is_nan_from_there_on() -> None:
+    sim = models.simulator("double_pendulum", tolerance=1e-8)
+    tau = np.zeros((9, 10, 2))
+    tau[4, 4:] = 1e300
+    start = np.zeros((9, 2)), np.ones((9, 2))
+    motion = sim.rollout(*start, tau, 10, lanes=4)
+    np.testing.assert_array_equal(motion, sim.rollout(*start, tau, 10, lanes=1))
+    assert np.isnan(motion[4, 5:]).all() and np.isfinite(motion[[3, 5]]).all()
 
 
 def test_threads_share_all_arms_in_whole_groups() -> None:

@@ -163,8 +163,9 @@ def test_a_run_that_cannot_be_made_is_a_row() -> None:
          "vary": {"joints.*.friction.viscous": {"log_uniform": [0.1, 1e5]}}},
         {"changes": {"joints": {"elbow": {"friction": {"coulomb": 0.5}}}},
          "vary": {"payloads.0.mass": {"uniform": [0.1, 1.0]}}},
+        {"changes": {"sim": {"tolerance": 1e-9}}},
     ],
-    ids=["smooth", "stops", "gains", "failing", "diverging", "dry friction"],
+    ids=["smooth", "stops", "gains", "failing", "diverging", "dry friction", "error control"],
 )  # fmt: skip
 def test_runs_side_by_side_have_the_bits_of_runs_alone(
     change: dict[str, Any], monkeypatch: pytest.MonkeyPatch

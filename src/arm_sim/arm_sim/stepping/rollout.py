@@ -11,6 +11,7 @@ from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from arm_dynamics import InvalidInput
@@ -19,15 +20,27 @@ from arm_dynamics.codegen import compiler, processor
 from arm_dynamics.codegen.kernel import generate
 from arm_dynamics.exceptions import CompilerMissing
 from arm_sim.inputs import whole
-from arm_sim.integrators.methods import build_step, build_tick
+from arm_sim.integrators.methods import build_tick
 from arm_sim.integrators.selection import Choice
 from arm_sim.plant.actuation import CompiledControl, actuation
 from arm_sim.plant.placing import closed_rows, inside_stops
 from arm_sim.plant.plant import Plant
-from arm_sim.stepping.stepper import Stepper, pointer, sizes, source, stop_places
+from arm_sim.stepping.stepper import (
+    Stepper,
+    error_control,
+    pointer,
+    sizes,
+    smooth_motion,
+    source,
+    stop_places,
+)
 
 WIDTHS = (8, 4, 2, 1)
-# How CasADi writes a choice; C++ has no such operator for many arms at a time.
+# Ticks of all arms from which attempts side by side save more time than it takes to compile them:
+# up to ten seconds for implicit methods.
+MANY_TICKS = 100_000
+# How CasADi writes choices; C++ has no such operator for many arms at a time.
+_SIGN = "x<0 ? -1 : x>0 ? 1 : x"
 _CHOICE = re.compile(r"\((\w+)\?(\w+):0\)")
 
 
@@ -68,17 +81,19 @@ class Rollouts:
     ) -> None:
         self._plant, self._choice, self._backend = plant, choice, backend
         self._control = control
-        # Error control, dry friction and contacts give every arm sub-steps of its own. So do
-        # stops: arms that meet one are advanced once more, alone.
+        # Dry friction and contacts give every arm segments of its own. So do stops: arms that meet
+        # one are advanced once more, alone.
         self._smooth = plant.free or plant
-        self._alike = alike(plant, choice) and backend != "vm"
+        self._in_registers = not self._smooth.eventful and backend != "vm"
         self._libraries: dict[int, ctypes.CDLL | None] = {}
         self._resting: list[Stepper] = []
 
     def run(self, batch: Batch, threads: int | None, lanes: int | None) -> Array:
         """Advance a batch; see ``Simulator.rollout``."""
-        wide = widths(lanes)
-        library, width = self._library(wide) if self._alike else (None, 1)
+        wide, together = widths(lanes), self._in_registers
+        if lanes is None and self._choice.tolerance is not None and not self._libraries:
+            together &= len(batch.x0) * batch.steps >= MANY_TICKS
+        library, width = self._library(wide) if together else (None, 1)
 
         def work(first: int, last: int) -> None:
             if library is None:
@@ -95,8 +110,8 @@ class Rollouts:
         """Advance arms in vector registers on this thread, bit for bit as each alone.
 
         Returns:
-            Arms that come near a stop and must be advanced one by one; None if that holds for all:
-            the scene has events or error control, or there is no compiler.
+            Arms that come near a stop, or cannot be advanced, and must be advanced one by one;
+            None if that holds for all: the scene has events, or there is no compiler.
         """
         library = self._lanes_here()
         return None if library is None else self._in_lanes(library, batch, 0, len(batch.x0))
@@ -106,7 +121,7 @@ class Rollouts:
         self._lanes_here()
 
     def _lanes_here(self) -> ctypes.CDLL | None:
-        return self._library(widths(None))[0] if self._alike else None
+        return self._library(widths(None))[0] if self._in_registers else None
 
     def batch(self, q0: Any, v0: Any, tau: Any, steps: int, p: Array, last_only: bool) -> Batch:
         """Check arguments; ``p`` is of shape (np,) or (b, np)."""
@@ -188,23 +203,34 @@ class Rollouts:
 
     def _built(self, width: int) -> ctypes.CDLL | None:
         language = "c++" if width > 1 else "c"
-        if not compiler.may_build(language):
+        controlled = self._choice.tolerance is not None
+        if not compiler.may_build(language) or (width == 1 and controlled):
             return None
+        write = self._of_attempts if controlled else self._of_ticks
         try:
-            return compiler.build(self._source(width), language).library
+            return compiler.build(write(width), language).library
         except CompilerMissing:
             return None
 
-    def _source(self, width: int) -> str:
+    def _of_ticks(self, width: int) -> str:
         plant = self._smooth
-        method, n, scaled = self._choice.method, plant.model.n, plant.scaled_jacobian
-        step = build_step(method, plant.rhs, n, plant.project, scaled)
-        tick = build_tick(step, actuation(plant, self._control))
-        stops, parts = stop_defines(plant)
-        defines = sizes(plant, [tick]) | {"TICK": "tick"} | stops
+        tick = build_tick(smooth_motion(plant, self._choice), actuation(plant, self._control))
+        return self._source(width, [tick], {"TICK": "tick"}, "rollout.c")
+
+    def _of_attempts(self, width: int) -> str:
+        plant, choice = self._smooth, self._choice
+        functions = [smooth_motion(plant, choice), actuation(plant, self._control)]
+        more = error_control(plant, choice) | {"TOLERANCE": repr(choice.tolerance)}
+        return self._source(width, functions, more, "substeps.c", "controlled_rollout.c")
+
+    def _source(
+        self, width: int, functions: list[ca.Function], more: dict[str, str], *files: str
+    ) -> str:
+        stops, parts = stop_defines(self._smooth)
+        defines = sizes(self._smooth, functions) | more | stops
         if self._control is not None:
             defines["NR"] = str(self._control.law.size1_in(1))
-        return of_lanes(generate([tick]), width) + source(defines, *parts, "arms.c", "rollout.c")
+        return of_lanes(generate(functions), width) + source(defines, *parts, "arms.c", *files)
 
 
 def alike(plant: Plant, choice: Choice) -> bool:
@@ -223,7 +249,7 @@ def of_lanes(code: str, width: int) -> str:
     """Generated C for ``width`` arms side by side, with the headers it needs."""
     if width == 1:
         return '#include "scalar.h"\n' + code
-    code = _CHOICE.sub(r"if_else_zero(\1,\2)", code)
+    code = _CHOICE.sub(r"if_else_zero(\1,\2)", code).replace(_SIGN, "sign(x)")
     return f'#define LANES {width}\n#include "lanes.hpp"\n' + code
 
 

@@ -225,11 +225,11 @@ def _built(
     plant: Plant, choice: Choice, backend: str, control: CompiledControl | None, acted: bool
 ) -> Kernel:
     """Generate and compile the equations of a scene, and the engine that calls them."""
-    smooth = _smooth(plant, choice)
+    smooth = smooth_motion(plant, choice)
     actuate = actuation(plant, control, compensated=not acted)
     functions = [plant.rhs, smooth, actuate, *plant.events]
     if plant.free:
-        smooth = _smooth(plant.free, choice, FREE)
+        smooth = smooth_motion(plant.free, choice, FREE)
         functions += [_renamed(plant.free.rhs), smooth]
     engine = engine_source(plant, choice, functions, smooth)
     return Kernel(functions, backend, engine, needs_native=_eventful(plant))
@@ -255,14 +255,20 @@ def engine_source(
 
     ``smooth`` is the function that advances over a tick without events.
     """
-    defines = sizes(plant, functions)
+    defines, parts = sizes(plant, functions), ["flow.c"]
     if choice.tolerance is not None:
-        most = MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS
-        order = str(choice.method.order)
-        defines |= {"ADAPTIVE": "1", "ORDER": order, "MOST_SUBSTEPS": str(most)}
+        defines |= {"ADAPTIVE": "1"} | error_control(plant, choice)
+        parts.insert(0, "substeps.c")
     if plant.eventful:
         defines |= _event_sizes(plant) | _work(choice, functions, smooth)
-    return source(defines, "flow.c", *(WITH_EVENTS if plant.eventful else ()), "roll.c")
+        parts += WITH_EVENTS
+    return source(defines, *parts, "roll.c")
+
+
+def error_control(plant: Plant, choice: Choice) -> dict[str, str]:
+    """Definitions for ``native/substeps.c`` and the loops that use it."""
+    most = MAX_SUBSTEPS_TOUCHING if plant.points else MAX_SUBSTEPS
+    return {"ORDER": str(choice.method.order), "MOST_SUBSTEPS": str(most)}
 
 
 def _work(choice: Choice, functions: Sequence[ca.Function], smooth: ca.Function) -> dict[str, str]:
@@ -305,7 +311,8 @@ def _eventful(plant: Plant) -> str:
     return " and ".join([*dry, *(["contact"] if plant.points else [])])
 
 
-def _smooth(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
+def smooth_motion(plant: Plant, choice: Choice, prefix: str = "") -> ca.Function:
+    """A step of fixed length or, with error control, an attempt; ``prefix`` begins its name."""
     n, scaled, method = plant.model.n, plant.scaled_jacobian, choice.method
     if choice.tolerance is None:
         return build_step(method, plant.rhs, n, plant.project, scaled, f"{prefix}step")

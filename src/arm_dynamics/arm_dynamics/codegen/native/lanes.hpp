@@ -44,8 +44,21 @@ static inline real operator&&(real x, real y) { return truth((x.v != 0.0) & (y.v
 static inline real operator||(real x, real y) { return truth((x.v != 0.0) | (y.v != 0.0)); }
 static inline real if_else_zero(real condition, real x) { return condition.v != 0.0 ? x.v : lanes_t{}; }
 
+static inline real sign(real x) { return x.v < 0.0 ? lanes_t{} - 1.0 : x.v > 0.0 ? lanes_t{} + 1.0 : x.v; }
+
 static inline real sqrt(real x) {
   for (int i = 0; i < LANES; ++i) x.v[i] = __builtin_sqrt(x.v[i]);
+  return x;
+}
+
+/* The library's, so that one arm and many give the same bits. */
+static inline real exp(real x) {
+  for (int i = 0; i < LANES; ++i) x.v[i] = __builtin_exp(x.v[i]);
+  return x;
+}
+
+static inline real floor(real x) {
+  for (int i = 0; i < LANES; ++i) x.v[i] = __builtin_floor(x.v[i]);
   return x;
 }
 

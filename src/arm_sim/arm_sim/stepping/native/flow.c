@@ -4,7 +4,7 @@
  *
  * Before this file: NX, NU (lengths of state and command), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated
  * functions), the generated
- * `step`, or with ADAPTIVE the generated `attempt`, ORDER (of its error estimate plus one), MOST_SUBSTEPS (a tick may try).
+ * `step`, or with ADAPTIVE the generated `attempt`, substeps.c and MOST_SUBSTEPS (a tick may try).
  * With FREE also `free_step` or `free_attempt`: the same while no joint is at a stop, with tunable numbers alone in p.
  */
 
@@ -34,39 +34,26 @@ typedef int (*generated_t)(const real**, real**, casadi_int*, real*, int);
 #define SMOOTH attempt
 #define FREE_SMOOTH free_attempt
 
-/* Step size: Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I, 1993, section II.4. */
 static inline int flow_by(generated_t smooth, const real* x, const real* u, const real* p, double h, control_t* c,
                           real* after) {
   real next[NX], error, error_q, trial;
   WORKSPACE;
-  double done = 0.0;
-  double step = c->step > 0.0 ? c->step : h;
+  substeps_t at = first_substep(h, c->step);
   for (int i = 0; i < NX; ++i) after[i] = x[i];
   for (long long k = 0; k < MOST_SUBSTEPS; ++k) {
-    const double left = h - done;
-    const int last = step >= left * (1.0 - 1e-12);
-    trial = last ? left : step;
+    trial = next_length(&at, h);
     arg[0] = after; arg[1] = u; arg[2] = p; arg[3] = &trial;
     res[0] = next; res[1] = &error; res[2] = &error_q;
     smooth(arg, res, iw, w, 0);
     ++c->attempts;
-    const double size = error / c->tolerance;
-    const int reached = within_reach(next), accepted = size <= 1.0 && reached;
-    double factor = size < 1e-10 ? 6.0 : 0.9 * pow(size, -1.0 / ORDER); /* NaN must shrink it */
-    factor = !(factor > 0.2) || !reached ? 0.2 : factor > 6.0 ? 6.0 : factor;
-    if (accepted) {
-      for (int i = 0; i < NX; ++i) after[i] = next[i];
-      c->error += error_q;
-      done += trial;
-      /* A last sub-step that was cut short says little of how long the next may be. */
-      if (!last || trial * factor > step) step = trial * factor;
-      if (last) { c->step = step; return 1; }
-    } else {
-      step = trial * factor;
-      if (step < 1e-12 * h) break;
-    }
+    const enum verdict verdict = judge(&at, h, error / c->tolerance, within_reach(next));
+    if (verdict == HOPELESS) break;
+    if (verdict == REJECTED) continue;
+    for (int i = 0; i < NX; ++i) after[i] = next[i];
+    c->error += error_q;
+    if (verdict == ENDED) { c->step = at.step; return 1; }
   }
-  c->reached = done;
+  c->reached = at.done;
   return 0;
 }
 #else
