@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From the torque that a joint is to get to the command that its drive takes."""
+"""Conversion of desired joint torques to commands of the drives."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from arm_dynamics.scene.schema import Scene
 
 
 class CommandMap:
-    """Commands that make the drives of an arm give required torques, as if they were rigid.
+    """Commands with which the drives of an arm produce desired torques, drives taken as rigid.
 
-    A torque stays what it is; a current is i = τ / (N K_t), a voltage u = R i + N K_e v, with the
-    torque of the poles taken off first. What a drive needs time for is left out: the current
-    that an inductance delays, the twist of a flexible transmission. Nothing is cut at limits.
-    Where the scene's commands are ``gravity_compensated``, the arm carries its own weight, and
-    commands are what comes on top.
+    A torque is unchanged; a current is i = τ / (N K_t), a voltage u = R i + N K_e v, after
+    subtracting the cogging torque. The drives' own dynamics are neglected: the current that an
+    inductance delays, the twist of a flexible transmission. Nothing is clipped to limits. Where
+    the scene's commands are ``gravity_compensated``, the arm compensates gravity itself, and
+    commands are added to that.
 
     Args:
         model: The arm; without drives every command is the torque itself.
@@ -40,9 +40,10 @@ class CommandMap:
         self._idle = not (scaled or self._back_emf.any() or self._poles or self._weight)
         soft = [drive if drive and drive.coupling else None for drive in drives]
         self.rotor_inertia: Array = np.array([d.rotor_inertia if d else 0.0 for d in soft])
-        """Of rotors on flexible transmissions, which M does not hold, at the joint, shape (n,)."""
+        """Inertia of rotors on flexible transmissions, not included in M, at the joint, shape
+        (n,)."""
         self.rotor_damping: Array = np.array([d.rotor_damping if d else 0.0 for d in soft])
-        """Of the same rotors, which F does not hold."""
+        """Damping of the same rotors, not included in F."""
 
     def __call__(self, q: Quantity, v: Quantity, tau: Quantity) -> Quantity:
         """Commands for torques.
@@ -50,7 +51,7 @@ class CommandMap:
         Args:
             q: Joint positions in [rad] or [m], shape (n,) or (k, n), or an expression.
             v: Joint velocities in [rad/s] or [m/s], likewise.
-            tau: Wanted torques in [N m] or [N], likewise.
+            tau: Desired torques in [N m] or [N], likewise.
 
         Returns:
             Commands in the units of ``ArmModel.command_unit``, of the same shape.
@@ -71,7 +72,7 @@ class CommandMap:
 
     @property
     def factors(self) -> tuple[Array, ...] | None:
-        """Factors of torque and velocity whose products add up to commands, each of shape (n,).
+        """Factors of torque and velocity whose products sum to the commands, each of shape (n,).
 
         They are empty if every command is the torque itself, and None if commands also depend on
         positions.
@@ -82,17 +83,17 @@ class CommandMap:
         return None if by_position else (self._gain, self._back_emf)
 
     def compensation(self, q: ca.SX) -> ca.SX | float:
-        """What the arm adds to commands by itself, an expression of shape (n,), or zero."""
+        """Gravity compensation that the arm adds to commands: an expression (n,), or zero."""
         return 0.0 if self._weight is None else ca.DM(self._gain) * self._weight(q)
 
 
 def gravity_compensated(scene: Scene) -> bool:
-    """Whether commands come on top of what carries the arm's own weight."""
+    """Whether commands are added to the arm's own gravity compensation."""
     return scene.commands is not None and scene.commands.gravity_compensated
 
 
 def compensating(scene: Scene) -> Scene:
-    """The same scene with commands that are ``gravity_compensated``."""
+    """Copy of the scene with ``gravity_compensated`` commands."""
     if gravity_compensated(scene):
         return scene
     commands = (scene.commands or Commands()).model_copy(update={"gravity_compensated": True})
@@ -100,7 +101,7 @@ def compensating(scene: Scene) -> Scene:
 
 
 def _weight(model: ArmModel) -> ca.Function:
-    """Torques that carry the weight, with the springs' help, (q) -> shape (n,)."""
+    """Torques that balance gravity and springs, (q) -> shape (n,)."""
     q, still = ca.SX.sym("q", model.n), ca.SX(model.n, 1)
     carried = spring.frictionless(
         model.springs, tree_of(model), q, still, still, gravity=gravity_of(model)
@@ -109,9 +110,9 @@ def _weight(model: ArmModel) -> ca.Function:
 
 
 def rigid_twin(scene: Scene) -> Scene:
-    """The same arm with rigid transmissions: what a controller that sees only its joints knows.
+    """The same arm with rigid transmissions: the model of a controller that measures only joints.
 
-    Its M holds the rotors. A scene without transmissions is returned as it is.
+    Its M includes the rotors. A scene without transmissions is returned unchanged.
     """
     if not any(joint.transmission for joint in scene.joints.values()):
         return scene

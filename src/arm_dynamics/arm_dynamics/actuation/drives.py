@@ -21,11 +21,11 @@ _NO_STATE = ca.SX(0, 1)
 
 
 def state_names(drive: JointDrive, turning: bool) -> dict[str, float]:
-    """States of a drive with their units, and the size of each that matters for its error.
+    """States of a drive with their units, and the scale of each for error control.
 
     Args:
         drive: The drive.
-        turning: Whether its joint turns, rather than slides.
+        turning: Whether its joint is revolute.
     """
     unit = "rad" if turning else "m"
     named: dict[str, float] = {}
@@ -40,7 +40,7 @@ def state_names(drive: JointDrive, turning: bool) -> dict[str, float]:
 
 
 def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
-    """States of a drive without current and without twist at a joint's position and velocity."""
+    """States of a drive with zero current and twist at a joint's position and velocity."""
     states = [0.0] if drive.has_current else []
     if drive.coupling is None:
         return states
@@ -51,7 +51,7 @@ def at_rest(drive: JointDrive, q: float, v: float) -> list[float]:
 
 
 def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-    """What a drive does, its one joint taken for the whole arm.
+    """Equations of a single drive, as ``Flow`` of its one joint.
 
     Args:
         drive: The drive.
@@ -79,7 +79,7 @@ def instant(drive: JointDrive, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
 
 
 def _electric(drive: JointDrive, position: ca.SX, velocity: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-    """The motor: torque of current and poles on the rotor, as seen at the joint."""
+    """The motor: torque of current and cogging on the rotor, reflected to the joint."""
     m = drive.motor
     if m.command == "voltage":
         made = _under_voltage(drive, velocity, z, u)
@@ -134,7 +134,7 @@ def _carrying(drive: JointDrive, current: ca.SX, voltage: ca.SX, velocity: ca.SX
 
 
 def _coupling(c: Transmission, ratio: float, q: ca.SX, v: ca.SX, z: ca.SX) -> Flow:
-    """The transmission: its torque on the link and its loss, and w' if it has a hysteresis."""
+    """The transmission: its torque on the link, its dissipated power, and w' of a hysteresis."""
     position, velocity, error = z[0], z[1], c.kinematic_error
     twist, rate = position - q, velocity - v
     if error:
@@ -160,14 +160,14 @@ def _coupling(c: Transmission, ratio: float, q: ca.SX, v: ca.SX, z: ca.SX) -> Fl
 
 
 def _error_slope(error: Wave | None, ratio: float, position: Quantity) -> Quantity:
-    """de/dθ at a motor position as seen at the joint."""
+    """de/dθ at a motor position reflected to the joint."""
     if error is None:
         return 0.0
     return ratio * transmission.kinematic_error_slope(ratio * position, error)
 
 
 def _untwisted(q: float, error: Wave, ratio: float) -> float:
-    """The motor position θ with θ + e(θ) = q; between q - A and q + A there is exactly one."""
+    """The motor position θ with θ + e(θ) = q, which is unique between q - A and q + A."""
     low, high = q - error.amplitude, q + error.amplitude
     while True:
         middle = 0.5 * (low + high)
@@ -178,16 +178,16 @@ def _untwisted(q: float, error: Wave, ratio: float) -> float:
 
 
 class Drives:
-    """What turns commands into torques, for all joints of a scene that have an actuator.
+    """Conversion of commands to torques, for all joints of a scene that have an actuator.
 
-    Its states are, joint by joint and as far as the scene asks for them: the motor's current where
-    a voltage acts through an inductance; the motor's position and velocity as seen at the joint,
-    and the state of the hysteresis, where the transmission is flexible.
+    Its states are, joint by joint and where the scene has them: the motor's current if a voltage
+    acts through an inductance; the motor's position and velocity reflected to the joint, and the
+    state of the hysteresis, if the transmission is flexible.
 
     Attributes:
-        title: What it is, for display.
-        names: Its states, for display.
-        scale: Size of each state that matters for its error.
+        title: Its name, for display.
+        names: Names of its states, for display.
+        scale: Scale of each state for error control.
         replaces_command: Joints that have a drive, shape (n,).
     """
 
@@ -207,16 +207,17 @@ class Drives:
         self._ends = np.cumsum([0, *map(len, states)]).tolist()
 
     def initial(self, q: Array, v: Array) -> Array:
-        """States when the arm is put to q, v: no current, nothing twisted; shape (nz,)."""
+        """Initial states at q, v: zero currents and twists; shape (nz,)."""
         states = [at_rest(drive, float(q[i]), float(v[i])) for i, drive in self._joints]
         return np.array([number for state in states for number in state], dtype=float)
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What they do under commands u, shape (n,).
+        """Torques, rates and powers under commands u, shape (n,).
 
-        They store magnetic and elastic energy, and kinetic energy of rotors on flexible drives.
-        Supplied is voltage times current; mechanical power of a motor without torque constant.
-        Lost is the heat of windings, of transmissions, and of rotors on flexible drives.
+        Stored energy is magnetic, elastic, and the kinetic energy of rotors on flexible drives.
+        Supplied power is voltage times current, or the mechanical power of a motor without torque
+        constant. Dissipated power is the heat of windings, transmissions, and rotors on flexible
+        drives.
         """
         parts = zip(self._joints, self._ends, self._ends[1:], strict=False)
         flows = [instant(drive, q[i], v[i], z[a:b], u[i]) for (i, drive), a, b in parts]

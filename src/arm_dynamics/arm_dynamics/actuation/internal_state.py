@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Laws with states of their own, between the command u and the torque at the joints.
+"""Models with internal states between the command u and the torque at the joints.
 
 The rigid arm has the states q and v. A motor adds a current, a belt the angle of its motor, a
-bristle its deflection: such a law brings states z of its own, says how they change, and what it
-stores, takes in and loses. The simulator integrates x = (q, v, z).
+bristle its deflection: such a model defines additional states z, their derivatives, and the energy
+that it stores, receives and dissipates. The simulator integrates x = (q, v, z).
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from arm_dynamics.model.arm import ArmModel
 
 @dataclass(frozen=True)
 class Flow:
-    """What a law does at an instant.
+    """Torques, state derivatives and energy flow of a model at an instant.
 
     Attributes:
-        torque: What it adds on the link side of each joint in [N m] or [N], shape (n,).
-        slope: Rate of change of its states, shape (nz,).
-        stored: Energy that it stores in [J]: elastic, magnetic, of rotors that M does not hold; it
-            follows from q, v and its states.
-        supplied: Power that it takes from outside in [W], such as voltage times current.
-        lost: Power that it turns into heat in [W].
+        torque: Torque that it adds on the link side of each joint in [N m] or [N], shape (n,).
+        slope: Derivative of its states, shape (nz,).
+        stored: Energy that it stores in [J]: elastic, magnetic, of rotors not included in M; a
+            function of q, v and its states.
+        supplied: Power received from outside in [W], such as voltage times current.
+        lost: Dissipated power in [W].
     """
 
     torque: ca.SX
@@ -42,15 +42,15 @@ class Flow:
 
 
 class StatefulLaw(Protocol):
-    """A law with states of its own (perhaps none), or one that takes the place of the command.
+    """A model with internal states (possibly none), or one that replaces the command.
 
     Attributes:
-        title: What it is, for display: "LuGre friction".
-        names: Its states, for display, with joint and unit: "joint1 motor current [A]".
-        scale: For each state the size that matters, shape (nz,): an error of the tolerance times
-            this size is as bad as that of a radian.
-        replaces_command: Joints for which its torque takes the place of u, shape (n,); for the
-            others u acts directly.
+        title: Its name, for display: "LuGre friction".
+        names: Names of its states, for display, with joint and unit: "joint1 motor current [A]".
+        scale: Scale of each state for error control, shape (nz,): the tolerance times this scale
+            is the admissible error, as for a radian.
+        replaces_command: Joints for which its torque replaces u, shape (n,); for the others u acts
+            directly.
     """
 
     title: str
@@ -59,21 +59,21 @@ class StatefulLaw(Protocol):
     replaces_command: NDArray[np.bool_]
 
     def initial(self, q: Array, v: Array) -> Array:
-        """Its states when the arm is put to q, v, shape (nz,)."""
+        """Its initial states at q, v, shape (nz,)."""
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What it does under the command u, shape (n,).
+        """Its torques, state derivatives and energy flow under the command u, shape (n,).
 
-        A law that takes no command's place gets the torques of the drives for u.
+        A model that replaces no command receives the torques of the drives as u.
         """
 
 
 class FrictionLaw(StatefulLaw, Protocol):
-    """A law of friction with states.
+    """A friction model with internal states.
 
     Attributes:
-        absent: Why a scene has none, for display: "no bristles".
-        summary: What of it a scene has, for display: "2 joints, as many states".
+        absent: Display text for a scene without it: "no bristles".
+        summary: Display text for a scene with it: "2 joints, as many states".
     """
 
     absent: str
@@ -81,14 +81,14 @@ class FrictionLaw(StatefulLaw, Protocol):
 
     @classmethod
     def of(cls, model: ArmModel) -> Self | None:
-        """The law of the joints that ask for it; None if none does.
+        """The model for the joints that use it; None if none does.
 
         Raises:
-            SceneError: If the coefficients of a joint do not go together.
+            SceneError: If the coefficients of a joint contradict one another.
         """
 
     def fastest_rate(self, M: Array, v: Array) -> float:
-        """How fast it may answer in [1/s], whatever the initial state.
+        """Upper estimate of its fastest rate in [1/s], whatever the initial state.
 
         Args:
             M: Mass matrix at the initial position, shape (n, n).
@@ -96,11 +96,11 @@ class FrictionLaw(StatefulLaw, Protocol):
         """
 
     def steady(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Its part of F when the states have settled; numbers (…, n) or expressions.
+        """Its contribution to F in steady state; numbers (…, n) or expressions.
 
         Args:
             v: Joint velocities in [rad/s] or [m/s].
-            direction: Which way joints slide, or are about to, -1 to 1.
+            direction: Direction in which joints slide, or are about to, -1 to 1.
             q: Joint positions in [rad] or [m].
             load: Torques of the drives in [N m] or [N].
         """
@@ -108,10 +108,10 @@ class FrictionLaw(StatefulLaw, Protocol):
 
 @dataclass(frozen=True)
 class Ensemble:
-    """All the laws of a scene as one; the states follow one another in the laws' order.
+    """All models of a scene as one; their states are concatenated in order.
 
     Attributes:
-        laws: The laws.
+        laws: The models.
         n: Degrees of freedom.
     """
 
@@ -125,15 +125,15 @@ class Ensemble:
 
     @property
     def scale(self) -> Array:
-        """Size that matters of each state, shape (nz,)."""
+        """Scale of each state for error control, shape (nz,)."""
         return np.concatenate([np.zeros(0), *(law.scale for law in self.laws)])
 
     def initial(self, q: Array, v: Array) -> Array:
-        """States when the arm is put to q, v, shape (nz,)."""
+        """Initial states at q, v, shape (nz,)."""
         return np.concatenate([np.zeros(0), *(law.initial(q, v) for law in self.laws)])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """What the laws do together, and u where it acts directly, as torque and as power."""
+        """The models' total torque and power, including u where it acts directly."""
         load = self.drive(q, v, z, u)
         flows = [
             law.equations(q, v, part, u if law.replaces_command.any() else load)
@@ -149,7 +149,7 @@ class Ensemble:
         )
 
     def drive(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> ca.SX:
-        """Torque that the drives put on the links: u, or what a law has in its place."""
+        """Torque of the drives on the links: u, or that of the model that replaces it."""
         torque = self._direct() * u
         for law, part in self._parts(z):
             if law.replaces_command.any():
@@ -170,5 +170,5 @@ class Ensemble:
 
 
 def total(terms: Iterable[ca.SX | float]) -> ca.SX:
-    """Their sum as an expression, zero without any."""
+    """Sum of the terms as an expression; zero if there are none."""
     return sum(terms, ca.SX(0.0))

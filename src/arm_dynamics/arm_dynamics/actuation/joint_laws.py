@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Which laws with states, or in place of the command, a scene asks for."""
+"""The models with internal states, or that replace the command, which a scene uses."""
 
 from __future__ import annotations
 
@@ -9,20 +9,20 @@ from arm_dynamics.actuation.lugre_joints import LugreFriction
 from arm_dynamics.model.arm import ArmModel
 
 FRICTION: tuple[type[FrictionLaw], ...] = (LugreFriction,)
-"""Laws of friction with states; each takes the joints whose scene has its key."""
+"""Friction models with states; each applies to the joints with its key in the scene."""
 
 
 def laws_of(model: ArmModel) -> tuple[StatefulLaw, ...]:
-    """The laws of a scene, in the order of their states; none if it asks for none."""
+    """The models of a scene, in the order of their states; empty if it uses none."""
     passive = all(drive is None or drive.passes_torque for drive in model.drives)
     return (*(() if passive else (Drives(model),)), *friction_laws(model))
 
 
 def friction_laws(model: ArmModel) -> tuple[FrictionLaw, ...]:
-    """Those of them that are friction.
+    """The friction models of a scene.
 
     Raises:
-        SceneError: If the coefficients of a law do not go together.
+        SceneError: If the coefficients of a model contradict one another.
     """
     found = (law.of(model) for law in FRICTION)
     return tuple(law for law in found if law is not None)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""LuGre friction of the joints that ask for it: the states z are the deflections of bristles."""
+"""LuGre friction of joints; the states z are the deflections of the bristles."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ from arm_dynamics.scene.friction import Lugre, refusal
 
 
 class LugreFriction:
-    """All joints with bristles as one law; see ``internal_state.FrictionLaw``.
+    """All joints with LuGre friction as one model; see ``internal_state.FrictionLaw``.
 
-    Viscous friction, σ2 v, is not part of it: it acts on every joint alike.
+    Viscous friction, σ2 v, is not part of it: it is the same for all joints.
     """
 
     title = "LuGre friction"
@@ -28,16 +28,16 @@ class LugreFriction:
 
     @classmethod
     def of(cls, model: ArmModel) -> LugreFriction | None:
-        """The law of the joints that have ``friction.lugre``; None if there are none."""
+        """The model for the joints that have ``friction.lugre``; None if there are none."""
         said = ((i, model.scene.joint(name)) for i, name in enumerate(model.joint_names))
         asked = {i: joint.friction.lugre for i, joint in said if joint.friction.lugre}
         return cls(model, asked) if asked else None
 
     def __init__(self, model: ArmModel, asked: Mapping[int, Lugre]) -> None:
-        """Take joints and their coefficients.
+        """Collect joints and their coefficients.
 
         Raises:
-            SceneError: If the coefficients of a joint do not go together.
+            SceneError: If the coefficients of a joint contradict one another.
         """
         self._n, self._joints = model.n, list(asked)
         self._dry = model.friction.by_law.of(self._joints)
@@ -50,7 +50,7 @@ class LugreFriction:
         self._sigma0 = np.array([law.sigma0 for law in self._laws])
         lowest = [[level.min() for level in self._dry.extremes(i)] for i in asked]
         self._coulomb, static = np.array(lowest).T
-        self.scale: Array = static / self._sigma0  # where bristles give way
+        self.scale: Array = static / self._sigma0  # scale of the bristles' deflection
         self.replaces_command = np.zeros(model.n, dtype=bool)
         self.summary = f"{len(self.names)} joints, as many states"
         for i, law in asked.items():
@@ -58,7 +58,7 @@ class LugreFriction:
             _check_passive(model, i, law)
 
     def initial(self, q: Array, v: Array) -> Array:
-        """Straight bristles."""
+        """Bristles without deflection."""
         return np.zeros(len(self.names))
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
@@ -79,14 +79,14 @@ class LugreFriction:
         return Flow(torque, rate, stored, lost=lost)
 
     def steady(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """Friction of bristles that have bent, of the sign of ``direction``."""
+        """Steady-state friction of the bristles, of the sign of ``direction``."""
         return self._dry.sliding(v, direction, q, load)
 
     def fastest_rate(self, M: Array, v: Array) -> float:
-        """The frequency of the arm on its bristles, or the rate at which they bend over.
+        """The arm's natural frequency on its bristles, or the relaxation rate of the bristles.
 
-        That is σ0 |v| / Fc for a joint that slides at 1 rad/s or 1 m/s, or as fast as it starts,
-        with the lowest Fc that it has anywhere.
+        The latter is σ0 |v| / Fc for a joint that slides at 1 rad/s or 1 m/s, or at its initial
+        speed if larger, with its lowest Fc over all positions and loads.
         """
         stiffness = np.zeros(self._n)
         stiffness[self._joints] = self._sigma0
@@ -107,7 +107,7 @@ def _check(model: ArmModel, i: int) -> None:
 
 
 def _check_passive(model: ArmModel, i: int, law: Lugre) -> None:
-    """Refuse coefficients that may give out energy in the positive direction or the other one."""
+    """Reject coefficients for which the model could generate energy in either direction."""
     friction, sigma1, fading = model.friction, law.sigma1, law.sigma1_velocity
     viscous = friction.viscous.mean[i] + friction.viscous.skew[i] * np.array([1.0, -1.0])
     coulomb, static = friction.by_law.extremes(i)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""All the friction of an arm in steady motion, for inverse dynamics and controllers."""
+"""Total friction of an arm in steady motion, for inverse dynamics and controllers."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ REPETITIONS = 40
 
 @dataclass(frozen=True)
 class SteadyFriction:
-    """F of the equation of motion, its laws with states settled.
+    """F of the equation of motion, models with states being in steady state.
 
     Arguments are joint velocities v in [rad/s] or [m/s], the direction in which joints slide or
     are about to, -1 to 1, positions q in [rad] or [m], used only if ``by_position``, and the
@@ -25,7 +25,7 @@ class SteadyFriction:
 
     Attributes:
         joints: Friction without states.
-        laws: Friction with states.
+        laws: Friction models with states.
     """
 
     joints: JointFriction
@@ -38,7 +38,7 @@ class SteadyFriction:
 
     @property
     def has_dry(self) -> bool:
-        """Whether a part of it changes sign with the direction."""
+        """Whether part of it changes sign with the direction."""
         return self.joints.has_dry or bool(self.laws)
 
     @property
@@ -53,11 +53,11 @@ class SteadyFriction:
 
     @property
     def gearless(self) -> SteadyFriction:
-        """The same without the gears' losses."""
+        """Copy without the gears' losses."""
         return replace(self, joints=self.joints.gearless)
 
     def __call__(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """All of it, shape (…, n)."""
+        """Total friction, shape (…, n)."""
         smooth = self.joints.smooth(v)
         return smooth + self.dry(v, direction, q, load) if self.has_dry else smooth
 
@@ -69,20 +69,20 @@ class SteadyFriction:
         return self.of_laws(v, direction, q, load) + rest
 
     def of_laws(self, v: Quantity, direction: Quantity, q: Quantity, load: Quantity) -> Quantity:
-        """The part of the laws with states."""
+        """The part of the models with states."""
         return sum((law.steady(v, direction, q, load) for law in self.laws), 0.0 * v)
 
     def demanded(self, rigid: Quantity, v: Quantity, direction: Quantity, q: Quantity) -> Quantity:
-        """Torque that moves the rigid arm and overcomes its own load's friction.
+        """Torque that moves the rigid arm and overcomes the friction caused by that torque.
 
-        Solves tau = g(rigid + F(v, q, tau)), where g gives what a gear needs to pass its argument
-        on. A factor by load makes F grow with tau, by less than tau does (see ``model.friction``),
-        so that the repetition converges.
+        Solves tau = g(rigid + F(v, q, tau)), where g is the torque that a gear requires to deliver
+        its argument. A load-dependent factor makes F grow with tau, but more slowly than tau (see
+        ``model.friction``), so the iteration converges.
 
         Args:
             rigid: M a + C v + G + S in [N m] or [N], shape (…, n).
             v: Joint velocities.
-            direction: Which way joints slide; used only if ``has_dry``.
+            direction: Direction in which joints slide; used only if ``has_dry``.
             q: Joint positions.
 
         Returns:

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Bilateral constraints: what they demand of positions, velocities and accelerations.
+"""Bilateral constraints on positions, velocities and accelerations.
 
-A constraint is written once, as a position residual φ(q), or, where there is no position to hold
-(rolling), as a speed w(q, v) that is linear in v. From it follow, by exact differentiation,
+A constraint is written once, as a position residual φ(q), or, if nonholonomic (rolling), as a
+speed w(q, v) that is linear in v. From it follow, by exact differentiation,
 
     A(q) v = φ̇ = w = 0          and          A(q) a + γ(q, v) = 0,  γ = Ȧ v.
 
-Sign of the multipliers, here and everywhere: τ = M a + h + Aᵀλ, so λ is what the robot exerts
-*against* the constraint: force of the first frame upon the second, in axes of the second.
+Sign of the multipliers, here and everywhere: τ = M a + h + Aᵀλ, so λ is what the robot exerts *on*
+the constraint: the force of the first frame on the second, in axes of the second.
 """
 
 from __future__ import annotations
@@ -36,19 +36,20 @@ from arm_dynamics.scene.constraint import (
     RollingConstraint,
 )
 
-# Under this, 1 + trace of a rotation counts as half a turn, where the axis is not determined.
+# Below this, 1 + trace of a rotation is treated as half a revolution, where the axis is
+# undetermined.
 HALF_TURN = 1e-9
 
 
 @dataclass(frozen=True)
 class Linkage:
-    """What ties the links of a tree to one another and to the ground.
+    """Constraints between the links of a tree, and between links and the ground.
 
     Attributes:
-        constraints: Bilateral constraints by their places in the scene's list.
-        frames: The frames that they name.
+        constraints: Bilateral constraints by their indices in the scene's list.
+        frames: The frames that they refer to.
         joint_names: Independent joints, in the order of q.
-        kept: Rows of each constraint that, together, imply all others, by its place.
+        kept: Independent rows of each constraint, which imply all others, by its index.
     """
 
     constraints: Mapping[int, Bilateral]
@@ -62,8 +63,8 @@ class Rows:
     """Constraint equations of a scene; those with a position residual come first.
 
     Attributes:
-        every: φ of all constraints in [m] and [rad], for a look whether they hold.
-        residual: φ of those rows that imply all others, shape (h,): of the first h rows.
+        every: φ of all constraints in [m] and [rad], to check whether they are satisfied.
+        residual: φ of the first h independent rows, shape (h,); the others are nonholonomic.
         jacobian: A, shape (m, n).
         drift: γ = Ȧ v, shape (m,).
     """
@@ -84,11 +85,11 @@ def rows(
         tree: The links.
         q: Joint positions in [rad] or [m], shape (n,).
         v: Joint velocities, shape (n,).
-        active: 1 or 0 for the constraint at a place of the scene's list; rows of one that is
-            switched off vanish.
+        active: 1 or 0 for the constraint at each index of the scene's list; rows of an inactive
+            one vanish.
 
     Returns:
-        The rows that imply all others, in the order of the scene, rolling last.
+        The independent rows in the order of the scene, rolling constraints last.
     """
     kinematics = Kinematics(linkage, tree, q, v)
     every, holonomic, rolling = list[ca.SX](), list[ca.SX](), list[ca.SX]()
@@ -109,7 +110,7 @@ def rows(
 
 
 class Kinematics:
-    """Positions of joints, and placements of frames against one another, as expressions."""
+    """Positions of joints, and relative placements of frames, as expressions."""
 
     def __init__(self, linkage: Linkage, tree: Tree, q: ca.SX, v: ca.SX) -> None:
         self.q, self.v = q, v
@@ -120,7 +121,7 @@ class Kinematics:
         return self.q[self._linkage.joint_names.index(name)]
 
     def relative(self, constraint: FrameBased) -> tuple[ca.SX, ca.SX]:
-        """Rotation of the first frame in the second, and the first point seen from the second."""
+        """Rotation of the first frame in the second; the first point relative to the second."""
         frames = [self._linkage.frames[name] for name in constraint.frames]
         return relative(self._tree, self._pose, frames, constraint.points)
 
@@ -166,9 +167,9 @@ def _(constraint: DistanceConstraint, kinematics: Kinematics) -> ca.SX:
 
 
 def _turned(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
-    """How far R is from roll, pitch, yaw: 2 sin(θ/2) along the axis, in the second frame.
+    """Rotation error of R from roll, pitch, yaw: 2 sin(θ/2) along the axis, in the second frame.
 
-    It grows with the angle up to half a turn, so Newton's method goes the short way.
+    It grows with the angle up to half a revolution, so Newton's method takes the short way.
     """
     target = sparse(pin.rpy.rpyToMatrix(*rpy))
     E = target.T @ R
@@ -177,7 +178,7 @@ def _turned(R: ca.SX, rpy: Sequence[float]) -> ca.SX:
 
 
 def _slip(constraint: RollingConstraint, kinematics: Kinematics) -> ca.SX:
-    """Velocity along the plane of the material point that touches it in [m/s], shape (2,)."""
+    """Tangential velocity of the material contact point in [m/s], shape (2,)."""
     q, v = kinematics.q, kinematics.v
     R, u = kinematics.relative(constraint)
     R_dot, u_dot = ca.reshape(ca.jtimes(ca.vec(ca.densify(R)), q, v), 3, 3), ca.jtimes(u, q, v)
@@ -196,8 +197,8 @@ def _slip(constraint: RollingConstraint, kinematics: Kinematics) -> ca.SX:
 def across(direction: Sequence[float] | Array) -> Array:
     """Two unit vectors that complete a direction to a right-handed triad, shape (2, 3)."""
     z = np.array(direction)
-    # x starts from the basis vector after the largest entry: then a coordinate axis gives a cyclic
-    # permutation of the axes.
+    # x starts from the basis vector after the largest entry, such that a coordinate axis gives a
+    # cyclic permutation of the axes.
     x = np.roll(np.eye(3)[np.argmax(abs(z))], 1)
     x = x - (x @ z) * z
     x /= np.linalg.norm(x)

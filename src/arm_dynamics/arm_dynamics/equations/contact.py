@@ -2,18 +2,18 @@
 """Contact of points and balls with planes: gaps, and the forces of closed contacts.
 
 A closed contact is a constraint, gap acceleration zero, with the normal force as its reaction; one
-that sticks adds two tangential constraints, and one that slides bears the force µ λ against its
-direction (Glocker, Set-Valued Force Laws, 2001, chapters 5 and 6; Pfeiffer and Glocker, Multibody
-Dynamics with Unilateral Contacts, 1996, chapter 5). Which contact does what is an input, so that
-the expressions have no branches. Forces and speeds of a contact stand in the order normal, first
-and second tangent.
+that sticks adds two tangential constraints, and one that slides transmits the force µ λ opposite
+to its direction (Glocker, Set-Valued Force Laws, 2001, chapters 5 and 6; Pfeiffer and Glocker,
+Multibody Dynamics with Unilateral Contacts, 1996, chapter 5). The mode of each contact is an
+input, so the expressions have no branches. Forces and speeds of a contact are ordered normal,
+first and second tangent.
 
-A plane is carried by a link or by the ground, and all is measured in its axes: with u the centre
-of the ball (a point is a ball of no radius), n the normal and ω the ball's turning against the
-plane, the gap is nᵀu less the radius r, and the material points that touch, the ball's at -r n,
-move against one another with u̇ - r ω x n. Of that only the normal part is the rate of a position
-if r > 0: rolling is not holonomic (Neimark and Fufaev, Dynamics of Nonholonomic Systems, 1972,
-chapter I).
+A plane is fixed to a link or to the ground, and all quantities are expressed in its axes: with u
+the centre of the ball (a point is a ball of radius zero), n the normal and ω the angular velocity
+of the ball relative to the plane, the gap is nᵀu - r with the radius r, and the relative velocity
+of the material contact points, the ball's at -r n, is u̇ - r ω x n. If r > 0, only its normal part
+is the rate of a position: rolling is nonholonomic (Neimark and Fufaev, Dynamics of Nonholonomic
+Systems, 1972, chapter I).
 """
 
 from __future__ import annotations
@@ -39,31 +39,31 @@ from arm_dynamics.equations.tree import (
 # whether it keeps that direction.
 MODE = 5
 # Redundant contacts make the equations of the forces singular. A small multiple of their trace on
-# the diagonal and two refinements give the solution of least norm, to rounding where there is but
-# one (proximal point iteration: Rockafellar, SIAM J. Control Optim. 14, 1976).
+# the diagonal and two refinements give the solution of least norm, exact to rounding if it is
+# unique (proximal point iteration: Rockafellar, SIAM J. Control Optim. 14, 1976).
 DAMPING, REFINEMENTS = 1e-8, 2
-# Rows above which forces are found by a matrix of the size of M, if that is smaller, and multiple
-# there: forces of eight contacts are a thousand times nearer to the least ones.
+# Number of rows above which forces are computed by a matrix of the size of M, if that is smaller,
+# and the multiple used there: forces of eight contacts are a thousand times closer to least norm.
 MANY, MOTION_DAMPING = 9, 1e-10
-# Tangential speed in [m/s] up to which a contact rests: its direction is rounding.
+# Tangential speed in [m/s] below which a contact is at rest: its direction is rounding.
 AT_REST = 1e-9
 
 
 @dataclass(frozen=True)
 class ContactPoint:
-    """One contact, ready for the laws.
+    """Parameters of one contact.
 
     Attributes:
-        name: What messages call it.
+        name: Its name in messages.
         link: Index of the link that carries the point, -1 for the ground.
         place: The point, or the ball's centre, in the link's frame in [m], shape (3,).
-        radius: Of the ball in [m], 0 for a point.
+        radius: Radius of the ball in [m], 0 for a point.
         carrier: Index of the link that carries the plane, -1 for the ground.
         axes: Rows: normal and two tangents of the plane in its carrier's frame, shape (3, 3).
         offset: The plane's distance from its carrier's origin along the normal in [m].
-        friction: Coulomb's coefficient of sliding.
-        static_friction: The one up to which it sticks.
-        restitution: Newton's coefficient.
+        friction: Coulomb coefficient of sliding friction.
+        static_friction: Coefficient of static friction.
+        restitution: Newton's coefficient of restitution.
     """
 
     name: str
@@ -80,12 +80,14 @@ class ContactPoint:
 
 @dataclass(frozen=True)
 class Geometry:
-    """Where the contact points are.
+    """Kinematics of the contact points.
 
     Attributes:
-        place: Coordinates in the plane's axes, the first being the gap, in [m], shape (3 nc,).
-        size: Sum of the lengths that make up a gap, a measure of its rounding, in [m], (nc,).
-        rows: A, with which A v are the speeds of the material points that touch, (3 nc, n).
+        place: Coordinates in the plane's axes, the gap first, in [m], shape (3 nc,).
+        size: Sum of the lengths that add up to a gap, a measure of its rounding, in [m], shape
+            (nc,).
+        rows: A, where A v is the relative velocity of the material contact points, shape (3 nc,
+            n).
     """
 
     place: ca.SX
@@ -95,13 +97,13 @@ class Geometry:
 
 @dataclass(frozen=True)
 class Mode:
-    """What each contact does.
+    """Mode of each contact.
 
     Attributes:
-        closed: 1 if it carries, 0 if it is apart, shape (nc,).
+        closed: 1 if it is closed, 0 if it is open, shape (nc,).
         sticks: 1 if a closed one sticks, 0 if it slides, shape (nc,).
-        direction: Of sliding in the two tangents, shape (2 nc,).
-        fixed: 1 if it keeps that direction, 0 if it slides as it moves, shape (nc,).
+        direction: Sliding direction in the two tangents, shape (2 nc,).
+        fixed: 1 if it keeps that direction, 0 if the direction follows the motion, shape (nc,).
     """
 
     closed: ca.SX
@@ -111,18 +113,18 @@ class Mode:
 
     @classmethod
     def of(cls, p: ca.SX) -> Mode:
-        """From its entries in p, shape (5 nc,)."""
+        """From the modes' entries in p, shape (5 nc,)."""
         table = ca.reshape(p, MODE, p.shape[0] // MODE)
         return cls(table[0, :].T, table[1, :].T, ca.vec(table[2:4, :]), table[4, :].T)
 
     def rows(self) -> ca.SX:
-        """1 for each of the 3 nc equations that holds, else 0."""
+        """1 for each of the 3 nc equations that is active, else 0."""
         sticking = self.closed * self.sticks
         return ca.vec(ca.vertcat(self.closed.T, sticking.T, sticking.T))
 
 
 def geometry(tree: Tree, points: list[ContactPoint], q: ca.SX) -> Geometry:
-    """Places of the contact points for joint positions ``q`` of shape (n,)."""
+    """Kinematics of the contact points at joint positions ``q`` of shape (n,)."""
     pose, places, sizes = placements(tree, q), [], []
     for point in points:
         at, size = _centre(tree, pose, point)
@@ -140,7 +142,7 @@ def positional(points: list[ContactPoint]) -> ca.DM:
 
 
 def sites(tree: Tree, points: list[ContactPoint], q: ca.SX) -> ca.SX:
-    """Where contacts are in the world.
+    """Contact frames in the world.
 
     Args:
         tree: The links.
@@ -148,8 +150,8 @@ def sites(tree: Tree, points: list[ContactPoint], q: ca.SX) -> ca.SX:
         q: Joint positions, shape (n,).
 
     Returns:
-        For each contact, in columns: normal, both tangents, and where the material point is that
-        touches, in [m], shape (3, 4 nc).
+        For each contact, in columns: normal, both tangents, and the position of the material
+        contact point in [m], shape (3, 4 nc).
     """
     pose, columns = placements(tree, q), []
     for point in points:
@@ -162,7 +164,7 @@ def sites(tree: Tree, points: list[ContactPoint], q: ca.SX) -> ca.SX:
 
 
 def _chains(tree: Tree, point: ContactPoint) -> tuple[list[int], list[int]]:
-    """Links that move the point, and those that move the plane, against what carries both."""
+    """Links that move the point, and those that move the plane, relative to their common link."""
     common = common_link(tree, point.link, point.carrier)
     return (
         links_between(tree, point.link, common),
@@ -171,7 +173,7 @@ def _chains(tree: Tree, point: ContactPoint) -> tuple[list[int], list[int]]:
 
 
 def _centre(tree: Tree, pose: list[Rotation], point: ContactPoint) -> tuple[ca.SX, ca.SX]:
-    """The point in its plane's carrier, and the sum of the lengths on the way there in [m]."""
+    """The point in the frame of its plane's link, and the sum of the lengths to it in [m]."""
     of_point, of_plane = _chains(tree, point)
     at, size = sparse(point.place), ca.SX(0)
     for i in of_point:
@@ -184,7 +186,7 @@ def _centre(tree: Tree, pose: list[Rotation], point: ContactPoint) -> tuple[ca.S
 
 
 def _turning_speeds(tree: Tree, pose: list[Rotation], point: ContactPoint) -> ca.SX:
-    """Rows of -r ω x n, which a ball's turning against its plane adds to u̇, shape (3, n)."""
+    """Rows of -r ω x n, which the rotation of a ball adds to u̇, shape (3, n)."""
     if point.radius == 0:
         return ca.SX(3, tree.followers.shape[1])
     turning, R = ca.SX(3, len(tree.links)), ca.SX.eye(3)
@@ -202,9 +204,9 @@ def _turning_speeds(tree: Tree, pose: list[Rotation], point: ContactPoint) -> ca
 
 
 def sliding_direction(speed: ca.SX, given: ca.SX, fixed: ca.SX) -> ca.SX:
-    """Unit vector of sliding, continued through rest.
+    """Unit vector of the sliding direction, continued through rest.
 
-    A contact that comes to rest and would turn back keeps its direction until the event is found.
+    A contact that comes to rest and would reverse keeps its direction until the event is located.
 
     Args:
         speed: Tangential velocity in [m/s], shape (2,).
@@ -221,9 +223,9 @@ def sliding_direction(speed: ca.SX, given: ca.SX, fixed: ca.SX) -> ca.SX:
 
 
 def shares(points: list[ContactPoint], speed: ca.SX, mode: Mode) -> ca.SX:
-    """Matrix D that makes all forces from the unknown ones, shape (3 nc, 3 nc).
+    """Matrix D that maps the unknown forces to all forces, shape (3 nc, 3 nc).
 
-    The tangential force of a contact that slides is -µ times its direction times the normal one.
+    The tangential force of a sliding contact is -µ times its direction times the normal force.
     """
     D = ca.SX(3 * len(points), 3 * len(points))
     for k, point in enumerate(points):
@@ -236,7 +238,7 @@ def shares(points: list[ContactPoint], speed: ca.SX, mode: Mode) -> ca.SX:
 
 
 class Delassus:
-    """How contacts give way to forces.
+    """Compliance of the contacts: accelerations under contact forces.
 
     Args:
         A: Rows, shape (m, n).
@@ -252,7 +254,7 @@ class Delassus:
         self._A, self.B, self.W = A, B, symmetric(A @ B) if self._many else A @ B
 
     def accelerations(self, force: ca.SX) -> ca.SX:
-        """Of the contacts in [m/s²], shape (m,), under forces on them in [N], shape (m,)."""
+        """Accelerations of the contacts in [m/s²] under forces on them in [N], shapes (m,)."""
         return self._A @ (self.B @ force) if self._many else self.W @ force
 
     def forces(self, free: ca.SX, D: ca.SX, rows: ca.SX) -> ca.SX:
@@ -261,7 +263,7 @@ class Delassus:
         Args:
             free: Accelerations of the contacts without contact forces in [m/s²], shape (m,).
             D: See ``shares``.
-            rows: 1 for a row that holds, else 0, shape (m,).
+            rows: 1 for an active row, else 0, shape (m,).
 
         Returns:
             Forces in [N], shape (m,).
@@ -286,8 +288,8 @@ class Delassus:
     def _of_motions(self, required: ca.SX, Y: ca.SX, X: ca.SX) -> ca.SX:
         """The same by a matrix of the size of M: K = X Y has the inverse X (Y X)⁻² Y in its range.
 
-        (X Y + ε)⁻¹ X = X (Y X + ε)⁻¹, as one sees by multiplying out (Henderson and Searle, "On
-        deriving the inverse of a sum of matrices", SIAM Review 23, 1981).
+        (X Y + ε)⁻¹ X = X (Y X + ε)⁻¹, as multiplying out shows (Henderson and Searle, "On deriving
+        the inverse of a sum of matrices", SIAM Review 23, 1981).
         """
         damping = MOTION_DAMPING * ca.dot(self._A, self.B.T) + 1e-30
         factors = lu(Y @ X + damping * ca.SX.eye(X.shape[1]))
@@ -301,8 +303,8 @@ class Delassus:
 def grips(points: list[ContactPoint], W: ca.SX, speed: ca.SX, mode: Mode) -> ca.SX:
     """Acceleration of each gap per normal force of its own contact in [1/kg], shape (nc,).
 
-    Where it is not positive for a contact that slides, friction presses the contact together
-    faster than the normal force opens it, and the motion is not determined (Painlevé 1895).
+    Where it is not positive for a sliding contact, friction closes the contact faster than the
+    normal force opens it, and the motion is undetermined (Painlevé 1895).
     """
     D = shares(points, speed, mode)
     own = [W[3 * k, 3 * k : 3 * k + 3] @ D[3 * k : 3 * k + 3, 3 * k] for k in range(len(points))]
@@ -315,7 +317,7 @@ def solve_columns(M: ca.SX, B: ca.SX) -> ca.SX:
 
 
 def lu(A: ca.SX) -> ca.SX:
-    """Both factors of A = L U in one matrix, without pivoting (L has ones on its diagonal)."""
+    """Factors of A = L U in one matrix, without pivoting; L has a unit diagonal."""
     F = ca.SX(A)
     for k in range(F.shape[0]):
         for i in range(k + 1, F.shape[0]):

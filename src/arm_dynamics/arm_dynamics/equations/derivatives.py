@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of inverse dynamics, with as many entries as joints act on one another.
+"""Analytical derivatives of inverse dynamics, as sparse as the coupling of the joints.
 
 Singh, Russell, Wensing, "Efficient analytical derivatives of rigid-body dynamics using spatial
 vector algebra", IEEE Robotics and Automation Letters 7(2), 2022, for joints of one freedom; about

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Elementary functions that take numpy arrays and CasADi expressions alike."""
+"""Elementary functions of NumPy arrays and CasADi expressions alike."""
 
 from __future__ import annotations
 
@@ -9,11 +9,11 @@ import casadi as ca
 import numpy as np
 
 type Quantity = Any
-"""A number, a numpy array or a CasADi expression."""
+"""A number, a NumPy array or a CasADi expression."""
 
 
 def _of(*values: Quantity) -> Any:
-    """The library that knows functions of these values."""
+    """The library whose functions apply to these values."""
     return ca if any(isinstance(value, ca.SX | ca.MX) for value in values) else np
 
 
@@ -28,17 +28,17 @@ def cos(x: Quantity) -> Quantity:
 
 
 def smaller(a: Quantity, b: Quantity) -> Quantity:
-    """The smaller of two."""
+    """Elementwise minimum."""
     return _of(a, b).fmin(a, b)
 
 
 def larger(a: Quantity, b: Quantity) -> Quantity:
-    """The larger of two."""
+    """Elementwise maximum."""
     return _of(a, b).fmax(a, b)
 
 
 def within(x: Quantity, low: Quantity, high: Quantity) -> Quantity:
-    """``x`` cut to [low, high]."""
+    """``x`` clipped to [low, high]."""
     return larger(low, smaller(high, x))
 
 
@@ -49,7 +49,7 @@ def choose(condition: Quantity, then: Quantity, otherwise: Quantity) -> Quantity
 
 
 def floor(x: Quantity) -> Quantity:
-    """The largest whole number that is not larger."""
+    """Largest whole number not greater than ``x``."""
     return _of(x).floor(x)
 
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Forward dynamics by the algorithms that may be the shortest for a tree.
+"""Forward dynamics by the algorithms that may be the fastest for a tree.
 
-Articulated bodies take work in proportion to the number of joints: Featherstone, Rigid Body
-Dynamics Algorithms, 2008, section 7.3, in link axes, with the 6 by 6 articulated inertia kept as
-the three 3 by 3 blocks of [[A, H], [Hᵀ, I]]: force from acceleration, force from rotation, moment
-from rotation.
+The articulated-body algorithm takes work proportional to the number of joints: Featherstone, Rigid
+Body Dynamics Algorithms, 2008, section 7.3, in link axes, with the 6 by 6 articulated inertia
+stored as the three 3 by 3 blocks of [[A, H], [Hᵀ, I]]: force from acceleration, force from
+rotation, moment from rotation.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from arm_dynamics.equations.tree import Link, Tree, cross, skew, symmetric
 
 @dataclass
 class _Body:
-    """Articulated inertia (A, H, I) and bias wrench (f, n) of a link and all that hangs on it."""
+    """Articulated inertia (A, H, I) and bias wrench (f, n) of a link and its subtree."""
 
     A: ca.SX
     H: ca.SX
@@ -32,10 +32,10 @@ class _Body:
 
 @dataclass(frozen=True)
 class _Joint:
-    """What the outward pass needs of the inward one.
+    """Results of the inward pass for the outward one.
 
-    Column U of the articulated inertia, pivot D, free torque u and bias acceleration c, in which a
-    given acceleration is counted; and whether the joint is free.
+    Column U of the articulated inertia, pivot D, free torque u and bias acceleration c, which
+    includes a prescribed acceleration; and whether the joint is free.
     """
 
     U_f: ca.SX
@@ -48,10 +48,10 @@ class _Joint:
 
 
 def articulated_bodies(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX) -> ca.SX:
-    """Accelerations that torques produce, by articulated bodies.
+    """Accelerations that torques produce, by the articulated-body algorithm.
 
     Args:
-        tree: The robot, without followers.
+        tree: The robot, without mimic joints.
         q: Joint positions in [rad] or [m], shape (n,).
         v: Joint velocities, shape (n,).
         tau: Joint torques in [N m] or [N], shape (n,).
@@ -67,22 +67,22 @@ def articulated_bodies(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.S
 def hybrid(
     tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX, free: ca.SX, given: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
-    """Articulated bodies where the accelerations of some joints are given.
+    """Articulated-body algorithm with prescribed accelerations of some joints.
 
-    Such a joint hands down all of its body's inertia, as if it were welded (Featherstone, Rigid
-    Body Dynamics Algorithms, 2008, section 9.2).
+    Such a joint passes all of its body's inertia to the parent, as if it were fixed (Featherstone,
+    Rigid Body Dynamics Algorithms, 2008, section 9.2).
 
     Args:
-        tree: The robot, without followers.
+        tree: The robot, without mimic joints.
         q: Joint positions in [rad] or [m], shape (n,).
         v: Joint velocities, shape (n,).
         tau: Joint torques in [N m] or [N], shape (n,).
         gravity: Gravity in the world frame in [m/s²], shape (3,).
-        free: 1 for a joint that torques accelerate, 0 for one whose acceleration is given.
+        free: 1 for a joint that torques accelerate, 0 for one with prescribed acceleration.
         given: Those accelerations, zero for free joints, shape (n,).
 
     Returns:
-        Joint accelerations, and the torques that must be taken from ``tau`` where they are given,
+        Joint accelerations, and the torques to subtract from ``tau`` where they are prescribed,
         zero for free joints, each of shape (n,).
     """
     pose = placements(tree, q)
@@ -150,7 +150,7 @@ def _joint(
 
 
 def _hand_down(parent: _Body, body: _Body, joint: _Joint, pose: Rotation) -> None:
-    """Add to the parent what it feels of the body through the joint."""
+    """Add to the parent the articulated inertia and bias of the body behind the joint."""
     s_f, s_n = joint.free * (joint.U_f / joint.D), joint.free * (joint.U_n / joint.D)
     A = symmetric(body.A - s_f @ joint.U_f.T)
     H = ca.sparsify(body.H - s_f @ joint.U_n.T)
@@ -172,7 +172,7 @@ def _accelerations(
     tree: Tree, pose: list[Rotation], joints: dict[int, _Joint], gravity: ca.SX
 ) -> tuple[ca.SX, ca.SX]:
     z = ca.sparsify(ca.SX([0, 0, 1]))
-    """Accelerations of free joints, and what each joint's torque lacks or exceeds before them."""
+    """Accelerations of free joints, and the excess or deficit of each joint's torque."""
     a, lacking = ca.SX(len(tree.links), 1), ca.SX(len(tree.links), 1)
     spatial: list[tuple[ca.SX, ca.SX]] = []
     for i, link in enumerate(tree.links):
@@ -189,7 +189,7 @@ def _accelerations(
 
 Law = Callable[[Tree, ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 
-# Above this many joints the mass matrix, of order n³ to factor, is never the shorter way.
+# Above this many joints, the mass matrix, of order n³ to factor, is never faster.
 DENSE_AT_MOST = 16
 
 

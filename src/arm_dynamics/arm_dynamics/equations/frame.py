@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion of one frame of a tree, in the axes of the world at the frame's origin, linear first.
+"""Motion of one frame of a tree, in world axes at the frame's origin, linear part first.
 
-And the placement of two frames against one another.
+Also the relative placement of two frames.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from arm_dynamics.equations.tree import (
 
 @dataclass(frozen=True)
 class Frame:
-    """A frame that a link, or the ground, carries.
+    """A frame fixed to a link or to the ground.
 
     Attributes:
         link: Index of the link, -1 for the ground.
@@ -65,7 +65,7 @@ def rotation_vector(R: ca.SX) -> ca.SX:
 def jacobian(tree: Tree, frame: Frame, q: ca.SX) -> ca.SX:
     """J of shape (6, n): velocities of the frame are J v.
 
-    A turning joint with axis z and origin o gives the column (z x (p - o), z), a sliding one
+    A revolute joint with axis z and origin o gives the column (z x (p - o), z), a prismatic one
     (z, 0) (Craig, Introduction to Robotics, section 5.7).
     """
     placed, (p, _) = _placed(tree, q), placement(tree, frame, q)
@@ -82,7 +82,7 @@ def jacobian(tree: Tree, frame: Frame, q: ca.SX) -> ca.SX:
 
 
 def drift(J: ca.SX, q: ca.SX, v: ca.SX) -> ca.SX:
-    """J̇ v, the acceleration that is there without joint acceleration, shape (m,)."""
+    """J̇ v, the acceleration at zero joint acceleration, shape (m,)."""
     return ca.jtimes(J @ v, q, v)
 
 
@@ -92,14 +92,14 @@ def relative(
     frames: Sequence[Frame],
     points: Sequence[Sequence[float]],
 ) -> tuple[ca.SX, ca.SX]:
-    """Rotation of a first frame in a second, and a point of the first seen from one of the second.
+    """Rotation of a first frame in a second; a point of the first relative to one of the second.
 
-    Joints that carry both frames do not enter.
+    Joints that move both frames do not enter.
 
     Args:
         tree: The links.
         pose: Their placements, as from ``rigid_body.placements``.
-        frames: The two.
+        frames: The two frames.
         points: A point of each, in its own axes, in [m].
 
     Returns:
@@ -116,7 +116,7 @@ def relative(
 def _carried(
     tree: Tree, pose: Sequence[rigid_body.Rotation], frame: Frame, point: ca.SX, ancestor: int
 ) -> tuple[ca.SX, ca.SX]:
-    """Rotation of a frame, and a point of it, in the axes of a link below it."""
+    """Rotation of a frame, and a point of it, in the axes of a link that carries it."""
     R = constant(frame.R)
     p = constant(frame.p) + R @ point
     for link in links_between(tree, frame.link, ancestor):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """Joint friction torques F in τ = M q̈ + C q̇ + G + F.
 
-The laws take numpy arrays and CasADi expressions alike.
+All functions accept NumPy arrays and CasADi expressions alike.
 """
 
 from __future__ import annotations
@@ -10,12 +10,12 @@ from arm_dynamics.equations.elementary import Quantity, exponential, size
 
 
 def viscous(v: Quantity, coefficient: Quantity, skew: Quantity | None = None) -> Quantity:
-    """Friction in proportion to speed: F = b v + s |v|, that is b + s forwards, b - s backwards.
+    """Viscous friction F = b v + s |v|: coefficient b + s forwards, b - s backwards.
 
     Args:
         v: Joint velocities in [rad/s] or [m/s], shape (…, n).
         coefficient: b in [N m s/rad] or [N s/m], shape (n,).
-        skew: s, half the difference of the two directions, at most b in size; None: zero.
+        skew: s, half the difference of the two directions, |s| ≤ b; None for zero.
 
     Returns:
         Torques in [N m] or [N], of the sign of ``v``.
@@ -30,7 +30,7 @@ def dry(
     excess: Quantity,
     stribeck_velocity: Quantity,
 ) -> Quantity:
-    """Dry friction of joints that slide: F = s (Fc + ΔF exp(-(v/vs)²)), s the way they slide.
+    """Dry friction of sliding joints: F = s (Fc + ΔF exp(-(v/vs)²)), s the sliding direction.
 
     Coulomb's constant torque with Stribeck's fall from the level at rest, or, with ΔF < 0, a rise
     from there that levels off; the exponent 2 is of Armstrong-Hélouvry, Dupont and Canudas de Wit,

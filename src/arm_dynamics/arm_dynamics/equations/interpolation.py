@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Interpolation of points by a smooth curve that rises and falls only where they do."""
+"""Monotone interpolation: a smooth curve that rises and falls only where the points do."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from arm_dynamics.equations.elementary import Quantity, floor, within
 
 @dataclass(frozen=True)
 class Curve:
-    """Piecewise cubic with continuous slope; held constant outside, or repeated.
+    """Piecewise cubic curve with continuous slope; constant outside its range, or periodic.
 
     Fritsch, Butland, "A method for constructing local monotone piecewise cubic interpolants", SIAM
     J. Sci. Stat. Comput. 5(2), 1984: where the points rise on both sides of one, the slope there
@@ -21,10 +21,10 @@ class Curve:
     neighbours, so that a factor that is positive at the points is positive everywhere.
 
     Attributes:
-        at: Points, increasing, shape (k,).
+        at: Abscissas, increasing, shape (k,).
         values: Values there, shape (k,).
         slopes: Slopes there, shape (k,).
-        period: After which it repeats; 0 if it does not.
+        period: Period after which it repeats; 0 if it does not.
     """
 
     at: Array

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The LuGre law: dry friction as the bending of bristles.
+"""The LuGre model: dry friction as the deflection of bristles.
 
 Canudas de Wit, Olsson, Åström, Lischinsky, "A new model for control of systems with friction",
 IEEE Trans. Automatic Control 40(3), 1995, equations (2) to (4); Åström, Canudas de Wit,
@@ -7,13 +7,12 @@ IEEE Trans. Automatic Control 40(3), 1995, equations (2) to (4); Åström, Canud
 
     z' = v - σ0 |v| z / g(v),   F = σ0 z + σ1(v) z' + σ2 v,   g(v) = Fc + (Fs - Fc) exp(-(v/vs)²)
 
-g(v), what the friction of a steady motion at v comes to, is that of joints without bristles, see
+g(v), the friction of a steady motion at v, is that of joints without bristles, see
 ``friction.dry``. It may differ by direction, and by the position and load of a joint: |v| z / g(v)
 stays continuous where v changes its sign, whatever the levels of the two sides. σ2 v is viscous
 friction, see ``friction.viscous``. The damping of the bristles may fade with speed, σ1(v) = σ1
 exp(-(v/vd)²) (Olsson, Control systems with friction, thesis, Lund 1996, section 4.3), which keeps
-the law passive.
-The laws take numpy arrays and CasADi expressions alike.
+the model passive. All functions accept NumPy arrays and CasADi expressions alike.
 """
 
 from __future__ import annotations
@@ -23,11 +22,11 @@ import math
 from arm_dynamics.equations.elementary import Quantity, exponential, size
 
 FADING = 4.0 * math.sqrt(2.0 * math.e)
-"""Largest σ1 vd / Fc of a passive law whose damping fades; see ``is_passive``."""
+"""Largest σ1 vd / Fc of a passive model with fading damping; see ``is_passive``."""
 
 
 def bending(v: Quantity, z: Quantity, sigma0: Quantity, level: Quantity) -> Quantity:
-    """Rate z' at which bristles bend, in [rad/s] or [m/s].
+    """Rate z' of the bristle deflection in [rad/s] or [m/s].
 
     Args:
         v: Velocity in [rad/s] or [m/s].
@@ -39,19 +38,19 @@ def bending(v: Quantity, z: Quantity, sigma0: Quantity, level: Quantity) -> Quan
 
 
 def faded(v: Quantity, sigma1: Quantity, velocity: Quantity | None) -> Quantity:
-    """σ1(v) in [N m s/rad] or [N s/m]; no ``velocity``, no fading."""
+    """σ1(v) in [N m s/rad] or [N s/m]; constant without ``velocity``."""
     return sigma1 if velocity is None else sigma1 * exponential(-((v / velocity) ** 2))
 
 
 def torque(z: Quantity, rate: Quantity, sigma0: Quantity, sigma1: Quantity) -> Quantity:
-    """What the bristles hold against the motion, σ0 z + σ1 z', in [N m] or [N]."""
+    """Torque of the bristles against the motion, σ0 z + σ1 z', in [N m] or [N]."""
     return sigma0 * z + sigma1 * rate
 
 
 def heat(
     v: Quantity, z: Quantity, rate: Quantity, sigma0: Quantity, sigma1: Quantity, level: Quantity
 ) -> Quantity:
-    """Power lost in [W]: F v less the rate of the stored energy σ0 z²/2.
+    """Dissipated power in [W]: F v less the rate of the stored energy σ0 z²/2.
 
     F v - σ0 z z' = σ0² |v| z² / g + σ1 z' v.
     """
@@ -61,15 +60,16 @@ def heat(
 def is_passive(
     sigma1: float, sigma2: float, coulomb: float, static: float, velocity: float | None
 ) -> bool:
-    """Whether the law never gives energy back that it does not store, in one direction.
+    """Whether the model is passive in one direction: it returns only energy that it stored.
 
-    With y = σ0 z and w = |v| the power lost is w (y²/g - σ1 w y/g + σ1 w + σ2 w) for y along the
-    motion, the worst case. Bristles are bent along it by motion in that direction alone, so
-    y <= Fs and g >= Fc of that direction. Where g has a factor, Fs is the highest static level
-    that it makes and Fc the lowest of Coulomb: bristles may come bent from one place to another.
+    With y = σ0 z and w = |v|, the dissipated power is w (y²/g - σ1 w y/g + σ1 w + σ2 w) for y
+    along the motion, the worst case. Bristles deflect along it by motion in that direction alone,
+    so y <= Fs and g >= Fc of that direction. Where g has a factor, Fs is the highest resulting
+    static level and Fc the lowest Coulomb level: bristles may move from one position to another
+    while deflected.
 
     - At constant σ1 the bracket is at least w (σ1 (1 - Fs/Fc) + σ2), since y <= Fs and g >= Fc:
-      σ2 >= σ1 (Fs - Fc)/Fc suffices, and at high speed it is needed (Barahona, Canudas de Wit,
+      σ2 >= σ1 (Fs - Fc)/Fc suffices, and at high speed it is necessary (Barahona, Canudas de Wit,
       in Åström, Canudas de Wit, 2008).
     - With b = σ1(w) w the bracket is (y² - b y + b g)/g + σ2 w, never negative if b <= 4 g. The
       largest b is σ1 vd / sqrt(2 e), so σ1 vd <= 4 sqrt(2 e) Fc suffices.

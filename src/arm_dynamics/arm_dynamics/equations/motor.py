@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The direct-current motor: L di/dt + R i + K_e ω = V and τ = K_t i.
+"""The DC motor: L di/dt + R i + K_e ω = V and τ = K_t i.
 
-Also for brushless motors, whose current controller makes them look like one. Source: Krause,
-Wasynczuk, Sudhoff, Analysis of Electric Machinery, 2002, section 2.3. All functions take numbers,
-numpy arrays and CasADi expressions; angles, speeds and torques are those of the rotor.
+Also for brushless motors, which behave like one under current control. Source: Krause, Wasynczuk,
+Sudhoff, Analysis of Electric Machinery, 2002, section 2.3. All functions accept numbers, NumPy
+arrays and CasADi expressions; angles, speeds and torques are those of the rotor.
 """
 
 from __future__ import annotations
@@ -38,17 +38,18 @@ def current_slope(
 
 
 def settled_current(voltage: Quantity, emf: Quantity, resistance: Quantity) -> Quantity:
-    """The current without inductance, i = (V - K_e ω) / R in [A]."""
+    """Steady-state current, i = (V - K_e ω) / R in [A]."""
     return (voltage - emf) / resistance
 
 
 def current_under(
     voltage_limit: Quantity, current: Quantity, emf: Quantity, resistance: Quantity
 ) -> Quantity:
-    """The part of a desired current that a limited voltage can drive: |R i + K_e ω| ≤ V_max.
+    """The desired current limited to what the voltage can drive: |R i + K_e ω| ≤ V_max.
 
-    With a limited current it makes the torque-speed curve: constant torque up to the corner, then
-    a straight line through the no-load speed V_max / K_e. Beyond that speed the current brakes.
+    With a limited current it gives the torque-speed curve: constant torque up to the corner speed,
+    then a straight line through the no-load speed V_max / K_e. Beyond that speed the current
+    brakes.
     """
     low = settled_current(-voltage_limit, emf, resistance)
     return within(current, low, settled_current(voltage_limit, emf, resistance))
@@ -60,7 +61,7 @@ def limited_voltage(
 ) -> Quantity:  # fmt: skip
     """The voltage of an amplifier that limits the current, in [V].
 
-    At the limit it gives only so much that the current does not grow, V = R i + K_e ω.
+    At the limit, the voltage keeps the current constant, V = R i + K_e ω.
     """
     steady = resistance * current + emf
     below = choose(current >= current_limit, smaller(voltage, steady), voltage)
@@ -68,14 +69,14 @@ def limited_voltage(
 
 
 def cogging_torque(angle: Quantity, wave: Wave) -> Quantity:
-    """Torque on the rotor from its poles, -A sin(m θ + φ) in [N m], for an angle θ in [rad].
+    """Cogging torque on the rotor, -A sin(m θ + φ) in [N m], for an angle θ in [rad].
 
-    It has a potential, hence takes no energy in a turn (Hanselman, Brushless Permanent Magnet
-    Motor Design, 2003, chapter 5). It is stable where m θ + φ is a whole number of turns.
+    It has a potential, hence dissipates no energy (Hanselman, Brushless Permanent Magnet Motor
+    Design, 2003, chapter 5). It is stable where m θ + φ is a multiple of 2π.
     """
     return -wave.amplitude * sin(wave.order * angle + wave.phase)
 
 
 def cogging_energy(angle: Quantity, wave: Wave) -> Quantity:
-    """The potential of ``cogging_torque`` in [J], zero in its stable positions."""
+    """Potential energy of ``cogging_torque`` in [J], zero at its stable positions."""
     return wave.amplitude / wave.order * (1.0 - cos(wave.order * angle + wave.phase))

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion under constraints in the metric of M, through singular positions too.
+"""Motion under constraints in the metric of M, also through singular positions.
 
-Gauss' principle: of all accelerations that obey A a = b, nature takes the one that is nearest to
-the free one in the metric of M (Udwadia, Kalaba, Analytical Dynamics, 1996). With M = LᵀDL and
-x = D^½ L a that metric is the identity and the rows are vectors y = D^-½ L^-ᵀ Aᵀ. These are made
-orthogonal one after another (modified Gram-Schmidt; Björck, Numerical Methods for Least Squares
-Problems, 1996, section 2.4). A row that depends on those before it leaves nothing but rounding and
-is left out. A M⁻¹ Aᵀ, whose condition is that of the rows squared, is never formed.
+Gauss' principle: of all accelerations with A a = b, the actual one is nearest to the unconstrained
+one in the metric of M (Udwadia, Kalaba, Analytical Dynamics, 1996). With M = LᵀDL and x = D^½ L a
+that metric is the identity and the rows are vectors y = D^-½ L^-ᵀ Aᵀ. These are orthogonalized one
+after another (modified Gram-Schmidt; Björck, Numerical Methods for Least Squares Problems, 1996,
+section 2.4). A row that depends on those before it leaves only rounding and is dropped. A M⁻¹ Aᵀ,
+whose condition number is that of the rows squared, is never formed.
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import casadi as ca
 
 from arm_dynamics.equations.rigid_body import eliminated, factored, substituted
 
-# Under this part of the largest row what is new in a row is rounding.
+# Below this fraction of the largest row, the new component of a row is rounding.
 DEPENDENT = 1e-9
-# Entries of A under this, in m or 1, are rounding.
+# Entries of A below this, in m or 1, are rounding.
 NOTHING = 1e-13
-# Under this part the robot passes a singular position, where rounding turns the directions along
-# which it can go on: what a row demands of accelerations fades out there, and velocities are kept.
+# Below this fraction the robot passes a singular position, where rounding rotates the directions
+# of possible motion: there, a row's effect on accelerations fades out, and velocities are kept.
 SINGULAR = 1e-5
 _TINY = 1e-200
 SHARP = 1e9
@@ -39,7 +39,7 @@ class Metric:
         self.mobility = ca.sumsqr(self._root)
 
     def of_forces(self, forces: ca.SX) -> ca.SX:
-        """D^-½ L^-ᵀ f for columns of generalised forces, shape (n, k)."""
+        """D^-½ L^-ᵀ f for columns of generalized forces, shape (n, k)."""
         return ca.sparsify(ca.diag(self._root) @ eliminated(self._factors, forces))
 
     def motion(self, x: ca.SX) -> ca.SX:
@@ -48,12 +48,12 @@ class Metric:
 
 
 class Projector:
-    """Orthogonal directions that constraint rows take from the motion.
+    """Orthogonal directions in which constraint rows prevent motion.
 
     Args:
-        metric: Of the robot at its position.
+        metric: Metric of the robot at its position.
         A: Rows, shape (m, n).
-        least: Rows that are new by less than this part of the largest are left out.
+        least: Rows whose new component is below this fraction of the largest are dropped.
     """
 
     def __init__(self, metric: Metric, A: ca.SX, least: float = DEPENDENT) -> None:
@@ -75,17 +75,17 @@ class Projector:
 
     @property
     def rank(self) -> ca.SX:
-        """How many rows are independent."""
+        """Number of independent rows."""
         return sum(self._gates, ca.SX(0))
 
     def nearest(self, x: ca.SX, b: ca.SX) -> ca.SX:
-        """The vector nearest to ``x`` that obeys the first rows: y_k·x = b_k, shape (n,)."""
+        """The vector nearest to ``x`` that satisfies the first rows, y_k·x = b_k, shape (n,)."""
         return self.solved(x, b)[0]
 
     def solved(self, x: ca.SX, b: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """The same, and how much of each row leads there: ``x`` + Σ λ_k y_k, λ of shape (m,).
+        """The same, and the multipliers: ``x`` + Σ λ_k y_k, λ of shape (m,).
 
-        A row that depends on others has no part in it.
+        The multiplier of a dependent row is zero.
         """
         found, reached, shares = x, list[ca.SX](), list[ca.SX]()
         for k in range(b.shape[0]):
@@ -107,7 +107,8 @@ class Projector:
             y = y - r * self._rows[j]
             overlap.append(r)
         size, least = ca.sumsqr(y), self._least
-        # 0 under the threshold, else 1; no branches, so that vectors of arms can run it.
+        # 0 below the threshold, else 1; without branches, such that it can be vectorized over
+        # arms.
         gate = ca.fmin(1, ca.fmax(0, SHARP * (size - least) / least))
         self._gates.append(gate)
         self._rows[k] = y

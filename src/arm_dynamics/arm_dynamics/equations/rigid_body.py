@@ -3,8 +3,8 @@
 
 Recursive Newton-Euler with the angular tensor of Khalil and Dombre (Modeling, Identification and
 Control of Robots, 2002, chapter 9) and composite rigid bodies (Featherstone, Rigid Body Dynamics
-Algorithms, 2008, chapters 5 and 6). ``forward_dynamics`` has the third classic, which is shorter
-for long chains.
+Algorithms, 2008, chapters 5 and 6). ``forward_dynamics`` has the articulated-body algorithm, which
+is faster for long chains.
 """
 
 from __future__ import annotations
@@ -113,7 +113,7 @@ def inverse(tree: Tree, q: ca.SX, v: ca.SX, a: ca.SX, gravity: ca.SX) -> ca.SX:
 def mass_matrix(tree: Tree, q: ca.SX) -> ca.SX:
     """Joint-space inertia M(q) in [kg m²] or [kg], shape (n, n), armature included.
 
-    Source: composite rigid bodies, see the top of this module.
+    By the composite-rigid-body algorithm; source: see the module.
     """
     pose = placements(tree, q)
     count = len(tree.links)
@@ -138,7 +138,7 @@ def mass_matrix(tree: Tree, q: ca.SX) -> ca.SX:
 
 
 def coriolis_matrix(tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Coriolis matrix C(q, v) of Christoffel's symbols, with dM/dt - 2 C skew, shape (n, n).
+    """Coriolis matrix C(q, v) of Christoffel symbols; dM/dt - 2 C is skew-symmetric; shape (n, n).
 
     Their sum over the velocities is C = (Ṁ + P - Pᵀ) / 2 with P = ∂(M v)/∂q (Siciliano and others,
     Robotics: Modelling, Planning and Control, 2009, section 7.2.1).
@@ -149,7 +149,7 @@ def coriolis_matrix(tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
 
 
 def potential_energy(tree: Tree, q: ca.SX, gravity: ca.SX) -> ca.SX:
-    """Energy of the weight in [J], zero where every centre of mass is at the world's origin.
+    """Gravitational energy in [J], zero with every centre of mass at the world's origin.
 
     Args:
         tree: The robot, its inertia not regrouped.
@@ -172,14 +172,14 @@ def potential_energy(tree: Tree, q: ca.SX, gravity: ca.SX) -> ca.SX:
 def forward_dense(tree: Tree, q: ca.SX, v: ca.SX, tau: ca.SX, gravity: ca.SX) -> ca.SX:
     """Accelerations M⁻¹ (tau - C v - G), shape (n,).
 
-    M comes from composite rigid bodies and is factored as LᵀDL.
+    M is computed by the composite-rigid-body algorithm and factored as LᵀDL.
     """
     bias = inverse(tree, q, v, ca.SX(v.shape[0], 1), gravity)
     return solve(mass_matrix(tree, q), tau - bias)
 
 
 def gravity_torque(tree: Tree, q: ca.SX, gravity: ca.SX) -> ca.SX:
-    """Torques G(q) in [N m] or [N] that carry the arm's weight, shape (n,)."""
+    """Gravity torques G(q) in [N m] or [N] that balance the arm's weight, shape (n,)."""
     still = ca.SX(q.shape[0], 1)
     return inverse(tree, q, still, still, gravity)
 
@@ -187,7 +187,7 @@ def gravity_torque(tree: Tree, q: ca.SX, gravity: ca.SX) -> ca.SX:
 def solve(M: ca.SX, b: ca.SX) -> ca.SX:
     """Solve M x = b for symmetric positive definite M by M = LᵀDL from the leaves down.
 
-    Eliminating leaves first keeps the zeros that branches leave in M (Featherstone, Rigid Body
+    Eliminating leaves first preserves the zeros of M due to branches (Featherstone, Rigid Body
     Dynamics Algorithms, 2008, section 6.5).
     """
     F = factored(M)
@@ -198,7 +198,7 @@ def solve(M: ca.SX, b: ca.SX) -> ca.SX:
 
 
 def factored(M: ca.SX) -> ca.SX:
-    """L and D of M = LᵀDL in one matrix: D on the diagonal, L below it, its ones left out."""
+    """L and D of M = LᵀDL in one matrix: D on the diagonal, L (unit diagonal omitted) below it."""
     F = ca.SX(M)
     for k in reversed(range(M.shape[0])):
         for i in reversed(range(k)):
@@ -233,14 +233,14 @@ def substituted(F: ca.SX, b: ca.SX) -> ca.SX:
 
 
 def _angular_tensor(omega: ca.SX, alpha: ca.SX) -> ca.SX:
-    """[alpha]x + [omega]x²: takes a point of a link to its acceleration relative to the origin."""
+    """[alpha]x + [omega]x²: maps a point of a link to its acceleration relative to the origin."""
     return skew(alpha) + skew(omega) @ skew(omega)
 
 
 def _project(tree: Tree, pose: list[Rotation], M: ca.SX, i: int, f: ca.SX, n: ca.SX) -> None:
     """Fill row and column ``i`` of M.
 
-    The wrench that accelerates the subtree of joint ``i`` is carried down to the ground.
+    The wrench that accelerates the subtree of joint ``i`` is propagated to the ground.
     """
     j = i
     while tree.links[j].parent >= 0:

@@ -1,21 +1,22 @@
 # SPDX-License-Identifier: Apache-2.0
 """Springs and dampers of joints, between points of two links, and of end stops.
 
-S(q, v) is what the drives must bring against the first two, M a + C v + G + S + F = τ. A joint
-spring takes k (q - rest) + c v. One between points pulls them together with the tension
+S(q, v) is the torque that the drives must supply against the first two, M a + C v + G + S + F = τ.
+A joint spring takes k (q - rest) + c v. A spring between points pulls them together with the
+tension
 
     T = k (L - L₀) + c L̇ + T₀
 
-along the line, hence S = T ∂L/∂q by virtual work. With u the way from one point to the other,
-∂L/∂q = ∂(u·u/2)/∂q / L and L̇ = u·u̇ / L, so that only the tension per length T/L appears, the
-force density of tensile structures (Schek, "The force density method for form finding and
-computation of general networks", Comp. Methods Appl. Mech. Eng. 3, 1974). For L₀ = T₀ = 0, the
-springs of zero free length that balance arms (Herder, Energy-free Systems, 2001), it is the
-constant k, and no length is computed.
+along the line, hence S = T ∂L/∂q by virtual work. With u the vector from one point to the other,
+∂L/∂q = ∂(u·u/2)/∂q / L and L̇ = u·u̇ / L, so only the tension per length T/L appears, the force
+density of tensile structures (Schek, "The force density method for form finding and computation of
+general networks", Comp. Methods Appl. Mech. Eng. 3, 1974). For L₀ = T₀ = 0, the springs of zero
+free length that balance arms (Herder, Energy-free Systems, 2001), it is the constant k, and no
+length is computed.
 
-Where the points meet, the line has no direction. There the length is taken as
-L² = u·u + ``NEAR`` ², in the force and in the energy alike: the force passes through zero within a
-nanometre, nothing is divided by zero, and no energy comes from nowhere.
+Where the points coincide, the line has no direction. The length is therefore taken as L² = u·u +
+``NEAR`` ², in force and energy alike: the force passes through zero within a nanometre, there is
+no division by zero, and energy is conserved.
 """
 
 from __future__ import annotations
@@ -41,11 +42,11 @@ class Springs:
     """All springs of a tree.
 
     Attributes:
-        stiffness: Of each link's joint in [N m/rad] or [N/m], shape (links,).
-        rest: Position of each in [rad] or [m] at which its spring does not push, likewise.
-        damping: In [N m s/rad] or [N s/m], likewise.
+        stiffness: Stiffness at each link's joint in [N m/rad] or [N/m], shape (links,).
+        rest: Rest position of each joint's spring in [rad] or [m], likewise.
+        damping: Damping at each joint in [N m s/rad] or [N s/m], likewise.
         points: Springs between points.
-        frames: The frames that they name.
+        frames: The frames that they refer to.
     """
 
     stiffness: Array
@@ -55,15 +56,15 @@ class Springs:
     frames: Mapping[str, Frame]
 
     def __bool__(self) -> bool:
-        """Whether there is any."""
+        """Whether there is any spring."""
         return bool(self.points or self.stiffness.any() or self.damping.any())
 
 
 def tension(spring: PointSpring, square: Quantity, rate: Quantity) -> tuple[Quantity, Quantity]:
     """Tension per length of a spring between points, elastic and of its damper, in [N/m].
 
-    A cord pulls or does nothing: slack, where the elastic part would push, its damper does nothing
-    either; taut, the damper takes off no more than the elastic part.
+    A cord can only pull: when slack, where the elastic part would push, spring and damper have no
+    effect; when taut, the damper cancels at most the elastic part.
 
     Args:
         spring: The spring.
@@ -84,7 +85,7 @@ def tension(spring: PointSpring, square: Quantity, rate: Quantity) -> tuple[Quan
 def stored(spring: PointSpring, square: Quantity) -> Quantity:
     """Energy of a spring between points in [J], the integral of its elastic tension.
 
-    A cord without stiffness, a weight on a pulley, stores its force times the length.
+    A cord without stiffness, such as a weight on a pulley, stores its force times its length.
     """
     k, L = spring.stiffness, root(square + NEAR**2)
     if spring.tension_only and k:
@@ -106,12 +107,12 @@ def torque(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
 
 
 def heat(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> ca.SX:
-    """Power that the dampers take in [W]; arguments as of ``torque``."""
+    """Power dissipated by the dampers in [W]; arguments as of ``torque``."""
     return ca.dot(_parts(springs, tree, q, v)[1], v)
 
 
 def energy(springs: Springs, tree: Tree, q: ca.SX) -> ca.SX:
-    """What the springs store in [J]; arguments as of ``torque``."""
+    """Energy stored in the springs in [J]; arguments as of ``torque``."""
     bent = _full(tree, q) - constant(springs.rest)
     whole = ca.dot(constant(springs.stiffness), bent**2) / 2
     for spring, (square, _) in zip(springs.points, _ways(springs, tree, q), strict=True):
@@ -127,7 +128,7 @@ def frictionless(
 
 
 def _parts(springs: Springs, tree: Tree, q: ca.SX, v: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """The part of S that does not depend on velocities, and that of the dampers."""
+    """The elastic part of S, and that of the dampers."""
     E = spread_map(tree)
     elastic = E.T @ (constant(springs.stiffness) * (_full(tree, q) - constant(springs.rest)))
     damping = E.T @ (constant(springs.damping) * (E @ v))
@@ -144,7 +145,7 @@ def _full(tree: Tree, q: ca.SX) -> ca.SX:
 
 def _ways(springs: Springs, tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
     """u·u in [m²] of each spring between points, and the slope ∂(u·u/2)/∂q, shape (n,)."""
-    at = ca.SX.sym("q", q.shape[0])  # q may be an expression, by which nothing is differentiated
+    at = ca.SX.sym("q", q.shape[0])  # derivatives are taken by symbols; q may be an expression
     pose = rigid_body.placements(tree, at) if springs.points else []
     ways = []
     for spring in springs.points:
@@ -156,22 +157,22 @@ def _ways(springs: Springs, tree: Tree, q: ca.SX) -> list[tuple[ca.SX, ca.SX]]:
 
 
 def stop_pressures(q: ca.SX, v: ca.SX, place: Array, stiffness: Array, damping: Array) -> ca.SX:
-    """What compliant end stops would push back with, were a joint in touch with them.
+    """Torques of compliant end stops, provided that the joint touches them.
 
-    They are a spring and a damper that never pull: a stop loses the joint when both together
-    would, which with damping is before the spring is relaxed (Brogliato, Nonsmooth Mechanics,
-    2016, section 2.1).
+    A stop is a spring and a damper that never pull: the joint separates when their sum would pull,
+    which with damping is before the spring is relaxed (Brogliato, Nonsmooth Mechanics, 2016,
+    section 2.1).
 
     Args:
         q: Joint positions in [rad] or [m], shape (n,).
         v: Joint velocities in [rad/s] or [m/s], shape (n,).
-        place: Of the lower and the upper stops in [rad] or [m], shape (2, n).
-        stiffness: In [N m/rad] or [N/m], zero for stops that are not compliant, shape (2, n).
-        damping: In [N m s/rad] or [N s/m], shape (2, n).
+        place: Positions of the lower and the upper stops in [rad] or [m], shape (2, n).
+        stiffness: Stiffness in [N m/rad] or [N/m], zero for rigid stops, shape (2, n).
+        damping: Damping in [N m s/rad] or [N s/m], shape (2, n).
 
     Returns:
         Torques in [N m] or [N] away from the lower and from the upper stops, positive where they
-        push, shape (2 n,); zero for stops that are not compliant.
+        push, shape (2 n,); zero for rigid stops.
     """
     found = []
     for side, sign in ((0, -1.0), (1, 1.0)):

@@ -1,18 +1,19 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What stands between motor and link: gears that lose power, and shafts and belts that give.
+"""Transmissions between motor and link: gears with losses, and flexible shafts and belts.
 
-The motor's angle is written as it is seen at the joint, θ = θ_motor / N, so that a rigid
-transmission has θ = q; the twist is δ = θ + e(θ) - q. Two coordinates for a joint: Spong,
-"Modeling and control of elastic joint robots", ASME J. Dyn. Sys. Meas. Control 109, 1987. All
-functions take numbers, numpy arrays and CasADi expressions.
+The motor's angle is reflected to the joint, θ = θ_motor / N, so a rigid transmission has θ = q;
+the twist is δ = θ + e(θ) - q. Two coordinates for a joint: Spong, "Modeling and control of elastic
+joint robots", ASME J. Dyn. Sys. Meas. Control 109, 1987. All functions accept numbers, NumPy
+arrays and CasADi expressions.
 
-A gear passes on only a part of the power: a dry friction that grows with the load. Of a motor's
-torque τ, as it is seen at the joint, η τ arrives where the motor drives, and the load must bring
-τ / η where it drives the motor: η of the power arrives whichever way it flows. At rest anything
-between holds (Giberti, Cinquemani and Legnani, "Effects of transmission mechanical characteristics
-on the choice of a motor-reducer", Mechatronics 20(5), 2010, with one efficiency for both ways).
-What turns the rotor faster does not pass the teeth; on a rigid gear that is neglected, within the
-bound of ``docs/concepts/drives.md``.
+A gear transmits only a fraction η of the power: a dry friction that grows with the load. Of a
+motor's torque τ, reflected to the joint, η τ reaches the load where the motor drives it, and the
+load must supply τ / η where it drives the motor, so the fraction is η in either direction of power
+flow. At rest any value in between is possible (Giberti, Cinquemani and Legnani, "Effects of
+transmission mechanical characteristics on the choice of a motor-reducer", Mechatronics 20(5),
+2010, with one efficiency for both directions). The torque that accelerates the rotor itself does
+not pass through the teeth; with a rigid gear this is neglected, within the bound of
+``docs/concepts/drives.md``.
 """
 
 from __future__ import annotations
@@ -31,14 +32,14 @@ from arm_dynamics.scene.drive import Wave
 
 
 def engaged(twist: Quantity, backlash: Quantity) -> Quantity:
-    """The part of a twist that bends something: zero within the play, a dead zone.
+    """The part of a twist beyond the backlash: zero within it, a dead zone.
 
     Source: Nordin and Gutman, "Controlling mechanical systems with backlash - a survey",
     Automatica 38(10), 2002, section 2.
 
     Args:
         twist: δ in [rad] or [m].
-        backlash: Width of the play in [rad] or [m].
+        backlash: Width of the backlash in [rad] or [m].
     """
     return twist - within(twist, -backlash / 2.0, backlash / 2.0)
 
@@ -58,14 +59,14 @@ def elastic_energy(twist: Quantity, stiffness: Quantity, stiffening: Quantity) -
 
 
 def flank_torque(engagement: Quantity, elastic: Quantity, damping: Quantity) -> Quantity:
-    """Torque between teeth with play: a flank pushes and never pulls.
+    """Torque between teeth with backlash: a flank pushes and never pulls.
 
     The damper acts with the spring, and only as far as their sum keeps the teeth together (Nordin,
     Galić and Gutman, "New models for backlash and gear play", Int. J. Adaptive Control 11, 1997,
-    without the memory of the damper that has come loose). It never gives energy.
+    without the state of the separated damper). It never supplies energy.
 
     Args:
-        engagement: The twist beyond the play in [rad] or [m].
+        engagement: The twist beyond the backlash in [rad] or [m].
         elastic: Torque of the spring in [N m] or [N], of the same sign.
         damping: Torque of the damper, d δ'.
     """
@@ -77,13 +78,13 @@ def flank_torque(engagement: Quantity, elastic: Quantity, damping: Quantity) -> 
 def hysteresis_slope(
     state: Quantity, twist_rate: Quantity, deflection: Quantity, sharpness: Quantity
 ) -> Quantity:
-    """Rate w' of the Bouc-Wen law for a hysteretic torque H w with |w| ≤ 1.
+    """Rate w' of the Bouc-Wen model for a hysteretic torque H w with |w| ≤ 1.
 
     w' = (δ' - ½ (δ' |w|ⁿ + |δ'| w |w|ⁿ⁻¹)) / D (Wen, "Method for random vibration of hysteretic
-    systems", ASCE J. Eng. Mech. 102, 1976, with β = γ). So chosen, w moves away from zero
-    as 1 - |w|ⁿ and towards zero as a spring, and H D w²/2 is an energy that it stores: the law is
+    systems", ASCE J. Eng. Mech. 102, 1976, with β = γ). With this choice, w moves away from zero
+    as 1 - |w|ⁿ and towards zero as a spring, and H D w²/2 is its stored energy: the model is
     passive (Ismail, Ikhouane and Rodellar, "The hysteresis Bouc-Wen model, a survey", Arch. Comp.
-    Methods Eng. 16, 2009, section 3). It does not depend on how fast the twist changes.
+    Methods Eng. 16, 2009, section 3). It is rate-independent.
 
     Args:
         state: w.
@@ -98,16 +99,17 @@ def hysteresis_slope(
 
 
 def hysteresis_energy(state: Quantity, torque: Quantity, deflection: Quantity) -> Quantity:
-    """Energy H D w²/2 in [J], what unloading gives back."""
+    """Energy H D w²/2 in [J], recovered in unloading."""
     return 0.5 * torque * deflection * state**2
 
 
 def kinematic_error(angle: Quantity, wave: Wave) -> Quantity:
-    """How far the gear's output is ahead of the motor: e = A sin(m θ_motor + φ) in [rad] or [m].
+    """Lead of the gear's output over the motor: e = A sin(m θ_motor + φ) in [rad] or [m].
 
-    A property of the geometry, not a torque: the transmission bends by it, and by virtual work its
-    torque acts on the motor times 1 + de/dθ. Source: Tuttle and Seering, as above; a harmonic
-    drive's main component repeats twice in a turn of the wave generator, m = 2.
+    It is a property of the geometry, not a torque: it twists the transmission, and by virtual work
+    the transmission's torque acts on the motor times 1 + de/dθ. Source: Tuttle and Seering, as
+    above; a harmonic drive's main component repeats twice per revolution of the wave generator, m
+    = 2.
     """
     return wave.amplitude * sin(wave.order * angle + wave.phase)
 
@@ -121,8 +123,8 @@ def gear_loss(direction: Quantity, torque: Quantity, efficiency: Quantity) -> Qu
     """Friction of the gear in [N m] or [N], of the sign of ``direction``.
 
     Args:
-        direction: Which way the joint moves or is about to move, -1 or 1; 0 gives nothing.
-        torque: Of the motor as it is seen at the joint in [N m] or [N].
+        direction: Direction in which the joint moves or is about to move, -1 or 1; 0 gives zero.
+        torque: Torque of the motor, reflected to the joint, in [N m] or [N].
         efficiency: η, above zero, at most one.
     """
     part = choose(direction * torque > 0.0, 1.0 - efficiency, 1.0 / efficiency - 1.0)
@@ -130,7 +132,7 @@ def gear_loss(direction: Quantity, torque: Quantity, efficiency: Quantity) -> Qu
 
 
 def gear_input(direction: Quantity, required: Quantity, efficiency: Quantity) -> Quantity:
-    """The motor's torque of which ``required`` arrives; without a direction that torque itself."""
+    """Motor torque that delivers ``required``; without a direction, ``required`` itself."""
     push = direction * required
     less = choose(push < 0.0, required * efficiency, required)
     return choose(push > 0.0, required / efficiency, less)

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A robot's links in the form in which its equations of motion are shortest.
+"""A robot's links in the form that gives the shortest equations of motion.
 
-Two exact changes of description, made before any equation is written:
+Two exact transformations are made before any equation is built:
 
-* every joint frame is turned so that its axis is z;
-* inertia that a joint cannot tell from its parent's is moved to the parent (base inertial
+* every joint frame is rotated such that its axis is z;
+* inertia that is indistinguishable from the parent's is moved to the parent (base inertial
   parameters: Gautier and Khalil, "Direct calculation of minimum set of inertial parameters of
   serial robots", IEEE Trans. Robotics and Automation 6(3), 1990). A body that is symmetric about a
-  revolute axis and has no inertia about it feels the same whether the joint turns or not; so does
-  the rotational inertia of a body on a prismatic joint. A link's own numbers may thus be
-  unphysical, but not one torque or acceleration changes, and many products vanish.
+  revolute axis and has no inertia about it has the same effect whether the joint turns or not; so
+  has the rotational inertia of a body on a prismatic joint. The parameters of a single link may
+  thus be unphysical, but no torque or acceleration changes, and many products vanish.
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 
-# Products of rotations by multiples of 90 degrees leave dirt of a few units of rounding: factors
-# that would not fold away.
+# Products of rotations by multiples of 90 degrees leave rounding errors, which would prevent the
+# simplification of factors.
 DIRT = 1e-15
 
 
 @dataclass
 class Link:
-    """One moving link; all quantities in its own joint frame, whose z is the joint's axis.
+    """One moving link; all quantities in its joint frame, whose z is the joint's axis.
 
     Attributes:
         parent: Index of the parent link, -1 for the ground.
-        prismatic: Whether the joint slides along z instead of turning about it.
+        prismatic: Whether the joint is prismatic along z rather than revolute about it.
         R: Rotation of the joint frame in the parent's at q = 0, shape (3, 3).
         p: Origin of the joint frame in the parent's in [m], shape (3,).
         m: Mass in [kg].
@@ -51,7 +51,7 @@ class Link:
 
 @dataclass(frozen=True)
 class Tree:
-    """Links in an order in which parents come first, with what is constant about their joints.
+    """Links, parents before children, with the constants of their joints.
 
     Attributes:
         links: One for each of Pinocchio's joints.
@@ -67,12 +67,12 @@ class Tree:
 
     @property
     def has_followers(self) -> bool:
-        """Whether a link's position is another one's times a factor."""
+        """Whether there are mimic joints."""
         return bool(self.followers.shape[0] != self.followers.shape[1])
 
 
 def common_link(tree: Tree, i: int, j: int) -> int:
-    """The nearest link that carries both, -1 for the ground; parents come first in a tree."""
+    """The nearest link that carries both, -1 for the ground."""
     while i != j:
         if i > j:
             i = tree.links[i].parent
@@ -82,7 +82,7 @@ def common_link(tree: Tree, i: int, j: int) -> int:
 
 
 def links_between(tree: Tree, i: int, below: int) -> list[int]:
-    """Links from ``i`` down to the one above ``below``, which carries it; none if they are one."""
+    """Links from ``i`` down to the child of its ancestor ``below``; none if both are the same."""
     chain = []
     while i != below:
         chain.append(i)
@@ -97,12 +97,12 @@ def skew(x: ca.SX) -> ca.SX:
 
 
 def cross(a: ca.SX, b: ca.SX) -> ca.SX:
-    """Cross product that keeps zeros."""
+    """Cross product that preserves structural zeros."""
     return ca.sparsify(skew(a) @ b)
 
 
 def symmetric(X: ca.SX) -> ca.SX:
-    """The upper triangle of a symmetric matrix, mirrored, so that no entry is computed twice."""
+    """Symmetric matrix from its upper triangle, such that no entry is computed twice."""
     return ca.sparsify(ca.triu2symm(ca.triu(X)))
 
 
@@ -126,7 +126,7 @@ def moved(R: ca.SX, p: ca.SX, m: ca.SX, h: ca.SX, inertia: ca.SX) -> tuple[ca.SX
 
 
 def regrouped(links: list[Link]) -> None:
-    """Move, from the leaves down, what a joint cannot tell from its parent's inertia."""
+    """Move, from the leaves down, inertia that is indistinguishable from the parent's."""
     for link in reversed(links):
         if link.prismatic:
             m, h, inertia = ca.SX(0), ca.SX(3, 1), ca.SX(link.I)
@@ -146,12 +146,12 @@ def regrouped(links: list[Link]) -> None:
 
 
 def spread_map(tree: Tree) -> ca.SX:
-    """The map E from independent joints to links; the identity where no link follows another."""
+    """The map E from independent joints to links; the identity without mimic joints."""
     return sparse(tree.followers)
 
 
 def clean(values: Array) -> Array:
-    """Put entries that are 0, 1 or -1 but for rounding there."""
+    """Round entries that are 0, 1 or -1 up to rounding errors."""
     cleaned = np.array(values)
     for exact in (0.0, 1.0, -1.0):
         cleaned[abs(cleaned - exact) < DIRT] = exact
@@ -159,10 +159,10 @@ def clean(values: Array) -> Array:
 
 
 def constant(values: Array) -> ca.SX:
-    """Numbers as an expression in which zeros vanish."""
+    """Numbers as an expression with structural zeros."""
     return ca.sparsify(ca.SX(ca.DM(values)))
 
 
 def sparse(values: Array) -> ca.SX:
-    """Numbers as an expression from which zeros, and dirt in their place, have vanished."""
+    """Numbers as an expression without zeros, those up to rounding errors included."""
     return constant(clean(values))
