@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Serialized messages, read and written piece by piece.
+"""Reading and writing of serialized messages field by field.
 
 A generated deserializer creates objects for a whole message in one call, which blocks all other
-threads; and files of messages are read and written without ROS. The bytes are CDR version 1 (OMG
-RTPS 2.5, section 10): a field is aligned to its size, relative to the end of the header.
+threads; and message files must be readable and writable without ROS. The bytes are CDR version 1
+(OMG RTPS 2.5, section 10): a field is aligned to its size, relative to the end of the header.
 """
 
 from __future__ import annotations
@@ -17,13 +17,13 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_dynamics.exceptions import InvalidInput
 
-HEADER = 4  # bytes that declare the encoding of the others
-COUNT = 4  # bytes of a length, and the alignment of a Time
+HEADER = 4  # length of the header, which declares the encoding
+COUNT = 4  # size of a length, and alignment of a Time
 GIGA = 1_000_000_000
 NATIVE = b"\x00\x01\x00\x00" if sys.byteorder == "little" else b"\x00\x00\x00\x00"
-TIME = struct.Struct("=iI")  # a Time in the byte order of this machine
+TIME = struct.Struct("=iI")  # a Time in native byte order
 _ORDERS = {b"\x00\x00": ">", b"\x00\x01": "<"}
-_LONGEST = 1000  # bytes of a name
+_LONGEST = 1000  # longest name in bytes
 
 
 def time_bytes(nanoseconds: int) -> bytes:
@@ -113,7 +113,7 @@ class CdrReader:
 
 
 class CdrWriter:
-    """Writes one field after another, in the byte order of this machine.
+    """Writes one field after another, in native byte order.
 
     Attributes:
         raw: The message so far.

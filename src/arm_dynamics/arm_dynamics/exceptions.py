@@ -50,11 +50,11 @@ class Unreachable(ArmError):
 
 
 class KernelError(ArmError):
-    """Generated code cannot be compiled, or disagrees with Pinocchio and is refused."""
+    """Generated code cannot be compiled, or disagrees with Pinocchio and is rejected."""
 
 
 class CompilerMissing(KernelError):
-    """There is neither a compiler nor code that was compiled elsewhere."""
+    """There is neither a compiler nor previously compiled code."""
 
 
 class ControllerFailed(ArmError):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Names of a package that are imported when they are first used (PEP 562)."""
+"""Lazy import of a package's names on first use (PEP 562)."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ def on_demand(
             said = f"module {package!r} has no attribute {name!r}"
             raise AttributeError(said, name=name, obj=sys.modules[package])
         value = getattr(import_module(f"{package}.{homes[name]}"), name)
-        setattr(sys.modules[package], name, value)  # found directly from now on
+        setattr(sys.modules[package], name, value)  # later look-ups find it directly
         return value
 
     return look_up, lambda: sorted(sys.modules[package].__all__)

@@ -269,7 +269,7 @@ def test_broken_description_keeps_the_one_before(
     node = ros.add(DynamicsNode, robot_description=TWO_LINK)
     node.on_robot_description(String(data=broken))
     assert len(info(node).joint_names) == 2
-    assert "robot_description refused, the one before stays" in capfd.readouterr().err
+    assert "robot_description refused, the previous one is kept" in capfd.readouterr().err
 
 
 def test_description_as_a_parameter_may_change(ros: Ros) -> None:

@@ -32,19 +32,19 @@ _U32 = 2**32 - 1
 
 @dataclass(frozen=True)
 class ModelFacts:
-    """What a dynamics node knows about its arm; vectors have shape (n,).
+    """Properties of a dynamics node's arm; vectors have shape (n,).
 
     Attributes:
-        joint_names: The model's order.
+        joint_names: Names of the joints, in model order.
         joint_types: ``revolute``, ``continuous`` or ``prismatic``.
-        position_lower: In [rad] or [m]; -inf for none.
-        position_upper: In [rad] or [m]; inf for none.
-        velocity_limits: In [rad/s] or [m/s]; inf for none.
-        effort_limits: In [N m] or [N]; inf for none.
+        position_lower: Lower position limits in [rad] or [m]; -inf for none.
+        position_upper: Upper position limits in [rad] or [m]; inf for none.
+        velocity_limits: Speed limits in [rad/s] or [m/s]; inf for none.
+        effort_limits: Torque limits in [N m] or [N]; inf for none.
         frame_names: Frames of the arm.
-        total_mass: In [kg].
-        gravity: In the world frame in [m/s²], shape (3,).
-        summary: A description in one line.
+        total_mass: Mass of everything that moves, in [kg].
+        gravity: Gravity in the world frame in [m/s²], shape (3,).
+        summary: One-line description.
     """
 
     joint_names: tuple[str, ...]
@@ -61,7 +61,7 @@ class ModelFacts:
 
 @dataclass(frozen=True)
 class Terms:
-    """The parts of the equation of motion; a batch has k in front of every shape.
+    """Terms of the equation of motion; a batch has k in front of every shape.
 
     Attributes:
         joint_names: Order of the vectors.
@@ -69,9 +69,9 @@ class Terms:
         coriolis_matrix: C(q, v), shape (n, n).
         gravity: G(q) in [N m] or [N], shape (n,).
         friction: F(v) in [N m] or [N], shape (n,).
-        spring: S(q, v), what springs and their dampers take, in [N m] or [N], shape (n,).
-        kinetic_energy: In [J], shape ().
-        potential_energy: In [J], shape ().
+        spring: S(q, v), torque of springs and their dampers, in [N m] or [N], shape (n,).
+        kinetic_energy: Kinetic energy in [J], shape ().
+        potential_energy: Potential energy in [J], shape ().
     """
 
     joint_names: tuple[str, ...]
@@ -91,9 +91,9 @@ class ConstrainedMotion:
     Attributes:
         joint_names: Order of the accelerations.
         constraint_names: The constraint that each multiplier belongs to, m names.
-        acceleration: In [rad/s²] or [m/s²], shape (n,).
-        multipliers: λ, what the arm exerts against the constraints, in [N] or [N m], shape (m,):
-            force and moment of a constraint's first frame upon its second, in axes of the second.
+        acceleration: Joint accelerations in [rad/s²] or [m/s²], shape (n,).
+        multipliers: λ, what the arm exerts on the constraints, in [N] or [N m], shape (m,): force
+            and moment of a constraint's first frame on its second, in axes of the second.
     """
 
     joint_names: tuple[str, ...]
@@ -108,11 +108,11 @@ class Postures:
 
     Attributes:
         joint_names: Order of the positions.
-        q: Within limits, in [rad] or [m], shape (n,); the nearest found where a pose is not
-            reached.
+        q: Joint positions within limits, in [rad] or [m], shape (n,); the nearest found where a
+            pose is not reached.
         reached: Whether the pose is reached to 1e-9 m and 1e-9 rad, shape ().
-        distance: What is missing in [m], shape ().
-        angle: What is missing in [rad], shape ().
+        distance: Remaining position error in [m], shape ().
+        angle: Remaining orientation error in [rad], shape ().
     """
 
     joint_names: tuple[str, ...]
@@ -123,9 +123,9 @@ class Postures:
 
 
 class NotReached(Refused, Unreachable):
-    """A node searched for joint positions and did not reach every pose; the message is the node's.
+    """A node's inverse kinematics did not reach every pose; the message is the node's.
 
-    ``found`` holds what it found for each pose: the nearest posture where a pose is not reached.
+    ``found`` holds the result for each pose: the nearest posture where a pose is not reached.
     """
 
     def __init__(self, message: str, found: Postures) -> None:
@@ -138,8 +138,8 @@ class ArmClient:
 
     Every method waits for the node and for its answer, each at most ``timeout``. The reply to a
     first call may get lost while the two ends discover each other, so a call is repeated where
-    that does no harm. Errors: ``NoAnswer`` when no node offers the service or answers, ``Refused``
-    with the node's message when it declines, ``InvalidInput`` for arguments that cannot be sent.
+    that is safe. Errors: ``NoAnswer`` when no node offers the service or answers, ``Refused`` with
+    the node's message when it declines, ``InvalidInput`` for arguments that cannot be sent.
 
     Example:
         >>> with ArmClient() as arm:
@@ -158,18 +158,18 @@ class ArmClient:
         Args:
             dynamics: Name of the dynamics node, with its namespace if it has one.
             sim: Name of the sim node, likewise.
-            timeout: In [s].
+            timeout: Time to wait for a node, and for each of its answers, in [s].
             domain: ROS domain; None for that of the environment.
         """
         self._caller = Caller(timeout, domain)
         self._dynamics, self._sim = dynamics, sim
 
     def close(self) -> None:
-        """Leave the ROS graph; calling it again does no harm."""
+        """Leave the ROS graph; may be called repeatedly."""
         self._caller.close()
 
     def __enter__(self) -> Self:
-        """Use it in a ``with`` statement."""
+        """Return the client itself."""
         return self
 
     def __exit__(self, *_: object) -> None:
@@ -179,7 +179,7 @@ class ArmClient:
     # --- the dynamics node ---------------------------------------------------------------------
 
     def model_info(self) -> ModelFacts:
-        """What the node knows about its arm."""
+        """Properties of the node's arm."""
         answer = self._ask(self._dynamics, interfaces.MODEL_INFO)
         return ModelFacts(
             joint_names=tuple(answer.joint_names),
@@ -209,7 +209,7 @@ class ArmClient:
             v: Velocities, of the same shape; None for zeros.
             a: Accelerations, likewise.
             terms: Sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8 and SPRING 16.
-            joint_names: Order of all vectors; none for the model's.
+            joint_names: Order of all vectors; empty for the model's.
 
         Returns:
             Torques in [N m] or [N], shape of ``q``.
@@ -259,7 +259,7 @@ class ArmClient:
         direction: ArrayLike = (),
         joint_names: Sequence[str] = (),
     ) -> dict[str, Any]:
-        """The equation of motion as seen at a frame.
+        """The equation of motion in task space, at a frame.
 
         Args:
             frame: A frame that moves.
@@ -267,7 +267,8 @@ class ArmClient:
             v: Velocities, likewise.
             reference: ``local_world_aligned``, ``local`` or ``world``.
             axes: ``pose``, ``position``, ``orientation``, or some of x, y, z, rx, ry, rz.
-            direction: Also answer the mass felt along it, one number for each axis.
+            direction: Direction along which to return the effective mass, one number for each
+                axis.
             joint_names: Order of all vectors; none for the model's.
 
         Returns:
@@ -298,24 +299,24 @@ class ArmClient:
         axes: str | Sequence[str] = "pose",
         joint_names: Sequence[str] = (),
     ) -> Postures:
-        """Joint positions that bring a frame to a pose, within joint limits.
+        """Inverse kinematics: joint positions within limits that bring a frame to a pose.
 
-        Asked only once: a pose out of reach takes the node some tenths of a second, and the
-        client's timeout has to do for all of them.
+        The request is sent only once: an unreachable pose takes the node some tenths of a second,
+        and the client's timeout applies to all of them together.
 
         Args:
             frame: A frame that moves.
             pose: Position x y z in [m] and quaternion x y z w of the frame in the world, shape
                 (7,), or (k, 7) for k poses in one call.
-            seed: Where to begin, in [rad] or [m], shape (n,), or (k, n) for each of k poses.
-                Without one of its own a search begins where the one before ended, so that poses
-                of a path are answered by neighbours; None: the first begins at the scene's initial
-                position.
+            seed: Initial guess in [rad] or [m], shape (n,), or (k, n), one for each of k poses.
+                Without a guess of its own, each search begins at the result of the previous one,
+                so poses of a path give neighbouring positions; with None, the first begins at the
+                scene's initial position.
             axes: ``pose``, ``position``, ``orientation``, or some of x, y, z, rx, ry, rz.
             joint_names: Order of all vectors; none for the model's.
 
         Raises:
-            NotReached: If the arm cannot take every pose, with what was found in ``found``.
+            NotReached: If a pose is not reached; ``found`` holds the results.
         """
         fields = motion(joint_names, pose=pose, seed=seed)
         fields |= {"frame": str(frame), "axes": words("axes", axes)}
@@ -344,8 +345,8 @@ class ArmClient:
     ) -> ConstrainedMotion:
         """Accelerations and forces that torques produce under the scene's constraints.
 
-        τ = M a + C v + G + S + F + Aᵀλ with A v = 0, for those that hold at the start. Arguments
-        as for ``forward_dynamics``; the constraints should hold at ``q``.
+        τ = M a + C v + G + S + F + Aᵀλ with A v = 0, for the initially active constraints.
+        Arguments as for ``forward_dynamics``; the constraints should be satisfied at ``q``.
         """
         fields = motion(joint_names, position=q, velocity=v, effort=tau)
         answer = self._ask(self._dynamics, interfaces.CONSTRAINED_DYNAMICS, **fields)
@@ -363,7 +364,7 @@ class ArmClient:
         multipliers: ArrayLike | None = None,
         joint_names: Sequence[str] = (),
     ) -> Array:
-        """Torques for a motion and for forces against the scene's constraints.
+        """Torques for a motion and for forces on the scene's constraints.
 
         As ``inverse_dynamics``, with ``multipliers`` λ as ``constrained_dynamics`` gives them, in
         [N] or [N m], shape (m,), or (k, m); None for zeros.
@@ -377,19 +378,19 @@ class ArmClient:
     # --- the sim node --------------------------------------------------------------------------
 
     def reset(self) -> None:
-        """Put the simulation back to its initial state and time zero."""
+        """Reset the simulation to its initial state and time zero."""
         self._ask(self._sim, interfaces.RESET)
 
     def pause(self) -> None:
-        """Stop the simulation's time."""
+        """Pause the simulation."""
         self._ask(self._sim, interfaces.PAUSE, data=True)
 
     def resume(self) -> None:
-        """Let the simulation's time go on."""
+        """Resume the simulation."""
         self._ask(self._sim, interfaces.PAUSE, data=False)
 
     def step(self, steps: int = 1) -> float:
-        """Advance a paused simulation by whole ticks; return its time in [s]. Asked only once."""
+        """Advance a paused simulation by whole ticks; return its time in [s]. Never repeated."""
         fields = {"steps": whole("steps", steps, _U32)}
         answer = _agreed(self._answer(self._sim, interfaces.STEP, fields, once=True))
         return float(answer.time)
@@ -400,12 +401,12 @@ class ArmClient:
         v: ArrayLike | None = None,
         joint_names: Sequence[str] = (),
     ) -> None:
-        """Put joints somewhere at once.
+        """Set joint positions and velocities at once.
 
         Args:
-            q: Positions in [rad] or [m], one for each joint; None leaves them.
+            q: Positions in [rad] or [m], one for each joint; None keeps the current ones.
             v: Velocities, likewise; None for zeros.
-            joint_names: Which joints; none for all in the model's order.
+            joint_names: Names of the joints; empty for all, in model order.
         """
         fields = motion(joint_names, position=q, velocity=v)
         self._ask(self._sim, interfaces.SET_JOINT_STATE, **fields)
@@ -420,10 +421,10 @@ class ArmClient:
         """Change a payload that the scene declares tunable.
 
         Args:
-            mass: In [kg].
+            mass: Mass in [kg].
             com: Centre of mass in the payload's frame in [m], shape (3,).
-            inertia: About it: xx, xy, xz, yy, yz, zz in [kg m²].
-            index: Which of the scene's payloads.
+            inertia: Inertia about the centre of mass: xx, xy, xz, yy, yz, zz in [kg m²].
+            index: Index of the payload in the scene.
         """
         self._ask(
             self._sim, interfaces.SET_PAYLOAD, index=whole("index", index, _U32), mass=float(mass),
@@ -435,24 +436,24 @@ class ArmClient:
 
         Args:
             viscous: Coefficients in [N m s/rad] or [N s/m], shape (n,).
-            joint_names: Joints that they belong to; empty: all, in model order.
+            joint_names: Names of the joints; empty for all, in model order.
         """
         self._ask(self._sim, interfaces.SET_FRICTION, **motion(joint_names, viscous=viscous))
 
     def reset_counters(self) -> None:
-        """Have the loop's and the partners' counters begin afresh."""
+        """Reset the counters of the loop and of its communication partners."""
         self._ask(self._sim, interfaces.RESET_COUNTERS)
 
     # --- both ----------------------------------------------------------------------------------
 
     def _ask(self, node: str, service: interfaces.Service, **fields: Any) -> Any:
-        """The response of a node that did what it was asked; ``Refused`` if it declined."""
+        """The response of a node; raises ``Refused`` if the request was declined."""
         return _agreed(self._answer(node, service, fields))
 
     def _answer(
         self, node: str, service: interfaces.Service, fields: dict[str, Any], once: bool = False
     ) -> Any:
-        """The response of a node, refusals included; with ``once`` it is never asked twice."""
+        """The response of a node, refusals included; with ``once``, the request is sent once."""
         request = service.type.Request(**fields)
         return self._caller.ask(node, service, request, repeatable=not once)
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the numbers and names of a caller become fields of a request, and fields become arrays."""
+"""Conversion of arguments to fields of a request, and of response fields to arrays."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ from arm_dynamics.exceptions import InvalidInput
 
 
 def motion(joint_names: Sequence[str], **given: ArrayLike | None) -> dict[str, Any]:
-    """Fields of a request: the order of joints, and flat vectors; what is None is left out."""
+    """Fields of a request: the joint order, and flat vectors; None is omitted."""
     vectors = {name: flat(name, value) for name, value in given.items() if value is not None}
     return {"joint_names": words("joint_names", joint_names), **vectors}
 
 
 def flat(name: str, value: ArrayLike) -> array[float]:
-    """Any real numbers as a flat field; ``InvalidInput`` if they are none."""
+    """Real numbers as a flat field; ``InvalidInput`` if they are anything else."""
     try:
         numbers = np.asarray(value)
     except ValueError:
@@ -32,14 +32,14 @@ def flat(name: str, value: ArrayLike) -> array[float]:
 
 
 def whole(name: str, value: int, most: int) -> int:
-    """A whole number that the message's field holds."""
+    """A whole number in the range of the message's field."""
     if not isinstance(value, int | np.integer) or not 0 <= value <= most:
         raise InvalidInput(f"{name} = {value!r}; expected a whole number from 0 to {most}")
     return int(value)
 
 
 def words(name: str, value: str | Sequence[str]) -> list[str]:
-    """Names for a field, one or several; ``InvalidInput`` if they are none."""
+    """One or several names for a field; ``InvalidInput`` if they are anything else."""
     listed = [value] if isinstance(value, str) or not isinstance(value, Iterable) else list(value)
     if not all(isinstance(word, str) for word in listed):
         raise InvalidInput(f"{name} = {value!r}; expected names")
@@ -55,7 +55,7 @@ def rows(name: str, value: ArrayLike, size: int) -> tuple[int, ...]:
 
 
 def points(answer: Any, q: ArrayLike) -> tuple[int, ...]:
-    """Shape of the question: (n,) or (k, n)."""
+    """Shape of the request: (n,) or (k, n)."""
     n = len(answer.joint_names)
     return (*rows("position", q, n), n)
 
@@ -74,7 +74,7 @@ def shaped(values: Any, shape: tuple[int, ...]) -> Array:
 
 
 def task_shapes(n: int, m: int) -> dict[str, tuple[int, ...]]:
-    """Shapes of the fields of a ``TaskSpace`` answer for n joints and m axes, a point each."""
+    """Shapes of the fields of a ``TaskSpace`` response at one point, for n joints and m axes."""
     return {
         "pose": (7,), "jacobian": (m, n), "twist": (m,), "bias": (m,), "inertia": (m, m),
         "coriolis": (m,), "gravity": (m,), "spring": (m,), "inverse": (n, m), "null_space": (n, n),

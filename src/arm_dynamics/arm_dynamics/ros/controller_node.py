@@ -88,7 +88,7 @@ class ControllerNode(Node):
         control: The active controller, and the transition to the next one.
         goals: The current goal, and goals being planned.
         action: Goals of ``~/follow_joint_trajectory``.
-        answers: Answers ordinary states in C; the lock of the parts.
+        answers: Answers ordinary states in C; holds the lock of the parts.
         send: Publishes a serialized command.
     """
 
@@ -122,7 +122,7 @@ class ControllerNode(Node):
         self.action = TrajectoryAction(self, self.goals, model, limits, self._deaf, self.answers)
         self._next_report = 0
         self._reader = make_reader(names, ("position", "velocity"), partial=False, extra=True)
-        me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # tells two controllers apart
+        me = f"{self.get_fully_qualified_name()}:{os.getpid()}"  # unique to this controller
         self._writer = JointStateWriter(names, ("effort",), frame_id=me)
         self._log, self._jumps = AnswerLog(), Jumps(names)
         self._connect()
@@ -158,7 +158,7 @@ class ControllerNode(Node):
             self.get_logger().warning(f"not granted: {refusal}")
 
     def _answer(self, raw: bytes) -> None:
-        """Answer a state, and let C answer the next ones, if it can."""
+        """Answer a state, and let C answer the following ones where possible."""
         if self.on_joint_states(raw) is None or self._cut():
             return
         params = self.params
@@ -191,13 +191,13 @@ class ControllerNode(Node):
         super().destroy_node()
 
     def _deaf(self) -> str:
-        """Why trajectories are not followed now; empty if they are."""
+        """Reason why trajectories are not followed now; empty if they are."""
         free = self.params.controller == _FREE
         return self._log.failure or ("controller 'float' follows no trajectories" if free else "")
 
     def _made(self, params: ControllerParams) -> AnyController:
         frame, axes = params.settings.frame, params.settings.axes
-        if frame:  # refused at once, not when a controller first uses it
+        if frame:  # rejected here, not when a controller first uses it
             TaskSpace(self.dynamics, frame, selection=axes)
         chosen = self._loaded.maker(params.controller)
         return make_controller(chosen, self.dynamics, self._settings(params))
@@ -225,7 +225,7 @@ class ControllerNode(Node):
             self.control.to(control)
             self.get_logger().info(f"controller {params.controller}")
             if before.controller == _FREE != params.controller:
-                self.goals.follower = None  # hold the arm where it was led to
+                self.goals.follower = None  # hold the arm where it was guided to
 
         self.params = params
         self._log.forget()

@@ -29,7 +29,7 @@ from arm_dynamics.scene.load import scene_from_urdf
 class DynamicsParams:
     """Parameters of the dynamics node."""
 
-    scene: str = parameter("", f"{SCENE}; empty: the robot description says what the arm is")
+    scene: str = parameter("", f"{SCENE}; empty: the arm is given by the robot description")
     robot_description: str = parameter(
         "", "URDF text; empty: it comes from the topic robot_description", read_only=False
     )
@@ -39,14 +39,14 @@ class DynamicsNode(Node):
     """Offers inverse and forward dynamics, their terms in joint and task space, and model facts.
 
     The arm comes from ``scene``, else from the parameter ``scene``, else from the parameter or
-    topic ``robot_description``; a new description that cannot be used leaves the one before.
+    topic ``robot_description``; an invalid description leaves the previous arm in use.
     """
 
     def __init__(self, scene: Any = None, **node_kwargs: Any) -> None:
         """Start the node.
 
         Args:
-            scene: Anything ``load_scene`` takes, or None.
+            scene: Anything ``load_scene`` accepts, or None.
             **node_kwargs: For ``rclpy.node.Node``: context, namespace, parameter_overrides, …
 
         Raises:
@@ -70,7 +70,7 @@ class DynamicsNode(Node):
         self._diagnosis = Diagnosis(self, self.diagnostics)
 
     def _offer(self) -> None:
-        """Offer the services: those that C knows by C, if it can be had, the others by Python."""
+        """Offer the services, by C where it is available and supports them, else by Python."""
         answers = {
             service: self._counts.counted(partial(self.answer, service)) for service in ANSWERS
         }
@@ -93,7 +93,7 @@ class DynamicsNode(Node):
 
     @property
     def dynamics(self) -> Dynamics:
-        """The model in force.
+        """The current model.
 
         Raises:
             InvalidInput: If there is none yet.
@@ -106,7 +106,7 @@ class DynamicsNode(Node):
         return self._dynamics
 
     def load(self, scene: Any) -> None:
-        """Put another arm in force; on any ``ArmError`` the one before stays."""
+        """Replace the arm; on any ``ArmError`` the previous one is kept."""
         dynamics = Dynamics(scene)
         with self._lock:
             if self._compiled is not None:
@@ -115,25 +115,25 @@ class DynamicsNode(Node):
         self.get_logger().info(f"{dynamics.n} joints: {', '.join(dynamics.joint_names)}")
 
     def load_description(self, urdf: str) -> None:
-        """Put the arm of a URDF text in force; the text is never taken for a path."""
+        """Replace the arm by that of a URDF text, which is never interpreted as a path."""
         self.load(scene_from_urdf(urdf))
 
     def on_robot_description(self, message: String) -> None:
-        """Take a URDF from the topic, or say why not."""
+        """Load a URDF from the topic, or log why it is refused."""
         try:
             self.load_description(message.data)
         except ArmError as error:
             self._counts.descriptions_refused += 1
-            kept = "the one before stays" if self._dynamics else "there is still no robot"
+            kept = "the previous one is kept" if self._dynamics else "there is still no robot"
             self.get_logger().error(f"robot_description refused, {kept}: {plain(error)}")
 
     def diagnostics(self) -> list[Finding]:
-        """How the node has been doing since this was last asked."""
+        """Diagnostics since the last call."""
         in_c = None if self._compiled is None else self._compiled.counts
         return [self._counts.finding(self, in_c)]
 
     def answer(self, service: Service, request: Any, response: Any) -> Any:
-        """Answer one of ``ANSWERS``; whatever is wrong with the request is in the response."""
+        """Answer one of ``ANSWERS``; errors are reported in the response."""
         with self._lock, answering(response, self.get_logger()):
             ANSWERS[service](self.dynamics, request, response)
         return response

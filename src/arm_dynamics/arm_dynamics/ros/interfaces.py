@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
 """Names, types and quality of service of all topics and services, in one place.
 
-All names are relative, so namespaces and remapping work. Publishers are reliable and subscribers
-of control topics take the newest message by best effort, which matches every partner.
+All names are relative, so namespaces and remapping work. Publishers are reliable, and subscribers
+of control topics receive the newest message by best effort, which is compatible with every
+partner.
 """
 
 from __future__ import annotations
@@ -25,17 +26,17 @@ except ImportError:  # a ROS distribution without ros2_control
     FollowJointTrajectory = None
 
 NEWEST = QoSProfile(depth=1, reliability=ReliabilityPolicy.BEST_EFFORT)
-# Of several sources: all that come within a tick, so that one does not displace another.
+# With several sources, keep all messages within a tick, so that one does not displace another.
 SOURCES = QoSProfile(depth=16, reliability=ReliabilityPolicy.BEST_EFFORT)
 EVERY = QoSProfile(depth=10, reliability=ReliabilityPolicy.RELIABLE)
 LATCHED = QoSProfile(
     depth=1, reliability=ReliabilityPolicy.RELIABLE, durability=DurabilityPolicy.TRANSIENT_LOCAL
 )
 
-MAX_POINTS = 100_000  # of one service call
-MAX_TERMS_POINTS = 10_000  # where a point is answered with matrices
-MAX_POSES = 1000  # where joint positions are searched for
-MAX_GOAL_POINTS = 10_000  # of one trajectory or path
+MAX_POINTS = 100_000  # per service call
+MAX_TERMS_POINTS = 10_000  # where the response contains matrices
+MAX_POSES = 1000  # for inverse kinematics
+MAX_GOAL_POINTS = 10_000  # per trajectory or path
 
 
 class Topic(NamedTuple):
@@ -80,7 +81,7 @@ CONSTRAINED_DYNAMICS = Service("~/constrained_dynamics", srv.ConstrainedDynamics
 TASK_SPACE = Service("~/task_space", srv.TaskSpace)
 INVERSE_KINEMATICS = Service("~/inverse_kinematics", srv.InverseKinematics)
 
-# Of the sim node, here because the client calls them too.
+# Services of the sim node, defined here because the client calls them too.
 RESET = Service("~/reset", Trigger)
 PAUSE = Service("~/pause", SetBool)
 STEP = Service("~/step", srv.Step)

@@ -58,7 +58,7 @@ class Background:
         return self._waiting is not None and self._waiting.future.done()
 
     def start[T](self, job: Callable[[], T], then: Callable[[Callable[[], T]], None]) -> bool:
-        """Begin a job.
+        """Start a job.
 
         Args:
             job: Function to run.

@@ -21,8 +21,8 @@ from arm_dynamics.ros.interfaces import Service
 
 _RETRY = 0.4  # [s], doubled each time; a reply is lost when the server has not seen the client yet
 _SETTLE = 0.3  # [s] for the server to see the client, where a request must not be repeated
-_GLANCE = 0.05  # [s] between looks at how many servers a service has, while waiting for one
-_LOOK = 0.01  # [s] between looks whether there is a server
+_GLANCE = 0.05  # [s] between checks of the number of servers, while waiting for an answer
+_LOOK = 0.01  # [s] between checks for a server
 
 
 class Asker:
@@ -48,7 +48,7 @@ class Asker:
         return int(self._handle.send_request(request))
 
     def answer(self, asked: Collection[int], timeout: float) -> Any | None:
-        """Wait for the answer to one of some requests, by number; others are ignored.
+        """Wait for the answer to any of the given requests, by number; others are ignored.
 
         Returns:
             The first answer, or None if none arrives within ``timeout`` in [s].
@@ -153,7 +153,7 @@ class Caller:
                 self._offering[asker] = servers()
             before = self._offering[asker]
             response = self._watched(asker, asked, min(patience, left), servers)
-            # Later each time, but at least three times.
+            # Wait longer each time, but repeat at least three times.
             longer = min(2.0 * patience, max(patience, self._timeout / 3.0))
             patience = longer if self._offering[asker] == before else _RETRY
         return response

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The fastest executor that works here, and the life cycle of a process with one node."""
+"""The fastest executor available, and the life cycle of a process with one node."""
 
 from __future__ import annotations
 
@@ -25,8 +25,8 @@ from arm_dynamics.ros.interfaces import Topic
 
 FREEZE = "freeze_garbage"  # a parameter of nodes that keep deadlines
 _PROBE_TIMEOUT = 0.5  # [s]
-_SPIN_TIMEOUT = 0.1  # [s] between looks at whether to end, when nothing happens
-_THROTTLE = 2.0  # [s] between messages of one kind
+_SPIN_TIMEOUT = 0.1  # [s] between checks whether to end, without events
+_THROTTLE = 2.0  # [s] between log messages of one kind
 
 
 def make_executor(node: Node) -> Executor:
@@ -82,7 +82,7 @@ def spin(node: Node, done: Callable[[], bool]) -> None:
 
 
 def steady_timer(node: Node, period: float, callback: Callable[[], None]) -> Any:
-    """A timer, in [s] of real time; one of ROS stands still with the time of ``use_sim_time``."""
+    """A timer on the steady clock, period in [s]; ROS timers stop when simulated time does."""
     return node.create_timer(period, callback, clock=Clock(clock_type=ClockType.STEADY_TIME))
 
 

@@ -122,7 +122,7 @@ def watch[P](node: Node, present: P, apply: Callable[[P], None]) -> None:
 
 
 def _with[P](params: P, value_of: Callable[[str, Any, Mapping[str, Any]], Any]) -> P:
-    """The dataclass with other values, checked by name, present value and metadata."""
+    """The dataclass with other values, checked by name, current value and metadata."""
     changes: dict[str, Any] = {}
     for item in fields(params):  # type: ignore[arg-type]
         present, about = getattr(params, item.name), item.metadata

@@ -91,8 +91,8 @@ def _lock_memory() -> None:
 def demote_timers() -> None:
     """Keep Fast DDS's timer threads from interrupting senders; they run once the sender waits.
 
-    A reliable message wakes its thread four times, each time on the processor of the sender,
-    which had to wait: 7 % of a service call. Threads of real-time priority keep it.
+    A reliable message wakes the timer thread four times, each time on the sender's processor, and
+    the sender waits: 7 % of a service call. Threads of real-time priority keep it.
     """
     for task in Path("/proc/self/task").glob("*"):
         with suppress(OSError):  # the thread has ended

@@ -5,8 +5,8 @@ Shared memory is Fast DDS's default, and its ports belong to the whole machine. 
 killed, or stopped for a second, version 2.14 considers its port dead and maps it again: a process
 that is just leaving it may crash, and one that still writes to the old port is no longer received.
 
-A message larger than the sender's shared memory, 512 kB, loses its end, which is sent again
-some milliseconds later, and so on until it is complete.
+The end of a message larger than the sender's shared memory, 512 kB, is lost and sent again some
+milliseconds later, repeatedly until it is complete.
 
 Each participant has segments in /dev/shm and holds a lock on each while it lives. A process that
 is killed cannot release them; after killing one, call ``clear_dead``, which does the same as

@@ -29,7 +29,7 @@ class FollowParams:
     """
 
     allow_partial_joints_goal: bool = parameter(
-        False, "Whether action goals may omit joints, which then stay", read_only=False
+        False, "Whether action goals may omit joints, which then do not move", read_only=False
     )
     action_monitor_rate: float = parameter(
         20.0, "Rate of the action's feedback [Hz], in the time of the states", low=0.1, high=1e4
@@ -42,8 +42,8 @@ class FollowParams:
     )
     limit_margin: float = parameter(
         0.02,
-        "Fraction by which goals may exceed velocity, acceleration and effort limits: what is "
-        "interpolated between points that keep to limits overshoots a little",
+        "Fraction by which goals may exceed velocity, acceleration and effort limits: "
+        "interpolation between points within the limits overshoots slightly",
         low=0.0, high=10.0, read_only=False,
     )  # fmt: skip
     stopped_velocity_tolerance: float = parameter(

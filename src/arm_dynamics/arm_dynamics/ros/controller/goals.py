@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Goals of the controller node: trajectories, poses and paths, planned in the background.
 
-Planning may take longer than a tick, so it runs in a thread of its own; a planned motion starts
-between two ticks, at the reference from which it was planned. The newest goal wins.
+Planning may take longer than a tick, so it runs in its own thread; a planned motion starts between
+two ticks, at the reference from which it was planned. The newest goal takes precedence.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ from arm_dynamics.trajectory.time_optimal import retimed
 from arm_dynamics.trajectory.waypoints import stop
 
 _TIMINGS = {"smooth": paced, "time_optimal": retimed}
-PLANNED_AT_ONCE = 10  # points that are planned within two ticks
-_LEAD = 50_000_000  # [ns] to plan in, while the arm moves
-_TRIES = 8  # each with twice the lead
+PLANNED_AT_ONCE = 10  # number of points that can be planned within two ticks
+_LEAD = 50_000_000  # [ns] for planning while the arm moves
+_TRIES = 8  # each with twice the planning time
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Goal:
     Attributes:
         kind: Its kind, for messages.
         about: Its content, for messages.
-        start: Stamp in [ns] from which its times count; None for its beginning.
+        start: Stamp in [ns] at which its time is zero; None for its beginning.
         plan: Function that plans it.
         then: Called with the motion when it starts, or with None when it is refused.
     """
@@ -82,10 +82,10 @@ class Goals:
         """Begin.
 
         Args:
-            model: The arm; it is only read.
-            limits: Of all motions.
-            log: For what becomes of goals.
-            planned: Called, on the planner's thread, when there is something to deliver.
+            model: The arm; never modified.
+            limits: Limits of all motions.
+            log: Logger for the outcomes of goals.
+            planned: Called on the planner's thread when a result is ready to be delivered.
         """
         self.follower: Follower | None = None
         self.stamp = -1
@@ -115,7 +115,7 @@ class Goals:
         at_any_speed = replace(self._limits, velocity=np.full_like(here.v, np.inf))
         try:
             motion: Motion = stop(here, at_any_speed)
-        except InvalidInput:  # beyond a position limit before it stands
+        except InvalidInput:  # would exceed a position limit before it stops
             motion = hold(np.clip(here.q, self._limits.lower, self._limits.upper))
         self.follower.begin(motion, self.stamp)
 

@@ -9,11 +9,11 @@ from operator import sub
 from arm_dynamics.arrays import Array
 from arm_dynamics.control.computed_torque import Measured
 
-_FASTER = 2.0  # than the speeds before and after that a joint may have moved in between
+_FASTER = 2.0  # largest ratio of the speed of a displacement to the speeds before and after it
 
 
 class Jumps:
-    """Compares each state with the one before.
+    """Compares each state with the previous one.
 
     Args:
         names: The joints.

@@ -22,7 +22,7 @@ class Loaded:
         """Load the controllers that the parameters name, and create each once.
 
         Args:
-            params: As they were when the node was started.
+            params: Parameters at the start of the node.
             model: The arm.
             settings: Settings of the controllers.
 

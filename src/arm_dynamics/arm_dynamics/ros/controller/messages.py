@@ -36,7 +36,7 @@ class TrajectoryBytes:
 
         Args:
             raw: The serialized message.
-            most_names: How many joints it may name.
+            most_names: Largest number of joints that it may name.
 
         Raises:
             InvalidInput: If these bytes are no such message, or one beyond limits.

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
 """Answers ordinary joint states in C, without the interpreter lock.
 
-A thread waits for states in C. Most are ordinary: time and arm have moved on a little, and so does
-the motion that is followed. C answers those with the same bits as Python. All other states are
-passed to Python unchanged, which alone decides on them, so the rules are implemented once.
+A thread waits for states in C. Most are ordinary: time, arm and reference have advanced by one
+step. C answers those with bitwise the same result as Python. All other states are passed to Python
+unchanged, which alone decides on them, so the rules are implemented once.
 
 Python changes the parts of the controller under a lock that C holds while it answers a state. C
-stops answering at every change, and continues after the next answer of Python.
+stops answering at every change, and resumes after the next answer by Python.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ from arm_dynamics.trajectory.reference import Motion, Trajectory
 
 SOURCE = Path(__file__).with_name("native") / "answers.c"
 _ENDED = -1  # as in answers.c
-_ROOM = 4096  # bytes of a state; longer ones are for Python
+_ROOM = 4096  # bytes of a state; longer ones are passed to Python
 _NEVER = 2**63 - 1
 
 
@@ -85,7 +85,7 @@ class Parts:
         command_map: Converts torques to commands.
         goals: Gives the reference.
         action: Monitors the goal of the action.
-        jumps: Compares each state with the one before.
+        jumps: Compares each state with the previous one.
         log: Remembers the last answer.
     """
 
@@ -194,11 +194,11 @@ class OrdinaryAnswers:
             self._native.unlock(self._receiver)
 
     def interrupt(self) -> None:
-        """Have the next state answered in Python; from any thread."""
+        """Have the next state answered in Python; may be called from any thread."""
         self._answers.interrupt = 1
 
     def summary(self) -> dict[str, str | int | float]:
-        """Values for the diagnostics; times are those since the last call. Call it locked."""
+        """Values for the diagnostics; times since the last call. The lock must be held."""
         answers, since = self._answers, max(1, self.count - self._summarized)
         values: dict[str, str | int | float] = {
             "answered in C": self.count,
@@ -211,7 +211,7 @@ class OrdinaryAnswers:
         return values
 
     def resume(self, raw: bytes, next_report: int, gap: float, jump: float) -> None:
-        """Let C answer the next states, if it can. Call it locked, after an answer of Python.
+        """Let C answer the next states, if possible. Call it locked, after an answer by Python.
 
         Args:
             raw: The state that was answered.
@@ -238,7 +238,7 @@ class OrdinaryAnswers:
         answers.active = 1
 
     def _bind(self, parts: Parts) -> None:
-        """Fill in what never changes."""
+        """Set the constant fields."""
         n, raw = parts.command.size, bytearray(_ROOM)
         self._raw, self._last = raw, np.zeros((3, n))  # q, v and torque
         source, reader = self._reader.places
@@ -250,7 +250,7 @@ class OrdinaryAnswers:
         )  # fmt: skip
 
     def _find_obstacle(self, raw: bytes, motion: Motion, factors: object) -> str:
-        """Why C cannot answer the next state; empty if it can."""
+        """Reason why C cannot answer the next state; empty if it can."""
         control = self._parts.control
         if control.active is not self._control:
             self._control, self._law = control.active, compiled_law(control.active)
@@ -284,7 +284,7 @@ class OrdinaryAnswers:
         return used
 
     def _use_tolerances(self) -> tuple[object, ...]:
-        """Pass what the goal of the action checks to C; returns what must be kept alive."""
+        """Pass the tolerances of the action's goal to C; returns what must be kept alive."""
         answers, checks = self._answers, self._parts.action.checks
         answers.position_tolerance = None
         if checks is None:
@@ -299,7 +299,7 @@ class OrdinaryAnswers:
         return used
 
     def _stop(self) -> None:
-        """Stop C from answering and update the parts with what it has done."""
+        """Stop C from answering and update the parts with its results."""
         answers, parts = self._answers, self._parts
         count, answers.count = answers.count, 0
         answers.active = 0
@@ -330,7 +330,7 @@ class OrdinaryAnswers:
         """Answer the state that C has taken with this outcome."""
         if outcome != FAILED:
             self._answer(self._reader.raw)
-        elif taken := self._newest.take():  # or it raises an error that says what failed
+        elif taken := self._newest.take():  # or it raises an error with the reason
             self._answer(taken[0])
 
 

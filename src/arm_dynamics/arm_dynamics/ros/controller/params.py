@@ -47,8 +47,8 @@ class ControllerParams(ThreadParams, DescriptionParams):
     )
     gap_limit: float = parameter(
         1.0,
-        "Longest time between joint states; after a longer gap the arm is held where it is and "
-        "the motion is not resumed [s]; 0: any",
+        "Longest time between joint states; after a longer gap the arm is held at its position "
+        "and the motion is not resumed [s]; 0: any",
         low=0.0,
         high=1e6,
         read_only=False,
@@ -56,7 +56,7 @@ class ControllerParams(ThreadParams, DescriptionParams):
     jump_limit: float = parameter(
         0.5,
         "Largest displacement of a joint between two states beyond that by its velocity; after a "
-        "larger one (a reset, or a joint that was placed) the arm is held [rad, m]; 0: any",
+        "larger one (a reset, or a joint that was repositioned) the arm is held [rad, m]; 0: any",
         low=0.0,
         high=1e6,
         read_only=False,

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The action FollowJointTrajectory: accepts goals, monitors their execution and reports results.
 
-It works between two answers to joint states and never waits, since rclpy would poll a coroutine
-that waits.
+It runs between two answers to joint states and never waits, since rclpy would poll a waiting
+coroutine.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from arm_dynamics.trajectory.tolerances import Tolerances, Verdict
 
 _KIND = "action goal"
 _KEPT = 60  # [s] for which results are kept for late clients
-_AHEAD = 3600.0  # [s] by which a goal may begin after the states; beyond, the clocks differ
+_AHEAD = 3600.0  # [s] by which a goal may begin after the newest state; beyond, clocks differ
 _STEP = 0.01  # [rad] or [m]
 _REPLACED = "Current goal cancelled due to new incoming action."
 _OTHER = "Current goal cancelled due to new incoming trajectory."
@@ -51,7 +51,7 @@ _HELD = "Current goal cancelled, the arm is held where it is."
 class _Server(ActionServer):
     """An action server whose goals end when their monitor knows the result.
 
-    That of rclpy runs a callback for each goal; here it runs when the result is known.
+    rclpy's server runs an execute callback for each goal; here it runs when the result is known.
     """
 
     def notify_execute(self, goal_handle: Any, execute_callback: Any) -> None:
@@ -70,7 +70,7 @@ class _Active:
     Attributes:
         motion: Its planned motion.
         begin: Stamp in [ns] at which it begins.
-        start: Stamp in [ns] from which the goal's times count.
+        start: Stamp in [ns] at which the goal's time is zero.
         tolerances: Its tolerances.
         follower: The follower of its motion.
         handle: The action's goal; None until it is accepted.
@@ -115,7 +115,7 @@ class Checks(NamedTuple):
         begin: Stamp in [ns] at which it begins.
         until: Stamp in [ns] from which every state must be checked; before it, only states
             outside the path tolerances.
-        tolerances: Those of the goal.
+        tolerances: Tolerances of the goal.
     """
 
     begin: int
@@ -153,7 +153,8 @@ class TrajectoryAction:
             goals: Plans and follows trajectories.
             model: The arm.
             limits: Limits of its motion.
-            deaf: Returns why the active controller follows no trajectories; empty if it does.
+            deaf: Returns the reason why the active controller follows no trajectories; empty if it
+                does.
             lock: Held while goals change.
         """
         self._node, self._goals, self._model, self._limits = node, goals, model, limits
@@ -335,7 +336,7 @@ class TrajectoryAction:
         return plan
 
     def _unwound(self, points: list[Waypoint], here: Reference) -> list[Waypoint]:
-        """The point shifted by whole turns to the nearest one, for continuous joints."""
+        """The point shifted by whole revolutions to the nearest one, for continuous joints."""
         if not self._turning:
             return points
         turns = np.zeros_like(here.q)
@@ -354,7 +355,7 @@ class TrajectoryAction:
             self._active = active
 
     def _on_cancel(self, handle: Any) -> CancelResponse:
-        self._node.executor.create_task(self._cancelled, handle)  # after the client is answered
+        self._node.executor.create_task(self._cancelled, handle)  # after the response
         return CancelResponse.ACCEPT
 
     def _cancelled(self, handle: Any) -> None:
@@ -368,7 +369,7 @@ class TrajectoryAction:
 
 
 def _step(here: Reference, to: Waypoint) -> Motion:
-    """A motion without duration to a point that the arm has reached up to a control error.
+    """A motion of zero duration to a point that the arm has reached up to a control error.
 
     Raises:
         InvalidInput: If the point is farther away.

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Answers of the dynamics node: a function for each service, and their table.
+"""Services of the dynamics node: one function each, and their table.
 
 A function reads the request, calls the core and writes the response, with joints in the order of
-the request. It raises ``InvalidInput`` for a bad request, and has written nothing then.
+the request. It raises ``InvalidInput`` for an invalid request, before anything is written.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ def _batch(dynamics: Dynamics, request: Any, most: int) -> Batch:
 
 
 def inverse_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
-    """Torques of motions."""
+    """Inverse dynamics: torques of motions."""
     batch = _batch(dynamics, request, MAX_POINTS)
     v = batch.read("velocity", request.velocity)
     a = batch.read("acceleration", request.acceleration)
@@ -38,7 +38,7 @@ def inverse_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 
 def forward_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
-    """Accelerations of torques."""
+    """Forward dynamics: accelerations under torques."""
     batch = _batch(dynamics, request, MAX_POINTS)
     v = batch.read("velocity", request.velocity)
     tau = batch.read("effort", request.effort)
@@ -47,7 +47,7 @@ def forward_dynamics(dynamics: Dynamics, request: Any, response: Any) -> None:
 
 
 def dynamics_terms(dynamics: Dynamics, request: Any, response: Any) -> None:
-    """The parts of the equation of motion, and the energies."""
+    """The terms of the equation of motion, and the energies."""
     batch = _batch(dynamics, request, MAX_TERMS_POINTS)
     v = batch.read("velocity", request.velocity)
     kinetic, potential = dynamics.energy(batch.q, v)
@@ -90,7 +90,7 @@ def _multipliers(values: Any, dynamics: Dynamics, points: int) -> Array:
 
 
 def model_info(dynamics: Dynamics, request: Any, response: Any) -> None:
-    """Facts about the arm."""
+    """Properties of the arm."""
     del request  # empty
     model = dynamics.model
     response.joint_names = list(model.joint_names)

@@ -32,7 +32,7 @@ class Batch:
         position: Sequence[float],
         most: int,
     ) -> None:
-        """Read the fields that every request has.
+        """Read the fields common to all requests.
 
         Args:
             names: The request's joint names; none means the model's order.
@@ -59,7 +59,7 @@ class Batch:
         self.q = self._rows("position", position)
 
     def read(self, what: str, values: Sequence[float]) -> Array:
-        """Read another vector, of the length of the positions, or empty, which means zeros.
+        """Read another vector, as long as the positions, or empty for zeros.
 
         Returns:
             Shape (k, n), in model order.

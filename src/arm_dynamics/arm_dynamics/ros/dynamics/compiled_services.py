@@ -2,8 +2,8 @@
 """Services answered by C code, from the request to the response, without the interpreter lock.
 
 A thread waits until ROS signals requests. Requests that C does not support or finds invalid are
-passed to Python, which alone refuses. The answering functions are compiled in the background after
-a number of calls of a service: a few answers are not worth it.
+passed to Python, which alone rejects requests. The functions are compiled in the background after
+a number of calls of a service, since a few calls would not be worth it.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ COMPILED: tuple[tuple[Service, PointAnswer, int], ...] = (
     (DYNAMICS_TERMS, point_answers.ALL_TERMS, MAX_TERMS_POINTS),
 )
 """Services in the order of services.c, their functions, and their largest numbers of points."""
-WORTH = 20  # requests of a service after which compiling its answer is worth the time
+WORTH = 20  # number of requests after which compiling a service is worth the time
 _ENDED = -1  # as in services.c
 _SOURCE = Path(__file__).with_name("native") / "services.c"
 
@@ -93,7 +93,7 @@ def native() -> ctypes.CDLL | None:
 
 
 class _Known:
-    """Data with which C answers a service, for one arm."""
+    """Data with which C runs a service, for one arm."""
 
     def __init__(self, service: Service, most: int, dynamics: Dynamics, rows: Any) -> None:
         names, friction = list(dynamics.joint_names), dynamics.steady_friction

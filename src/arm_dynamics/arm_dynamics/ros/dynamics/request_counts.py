@@ -19,7 +19,8 @@ class InC(NamedTuple):
 
     Attributes:
         answered: Requests that it answered.
-        lost: Responses that could not be sent, including those of Python: the client is gone.
+        lost: Responses that could not be sent, including those of Python, since the client is
+            gone.
         busy: Time spent on the answers in [s].
     """
 
@@ -74,7 +75,7 @@ class RequestCounts:
             "descriptions refused": self.descriptions_refused, "executor": executor,
         }  # fmt: skip
         self._growth.warn(found, self._refused, "requests refused")
-        self._growth.warn(found, further.lost, "responses lost, who asked is gone")
+        self._growth.warn(found, further.lost, "responses lost, the client is gone")
         if self._growth.of("descriptions", self.descriptions_refused):
             found.complain(WARN, "a robot description was refused")
         self._busy, self._since = 0.0, now

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: Apache-2.0
-"""JointStates of a topic, in one C call each if there is a compiler and ROS's headers.
+"""JointStates of a topic, each in a single C call if a compiler and ROS's headers are available.
 
 In a loop that wakes up a thousand times a second the processor's caches are cold, and every line
 of Python costs several times what it costs in a benchmark. Messages that C does not support, or
-finds invalid, are read by ``serialization``, which alone refuses.
+finds invalid, are read by ``serialization``, which alone rejects messages.
 """
 
 from __future__ import annotations
@@ -87,8 +87,8 @@ class CompiledReader(JointStateReader):
     """A ``JointStateReader`` that reads messages of known layouts in C.
 
     Attributes:
-        left: Outcome of ``take`` for a message that other compiled code has received and that is
-            not read yet; ``NONE`` if there is none.
+        left: Outcome of ``take`` for a message that other compiled code has received and that has
+            not been read yet; ``NONE`` if there is none.
     """
 
     def __init__(

@@ -1,8 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
  * Ordinary answers of the controller: read a state, evaluate the reference and a compiled controller, publish the
- * command. Any other state is passed to Python unchanged, which alone decides on it. See ordinary_answers.py for who
- * calls what.
+ * command. Any other state is passed to Python unchanged, which alone decides on it. See ordinary_answers.py for the callers.
  *
  * Compiled after joint_state.c, in the same unit.
  */
@@ -27,12 +26,12 @@ typedef struct {
 /* ordinary_answers.Answers */
 typedef struct {
   int64_t active;    /* whether C may answer; false after every change in Python */
-  int64_t interrupt; /* not 0: the next state is for Python */
+  int64_t interrupt; /* nonzero: Python answers the next state */
   source_t* source;
   joint_state_t* reader;
   sink_t* sink;
   int64_t joints;
-  int64_t until; /* stamp from which states are for Python */
+  int64_t until; /* stamp from which Python answers states */
   /* Publisher of the tracking state, and the stamp from which a message is due if there are subscribers. */
   const rcl_publisher_t* report;
   int64_t next_report;
@@ -50,7 +49,7 @@ typedef struct {
   /* The motion: stamp at which it begins, number of segments, positions before and after them. */
   int64_t start, segments;
   const double *knots, *polynomials, *ends;
-  /* Path tolerances and the stamp from which they hold; NULL: none. */
+  /* Path tolerances and the stamp from which they apply; NULL: none. */
   int64_t begin;
   const double *position_tolerance, *velocity_tolerance;
   const int64_t* turning; /* nonzero for joints without position limits, whose errors are modulo a full turn */
@@ -65,7 +64,7 @@ typedef struct {
   int64_t count, last, busy, longest;
 } answers_t;
 
-/* What brings states from ROS to the thread that answers them. */
+/* Passes states from ROS to the thread that answers them. */
 typedef struct {
   pthread_mutex_t lock; /* held while a state is answered, or while Python uses the parts of the controller */
   sem_t calls;          /* posted for every state, and at the end */
@@ -170,7 +169,7 @@ static void remember(answers_t* a, const joint_state_t* s, int64_t stamp, int64_
   ++a->count;
 }
 
-/* Answer the state that was read last; 0: it is for Python. */
+/* Answer the state that was read last; 0: Python must answer it. */
 static int answer(answers_t* a, int64_t began) {
   const joint_state_t* s = a->reader;
   const int64_t n = a->joints;
@@ -194,7 +193,7 @@ static int answer(answers_t* a, int64_t began) {
 EXPORT void lock(receiver_t* r) { pthread_mutex_lock(&r->lock); }
 EXPORT void unlock(receiver_t* r) { pthread_mutex_unlock(&r->lock); }
 
-/* Answer states until one is for Python; returns the outcome of `take` for it, or ENDED after `end`. Called by one thread,
+/* Answer states until Python must answer one; returns the outcome of `take` for it, or ENDED after `end`. Called by one thread,
  * which holds the lock before and after, but not while it waits. */
 EXPORT int64_t serve(receiver_t* r, answers_t* a) {
   for (;;) {
@@ -220,7 +219,7 @@ EXPORT void end(receiver_t* r) {
   sem_post(&r->calls);
 }
 
-/* Give the memory back; nothing may be using it. */
+/* Free the memory; nothing may be using it. */
 EXPORT void destroy(receiver_t* r) {
   if (rcl_subscription_set_on_new_message_callback(r->subscription, NULL, NULL) != RCL_RET_OK) rcutils_reset_error();
   sem_destroy(&r->calls);
@@ -228,7 +227,7 @@ EXPORT void destroy(receiver_t* r) {
   free(r);
 }
 
-/* A receiver of the messages of a subscription; NULL: there is no memory, or ROS does not report new messages. */
+/* A receiver of the messages of a subscription; NULL: out of memory, or ROS does not report new messages. */
 EXPORT receiver_t* receiver(const rcl_subscription_t* subscription) {
   pthread_mutexattr_t kind;
   receiver_t* r = calloc(1, sizeof *r);

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Services that are answered without Python, from the request to the response. What is not known here or wrong is handed
- * over, and answered or refused there: see compiled_services.py, which also says what is called by whom.
+ * Services that run without Python, from the request to the response. Unsupported or invalid requests are passed to
+ * Python, which answers or rejects them. See compiled_services.py for the callers.
  */
 #include <float.h>
 #include <math.h>
@@ -23,21 +23,21 @@
 
 #define EXPORT __attribute__((visibility("default")))
 #define SERVICES 3
-#define GIVEN 3 /* vectors of a request at most */
-#define MADE 7  /* vectors of a response at most */
+#define GIVEN 3 /* largest number of vectors of a request */
+#define MADE 7  /* largest number of vectors of a response */
 #define TERMS 5
 #define FRICTION 3  /* bit of `terms` */
-#define LARGE 1e100 /* beyond it, what overflows on the way depends on who computes: that is for Python */
-#define ROOM 65536  /* numbers for which memory is kept from request to request */
+#define LARGE 1e100 /* beyond it, overflow depends on the order of operations; Python decides */
+#define ROOM 65536  /* capacity in numbers that is kept between requests */
 
 enum { INVERSE, FORWARD, ALL_TERMS };
 enum { NONE, ANSWERED, FOR_PYTHON };
-enum { ENDED = -1 }; /* else the number of a service that Python must answer */
+enum { ENDED = -1 }; /* else the index of a service that Python must answer */
 
 typedef rosidl_runtime_c__double__Sequence doubles_t;
 typedef rosidl_runtime_c__String__Sequence strings_t;
 
-/* Where the vectors of a service's request and response are, and to which power of n each of a response grows. */
+/* Offsets of the vectors in a service's request and response, and the power of n of the size of each in a response. */
 typedef struct {
   int given, made;
   size_t from[GIVEN], to[MADE];
@@ -67,15 +67,15 @@ static const size_t NAMES[SERVICES] = {OF(InverseDynamics, Request, joint_names)
 /* A generated function of many points, see rows.c. */
 typedef void (*rows_t)(const double* const* given, const long long* steps, long long rows, double* const* made);
 
-/* What answers a service. */
+/* The function that computes a service's response, and its data. */
 typedef struct {
-  rows_t rows;           /* NULL: nothing does, Python is asked */
-  void* response;        /* with everything written that is the same for all requests */
+  rows_t rows;           /* NULL: none; Python answers */
+  void* response;        /* with all fields that are constant across requests */
   const char* const* names;
-  int64_t joints, most;  /* points of a request at most */
-  const double* level;   /* a joint for which it is positive may stick when it is at rest; NULL: none does */
-  const double* gravity; /* in [m/s²], of inverse dynamics */
-  const double* zeros;   /* for vectors that are absent */
+  int64_t joints, most;  /* largest number of points of a request */
+  const double* level;   /* positive for joints that may stick at rest; NULL: none may */
+  const double* gravity; /* gravity of inverse dynamics in [m/s²] */
+  const double* zeros;   /* in place of absent vectors */
 } answer_t;
 
 typedef struct server server_t;
@@ -85,17 +85,17 @@ typedef struct {
   void* request;
   int64_t kind;
   answer_t answer;
-  rmw_request_id_t header;  /* of the request that is here */
-  int64_t answered, busy;   /* requests, and time for them in [ns] */
-  atomic_llong lost;        /* responses that could not be sent: who asked is gone */
-  bool called;              /* whether requests may have come since the last look */
+  rmw_request_id_t header;  /* identifies the pending request */
+  int64_t answered, busy;   /* number of requests, and the time spent on them in [ns] */
+  atomic_llong lost;        /* responses that could not be sent, since the client is gone */
+  bool called;              /* whether requests may have arrived since the last check */
   server_t* server;
 } service_t;
 
 struct server {
   service_t services[SERVICES];
-  pthread_mutex_t lock;  /* held while a service is answered, or what answers it is exchanged */
-  pthread_mutex_t calls; /* held for `called` and `ended` */
+  pthread_mutex_t lock;  /* held while a service runs, or its function is exchanged */
+  pthread_mutex_t calls; /* protects `called` and `ended` */
   pthread_cond_t call;
   bool ended;
 };
@@ -108,14 +108,14 @@ static int64_t now(void) {
   return 1000000000LL * t.tv_sec + t.tv_nsec;
 }
 
-/* Whether all numbers are at most that large; one that is none is not. */
+/* Whether the magnitude of every number is within the bound; false for NaN. */
 static bool all_within(const double* x, size_t count, double limit) {
   for (size_t i = 0; i < count; ++i)
     if (!(fabs(x[i]) <= limit)) return false;
   return true;
 }
 
-/* Make a sequence as long as that; its numbers are anything. */
+/* Resize a sequence; its contents are undefined. */
 static bool stretch(doubles_t* s, size_t size) {
   if (s->capacity < size) {
     rosidl_runtime_c__double__Sequence__fini(s);
@@ -125,12 +125,12 @@ static bool stretch(doubles_t* s, size_t size) {
   return true;
 }
 
-/* Give the memory of a giant back. */
+/* Free the memory of an exceptionally large sequence. */
 static void shrink(doubles_t* s) {
   if (s->capacity > ROOM) rosidl_runtime_c__double__Sequence__fini(s);
 }
 
-/* Whether joints are named in the model's order, or not at all. */
+/* Whether joint names are absent or in the model's order. */
 static bool in_order(const strings_t* names, const answer_t* answer) {
   if (names->size == 0) return true;
   if (names->size != (size_t)answer->joints) return false;
@@ -141,7 +141,7 @@ static bool in_order(const strings_t* names, const answer_t* answer) {
   return true;
 }
 
-/* Points of the request that is here; 0 if it is for Python. */
+/* Number of points of the pending request; 0: Python must answer it. */
 static int64_t points_of(service_t* s, const double* given[GIVEN]) {
   const layout_t* layout = LAYOUTS + s->kind;
   const answer_t* answer = &s->answer;
@@ -157,7 +157,7 @@ static int64_t points_of(service_t* s, const double* given[GIVEN]) {
   return size / n;
 }
 
-/* Whether a joint that may stick is at rest: which do is for Python. */
+/* Whether a joint that may stick is at rest; Python decides which ones stick. */
 static bool rests(const answer_t* answer, const double* v, long long step, int64_t points) {
   if (!answer->level) return false;
   for (int64_t k = 0; k < points; ++k)
@@ -166,7 +166,7 @@ static bool rests(const answer_t* answer, const double* v, long long step, int64
   return false;
 }
 
-/* Write the response to the request that is here; false: Python must. */
+/* Write the response to the pending request; false: Python must answer it. */
 static bool answered(service_t* s) {
   const layout_t* layout = LAYOUTS + s->kind;
   answer_t* answer = &s->answer;
@@ -190,7 +190,7 @@ static bool answered(service_t* s) {
     for (int i = 0; i < TERMS; ++i) weights[i] = terms >> i & 1;
     given[GIVEN] = weights;
     given[GIVEN + 1] = answer->gravity;
-    if (terms >> FRICTION & 1) { /* the second result is with friction */
+    if (terms >> FRICTION & 1) { /* the second result includes friction */
       made[1] = made[0];
       made[0] = NULL;
     }
@@ -207,11 +207,11 @@ static void send(service_t* s, rmw_request_id_t* to, void* response) {
   ++s->lost;
 }
 
-/* Take a request, if there is one, and answer it, unless that is for Python. */
+/* Take a request, if there is one, and answer it, unless Python must. */
 static int attend(service_t* s) {
   const layout_t* layout = LAYOUTS + s->kind;
   if (rcl_take_request(s->service, &s->header, s->request) != RCL_RET_OK) {
-    rcutils_reset_error(); /* there is none, or it is damaged */
+    rcutils_reset_error(); /* there is none, or it is malformed */
     return NONE;
   }
   int64_t began = now();
@@ -224,7 +224,7 @@ static int attend(service_t* s) {
   return ANSWERED;
 }
 
-/* Note that a service was called; ROS does so on a thread that must not be kept. */
+/* Record that a service was called; ROS calls this on a thread that must not be blocked. */
 static void note(const void* called, size_t count) {
   service_t* s = (service_t*)called;
   (void)count;
@@ -234,7 +234,7 @@ static void note(const void* called, size_t count) {
   pthread_mutex_unlock(&s->server->calls);
 }
 
-/* Wait for the next service that was called, in turn after `last`; ENDED at the end. */
+/* Wait for the next called service, in round-robin order after `last`; ENDED at the end. */
 static int64_t next(server_t* s, int64_t last) {
   int64_t found = ENDED;
   pthread_mutex_lock(&s->calls);
@@ -249,27 +249,27 @@ static int64_t next(server_t* s, int64_t last) {
   return found;
 }
 
-/* Answer services until one has a request for Python, which stays until this is called again; then its number, or ENDED once
+/* Run services until Python must answer a request, which stays pending until the next call; returns its index, or ENDED once
  * `end` has been called. One thread at a time. */
 EXPORT int64_t serve(server_t* s) {
   for (int64_t k = SERVICES - 1; (k = next(s, k)) != ENDED;) {
     pthread_mutex_lock(&s->lock);
     int done = attend(s->services + k);
     pthread_mutex_unlock(&s->lock);
-    if (done != NONE) note(s->services + k, 1); /* there may be more of them */
+    if (done != NONE) note(s->services + k, 1); /* there may be further requests */
     if (done == FOR_PYTHON) return k;
   }
   return ENDED;
 }
 
-/* Exchange what answers a service. */
+/* Exchange the function of a service. */
 EXPORT void use(server_t* s, int64_t k, const answer_t* answer) {
   pthread_mutex_lock(&s->lock);
   s->services[k].answer = *answer;
   pthread_mutex_unlock(&s->lock);
 }
 
-/* Send a response of Python's. */
+/* Send a response computed by Python. */
 EXPORT void respond(server_t* s, int64_t k, const rmw_request_id_t* header, void* response) {
   rmw_request_id_t to = *header;
   send(s->services + k, &to, response);
@@ -283,7 +283,7 @@ EXPORT void end(server_t* s) {
   pthread_mutex_unlock(&s->calls);
 }
 
-/* Hear of no calls any more, and give everything back; nothing may be using it. */
+/* Unregister from calls and free all memory; nothing may be using it. */
 EXPORT void release(server_t* s) {
   for (int k = 0; k < SERVICES; ++k)
     if (rcl_service_set_on_new_request_callback(s->services[k].service, NULL, NULL) != RCL_RET_OK) rcutils_reset_error();
@@ -293,8 +293,8 @@ EXPORT void release(server_t* s) {
   free(s);
 }
 
-/* A server of services, in the order of the enumeration, with memory for a request of each; NULL if there is no memory, or
- * ROS does not tell of calls. */
+/* A server of services, in the order of the enumeration, with memory for one request of each; NULL: out of memory, or
+ * ROS does not report calls. */
 EXPORT server_t* server(const rcl_service_t* const* services, void* const* requests) {
   server_t* s = calloc(1, sizeof *s);
   if (!s) return NULL;

@@ -1,7 +1,7 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * JointStates in and out in one call each: what a loop of 1 kHz does with every message. Where numbers stand, and which
- * bytes are the same in all messages of a kind, is told by topics.py.
+ * Reception and publication of JointStates, each in a single call, for loops at 1 kHz. The offsets of numbers, and the
+ * bytes that are constant in all messages of a kind, are set by topics.py.
  */
 #include <math.h>
 #include <stdint.h>
@@ -13,30 +13,30 @@
 #include <rcutils/error_handling.h>
 
 #define EXPORT __attribute__((visibility("default")))
-#define ROOM 65536 /* bytes kept for messages; a larger one gives its memory back before the next is taken */
+#define ROOM 65536 /* bytes kept for messages; the memory of a larger one is freed before the next is taken */
 #define GIGA 1000000000LL
-#define KINDS 4 /* known at once, for several publishers on one topic */
-#define STAMP 4 /* where the stamp is: after the header */
+#define KINDS 4 /* number of known kinds, for several publishers on one topic */
+#define STAMP 4 /* offset of the stamp, after the header */
 
 enum { NONE, KNOWN, BEYOND, OTHER, FAILED };
 
 /* A kind of message: those of one sender that name the same joints. */
 typedef struct {
-  const uint8_t *fixed, *expected; /* bits that are the same in every message of this kind, and what they are */
-  int64_t size;                    /* bytes up to the last number; 0: no kind is here */
-  int64_t at[3];                   /* where the arrays to be read begin; negative: one is not there */
-  const int64_t* place;            /* of each joint in them; negative: it is absent */
+  const uint8_t *fixed, *expected; /* mask of the bits that are constant in this kind, and their values */
+  int64_t size;                    /* bytes up to the last number; 0: unused */
+  int64_t at[3];                   /* offsets of the arrays to be read; negative: absent */
+  const int64_t* place;            /* index of each joint in them; negative: absent */
 } kind_t;
 
-/* The kinds that are known, and the message looked at last. */
+/* The known kinds, and the newest message. */
 typedef struct {
   kind_t kinds[KINDS];
-  int64_t fields, joints; /* arrays to be read, and the numbers of each */
-  const double* limit;    /* how large the numbers of the first array may be; NULL: as large as they like */
-  uint8_t* found;         /* receives stamp and arrival in [ns] and which kind it is, then the numbers */
-  const uint8_t* raw;     /* the message itself, and its length */
+  int64_t fields, joints; /* number of arrays to be read, and of numbers in each */
+  const double* limit;    /* largest magnitudes of the first array; NULL: unlimited */
+  uint8_t* found;         /* receives stamp and arrival in [ns] and the index of the kind, then the numbers */
+  const uint8_t* raw;     /* the serialized message, and its length */
   int64_t length;
-  int64_t gaps; /* whether numbers, and arrays, may be missing: NaN */
+  int64_t gaps; /* whether numbers and arrays may be missing (read as NaN) */
 } joint_state_t;
 
 static void put(joint_state_t* s, int64_t place, int64_t value) { memcpy(s->found + 8 * place, &value, 8); }
@@ -48,8 +48,8 @@ static int is_of(const kind_t* kind, const uint8_t* raw, int64_t length) {
   return !differs;
 }
 
-/* Read a message that is here. KNOWN: its kind is, it is finite, and `found` has been written; BEYOND: likewise, and a
- * number is beyond its limit; else OTHER. */
+/* Read the pending message. KNOWN: its kind is known, its numbers are finite, and `found` has been written; BEYOND: likewise,
+ * and a number exceeds its limit; else OTHER. */
 EXPORT int64_t look(joint_state_t* s, const uint8_t* raw, int64_t length) {
   const kind_t* kind = s->kinds;
   while (!is_of(kind, raw, length))
@@ -78,7 +78,7 @@ typedef struct {
   rcl_serialized_message_t message;
 } source_t;
 
-/* Memory for messages of a subscription; NULL if there is none. `release` gives it back. */
+/* Memory for messages of a subscription; NULL: out of memory. `release` frees it. */
 EXPORT source_t* source(const rcl_subscription_t* subscription) {
   source_t* s = calloc(1, sizeof *s);
   if (!s) return NULL;
@@ -92,7 +92,7 @@ EXPORT void release(source_t* s) {
   free(s);
 }
 
-/* Take the next message, if there is one, and read it. OTHER: look at `raw` before the next call. */
+/* Take the next message, if there is one, and read it. OTHER: `raw` must be evaluated before the next call. */
 EXPORT int64_t take(source_t* from, joint_state_t* s) {
   rcl_serialized_message_t* m = &from->message;
   rmw_message_info_t about;
@@ -113,15 +113,15 @@ EXPORT int64_t take(source_t* from, joint_state_t* s) {
   return look(s, m->buffer, m->buffer_length);
 }
 
-/* A message of which only the stamp and some arrays change. */
+/* A message in which only the stamp and some arrays change. */
 typedef struct {
   uint8_t* raw;
   int64_t size, fields, joints, at[3];
-  const uint8_t* numbers[3]; /* what the arrays are written from */
+  const uint8_t* numbers[3]; /* sources of the arrays */
   const rcl_publisher_t* publisher;
 } sink_t;
 
-/* Publish the message with this stamp in [ns] and the numbers of now; 0, or why it was not published. */
+/* Publish the message with this stamp in [ns] and the current numbers; returns 0 or an error code. */
 EXPORT int64_t send(sink_t* s, int64_t stamp) {
   int64_t rest = (stamp % GIGA + GIGA) % GIGA;
   int32_t seconds = (int32_t)((stamp - rest) / GIGA);
