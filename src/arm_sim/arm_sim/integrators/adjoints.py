@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: Apache-2.0
 """The transposed derivative of a method's step, without the derivative itself.
 
-What a function of the state at the end of a step weighs, λ = ∂L/∂x⁺, is taken back to the
-beginning stage by stage (Hager, "Runge-Kutta methods in optimal control and the transformed
-adjoint system", Numerische Mathematik 87, 2000, section 2; Sanz-Serna, SIAM Review 58, 2016):
+The gradient by the state at the end of a step, λ = ∂L/∂x⁺, is propagated back to the beginning
+stage by stage (Hager, "Runge-Kutta methods in optimal control and the transformed adjoint system",
+Numerische Mathematik 87, 2000, section 2; Sanz-Serna, SIAM Review 58, 2016):
 
     λ_i = h b_i λ + h Σ_{j>i} a_ji f_xᵀ(y_j) λ_j,   λ⁻ = λ + Σ f_xᵀ(y_i) λ_i,   ∂L/∂u = Σ f_uᵀ λ_i.
 
-It is the exact gradient of the step that is computed. Only the state at the beginning is needed.
+This is the exact gradient of the computed step. Only the state at the beginning is required.
 """
 
 from __future__ import annotations
@@ -29,14 +29,14 @@ def build_adjoint(
     project: ca.Function | None = None,
     scaled: Scaled | None = None,
 ) -> ca.Function:
-    """Compose the transposed derivative of one step, as of ``build_step``.
+    """Build the transposed derivative of one step of ``build_step``.
 
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
         pullback: Its transposed derivative, see ``plant.slopes.pullback``.
         n: Degrees of freedom; x starts with q and v of n each.
-        project: What brings (q, v) back to the constraints, see ``Plant.project``.
+        project: Projection of (q, v) onto the constraints, see ``Plant.project``.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
 
     Returns:
@@ -103,7 +103,7 @@ def _semi_implicit(
     h: ca.MX,
     weight: ca.MX,
 ) -> Parts:
-    """Positions move with the new speeds, so they do not depend on the slope of q."""
+    """Positions advance with the new velocities, so they do not depend on the derivative of q."""
     moved = ca.vertcat(weight[:n], weight[n : 2 * n] + h * weight[:n], weight[2 * n :])
     slope = ca.vertcat(ca.MX.zeros(n), h * moved[n:])
     by_x, by_u, by_p = pullback(x, u, p, rhs(x, u, p), slope)

@@ -1,16 +1,16 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A method for stiff scenes: the linearly implicit Euler method, extrapolated to order 4.
+"""A method for stiff scenes: the linearly implicit Euler method with extrapolation to order 4.
 
 Deuflhard, "Recent progress in extrapolation methods for ordinary differential equations", SIAM
 Review 27(4), 1985; Hairer, Wanner, Solving Ordinary Differential Equations II, 1996, section IV.9.
 The step is divided into 1, 2, 3 and 4 parts, each advanced by (I - h J) Δ = h f with the exact
 Jacobian at its beginning, and the four results are extrapolated to h = 0. The last two columns of
-the table estimate the error; with states z so does how far the slope at the end is from what the
-others lead to.
+the table estimate the error; with states z, so does the deviation of the derivative at the end
+from its extrapolation.
 
 With x = (q, w), w = (v, z) and f = (v, g) the system reduces to the order of w:
 (I - h ∂g/∂w - h² [∂g/∂q, 0]) Δw = h (g + h ∂g/∂q v), Δq = h (v + Δv).
-For a long arm both sides are multiplied by a matrix H, with which few entries are left.
+For a long arm both sides are multiplied by a matrix H that makes the system sparse.
 """
 
 from __future__ import annotations
@@ -31,7 +31,7 @@ def extrapolated_step(
     h: ca.MX,
     scaled: ca.Function | None = None,
 ) -> tuple[ca.MX, ca.MX]:
-    """Compose one step.
+    """Build one step.
 
     Args:
         rhs: Function (x, u, p) -> x' with x = (q, v, z).
@@ -75,17 +75,17 @@ def extrapolated_step(
 
 
 def _surprise(end: ca.MX, slopes: list[ca.MX]) -> ca.MX:
-    """Slope at the end less the cubic through those at the beginnings of the four parts.
+    """Derivative at the end less the cubic through those at the beginnings of the four parts.
 
-    A law with states may have a kink: bristles turn with the sign of a speed. In the last part of
-    the step nothing else would see it.
+    A model with states may have a kink: bristles reverse with the sign of a velocity. In the last
+    part of the step nothing else would detect it.
     """
     a, b, c, d = slopes
     return end - (4.0 * d - 6.0 * c + 4.0 * b - a)
 
 
 def _jacobian(rhs: ca.Function, n: int) -> ca.Function:
-    """Exact ∂g/∂q and ∂g/∂w; full without laws that have states, else without their zeros."""
+    """Exact ∂g/∂q and ∂g/∂w; dense without internal states, else sparse."""
     x, u, p = (ca.SX.sym(name, rhs.size1_in(i)) for i, name in enumerate(("x", "u", "p")))
     J = ca.jacobian(rhs(x, u, p)[n:], x)
     J = ca.densify(J) if x.shape[0] == 2 * n else J
@@ -93,21 +93,22 @@ def _jacobian(rhs: ca.Function, n: int) -> ca.Function:
 
 
 def _order(n: int, m: int, scaled: bool) -> list[int]:
-    """Pivots: states of laws first, since each touches few others, then velocities.
+    """Pivot order: internal states first, since each couples to few others, then velocities.
 
-    Those of a scaled system begin at the tips, which keeps the zeros that branches leave in it.
+    Velocities of a scaled system are ordered from the tips, which preserves the zeros due to
+    branches.
     """
     return [*range(n, m), *(reversed(range(n)) if scaled else range(n))]
 
 
 def _factor(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
-    """LU factors of H - h ∂g/∂w - h² [∂g/∂q, 0] in one matrix, H = 1 unless its pattern is given.
+    """LU factors of H - h ∂g/∂w - h² [∂g/∂q, 0] in one matrix; H = 1 unless its pattern is given.
 
-    No pivoting: for a passive law J = (S - D) H with S skew, D and H positive, so that
-    I - h J = (1/H + h D - h S) H has a positive symmetric part up to the factor H, and so has
-    every leading block: no pivot vanishes, in whatever order, at any h (Golub, Van Loan, Matrix
-    Computations, 4th edition, section 4.4.2). So it is with M + h D - h S, the scaled system.
-    Where a law feeds energy, h is small.
+    No pivoting: for a passive model J = (S - D) H with S skew, D and H positive, so that I - h J =
+    (1/H + h D - h S) H has a positive symmetric part up to the factor H, and so has every leading
+    block: no pivot vanishes, in any order, at any h (Golub, Van Loan, Matrix Computations, 4th
+    edition, section 4.4.2). The same holds for M + h D - h S, the scaled system. Where a model
+    supplies energy, h is small.
     """
     m = J_w.size1()
     Q, W, h = ca.SX.sym("J_q", J_q), ca.SX.sym("J_w", J_w), ca.SX.sym("h")
@@ -126,7 +127,7 @@ def _factor(n: int, J_w: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> 
 
 
 def _solve(n: int, factors: ca.Sparsity, J_q: ca.Sparsity, *scale: ca.Sparsity) -> ca.Function:
-    """What one linearly implicit Euler step adds to x; small, so nothing is rounded off."""
+    """Increment of x in one linearly implicit Euler step, which avoids cancellation."""
     m = factors.size1()
     LU, Q, h = ca.SX.sym("LU", factors), ca.SX.sym("J_q", J_q), ca.SX.sym("h")
     x, slope = ca.SX.sym("x", n + m), ca.SX.sym("f", n + m)

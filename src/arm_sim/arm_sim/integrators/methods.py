@@ -22,7 +22,8 @@ from arm_sim.integrators.tableaux import (
 
 Rhs = Callable[[ca.MX], ca.MX]
 Scaled = Callable[[], ca.Function | None]
-"""Makes what an implicit method may use in place of the Jacobian, see ``extrapolated_step``."""
+"""Builds the function that an implicit method may use in place of the Jacobian, see
+``extrapolated_step``."""
 
 
 @dataclass(frozen=True)
@@ -30,10 +31,10 @@ class Method:
     """A one-step method.
 
     Attributes:
-        name: As the user writes it.
+        name: Its name in scenes and arguments.
         order: Order of convergence.
-        source: Where it comes from.
-        tableau: Coefficients, or None where the step is built in another way.
+        source: Its literature reference.
+        tableau: Coefficients; None where the step is built in another way.
         adaptive: Whether it estimates its own error.
     """
 
@@ -76,15 +77,15 @@ def build_step(
     scaled: Scaled | None = None,
     name: str = "step",
 ) -> ca.Function:
-    """Compose one step of fixed length.
+    """Build one step of fixed length.
 
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
         n: Degrees of freedom; x starts with q and v of n each.
-        project: What brings (q, v) back to the constraints, see ``Plant.project``.
+        project: Projection of (q, v) onto the constraints, see ``Plant.project``.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
-        name: Of the function, if another one in the same kernel has that name.
+        name: Name of the function, if the default is taken in the same kernel.
 
     Returns:
         Function (x, u, p, h) -> x at the end of the step.
@@ -105,7 +106,7 @@ def build_attempt(
     scaled: Scaled | None = None,
     name: str = "attempt",
 ) -> ca.Function:
-    """Compose one step of a method that estimates its error.
+    """Build one step of a method that estimates its error.
 
     The error of a step is the largest over x of |error| / (scale + |x|); DOP853 mixes its
     estimates of order 5 and 3 (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
@@ -115,11 +116,11 @@ def build_attempt(
         method: The method; it must have an error estimate.
         rhs: Function (x, u, p) -> x'.
         n: Degrees of freedom.
-        scale: Size that matters of each number of x, shape (nx,); 1 for q and v.
-        project: What brings (q, v) back to the constraints; how far a step has left them counts
-            as error too.
+        scale: Scale of each entry of x for error control, shape (nx,); 1 for q and v.
+        project: Projection of (q, v) onto the constraints; the residual before it is included in
+            the error.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
-        name: Of the function, if another one in the same kernel has that name.
+        name: Name of the function, if the default is taken in the same kernel.
 
     Returns:
         Function (x, u, p, h) -> (x at the end, scaled error, largest error of q).
@@ -137,7 +138,7 @@ def build_attempt(
 
 
 def build_tick(step: ca.Function, actuate: ca.Function) -> ca.Function:
-    """One tick: what acts, then the step. (x, r, p, h) -> (x after, torque that acted)."""
+    """One tick: actuation, then the step. (x, r, p, h) -> (x after it, effective torque)."""
     x, p, h = (ca.MX.sym(name, step.size1_in(i)) for name, i in (("x", 0), ("p", 2), ("h", 3)))
     r = ca.MX.sym("r", actuate.size1_in(1))
     u = actuate(x, r)
@@ -154,7 +155,7 @@ def _advance(
     h: ca.MX,
     scaled: Scaled | None,
 ) -> tuple[ca.MX, list[ca.MX]]:
-    """State at the end of a step, and estimates of its error if the method has any."""
+    """State at the end of a step, and its error estimates, if the method has any."""
     if method.name == "implicit":
         after, estimate = implicit.extrapolated_step(
             rhs, n, x, u, p, h, scaled() if scaled else None
@@ -170,7 +171,7 @@ def _advance(
 def _projected(
     project: ca.Function, n: int, x: ca.MX, after: ca.MX, p: ca.MX
 ) -> tuple[ca.MX, ca.MX, ca.MX]:
-    """The state brought back to the constraints, and how far positions and speeds were off."""
+    """The projected state, and the residuals of positions and velocities before."""
     found, gap, gap_v = project(x[: 2 * n], after[: 2 * n], p)
     return ca.vertcat(found, after[2 * n :]), gap, gap_v
 
@@ -190,7 +191,7 @@ def _slopes(tableau: Tableau, f: Rhs, x: ca.MX, h: ca.MX) -> list[ca.MX]:
 def weighed_sum(
     weights: Sequence[float], slopes: Sequence[ca.MX] | Mapping[int, ca.SX], like: ca.MX | ca.SX
 ) -> ca.MX | ca.SX:
-    """Σ w_i k_i over the stages that a method uses, zeros of the size of ``like`` if none."""
+    """Σ w_i k_i over the stages that a method uses; zeros of the size of ``like`` if none."""
     total = type(like)(like.shape[0], 1)
     for i, weight in enumerate(weights):
         if weight:
@@ -220,5 +221,5 @@ def _norms(scale: Array, estimates: int, n: int) -> ca.Function:
 
 
 def _largest(values: ca.SX) -> ca.SX:
-    # NaN must win, or a diverged step would look perfect: fmax drops NaN, the sum does not.
+    # NaN must propagate, or a diverged step would look perfect: fmax drops NaN, the sum does not.
     return ca.mmax(values) + 0 * ca.sum1(values)

@@ -23,12 +23,12 @@ TOLERANCE_RANGE = (1e-14, 1e-1)
 # Explicit methods of order 4 are stable up to h λ = 2.8 (Hairer, Wanner, Solving Ordinary
 # Differential Equations II, figure IV.2.1); the rate grows as the arm folds, hence the margin.
 STIFF = 1.4
-# Default error of a sub-step with stiff bristles: a tick takes 1.1 to 2.7 sub-steps on average,
-# 150 where a joint reverses, and half a second ends within 1e-7 rad of the exact motion.
+# Default error per sub-step with stiff bristles: a tick takes 1.1 to 2.7 sub-steps on average, 150
+# where a joint reverses, and half a second of motion is accurate to 1e-7 rad.
 STIFF_LAW = 1e-6
-# Drives answer within a tick, so a step of fixed length is never sure of them: see
-# docs/concepts/drives.md for what these tolerances cost. From about this rate on,
-# the extrapolated implicit method takes less time than DOP853.
+# Drives respond within a tick, so a step of fixed length cannot be trusted: see
+# docs/concepts/drives.md for the cost of these tolerances. From about this rate, the extrapolated
+# implicit method is faster than DOP853.
 DRIVEN_TOLERANCE = 1e-10
 DRIVEN_STIFF, DRIVEN_STIFF_TOLERANCE = 50.0, 1e-8
 _log = logging.getLogger(__name__)
@@ -61,7 +61,7 @@ class Choice:
 def choose(
     plant: Plant, integrator: str | None, dt: float | None, tolerance: float | None
 ) -> Choice:
-    """Choose method, tick and tolerance: the caller's, else the scene's, else the default.
+    """Select method, tick and tolerance: the caller's, else the scene's, else the default.
 
     Args:
         plant: The scene's equation of motion.
@@ -134,8 +134,8 @@ def fastest_rate(plant: Plant) -> float:
 
     Returns:
         Largest absolute eigenvalue of the exact Jacobian ∂x'/∂x: decay of currents, springs and
-        friction, and the frequency of springs; without laws that have states, of friction alone
-        and of springs alone, the larger one.
+        friction, and the frequency of springs; without internal states, the larger of the rates of
+        friction alone and of springs alone.
     """
     if plant.laws is None:
         return max(damping_rate(plant.model), spring_rate(plant.model))
@@ -151,19 +151,19 @@ def _response_rate(plant: Plant) -> float:
     sliding = np.ones(p.shape[0] - len(plant.parameters.nominal))
     values = np.array(J(state, 0.0, np.concatenate([plant.parameters.nominal, sliding])))
     if not np.isfinite(values).all():
-        return 0.0  # a joint without mass is refused with its name when the kernel is checked
+        return 0.0  # a joint without mass is reported by name when the kernel is verified
     return float(np.abs(np.linalg.eigvals(values)).max())
 
 
 def law_rate(model: ArmModel) -> tuple[float, str]:
-    """Fastest rate of friction with states in [1/s], and the title of its law; 0 without any."""
+    """Fastest rate of friction with states in [1/s], and its model's title; 0 without any."""
     if not (laws := friction_laws(model)):
         return 0.0, ""
     M = Dynamics(model).mass_matrix(model.q0)
     try:
         return max((law.fastest_rate(M, model.v0), law.title) for law in laws)
     except np.linalg.LinAlgError:
-        return 0.0, ""  # a joint without mass is refused with its name when the plant is built
+        return 0.0, ""  # a joint without mass is reported by name when the plant is built
 
 
 def damping_rate(model: ArmModel) -> float:
@@ -190,7 +190,7 @@ def damping_rate(model: ArmModel) -> float:
 def spring_rate(model: ArmModel) -> float:
     """Fastest rate of the arm on its springs at the initial position, in [1/s].
 
-    A cord counts as taut: it may be slack now and pull later.
+    A cord is taken as taut: it may be slack now and pull later.
 
     Args:
         model: The robot.

@@ -14,13 +14,13 @@ from dataclasses import dataclass
 class Tableau:
     """Coefficients of an explicit Runge-Kutta method.
 
-    There is no c, since f does not depend on time.
+    There are no nodes c, since f does not depend on time.
 
     Attributes:
         order: Order of convergence.
         a: Row i holds the weights of stages 0 … i-1.
         b: Weights of the result.
-        source: Where it comes from.
+        source: Its literature reference.
         errors: Weights of error estimates (b minus the embedded method's), none if it has none.
     """
 

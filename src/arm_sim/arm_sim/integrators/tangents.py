@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The derivative of a method's step, from the derivatives of f at the points where the step asks.
+"""The derivative of a method's step, from the derivatives of f at its stages.
 
 Differentiating x' = f(x, u) along with the state turns a Runge-Kutta method into the same method
 for the columns dx, du, dh (Hairer, Nørsett, Wanner, Solving Ordinary Differential Equations I,
@@ -8,9 +8,9 @@ for the columns dx, du, dh (Hairer, Nørsett, Wanner, Solving Ordinary Different
 
     dy_i = dx + h Σ a_ij dk_j + dh Σ a_ij k_j,   dk_i = f_x(y_i) dy_i + f_w(y_i) dw,
 
-where w is all that is held over the step: u, and tunable quantities if derivatives by them are
-asked for.
-It is the exact derivative of the step that is computed, not of the motion.
+where w holds all quantities that are constant over the step: u, and tunable quantities if
+derivatives by them are requested. This is the exact derivative of the computed step, not of the
+exact motion.
 """
 
 from __future__ import annotations
@@ -36,19 +36,20 @@ def build_tangent(
     scaled: Scaled | None = None,
     tuned: Sequence[int] = (),
 ) -> Pair:
-    """Compose the derivative of one step, as of ``build_step``.
+    """Build the derivative of one step of ``build_step``.
 
     Args:
         method: The method.
         rhs: Function (x, u, p) -> x'.
         slopes: Its derivatives.
         n: Degrees of freedom; x starts with q and v of n each.
-        project: What brings (q, v) back to the constraints, see ``Plant.project``.
+        project: Projection of (q, v) onto the constraints, see ``Plant.project``.
         scaled: See ``Plant.scaled_jacobian``; called only if the method is implicit.
-        tuned: Places in p of the quantities to differentiate by, those of ``slopes``.
+        tuned: Indices in p of the quantities to differentiate by, those of ``slopes``.
 
     Returns:
-        ``advance`` and ``stretch``: what to compute once, and what to carry columns by.
+        ``advance`` and ``stretch``: the step with its coefficients, and the propagation of
+        tangents.
     """
     if method.name == "implicit":
         return _whole(build_step(method, rhs, n, project, scaled), tuned)
@@ -68,7 +69,7 @@ def _changes(slopes: Slopes) -> tuple[ca.SX, ca.SX, ca.SX]:
 
 
 def _staged(tableau: Tableau, slopes: Slopes) -> Pair:
-    """Runge-Kutta methods; stages that the result does not need are left out."""
+    """Runge-Kutta methods; stages that do not affect the result are omitted."""
     used = stages_used(tableau)
     x, u, p, h = _symbols(slopes)
     k: dict[int, ca.MX] = {}
@@ -106,7 +107,7 @@ def stages_used(tableau: Tableau) -> list[int]:
 
 
 def _semi_implicit(slopes: Slopes, n: int) -> Pair:
-    """Speeds first, then positions with the new speeds, as in ``build_step``."""
+    """Velocities first, then positions with the new velocities, as in ``build_step``."""
     x, u, p, h = _symbols(slopes)
     k, c = slopes.coefficients(x, u, p)
     after = x + h * k
@@ -124,7 +125,7 @@ def _semi_implicit(slopes: Slopes, n: int) -> Pair:
 
 
 def _projected(pair: Pair, project: ca.Function, n: int, tuned: Sequence[int]) -> Pair:
-    """The same with the state brought back to the constraints at the end."""
+    """The same with the state projected onto the constraints at the end."""
     advance, stretch = pair
     before, after, p = (ca.SX.sym(name, project.size1_in(i)) for i, name in enumerate("xyp"))
     found = project(before, after, p)[0]

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Motion under bilateral constraints, and steps that end where they hold: projection.
+"""Motion under bilateral constraints, and projection of steps onto them.
 
-The state at the end of a step is moved to the nearest one that obeys φ(q) = 0 and A(q) v = 0, near
-in the metric of M. Nothing drifts, and a method keeps its order, since the way back is as short
-as the method's own error (Hairer, Wanner, Solving Ordinary Differential Equations II, 1996,
-section VII.2; Eich, SIAM J. Numer. Anal. 30(5), 1993).
+The state at the end of a step is moved to the nearest one, in the metric of M, with φ(q) = 0 and
+A(q) v = 0. There is no drift, and a method keeps its order, since the correction is of the size of
+the method's own error (Hairer, Wanner, Solving Ordinary Differential Equations II, 1996, section
+VII.2; Eich, SIAM J. Numer. Anal. 30(5), 1993).
 """
 
 from __future__ import annotations
@@ -18,29 +18,30 @@ from arm_dynamics.model.tree_builder import linkage_of
 from arm_sim.plant.response import Response
 from arm_sim.plant.symbols import Joints, Symbols, dense_function
 
-# Newton's steps with the factors of the first; the first leaves the square of the step's error.
+# Newton steps with the factors of the first, which leaves the square of the step's error.
 CLOSING_STEPS = 3
-# What may be left of φ in [m] or [rad], and of A v in [m/s] or [rad/s]: that is left alone in
-# singular positions.
+# Largest remaining φ in [m] or [rad], and A v in [m/s] or [rad/s]; not corrected in singular
+# positions.
 LEFT_OPEN, LEFT_MOVING = 1e-9, 1e-6
-# Residuals under this, in [m] or [rad], are rounding, and are left alone: what rests, rests.
+# Residuals below this, in [m] or [rad], are rounding and not corrected, such that an arm at rest
+# stays at rest.
 ROUNDING = 1e-15
-# Longest way back, relative to the step, and largest part of the speed that it may take. Beyond,
-# the step has left its branch of the motion or its accelerations were worth nothing.
+# Largest correction relative to the step, and to the speed. Beyond, the step has left its branch
+# of the motion or its accelerations were invalid.
 ASTRAY = 0.1
-# A state so far out is refused by every stepper.
+# A state so large is rejected by every stepper.
 REFUSED = 1e200
 
 
 class Bilateral(Response):
-    """Response of an arm that obeys bilateral constraints, and projection onto them.
+    """Response of an arm under bilateral constraints, and projection onto them.
 
-    Where joints stick, motions are those of the others, and the rows are theirs too.
+    Where joints stick, motions and rows are those of the other joints.
 
     Args:
         model: The robot.
         s: Its symbols.
-        joints: What the joints do.
+        joints: Modes of the joints.
     """
 
     def __init__(self, model: ArmModel, s: Symbols, joints: Joints) -> None:
@@ -66,12 +67,12 @@ class Bilateral(Response):
         return ca.horzcat(*columns)
 
     def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
-        """As ``Response``; one of many answers where constraints and joints hold one another."""
+        """As ``Response``; not unique where constraints and sticking joints are redundant."""
         pushed = load + self._rows.jacobian.T @ self._projected(load)[1]
         return super().reactions(pushed, a)
 
     def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """As ``Response``, under A v = 0 after it if that held before."""
+        """As ``Response``, under A v = 0 after the impact if that held before."""
         A = self._rows.jacobian
         free = self._metric.of_forces(self._sliding @ (push - self._M @ change))
         found, shares = self._obeyed.solved(free, -(A @ change))
@@ -80,19 +81,19 @@ class Bilateral(Response):
 
     @property
     def rank(self) -> ca.SX:
-        """How many motions of sliding joints the constraints take away."""
+        """Number of degrees of freedom of sliding joints that the constraints remove."""
         return self._obeyed.rank
 
     def project(self, p: ca.SX) -> ca.Function:
-        """Make the way back to the constraints.
+        """Build the projection onto the constraints.
 
         Args:
             p: The vector of tunable numbers and modes.
 
         Returns:
-            CasADi function (x before a step, x after it, p) -> x after it, on the constraints,
-            beyond all bounds if that was not possible; and how far the step had left them, in [m]
-            or [rad] and in [m/s] or [rad/s].
+            CasADi function (x before a step, x after it, p) -> x after it, projected, beyond all
+            bounds if that was not possible; and the residuals before projection, in [m] or [rad]
+            and in [m/s] or [rad/s].
         """
         s, n, metric, rows = self._s, self._n, self._metric, self._rows
         before, after = ca.SX.sym("before", 2 * n), ca.SX.sym("after", 2 * n)
@@ -130,7 +131,7 @@ def _beyond_rounding(residual: ca.SX) -> ca.SX:
 
 
 def _astray(correction: ca.SX, whole: ca.SX) -> ca.SX:
-    """Positive if a correction is large for what it corrects."""
+    """Positive if a correction is large relative to the step."""
     return ca.fmax(0, ca.sumsqr(correction) - ASTRAY**2 * ca.sumsqr(whole) - LEFT_OPEN**2)
 
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Equation of motion of a scene with contacts, and what its events ask for, as functions.
+"""Equation of motion of a scene with contacts, and functions for its events.
 
-What each joint with dry friction and each contact does stands at the end of p; see
-``plant.response`` and ``equations.contact``.
+The modes of joints with dry friction and of contacts are at the end of p; see ``plant.response``
+and ``equations.contact``.
 """
 
 from __future__ import annotations
@@ -26,22 +26,22 @@ class ContactFunctions:
     Attributes:
         points: The contacts.
         acceleration: (q, v, tau, p) -> q̈.
-        loads: (q, v, tau, p) -> torques that hold sticking joints, forces and accelerations of
+        loads: (q, v, tau, p) -> holding torques of sticking joints, forces and accelerations of
             the points, acceleration of each gap per normal force where it closes (grip).
         inertia: (q, v, tau, p) -> acceleration of the points per force on them, of the joints per
-            force, of the points without contact forces.
-        geometry: (q, v) stacked -> places of the points in their planes' axes, speeds likewise,
-            sizes.
-        close: ((q, v) stacked, p, anchor) -> (q, v) brought back to closed gaps and to the anchors
-            of sticking points, nearest in the metric of M; one Newton step. A ball has no anchor.
-        settle: ((q, v) stacked, p) -> velocities with which the closed contacts go on, after a
-            blow along the forces that they bear.
-        sites: q -> normal, two tangents and touching point of each contact in the world frame, in
+            force, and of the points without contact forces.
+        geometry: (q, v) stacked -> positions of the points in their planes' axes, velocities
+            likewise, sizes.
+        close: ((q, v) stacked, p, anchor) -> (q, v) projected onto closed gaps and the anchors of
+            sticking points, nearest in the metric of M; one Newton step. A ball has no anchor.
+        settle: ((q, v) stacked, p) -> velocities compatible with the closed contacts, after an
+            impulse along their forces.
+        sites: q -> normal, two tangents and contact point of each contact in the world frame, in
             [m], shape (3, 4 nc).
-        push: Torques of the contacts on the joints, an expression.
-        reaction: Loads of joints that are held, likewise.
-        jacobian: Speeds of the points by velocities of the joints, likewise, shape (3 nc, n).
-        lost: (q, v, tau, p) -> power that friction of the contacts turns into heat in [W].
+        push: Joint torques of the contacts, an expression.
+        reaction: Holding torques of held joints, likewise.
+        jacobian: Velocities of the points per velocity of the joints, likewise, shape (3 nc, n).
+        lost: (q, v, tau, p) -> power dissipated by friction of the contacts in [W].
     """
 
     points: tuple[ContactPoint, ...]
@@ -61,13 +61,13 @@ class ContactFunctions:
 def contact_functions(
     model: ArmModel, s: Symbols, joints: Joints, response: Response
 ) -> ContactFunctions:
-    """Compose the functions of a scene with contacts.
+    """Build the functions of a scene with contacts.
 
     Args:
         model: The robot.
         s: Its symbols.
-        joints: What the joints do.
-        response: How they respond to forces.
+        joints: Modes of the joints.
+        response: Their response to forces.
 
     Returns:
         The functions.
@@ -78,7 +78,7 @@ def contact_functions(
     where = contact.geometry(s.tree, points, s.q)
     A = where.rows
     speed = A @ s.v
-    # A joint that has turned many times rounds its own position, and the gap with it.
+    # After many revolutions, the rounding of a joint's position also enters the gap.
     size = where.size + ca.fabs(A[::3, :]) @ ca.fabs(s.q)
     A_moving = ca.sparsify(A @ S)
     B = response.mobility(A.T)

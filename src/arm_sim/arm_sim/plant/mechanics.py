@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the joints of a scene accelerate under torques, and what events ask of the arm.
+"""Accelerations of the joints under torques, and functions for events.
 
-It contains only what the scene asks for; drives and friction with states are the plant's.
+It contains only the terms that the scene has; drives and friction with states are added by the
+plant.
 """
 
 from __future__ import annotations
@@ -24,31 +25,31 @@ _log = logging.getLogger(__name__)
 
 
 class Mechanics:
-    """The arm between the torques on its joints and their accelerations.
+    """Mechanics of the arm: from torques on its joints to their accelerations.
 
     Args:
         model: The robot.
-        parameters: What is tunable.
+        parameters: Tunable quantities.
         stops: Whether joints may be at their stops.
 
     Attributes:
-        symbols: What the expressions are made of.
-        joints: What joints and contacts do.
+        symbols: Symbols of the expressions.
+        joints: Modes of joints and contacts.
         acceleration: CasADi function (q, v, tau, p) -> q̈ of vectors of n.
-        project: CasADi function ((q, v) before a step, after it, p) -> (q, v) after it, brought
-            back to the constraints, or None without bilateral ones.
-        contact: What contacts add, or None without any.
-        loads: CasADi functions (q, v, tau, p) that the engine asks at events: ``loads``, with
+        project: CasADi function ((q, v) before a step, after it, p) -> (q, v) after it, projected
+            onto the constraints; None without bilateral constraints.
+        contact: Functions of the contacts; None without any.
+        loads: CasADi functions (q, v, tau, p) that event handling evaluates: ``loads``, with
             contacts ``contact_inertia``, with bilateral constraints ``bilateral``, with stops
             ``stop_torques``; empty where nothing sticks or touches.
-        of_joints: Those of positions and velocities: with stops ``strike``, with compliant ones
-            ``pressures``.
-        method: Which algorithm turned out shorter, as text.
+        of_joints: Functions of positions and velocities: with stops ``strike``, with compliant
+            stops ``pressures``.
+        method: Name of the selected algorithm, for display.
     """
 
     def __init__(self, model: ArmModel, parameters: Parameters, stops: bool) -> None:
         if model.n > DENSE_AT_MOST and stops:
-            _log.info("writing the equations of %d joints", model.n)
+            _log.info("generating the equations of %d joints", model.n)
         self.symbols = s = Symbols(model, parameters)
         self.joints = joints = Joints(model, s, stops)
         self.contact: ContactFunctions | None = None
@@ -88,11 +89,11 @@ class Mechanics:
 
     @cached_property
     def strike(self) -> ca.Function:
-        """CasADi function of a blow in a scene with events, see ``Plant.strike``."""
+        """CasADi function of an impact in a scene with events, see ``Plant.strike``."""
         return self._strike()
 
     def taken(self, q: ca.SX, v: ca.SX, tau: ca.SX, p: ca.SX) -> ca.SX:
-        """Power that friction of contacts and compliant stops take from the joints in [W]."""
+        """Power that contact friction and compliant stops take from the joints in [W]."""
         takers = [self.contact.lost] if self.contact else []
         takers += [self._stop_power] if self._stop_power else []
         return sum((taker(q, v, tau, p) for taker in takers), ca.SX(1, 1))
@@ -108,7 +109,7 @@ def _shortest(model: ArmModel, s: Symbols) -> tuple[str, ca.Function]:
 
 
 def _method(algorithm: str, model: ArmModel) -> str:
-    """How accelerations are computed, and what holds the arm meanwhile, in words."""
+    """Description of the algorithm, and of the modes that it includes."""
     kinds = {
         "constraints held": model.scene.bilateral,
         "contacts closed or apart": model.scene.contacts,
@@ -120,7 +121,7 @@ def _method(algorithm: str, model: ArmModel) -> str:
 def _stick_slip(
     model: ArmModel, s: Symbols, joints: Joints, response: AnyResponse
 ) -> tuple[ca.Function, ca.Function, ca.SX]:
-    """Acceleration, ``loads`` without contacts, and the loads of joints that are held."""
+    """Acceleration, ``loads`` without contacts, and the holding torques of held joints."""
     a = response.accelerations(response.load)
     reaction = response.reactions(response.load, a)
     arguments = [s.q, s.v, s.tau, joints.p]
@@ -134,10 +135,10 @@ def _stick_slip(
 
 
 def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.Function:
-    """What the engine and recordings ask of bilateral constraints beside what else holds the arm.
+    """Function of bilateral constraints for event handling and recordings.
 
-    A function of how many motions of sliding joints they take away, and of the torques that
-    contacts and friction at rest put on the joints beside them.
+    It returns the number of degrees of freedom of sliding joints that they remove, and the joint
+    torques of contacts and static friction besides them.
     """
     starting = ca.if_else(s.v == 0, joints.friction, 0)
     arguments = [s.q, s.v, s.tau, joints.p]
@@ -145,7 +146,7 @@ def _bilateral(s: Symbols, joints: Joints, held: Bilateral, push: ca.SX) -> ca.F
 
 
 def _strike(s: Symbols, joints: Joints, response: AnyResponse, jacobian: ca.SX) -> ca.Function:
-    """See ``Plant.strike``; ``jacobian``: of the places of the contacts by q."""
+    """See ``Plant.strike``; ``jacobian`` is that of the contact points by q."""
     n, x = s.q.shape[0], ca.vertcat(s.q, s.v)
     change, impulse = ca.SX.sym("change", n), ca.SX.sym("impulse", jacobian.shape[0])
     gain, held = response.struck(jacobian.T @ impulse, change)
@@ -153,16 +154,16 @@ def _strike(s: Symbols, joints: Joints, response: AnyResponse, jacobian: ca.SX) 
 
 
 def _pressures(s: Symbols, joints: Joints) -> ca.Function:
-    """``Joints.pressures`` of (q, v), which the engine asks where joints meet compliant stops."""
+    """``Joints.pressures`` of (q, v), evaluated where joints meet compliant stops."""
     return dense_function("pressures", [ca.vertcat(s.q, s.v)], joints.pressures)
 
 
 def _stop_torques(s: Symbols, joints: Joints, reaction: ca.SX) -> ca.Function:
-    """Torques with which stops push joints, those held by friction alone included."""
+    """Torques of stops on the joints, including those held by friction alone."""
     arguments = [s.q, s.v, s.tau, joints.p]
     return dense_function("stop_torques", arguments, joints.stop - reaction)
 
 
 def _stop_power(s: Symbols, joints: Joints) -> ca.Function:
-    """Power that compliant stops take from the joints, some of which they may give back, [W]."""
+    """Power that compliant stops take from the joints, partly recoverable, in [W]."""
     return dense_function("taken", [s.q, s.v, s.tau, joints.p], -ca.dot(joints.stop, s.v))

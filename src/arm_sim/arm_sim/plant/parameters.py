@@ -23,9 +23,9 @@ class Parameter:
     Attributes:
         name: ``gravity``, ``payload``, ``friction``, ``external`` or ``constraints``.
         nominal: Its value in the scene: gravity, shape (3,); mass, com (3) and inertia (6) of
-            each payload; viscous coefficients, shape (n,); joint torques from outside that no
-            effort limit cuts, shape (n,); or 1 and 0 for switchable constraints that hold and do
-            not.
+            each payload; viscous coefficients, shape (n,); external joint torques, not subject to
+            effort limits, shape (n,); or 1 and 0 for switchable constraints that are active and
+            inactive.
     """
 
     name: str
@@ -61,12 +61,12 @@ class Parameters:
 
     @property
     def names(self) -> list[str]:
-        """Names of what is tunable."""
+        """Names of the tunable quantities."""
         return [item.name for item in self.items]
 
     @property
     def nominal(self) -> Array:
-        """The vector p as the scene gives it, shape (np,)."""
+        """The vector p of nominal values, shape (np,)."""
         return np.concatenate([np.zeros(0), *(item.nominal for item in self.items)])
 
     def of(self, name: str, p: Array) -> Array:
@@ -75,7 +75,7 @@ class Parameters:
         return np.zeros(0) if place is None else p[place]
 
     def place(self, name: str) -> slice | None:
-        """Where one quantity is in p, None if it is not tunable."""
+        """Slice of one quantity in p; None if it is not tunable."""
         first = 0
         for item in self.items:
             if item.name == name:
@@ -84,10 +84,10 @@ class Parameters:
         return None
 
     def places(self, names: Sequence[str]) -> dict[str, tuple[int, ...]]:
-        """Where quantities to differentiate by are in p, in the order of their names.
+        """Indices in p of the quantities to differentiate by, in the order of their names.
 
         Raises:
-            InvalidInput: If a name is not tunable, or is that of switches.
+            InvalidInput: If a name is not tunable, or denotes switches.
         """
         allowed = [name for name in self.names if name != "constraints"]
         found = dict[str, tuple[int, ...]]()
@@ -101,22 +101,23 @@ class Parameters:
         return found
 
     def symbols(self) -> dict[str, ca.SX]:
-        """A symbol for each quantity, in the order of p."""
+        """One symbol for each quantity, in the order of p."""
         return {item.name: ca.SX.sym(item.name, item.nominal.size) for item in self.items}
 
     def merged(self, values: Mapping[str, ArrayLike], p: Array) -> Array:
         """The vector p with some quantities replaced.
 
         Args:
-            values: By name; each of the nominal's size, or a row of that size for each of b arms.
-            p: What the others are, shape (np,).
+            values: New values by name; each of the nominal size, or a row of that size for each of
+                b arms.
+            p: Values of the others, shape (np,).
 
         Returns:
             Shape (np,), or (b, np) if a value has rows.
 
         Raises:
             InvalidInput: If a name is not tunable, a size or number is not allowed, a payload is
-                no rigid body's, or viscous friction is negative.
+                not physically consistent, or viscous friction is negative.
         """
         for name in values:
             if name not in self.names:
@@ -142,7 +143,7 @@ class Parameters:
 
 
 def _check_payloads(values: Array) -> None:
-    """Refuse what no rigid body has; values of shape (…, 10 per payload)."""
+    """Reject inertias that are not physically consistent; values of shape (…, 10 per payload)."""
     loads = values.reshape(*values.shape[:-1], -1, 10)
     bad = np.argwhere(~possible(loads[..., 0], loads[..., 4:]))
     if len(bad):
@@ -151,7 +152,7 @@ def _check_payloads(values: Array) -> None:
 
 
 def _check_friction(values: Array, least: Array, joints: Sequence[str]) -> None:
-    """Refuse viscous coefficients that are negative in a direction of motion."""
+    """Reject viscous coefficients that are negative in a direction of motion."""
     bad = np.argwhere(values < least)
     if len(bad):
         i = bad[0][-1]
@@ -172,5 +173,5 @@ def _check_switches(values: Array) -> None:
 
 
 def _of_arm(place: NDArray[np.intp]) -> str:
-    """Which of many arms, for a message."""
+    """The index of the arm in a batch, for a message."""
     return f" of arm {place[0]}" if len(place) > 1 else ""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""States that a scene allows: bilateral constraints closed, no contact point inside its plane."""
+"""Admissible states: bilateral constraints closed, no contact point inside its plane."""
 
 from __future__ import annotations
 
@@ -14,16 +14,16 @@ from arm_dynamics.scene.constraint import Constraint, label, switchable
 from arm_sim.inputs import row
 from arm_sim.plant.plant import Plant
 
-# An arm whose constraints are open by no more than this, in [m] or [m/s], needs no closing.
+# Constraints with residuals up to this, in [m] or [m/s], are treated as closed.
 OPEN = 1e-11
-# How deep inside a plane in [m] a contact point may be and still be taken for touching it.
+# Penetration in [m] up to which a contact point is treated as touching its plane.
 INSIDE = 1e-9
-# Singular value, relative to the largest, under which a position is called singular.
+# Singular value, relative to the largest, below which a position is called singular.
 NEARLY_SINGULAR = 1e-3
 
 
 def packed(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
-    """Check a state and join it to x = (q, v, z) of shape (nx,); None for z's initial values."""
+    """Validate a state and stack it as x = (q, v, z), shape (nx,); z None for initial values."""
     joints = plant.model.joint_names
     q, v = row("q", q, joints), row("v", v, joints)
     return np.concatenate([q, v, plant.initial(q, v) if z is None else row("z", z, plant.nz)])
@@ -32,14 +32,14 @@ def packed(plant: Plant, q: Any, v: Any, z: Any = None) -> Array:
 def placed(
     plant: Plant, q: Any, v: Any, z: Any, names: Collection[str], hold: Sequence[int] = ()
 ) -> Array:
-    """The state nearest to a given one that the scene allows.
+    """The admissible state nearest to a given one.
 
     Args:
         plant: The scene's equations.
         q: Joint positions, shape (n,).
         v: Joint velocities, shape (n,).
-        z: States of the laws, shape (nz,); None for those that suit q and v.
-        names: Constraints that hold.
+        z: Internal states, shape (nz,); None for the initial ones at q and v.
+        names: Active constraints.
         hold: Indices of joints that keep position and velocity.
 
     Returns:
@@ -47,7 +47,7 @@ def placed(
 
     Raises:
         InvalidInput: If a shape or value is not allowed.
-        ConstraintError: If there is no such state near by.
+        ConstraintError: If there is no such state nearby.
     """
     n, x = plant.model.n, closed(plant, packed(plant, q, v, z), names, hold)
     x[:n] = inside_stops(plant, x[:n])
@@ -58,7 +58,7 @@ def placed(
 
 
 def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
-    """Positions of shape (n,) that rigid stops allow, rounding taken away, or InvalidInput."""
+    """Positions of shape (n,) clipped to rigid stops up to rounding; else InvalidInput."""
     stops, model = plant.model.stops, plant.model
     if refusal := stops.refusal(q, model.joint_names):
         raise InvalidInput(who + refusal)
@@ -66,10 +66,10 @@ def inside_stops(plant: Plant, q: Array, who: str = "") -> Array:
 
 
 def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] = ()) -> Array:
-    """The state near ``x`` that obeys the named constraints, near in the metric of M, shape (nx,).
+    """The state nearest to ``x`` in the metric of M that satisfies the constraints, shape (nx,).
 
     Raises:
-        ConstraintError: If there is none near by.
+        ConstraintError: If there is none nearby.
     """
     if not plant.constrained:
         return x
@@ -79,11 +79,11 @@ def closed(plant: Plant, x: Array, names: Collection[str], hold: Sequence[int] =
 
 
 def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
-    """The same for many arms, shapes (b, nx) and (b, np); arms that obey already stay."""
+    """The same for b arms, shapes (b, nx) and (b, np); states that satisfy them are kept."""
     if plant.project is None:
         return x
     n = plant.model.n
-    modes = np.zeros((len(p), plant.project.size1_in(2) - p.shape[1]))  # gaps know none
+    modes = np.zeros((len(p), plant.project.size1_in(2) - p.shape[1]))  # gaps have no names
     _, gap, gap_v = plant.project(x[:, : 2 * n].T, x[:, : 2 * n].T, np.hstack([p, modes]).T)
     off = np.maximum(np.array(gap), np.array(gap_v)).ravel() > OPEN
     rows = [closed(plant, x[i], holding(plant, p[i])) if off[i] else x[i] for i in range(len(x))]
@@ -91,12 +91,12 @@ def closed_rows(plant: Plant, x: Array, p: Array) -> Array:
 
 
 def holding(plant: Plant, p: Array) -> tuple[str, ...]:
-    """Names of the constraints that hold under the tunable numbers ``p``."""
+    """Names of the active constraints under the tunable quantities ``p``."""
     return held_of(plant.model.scene.constraints, p)
 
 
 def held_of(constraints: tuple[Constraint, ...], p: Array) -> tuple[str, ...]:
-    """The same from the constraints of the scene: their switches are the last numbers of p."""
+    """The same from the constraints of the scene; their switches are the last entries of p."""
     places = switchable(constraints)
     values = dict(zip(places, p[len(p) - len(places) :], strict=True))
     return tuple(
@@ -107,7 +107,7 @@ def held_of(constraints: tuple[Constraint, ...], p: Array) -> tuple[str, ...]:
 
 
 def constraint_hint(plant: Plant, q: Array, v: Array, names: tuple[str, ...]) -> str:
-    """What may be wrong with the constraints at a state, for the message of a failed tick."""
+    """Possible problem with the constraints at a state, for the message of a failed tick."""
     if not plant.constrained:
         return ""
     closure = plant.closure
@@ -120,7 +120,7 @@ def constraint_hint(plant: Plant, q: Array, v: Array, names: tuple[str, ...]) ->
 
 
 def _check_outside(plant: Plant, x: Array) -> None:
-    """Refuse a contact point inside its plane, naming the deepest; a nanometre is rounding."""
+    """Reject contact points inside their planes, naming the deepest; a nanometre is tolerated."""
     if plant.contact is None:
         return
     gaps = np.array(plant.contact.geometry(x[: 2 * plant.model.n])[0]).ravel()[::3]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """The scene's equation of motion as one function x' = f(x, u, p).
 
-It contains only what the scene asks for.
+It contains only the terms that the scene has.
 """
 
 from __future__ import annotations
@@ -35,30 +35,29 @@ Power = Callable[[ca.SX, ca.SX, ca.SX, ca.SX], ca.SX]
 class Plant:
     """Equation of motion of one scene.
 
-    With dry friction the equation depends on what each joint does, -1 and 1 for sliding that way,
-    0 for sticking; these directions, one for each joint, follow the tunable quantities in p. So do
-    joints at stops: 0 for one that a rigid stop holds, and after the directions which joints lean
-    on compliant stops. Last comes what each contact does.
+    With dry friction or stops, the equation depends on modes, which follow the tunable quantities
+    in p: first a direction for each joint, -1 or 1 for sliding, 0 for sticking or being held by a
+    rigid stop; then the joints in contact with compliant stops; last the modes of the contacts.
 
-    Equations are written when they are first asked for: where compiled code of them is there
-    already, nobody needs them.
+    Equations are built on first use: if their compiled code is cached, they are not needed.
 
     Attributes:
         model: The robot.
-        free: The same arm away from its stops, where nothing else makes events: shorter, with the
-            tunable quantities alone in p. None where it has no stops, or is never without modes.
-        parameters: What is tunable.
-        laws: Drives and friction with states z of their own, or None if the scene has none.
-        directions: How many directions of joints follow in p.
-        pressed: How many joints may lean on compliant stops, likewise.
+        free: The same arm away from its stops, if nothing else causes events: simpler equations,
+            with the tunable quantities alone in p. None without stops, or if there are always
+            modes.
+        parameters: Tunable quantities.
+        laws: Drives and friction with internal states z; None if the scene has none.
+        directions: Number of joint directions that follow in p.
+        pressed: Number of joints with compliant stops, likewise.
         eventful: Whether joints may stick or meet stops, or points touch.
         constrained: Whether there are bilateral constraints.
-        torques: CasADi function (x, u) -> torques that the drives, and all laws together, put on
-            the links, or None where the command itself acts.
+        torques: CasADi function (x, u) -> torques of the drives, and of all models together, on
+            the links; None where the command acts directly.
     """
 
     def __init__(self, model: ArmModel, stops: bool = True) -> None:
-        """Those of an arm that is never at a stop, without ``stops``."""
+        """Build the equations; without ``stops``, those of an arm that is never at a stop."""
         self.model = model
         self.parameters = Parameters(model)
         self.stops = stops and bool(model.stops)
@@ -72,9 +71,9 @@ class Plant:
         self._compose(Ensemble(laws, model.n) if laws else None)
 
     def accounted(self, ledger: Ensemble, powers: Sequence[Power]) -> Plant:
-        """The same arm with laws whose last states integrate powers.
+        """The same arm with additional states that integrate powers.
 
-        The last of them is what friction of contacts and compliant stops take.
+        The last of them is the energy taken by contact friction and compliant stops.
         """
         other = copy(self)
         other.free = self.free and self.free.accounted(ledger, powers)
@@ -82,7 +81,7 @@ class Plant:
         return other
 
     def _compose(self, laws: Ensemble | None, powers: Sequence[Power] = ()) -> None:
-        """Put laws, and with them powers as states more, around the arm."""
+        """Add models with states, and powers as additional states, to the arm."""
         self.laws = laws
         self.torques = _torques(laws) if laws else None
         self._equations = cache(partial(_composed, self._mechanics, laws, powers))
@@ -94,21 +93,21 @@ class Plant:
 
     @property
     def project(self) -> ca.Function | None:
-        """How states are brought back to bilateral constraints, None without any.
+        """Projection of states onto bilateral constraints, None without any.
 
-        CasADi function ((q, v) before a step, after it, p) -> (q, v) after it, and how far off
-        positions and velocities were.
+        CasADi function ((q, v) before a step, after it, p) -> (q, v) after it, projected, and the
+        residuals of positions and velocities before.
         """
         return self._mechanics().project if self.constrained else None
 
     @property
     def contact(self) -> ContactFunctions | None:
-        """What contacts add, None without any."""
+        """Functions of the contacts, None without any."""
         return self._mechanics().contact if self.points else None
 
     @property
     def method(self) -> str:
-        """Which algorithm turned out shorter, as text."""
+        """Name of the selected algorithm, for display."""
         return self.free.method if self.free else self._mechanics().method
 
     @property
@@ -118,7 +117,7 @@ class Plant:
 
     @property
     def events(self) -> tuple[ca.Function, ...]:
-        """CasADi functions that the engine asks at events; empty where nothing sticks or touches.
+        """CasADi functions evaluated at events; empty where nothing sticks or touches.
 
         ``loads`` (x, u, p), with bilateral constraints ``bilateral`` (x, u, p), with stops
         ``stop_torques`` (x, u, p), ``strike`` and ``pressures``, and with contacts
@@ -127,14 +126,14 @@ class Plant:
         return self._equations()[1] if self.eventful else ()
 
     def scaled_jacobian(self) -> ca.Function | None:
-        """The Jacobian of x' = (v, g) by x = (q, w), scaled so that it keeps a tree's zeros.
+        """The Jacobian of x' = (v, g) by x = (q, w), scaled to preserve a tree's sparsity.
 
-        With H v̇ = 1 · load for joints that are free, H v̇ = v̇ for those that are held and H ż = ż,
-        H ∂v̇/∂x is the derivative of the torque that a given acceleration leaves over.
+        With H v̇ = 1 · load for free joints, H v̇ = v̇ for held joints and H ż = ż, H ∂v̇/∂x is
+        the derivative of the residual torque of a given acceleration.
 
         Returns:
-            CasADi function (x, u, p, x') -> H ∂g/∂q, H ∂g/∂w, H, sparse; or None for arms that
-            are short, or held by more than their joints, where the Jacobian itself is as good.
+            CasADi function (x, u, p, x') -> H ∂g/∂q, H ∂g/∂w, H, sparse; or None for short arms,
+            and for arms with loops or contacts, where the Jacobian itself is as good.
         """
         if self.model.n <= DENSE_AT_MOST or not self.held_by_joints:
             return None
@@ -146,12 +145,12 @@ class Plant:
 
     @property
     def _symbols(self) -> tuple[Symbols, Joints]:
-        """Of which the equations are made."""
+        """Symbols of the equations."""
         return self._mechanics().symbols, self._mechanics().joints
 
     @property
     def held_by_joints(self) -> bool:
-        """Whether nothing but its joints holds the arm: no loops, no contacts."""
+        """Whether the arm is held by its joints alone: no loops, no contacts."""
         return not (self.model.scene.bilateral or self.model.scene.contacts)
 
     def scaled_slopes(
@@ -161,9 +160,9 @@ class Plant:
 
         Args:
             x: State, shape (nx,).
-            u: What acts, shape (n,).
+            u: Effective command, shape (n,).
             p: Tunable quantities and modes.
-            slope: The slope x' there.
+            slope: The derivative x' there.
         """
         n, (s, joints) = self.model.n, self._symbols
         tree, (q, v, z) = s.tree, split(x, n)
@@ -180,10 +179,10 @@ class Plant:
         return K_x, K_u, H
 
     def residual(self, x: ca.SX, u: ca.SX, p: ca.SX, a: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """What torques lack for accelerations ``a`` of free joints, and H of ``scaled_jacobian``.
+        """Residual torque of accelerations ``a`` of free joints, and H of ``scaled_jacobian``.
 
-        The residual is zero at the accelerations of the motion, and H is its derivative by them,
-        but for the sign: both of an arm that only its joints hold. Of shapes (n,) and (n, n).
+        The residual is zero at the accelerations of the motion, and H is its derivative by them up
+        to the sign; for arms held by their joints alone. Shapes (n,) and (n, n).
         """
         n, (s, joints) = self.model.n, self._symbols
         q, v, _ = split(x, n)
@@ -194,7 +193,7 @@ class Plant:
         return free @ (left - needed), free @ M @ free + ca.SX.eye(n) - free
 
     def _free_and_load(self, x: ca.SX, u: ca.SX, p: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """A diagonal of ones for joints that are free, and what acts on them beside inertia."""
+        """Diagonal with ones for free joints, and the load on them besides inertia."""
         n, (s, joints) = self.model.n, self._symbols
         q, v, z = split(x, n)
         tau = self.laws.equations(q, v, z, u).torque if self.laws else u
@@ -205,16 +204,16 @@ class Plant:
 
     @property
     def strike(self) -> ca.Function:
-        """CasADi function of a blow in a scene with events.
+        """CasADi function of an impact in a scene with events.
 
-        ((q, v), p, what held joints gain, impulses of contacts) -> velocities after it and the
-        impulses that hold the held joints.
+        ((q, v), p, velocity changes of held joints, impulses of contacts) -> velocities after it
+        and the impulses on the held joints.
         """
         return self._mechanics().strike
 
     @cached_property
     def closure(self) -> Closure:
-        """States that obey the bilateral constraints; for one thread only."""
+        """States that satisfy the bilateral constraints; for one thread only."""
         return Closure(self.model, self.model.stops)
 
     @cached_property
@@ -224,7 +223,7 @@ class Plant:
 
     @property
     def nz(self) -> int:
-        """How many states the laws have."""
+        """Number of internal states."""
         return len(self.laws.names) if self.laws else 0
 
     @property
@@ -234,20 +233,20 @@ class Plant:
 
     @property
     def scale(self) -> Array:
-        """Size that matters of each number of the state, for error control, shape (nx,)."""
+        """Scale of each entry of the state for error control, shape (nx,)."""
         z = self.laws.scale if self.laws else np.zeros(0)
         return np.concatenate([np.ones(2 * self.model.n), z])
 
     def initial(self, q: Array, v: Array) -> Array:
-        """The laws' states when the arm is put to q, v, shape (nz,)."""
+        """Initial internal states at q, v, shape (nz,)."""
         return self.laws.initial(q, v) if self.laws else np.zeros(0)
 
     def joint_torque(self, x: Array, u: Array) -> Array:
-        """What the drives put on the joints in [N m] or [N]: the command, or a law's torque.
+        """Torque of the drives on the joints in [N m] or [N]: the command, or that of a model.
 
         Args:
             x: State, shape (nx,) or (k, nx).
-            u: Command that acts, shape (n,) or (k, n).
+            u: Effective command, shape (n,) or (k, n).
 
         Returns:
             Torques of the shape of ``u``.
@@ -261,7 +260,7 @@ class Plant:
 def _composed(
     mechanics: Callable[[], Mechanics], laws: Ensemble | None, powers: Sequence[Power]
 ) -> tuple[ca.Function, tuple[ca.Function, ...]]:
-    """``rhs`` and ``events`` of an arm with laws around it, and powers as states more."""
+    """``rhs`` and ``events`` of an arm with internal states, and powers as additional states."""
     arm = mechanics()
     a, n = arm.acceleration, arm.symbols.q.shape[0]
     rhs = _driven(a, laws, powers) if laws else _state_space(a, n)
@@ -283,7 +282,7 @@ def _state_space(acceleration: ca.Function, n: int) -> ca.Function:
 
 
 def _driven(acceleration: ca.Function, laws: Ensemble, powers: Sequence[Power]) -> ca.Function:
-    """The same with laws between the command and the joints: x = (q, v, z), powers as states."""
+    """The same with models between command and joints: x = (q, v, z), powers as states."""
     x, u, p = _symbols(acceleration, 2 * laws.n + len(laws.names), laws.n)
     q, v, z = split(x, laws.n)
     flow = laws.equations(q, v, z, u)
@@ -301,7 +300,7 @@ def _of_state(function: ca.Function, laws: Ensemble | None, n: int) -> ca.Functi
 
 
 def _torques(laws: Ensemble) -> ca.Function:
-    """Function (x, u) -> what the drives, and all laws, put on the links."""
+    """Function (x, u) -> torques of the drives, and of all models, on the links."""
     x, u = ca.SX.sym("x", 2 * laws.n + len(laws.names)), ca.SX.sym("u", laws.n)
     q, v, z = split(x, laws.n)
     both = laws.drive(q, v, z, u), laws.equations(q, v, z, u).torque

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The arm as tunable quantities make it: other gravity, payloads and viscous friction."""
+"""The arm under current tunable quantities: gravity, payloads and viscous friction."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from arm_dynamics.scene.schema import Payload
 from arm_sim.plant.plant import Plant
 
 OF_THE_ARM = ("gravity", "payload", "friction")
-"""Tunable quantities that the dynamics of the arm depend on."""
+"""Tunable quantities on which the dynamics of the arm depend."""
 KEPT = 8
-"""How many dynamics are kept, for a motion may go back and forth between a few."""
+"""Number of cached dynamics, since a motion may alternate between a few."""
 
 
 class PresentDynamics:
-    """Numeric dynamics of a scene under the tunable quantities of the moment.
+    """Numeric dynamics of a scene under the current tunable quantities.
 
     Args:
         plant: The scene's equation of motion.
@@ -34,12 +34,12 @@ class PresentDynamics:
         key, made = self._key(p), self._made
         if key not in made:
             dynamics = Dynamics(model_under(self._plant, p))
-            # Replaced as a whole: another thread may be looking something up.
+            # Replaced as a whole, since another thread may be reading it.
             self._made = made = {**dict(list(made.items())[-KEPT:]), key: dynamics}
         return made[key]
 
     def runs(self, p: Array) -> list[slice]:
-        """Rows of p, shape (k, np), that follow one another and have the same dynamics."""
+        """Runs of successive rows of p, shape (k, np), with the same dynamics."""
         own = p[:, self._columns]
         ends = [int(i) + 1 for i in np.flatnonzero((own[1:] != own[:-1]).any(axis=1))]
         return [slice(a, b) for a, b in zip([0, *ends], [*ends, len(own)], strict=True)]

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How the joints respond to torques while some of them stick or are held by a stop.
+"""Response of the joints to torques while some of them stick or are held by a stop.
 
-A joint at rest under dry friction is not a stiff spring but a constraint, q̈ = 0, with the
-friction as its reaction (Karnopp, "Computer simulation of stick-slip friction in mechanical
-dynamic systems", J. Dyn. Sys. Meas. Control 107, 1985; Glocker, Set-Valued Force Laws, 2001).
-A joint
-at a rigid stop is held likewise, by a reaction that only pushes. Which joints are held is an
-input, so that the expression has no branches.
+A joint at rest under dry friction is modelled by a constraint, q̈ = 0, with the friction as its
+reaction (Karnopp, "Computer simulation of stick-slip friction in mechanical dynamic systems", J.
+Dyn. Sys. Meas. Control 107, 1985; Glocker, Set-Valued Force Laws, 2001). A joint at a rigid stop
+is held likewise, by a reaction that only pushes. The set of held joints is an input, so the
+expression has no branches.
 """
 
 from __future__ import annotations
@@ -20,17 +19,17 @@ from arm_sim.plant.symbols import Joints, Symbols
 
 
 class Response:
-    """Accelerations of an arm with nothing but its joints to hold it.
+    """Accelerations of an arm that is held by its joints alone.
 
     Args:
         model: The robot.
         s: Its symbols.
-        joints: What the joints do.
+        joints: Modes of the joints.
 
     Attributes:
-        load: Torques that act: those of the drives and compliant stops less gravity, inertial
+        load: Acting torques: those of the drives and compliant stops less gravity, inertial
             forces, springs and the friction of sliding joints, in [N m] or [N], shape (n,).
-        algorithm: How accelerations are computed, in words.
+        algorithm: Name of the algorithm, for display.
     """
 
     algorithm = "composite bodies and LDLᵀ"
@@ -53,23 +52,24 @@ class Response:
         return contact.solve_columns(self._held, self._sliding @ forces)
 
     def reactions(self, load: ca.SX, a: ca.SX) -> ca.SX:
-        """What holds sticking joints in [N m] or [N], zero where a joint slides, shape (n,).
+        """Holding torques of sticking joints in [N m] or [N], zero for sliding ones, shape (n,).
 
         Args:
-            load: Torques that act.
+            load: Acting torques.
             a: ``accelerations`` under them.
         """
         return self._sticking @ (load - self._M @ a)
 
     def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """A blow: velocities that jump, those of held joints by given amounts.
+        """Impact: jumps of the velocities, prescribed for held joints.
 
         Args:
             push: Impulses on the joints in [N m s] or [N s], shape (n,).
-            change: What held joints gain in [rad/s] or [m/s], zero for the others, shape (n,).
+            change: Velocity changes of held joints in [rad/s] or [m/s], zero for the others, shape
+                (n,).
 
         Returns:
-            What all joints gain, and the impulses that hold the held ones, each of shape (n,).
+            Velocity changes of all joints, and the impulses on the held ones, each of shape (n,).
         """
         free = self._sliding @ (push - self._M @ change)
         gain = change + rigid_body.solve(self._held, free)
@@ -77,7 +77,7 @@ class Response:
 
 
 class RecursiveResponse:
-    """The same in work that grows as the number of joints, where none follows another.
+    """The same in linear time in the number of joints, for arms without mimic joints.
 
     Args:
         model: The robot.
@@ -86,7 +86,7 @@ class RecursiveResponse:
 
     Attributes:
         load: As of ``Response``, but for gravity and inertial forces, shape (n,).
-        algorithm: How accelerations are computed, in words.
+        algorithm: Name of the algorithm, for display.
     """
 
     algorithm = "articulated bodies"
@@ -104,7 +104,7 @@ class RecursiveResponse:
         return self._motion(load)[1]
 
     def struck(self, push: ca.SX, change: ca.SX) -> tuple[ca.SX, ca.SX]:
-        """As ``Response``: what accelerations are to torques, gains of speed are to impulses."""
+        """As ``Response``: impulses change velocities as torques cause accelerations."""
         s, still = self._s, self._still
         gain, lacking = hybrid(s.tree, s.q, still, push, ca.SX(3, 1), self._sliding, change)
         return gain, -lacking
@@ -118,7 +118,7 @@ type AnyResponse = Response | RecursiveResponse
 
 
 def response_of(model: ArmModel, s: Symbols, joints: Joints) -> AnyResponse:
-    """The shorter way for an arm that nothing but its joints holds."""
+    """The faster response for an arm that is held by its joints alone."""
     if model.n > DENSE_AT_MOST and not s.tree.has_followers:
         return RecursiveResponse(model, s, joints)
     return Response(model, s, joints)

@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Derivatives of a scene's equation of motion: numbers to compute once, and columns to carry.
+"""Derivatives of a scene's equation of motion: coefficients, and propagation of tangents.
 
-Of an arm that only its joints hold, x' = (v, g) changes by H⁻¹ K d(x, u), where K is the
-derivative of the torque that a given acceleration leaves over (Carpentier, Mansard, "Analytical
+For an arm held by its joints alone, x' = (v, g) changes by H⁻¹ K d(x, u), where K is the
+derivative of the residual torque of a given acceleration (Carpentier, Mansard, "Analytical
 derivatives of rigid body dynamics algorithms", Robotics: Science and Systems, 2018): a fraction of
-the work of differentiating forward dynamics. Loops and contacts are differentiated as they are
-written.
+the work of differentiating forward dynamics. Loops and contacts are differentiated directly.
 """
 
 from __future__ import annotations
@@ -25,10 +24,10 @@ class Slopes:
 
     Args:
         plant: The equations.
-        tuned: Places in p of the quantities to differentiate by.
+        tuned: Indices in p of the quantities to differentiate by.
 
     Attributes:
-        coefficients: CasADi function (x, u, p) -> x' and the numbers c that its derivative needs.
+        coefficients: CasADi function (x, u, p) -> x' and the coefficients c of its derivative.
         carried: CasADi function (c, dx, dw) -> dx', linear in dx and in the changes dw of u and
             of those quantities, one below the other.
     """
@@ -64,7 +63,7 @@ def _scaled_by(chosen: ca.SX, plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX, slope:
 
 
 def _slope(plant: Plant, x: ca.SX, u: ca.SX, p: ca.SX) -> ca.SX:
-    """x', with accelerations by the very M that its derivative needs, where that is shorter."""
+    """x', with accelerations by the M that its derivative uses, where that is faster."""
     slope, n = plant.rhs(x, u, p), plant.model.n
     if n > DENSE_AT_MOST or not plant.held_by_joints:
         return slope
@@ -83,21 +82,21 @@ def jacobian_by(expression: ca.MX, p: ca.MX, tuned: Sequence[int]) -> ca.MX:
 
 
 class Kept:
-    """Numbers that are computed in one function and used in another; constants are no such."""
+    """Numbers that are computed in one function and used in another; constants are excluded."""
 
     def __init__(self) -> None:
         self._values: list[ca.SX] = []
         self._symbols: list[ca.SX] = []
 
     def matrix(self, expression: ca.SX) -> ca.SX:
-        """A matrix of the same zeros and constants, with symbols for all other entries."""
+        """A matrix with the same zeros and constants, and symbols for all other entries."""
         expression = ca.sparsify(expression)
         entries = [self._entry(entry) for entry in expression.nonzeros()]
         return ca.SX(expression.sparsity(), ca.vertcat(*entries)) if entries else expression
 
     @property
     def values(self) -> ca.SX:
-        """What is to be computed, a vector."""
+        """The numbers to be computed, a vector."""
         return ca.vertcat(ca.SX(0, 1), *self._values)
 
     @property
@@ -114,10 +113,10 @@ class Kept:
 
 
 def pullback(plant: Plant) -> ca.Function:
-    """The transposed derivative of x' = f(x, u, p): gradients of what depends on x'.
+    """The transposed derivative of x' = f(x, u, p), for gradients of functions of x'.
 
     With H g = R for the residual R of ``Plant.residual``, μᵀ dg = (H⁻¹ μ)ᵀ dR at fixed
-    accelerations, which is a gradient of inverse dynamics: less than twice its work.
+    accelerations, which is a gradient of inverse dynamics, at less than twice its cost.
 
     Args:
         plant: The equations.

@@ -14,16 +14,16 @@ from arm_sim.plant.parameters import Parameters
 
 
 class Symbols:
-    """Symbols q, v, tau and p of a scene, and what follows from them alone.
+    """Symbols q, v, tau and p of a scene, and expressions that follow from them alone.
 
     Attributes:
         q: Joint positions, shape (n,).
         v: Joint velocities, shape (n,).
         tau: Torques of the drives, shape (n,).
         p: Tunable quantities, shape (np,).
-        tree: The links, with payloads that may be tunable.
-        gravity: In the world frame in [m/s²], shape (3,).
-        passive: Viscous friction and springs less what pushes from outside, shape (n,).
+        tree: The links, with possibly tunable payloads.
+        gravity: Gravity in the world frame in [m/s²], shape (3,).
+        passive: Viscous friction and springs less external torques, shape (n,).
     """
 
     def __init__(self, model: ArmModel, parameters: Parameters) -> None:
@@ -41,13 +41,13 @@ class Symbols:
             self.passive -= p["external"]
 
     def active(self, place: int) -> ca.SX | float:
-        """1 or 0 for the constraint at a place of the scene's list: does it hold?"""
+        """1 or 0 for the constraint at an index of the scene's list: whether it is active."""
         places = self._switchable
         return 1.0 if place not in places else self._switches[places.index(place)]
 
 
 class Joints:
-    """What joints with dry friction or stops, and contacts, do.
+    """Modes of joints with dry friction or stops, and of contacts.
 
     Args:
         model: The robot.
@@ -55,16 +55,16 @@ class Joints:
         stops: Whether joints may be at their stops.
 
     Attributes:
-        direction: Symbols: -1 and 1 for sliding that way, 0 for sticking or being held by a rigid
-            stop; empty where no joint can.
-        pressed: Symbols: -1 and 1 where a joint leans on its lower or upper compliant stop, else
-            0; empty without such stops.
+        direction: Symbols: -1 or 1 for sliding, 0 for sticking or being held by a rigid stop;
+            empty where no joint can.
+        pressed: Symbols: -1 or 1 where a joint presses against its lower or upper compliant stop,
+            else 0; empty without such stops.
         sliding: 1 for a joint that slides, 0 for one that is held, shape (n,).
-        friction: Dry friction of those that slide in [N m] or [N], shape (n,).
+        friction: Dry friction of sliding joints in [N m] or [N], shape (n,).
         stop: Torque of compliant stops on the joints in [N m] or [N], shape (n,).
-        pressures: What compliant stops would push with, see ``equations.spring``, shape (2 n,).
+        pressures: Torques of compliant stops if touched, see ``equations.spring``, shape (2 n,).
         contacts: Symbols: the modes of the contacts, see ``equations.contact.Mode``.
-        p: The whole vector of tunable numbers and modes.
+        p: The complete vector of tunable quantities and modes.
     """
 
     def __init__(self, model: ArmModel, s: Symbols, stops: bool = True) -> None:
@@ -97,5 +97,5 @@ def mode_counts(model: ArmModel, stops: bool = True) -> tuple[int, int]:
 
 
 def dense_function(name: str, arguments: list[ca.SX], *results: ca.SX) -> ca.Function:
-    """A function with dense results, in which common parts are computed once."""
+    """A function with dense results, after common-subexpression elimination."""
     return ca.Function(name, arguments, [ca.densify(result) for result in results], {"cse": True})

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A command of joints: a position, a velocity or an effort of each, as ros2_control has them."""
+"""Joint commands: position, velocity or effort of each joint, as in ros2_control."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from arm_dynamics.arrays import Array, read_only, real_array
 
 @dataclass(frozen=True, eq=False)
 class JointCommand:
-    """What joints are commanded; NaN, or None for all of them, is not commanded.
+    """Command of all joints; NaN, or None for all joints, means not commanded.
 
-    A joint with a position is led there by its servo, and the velocity, where there is one, is
-    that of the motion; a joint with a velocity alone is led to move so; a joint with an effort
-    alone gets it, as from ``Simulator.step``. An effort beside a position or velocity is added to
-    what the servo commands. A joint without any gets no effort.
+    A commanded position is tracked by the joint's servo, with the velocity, if there is one, as
+    feed-forward; a velocity alone is tracked as such; an effort alone is applied directly, as by
+    ``Simulator.step``. An effort beside a position or velocity is added to the servo's output. A
+    joint without any command gets no effort.
 
     Attributes:
-        position: In [rad] or [m], shape (n,), or (k, n) with a row for each tick.
-        velocity: In [rad/s] or [m/s], likewise.
-        effort: In the units of ``ArmModel.command_unit``, likewise.
-        stamp: When it was sent in [ns]; 0: that is not known.
+        position: Positions in [rad] or [m], shape (n,), or (k, n) with a row for each tick.
+        velocity: Velocities in [rad/s] or [m/s], likewise.
+        effort: Efforts in the units of ``ArmModel.command_unit``, likewise.
+        stamp: Time at which it was sent in [ns]; 0 if unknown.
 
     Raises:
         InvalidInput: If shapes differ, a number is infinite, or nothing is commanded.
@@ -38,7 +38,7 @@ class JointCommand:
     stamp: int = 0
 
     def __post_init__(self) -> None:
-        """Check what was given, and make it arrays of one shape."""
+        """Validate the fields and convert them to arrays of one shape."""
         given = {
             name: real_array(name, value)
             for name in ("position", "velocity", "effort")
@@ -58,30 +58,30 @@ class JointCommand:
 
     @classmethod
     def of_rows(cls, position: Array, velocity: Array, effort: Array, stamp: int) -> JointCommand:
-        """From three checked arrays of shape (n,) that nobody changes, in a loop."""
+        """Create from three valid arrays of shape (n,) that are not modified; for loops."""
         command = object.__new__(cls)
         vars(command).update(position=position, velocity=velocity, effort=effort, stamp=stamp)
         return command
 
     @property
     def stays(self) -> bool:
-        """Whether it still means the same when nothing follows: places to hold, or standstill.
+        """Whether it remains valid without further commands: positions to hold, or standstill.
 
-        An effort, or a speed, that goes on for ever is not meant to.
+        A lasting effort or speed does not.
         """
         placed = np.isfinite(self.position) | (self.velocity == 0.0)
         return bool(np.all(placed | (np.isnan(self.velocity) & np.isnan(self.effort))))
 
     @property
     def shape(self) -> tuple[int, ...]:
-        """Shape of each of the three."""
+        """Shape of each of the three fields."""
         return tuple(np.shape(self.position))
 
     def rows(self, ticks: int, n: int, dt: float) -> Iterator[JointCommand]:
-        """The command of each tick.
+        """One command for each tick.
 
         Args:
-            ticks: How many.
+            ticks: Number of ticks.
             n: Number of joints.
             dt: Length of a tick in [s], for messages.
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The law of the servos as an expression, with the gains that a scene asks for."""
+"""The servo controller as an expression, and its gains from the scene."""
 
 from __future__ import annotations
 
@@ -20,32 +20,32 @@ from arm_sim.plant.parameters import Parameters
 from arm_sim.plant.plant import Plant
 from arm_sim.plant.symbols import Symbols
 
-# Bandwidth ω in [rad/s] of joints for which the scene says nothing; less where ticks are longer
-# than a fifth of 1/ω, or a transmission would swing.
+# Default bandwidth ω in [rad/s]; lower where ticks are longer than a fifth of 1/ω, or a
+# transmission would oscillate.
 BANDWIDTH, OF_A_TICK = 100.0, 0.2
-# Part of the frequency at which a link swings on its transmission, the motor held, that the
-# bandwidth may be.
+# Largest bandwidth relative to the natural frequency of a link on its transmission with the motor
+# held.
 OF_A_TRANSMISSION = 0.5
-# Speed in [rad/s] or [m/s] from which dry friction is overcome in full; below, in proportion, so
-# that a hold does not chatter.
+# Speed in [rad/s] or [m/s] from which dry friction is fully compensated; below, proportionally,
+# which prevents chatter when holding.
 SLOW = 1e-2
-# Part of what it is asked for that an arm accelerates with in any case, however weak its drives.
+# Smallest fraction of the desired acceleration, however weak the drives.
 LEAST = 1e-2
-# Part of a limit that is left, so that rounding does not make the drive cut.
+# Margin to a limit, such that rounding does not saturate the drive.
 ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Gains:
-    """What servos are tuned to, each of shape (n,).
+    """Gains of the servos, each of shape (n,).
 
-    A servo asks for the speed v_d + ratio (q_d - q), and for what takes the joint there: the
-    acceleration ``rate`` times what is missing, or the torque ``damping`` times it.
+    The position loop sets the speed v_d + ratio (q_d - q); the velocity loop sets the
+    acceleration, ``rate`` times the speed error, or the torque, ``damping`` times it.
 
     Attributes:
-        ratio: In [1/s].
-        rate: In [1/s], zero for a joint whose stiffness is given.
-        damping: In [N m s/rad] or [N s/m], zero for the others.
+        ratio: Gain of the position loop in [1/s].
+        rate: Gain of the velocity loop in [1/s], zero for joints with a given stiffness.
+        damping: Torque gain in [N m s/rad] or [N s/m], zero for the others.
     """
 
     ratio: Array
@@ -58,7 +58,7 @@ class Gains:
 
         Args:
             model: The arm, with rigid transmissions.
-            soft: What ``flexibility`` its own have, shape (n,).
+            soft: Compliance of the actual transmissions, see ``flexibility``, shape (n,).
             dt: Time in [s] for which a command is held.
         """
         chosen = [model.scene.joint(name).servo for name in model.joint_names]
@@ -80,14 +80,14 @@ class Gains:
 
 
 def inertia(model: ArmModel) -> Array:
-    """Inertias of the joints where the arm starts, diag M(q₀) in [kg m²] or [kg], shape (n,)."""
+    """Joint inertias at the initial position, diag M(q₀) in [kg m²] or [kg], shape (n,)."""
     s = Symbols(model, Parameters(model))
     M = ca.Function("M", [s.q, s.p], [ca.diag(rigid_body.mass_matrix(s.tree, s.q))])
     return np.array(M(model.q0, Parameters(model).nominal)).ravel()
 
 
 def default_bandwidth(model: ArmModel, soft: Array, dt: float) -> Array:
-    """Bandwidths in [rad/s] of joints for which the scene gives none, shape (n,)."""
+    """Default bandwidths in [rad/s], shape (n,)."""
     most = min(BANDWIDTH, OF_A_TICK / dt)
     if not soft.any():
         return np.full(model.n, most)
@@ -98,26 +98,27 @@ def default_bandwidth(model: ArmModel, soft: Array, dt: float) -> Array:
 def servo_law(plant: Plant, dt: float) -> ca.Function:
     """The servos of an arm.
 
-    Per joint a position loop around a velocity loop, as drives have them, its set speed within the
-    joint's limit; the torques for the accelerations that it asks for are those of the whole arm,
-    τ = M a + C v + G + F, so that the joints do not disturb one another and a hold has no droop
+    Each joint has a cascade of a position and a velocity loop, as in industrial drives, with the
+    set speed within the joint's limit; the accelerations are converted to torques of the whole
+    arm, τ = M a + C v + G + F, so joints are decoupled and holding has no steady-state error
     (computed torque: Craig, Introduction to Robotics, section 10.4; for the middle of the tick and
-    with gains for a torque that is held, see ``ComputedTorque``). A joint whose stiffness is given
-    gets that torque besides that of the weight. Where a drive cannot give what is asked for, all
-    joints accelerate less, by one factor.
+    with gains for a torque that is held, see ``ComputedTorque``). A joint with a given stiffness
+    gets its torque in addition to gravity compensation. Where a drive would saturate, the
+    accelerations of all joints are reduced by one factor.
 
-    Behind a flexible transmission a servo sees the motor, as encoders do, and turns it further by
-    what the weight twists: feedback of the link through a spring would swing (Tomei, "A simple PD
-    controller for robots with elastic joints", IEEE Trans. Automatic Control 36(10), 1991).
+    Behind a flexible transmission a servo controls the motor position, as encoders measure it, and
+    adds the twist due to gravity: feedback of the link position through a spring would be unstable
+    (Tomei, "A simple PD controller for robots with elastic joints", IEEE Trans. Automatic Control
+    36(10), 1991).
 
     Args:
-        plant: The arm; payload and gravity are taken as they are where they are tunable.
+        plant: The arm; tunable payloads and gravity are inputs.
         dt: Time in [s] for which a command is held.
 
     Returns:
         CasADi function ``servo`` (x, r, p) -> commands of shape (n,), with r the rows of
-        ``Setpoints``: which joints follow a velocity, which a position, 1 or 0; q_d, v_d and the
-        effort added, which stands alone where neither is followed.
+        ``Setpoints``: 1 or 0 for joints that track a velocity and a position; q_d, v_d and the
+        added effort, which is applied alone where neither is tracked.
     """
     model, n = plant.model, plant.model.n
     twin = rigid_twin(model.scene)
@@ -151,9 +152,9 @@ def servo_law(plant: Plant, dt: float) -> ca.Function:
 
 
 def _possible(acting: ca.SX, quickening: ca.SX, model: ArmModel) -> ca.SX:
-    """Largest part of an acceleration, at most all of it, for which no drive is at its limit.
+    """Largest fraction of an acceleration, at most 1, for which no drive saturates.
 
-    Were each drive cut by itself, those at their limits would throw the other joints about.
+    If each drive were clipped separately, saturated drives would disturb the other joints.
     """
     part = ca.SX(1)
     for i in np.flatnonzero(np.isfinite(model.command_limit)).tolist():
@@ -169,7 +170,7 @@ def flexibility(model: ArmModel) -> Array:
 
 
 def _encoders(plant: Plant, x: ca.SX) -> tuple[ca.SX, ca.SX]:
-    """Positions and velocities that the servos see, as they are at the joints."""
+    """Positions and velocities measured by the servos, reflected to the joints."""
     n, names = plant.model.n, plant.laws.names if plant.laws else ()
     q, v = ca.SX(x[:n]), ca.SX(x[n : 2 * n])
     for i, joint in enumerate(plant.model.joint_names):

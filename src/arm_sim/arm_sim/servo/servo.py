@@ -12,7 +12,7 @@ from arm_sim.servo.setpoints import Setpoints
 
 
 class Servo:
-    """Turns positions and velocities into what the drives take, at the beginning of each tick.
+    """Converts position and velocity commands to drive commands, at the beginning of each tick.
 
     Args:
         plant: The arm.
@@ -20,7 +20,7 @@ class Servo:
         backend: As for ``Kernel``.
 
     Raises:
-        KernelError: If compiled code is asked for and cannot be had.
+        KernelError: If compiled code is requested and unavailable.
     """
 
     def __init__(self, plant: Plant, dt: float, backend: str) -> None:
@@ -31,21 +31,21 @@ class Servo:
 
     @property
     def at_rest(self) -> bool:
-        """Whether the reference stands still."""
+        """Whether the reference is at rest."""
         return self._setpoints.at_rest
 
     def restart(self) -> None:
-        """Forget the commands before."""
+        """Discard earlier commands."""
         self._setpoints.restart()
 
     def command(self, command: JointCommand, x: Array, p: Array, step: int) -> Array:
-        """What the drives are to take in the next tick, before limits, shape (n,).
+        """Commands of the drives in the next tick, before limits, shape (n,).
 
         Args:
             command: The newest command; the same object until there is another.
             x: State at the beginning of the tick, shape (nx,).
             p: Tunable quantities, shape (np,).
-            step: Ticks so far.
+            step: Number of ticks so far.
         """
         call, setpoints = self._call, self._setpoints
         setpoints.at(command, step)

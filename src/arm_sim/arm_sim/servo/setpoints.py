@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The reference that a stream of commands means, tick by tick."""
+"""The reference defined by a stream of commands, tick by tick."""
 
 from __future__ import annotations
 
@@ -7,29 +7,29 @@ import numpy as np
 
 from arm_sim.servo.command import JointCommand
 
-# Commands further apart than this, in [s], are set-points of their own; nearer ones are a stream,
-# whose differences are the velocity.
+# Commands further apart than this, in [s], are separate set-points; closer ones form a stream,
+# whose differences define the velocity.
 STREAM = 0.1
-# For how many of its periods a stream goes on when nothing comes.
+# Number of periods for which a stream is extrapolated without new commands.
 LATE = 2
 
 
 class Setpoints:
-    """Positions that come one after another, and the velocity with which they move.
+    """A reference from successive positions, with the velocity of their stream.
 
-    A servo that is told only where to be lags behind by 2 ζ v/ω. So positions that come without a
-    velocity get that of their stream: the difference from one to the next over the time between
-    them, by their stamps where they have some, else in ticks. Between two commands the reference
-    moves on, for ``LATE`` periods at most; then it stands at the last position.
+    A servo with a position command alone lags behind by 2 ζ v/ω. Positions without a velocity
+    therefore get that of their stream: the difference of successive positions over the time
+    between them, by their stamps if they have any, else in ticks. Between two commands the
+    reference is extrapolated, for at most ``LATE`` periods; then it stops at the last position.
 
     Args:
         n: Number of joints.
         dt: Length of a tick in [s].
 
     Attributes:
-        rows: Which joints follow a velocity, which a position (1 or 0), positions, velocities and
-            efforts of the reference, shape (5 n,): what ``servo_law`` takes.
-        at_rest: Whether the reference stands still.
+        rows: Joints that track a velocity, joints that track a position (1 or 0), positions,
+            velocities and efforts of the reference, shape (5 n,): the input of ``servo_law``.
+        at_rest: Whether the reference is at rest.
     """
 
     def __init__(self, n: int, dt: float) -> None:
@@ -39,7 +39,7 @@ class Setpoints:
         self.restart()
 
     def restart(self) -> None:
-        """Forget the commands before."""
+        """Discard earlier commands."""
         self._last: JointCommand | None = None
         self._since, self._until, self.at_rest = 0, 0, False
 
@@ -68,7 +68,7 @@ class Setpoints:
         self.at_rest = not moving.any()
 
     def _period(self, command: JointCommand, step: int) -> float:
-        """Time between this command and the one before in [s]; 0 if they are no stream."""
+        """Time between this command and the previous one in [s]; 0 if they are not a stream."""
         last = self._last
         if last is None:
             return 0.0
@@ -77,7 +77,7 @@ class Setpoints:
         return sent if 0.0 < sent <= STREAM else 0.0
 
     def _go_on(self, step: int) -> None:
-        """Between two commands, or after the last."""
+        """Extrapolate between two commands, or after the last."""
         last, moving = self._last, self._moving
         if last is None or not moving.any():
             return
