@@ -83,7 +83,7 @@ def test_missing_libraries_are_named(monkeypatch: pytest.MonkeyPatch) -> None:
 def test_workers_are_a_whole_number(workers: Any) -> None:
     with pytest.raises(InvalidInput, match="workers = "):
         sweep(STUDY, workers=workers)
-    with pytest.raises(InvalidInput, match="a cluster has workers of its own"):
+    with pytest.raises(InvalidInput, match="a cluster has its own workers"):
         sweep(STUDY, workers=2, cluster="tcp://127.0.0.1:1")
 
 

@@ -21,7 +21,7 @@ PLAIN: dict[str, Any] = {"scene": "two_link", "duration": 0.1}
         ({"duration": 0}, "'duration' = 0: more than 0 is expected"),
         ({"samples": True}, "'samples' = True: a whole number is expected"),
         ({"sampling": "sobol"}, "'sampling' = 'sobol': allowed: random, latin_hypercube"),
-        ({"metrics": ["tracking_rsm"]}, "no metric is called .*did you mean 'tracking_rms'"),
+        ({"metrics": ["tracking_rsm"]}, "unknown metric .*did you mean 'tracking_rms'"),
         ({"vary": {"sim.dt": []}}, "'vary.sim.dt' = .*the list is empty"),
         ({"vary": {"sim.dt": 1}}, "a list of values or a distribution"),
         ({"vary": {"sim.dt": {"uniform": [2, 1]}}}, "the lower end must lie below"),

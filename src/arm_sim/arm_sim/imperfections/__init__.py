@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Imperfections between an arm and its controller: sensors, delays and lost messages.
 
-Depends on numbers, ticks and the keys of the scene for sensors and lines, and on no equation of
-motion and no ROS. For a scene without the keys ``sensors`` and ``commands`` nothing is built.
+Depends on the scene's keys for sensors and commands, but not on the equations of motion or ROS. A
+scene without the keys ``sensors`` and ``commands`` has none of them.
 """
 
 from arm_sim.imperfections.lines import Line, command_line, delivered

@@ -10,7 +10,7 @@ import numpy as np
 
 from arm_dynamics.arrays import Array
 
-_BLOCK = 64  # ticks whose numbers are drawn together
+_BLOCK = 64  # number of ticks whose numbers are drawn together
 _ARMS = 1 << 32
 
 
@@ -33,8 +33,7 @@ class Chance:
 
     They come from a counter-based generator (Philox 4x64-10; Salmon, Moraes, Dror and Shaw,
     "Parallel random numbers: as easy as 1, 2, 3", SC 2011) whose key is seed, arm and channel and
-    whose counter is the tick's: so they do not depend on earlier draws, on threads or on
-    lanes.
+    whose counter is the tick's: so they do not depend on earlier draws, threads or SIMD lanes.
 
     Args:
         seed: Seed of the scene.

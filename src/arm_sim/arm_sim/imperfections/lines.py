@@ -13,7 +13,7 @@ from arm_dynamics.scene import Scene
 from arm_dynamics.scene import imperfections as schema
 from arm_sim.imperfections.chance import Chance, Channel, even
 
-_ROUNDED = 1e-6  # of a tick
+_ROUNDED = 1e-6  # fraction of a tick
 
 
 class Line[T]:
@@ -37,7 +37,7 @@ class Line[T]:
         self._loss = line.loss
         self._chance = Chance(seed, channel, even(2), arm)
         self._draws = bool(line.jitter or line.loss)
-        self._waiting: deque[tuple[int, T]] = deque()  # sorted by arrival, and so by age
+        self._waiting: deque[tuple[int, T]] = deque()  # sorted by arrival, hence by age
         self._newest: T | None = None
 
     def restart(self, known: T | None = None) -> None:

@@ -42,8 +42,8 @@ class Sensors:
     """Sensors of all joints, and the transmission of their measurements, sampled every tick.
 
     Attributes:
-        said: Measured (q, v, effort) at the last sampled tick, shape (3n,): a persistent array
-            that changes with every sample.
+        said: Measured (q, v, effort) at the last sampled tick, shape (3n,): a persistent array,
+            overwritten by every sample.
     """
 
     def __init__(self, scene: schema.Sensors, names: Sequence[str], dt: float) -> None:
@@ -120,7 +120,7 @@ class Sensors:
 
 
 class _Rounding:
-    """Rounds positions to the nearest step of their encoders; a step of zero rounds nothing."""
+    """Rounds positions to the nearest step of their encoders; a step of zero leaves them exact."""
 
     def __init__(self, step: Array) -> None:
         self._some = None if step.all() else np.flatnonzero(step)
@@ -161,7 +161,7 @@ def sensors_of(scene: Scene, names: Sequence[str], dt: float) -> Sensors | None:
     """The sensors of a scene; None if it has none.
 
     Raises:
-        SceneError: If a filter's cut-off frequency cannot be had at this rate.
+        SceneError: If a filter's cut-off frequency is too high for this rate.
     """
     return None if scene.sensors is None else Sensors(scene.sensors, names, dt)
 

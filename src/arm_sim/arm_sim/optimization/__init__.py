@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Trajectory optimization on the simulator's own steps: iLQR with limits, and a controller of it.
+"""Trajectory optimization with the simulator's own steps: iLQR with limits, and a controller.
 
-Knows simulators and their compiled ticks and derivatives; a cost is given from outside, as any
-object with ``value`` and ``expansion``.
+Depends on simulators and their compiled ticks and derivatives; the cost is any object with
+``value`` and ``expansion``.
 """
 
 from arm_sim.optimization.cost import Cost, Expansion, QuadraticCost

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Backward pass of iLQR with limits, in C: how commands should change, and with what feedback."""
+"""Backward pass of iLQR with limits, in C: change of the commands and feedback gains."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from arm_sim.optimization.cost import Expansion
 from arm_sim.stepping.stepper import pointer
 
 NATIVE = Path(__file__).parent / "native"
-# Loops over small matrices, unlike the straight-line code of the equations, gain from vectors.
+# Unlike the straight-line code of the equations, loops over small matrices benefit from SIMD.
 _FLAGS = tuple("-O3" if flag == "-O1" else flag for flag in compiler.FLAGS)
 
 
@@ -27,7 +27,7 @@ class Policy:
     Attributes:
         k: Shape (nodes, n).
         K: Shape (nodes, n, nx).
-        promised: Change of the cost that the quadratic model promises, not above zero.
+        promised: Change of the cost predicted by the quadratic model, not positive.
     """
 
     k: Array
@@ -43,9 +43,10 @@ def backward(
     Args:
         slopes: A and B of each node side by side, shape (nodes, nx, nx + n).
         cost: The cost about the trajectory.
-        low: Least change of each command, shape (nodes, n).
-        high: Largest change, likewise.
-        damping: How many times the curvature of the cost by the command is added to itself.
+        low: Lower bound of the change of each command, shape (nodes, n).
+        high: Upper bound, likewise.
+        damping: Regularization, a multiple of the cost's curvature by the command that is added to
+            it.
 
     Returns:
         The policy; None if the curvature by a command is not positive.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a trajectory costs: a protocol, and weighted squares of states and commands."""
+"""Cost of a trajectory: a protocol, and weighted squares of states and commands."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from arm_dynamics.arrays import Array
 
 @dataclass(frozen=True)
 class Expansion:
-    """A cost to second order about a trajectory; states and commands are not multiplied in it.
+    """Second-order expansion of a cost about a trajectory, without mixed derivatives.
 
     Attributes:
         x: Gradient by the state of each node, shape (nodes + 1, nx).
-        xx: Its Hessian or, better behaved, that of Gauss and Newton, shape (nodes + 1, nx, nx).
+        xx: Its Hessian, or preferably the Gauss-Newton approximation, (nodes + 1, nx, nx).
         u: Gradient by the command of each node, shape (nodes, n).
         uu: Its Hessian, positive definite, shape (nodes, n, n).
     """
@@ -30,13 +30,13 @@ class Expansion:
 
 
 class Cost(Protocol):
-    """What is to be small, a sum over the nodes of a trajectory. Write one of your own at will."""
+    """Cost to be minimized, a sum over the nodes of a trajectory; may be user-defined."""
 
     def value(self, x: Array, u: Array) -> Array:
         """Cost of trajectories.
 
         Args:
-            x: States, shape (b, nodes + 1, nx); of one that diverges, no numbers.
+            x: States, shape (b, nodes + 1, nx); NaN for a diverging trajectory.
             u: Commands, shape (b, nodes, n).
 
         Returns:
@@ -58,7 +58,7 @@ class QuadraticCost:
         u_weight: Weights r, above zero, of the same shape.
 
     Raises:
-        InvalidInput: If shapes do not go together, or a weight is not allowed.
+        InvalidInput: If shapes do not match, or a weight is not allowed.
     """
 
     x: Array
@@ -67,7 +67,7 @@ class QuadraticCost:
     u_weight: Array
 
     def __post_init__(self) -> None:
-        """Refuse what no trajectory could be measured by."""
+        """Validate shapes and weights."""
         shapes = np.shape(self.x), np.shape(self.u)
         weights = np.shape(self.x_weight), np.shape(self.u_weight)
         if weights != shapes or [len(s) for s in shapes] != [2, 2]:
@@ -78,10 +78,10 @@ class QuadraticCost:
                 f"x has {shapes[0][0]} rows, u {shapes[1][0]}; one more is expected"
             )
         if not np.all(np.asarray(self.x_weight) >= 0.0):
-            raise InvalidInput("x_weight holds negative numbers; allowed are zero and above")
+            raise InvalidInput("x_weight holds negative numbers; allowed: zero and above")
         if not np.all(np.asarray(self.u_weight) > 0.0):
-            raise InvalidInput(f"u_weight goes down to {np.min(self.u_weight):g}; only numbers "
-                               "above zero are allowed")  # fmt: skip
+            raise InvalidInput(f"u_weight contains {np.min(self.u_weight):g}; allowed: "
+                               "numbers above zero")  # fmt: skip
 
     def value(self, x: Array, u: Array) -> Array:
         """See ``Cost``."""

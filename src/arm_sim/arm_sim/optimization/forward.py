@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Arms that follow a policy with steps of different size, side by side in vector registers."""
+"""Forward pass of iLQR: rollouts of a policy with several step sizes, in parallel by SIMD."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ from arm_sim.stepping.stepper import pointer, sizes, source
 
 @dataclass(frozen=True)
 class Course:
-    """Nodes of a trajectory that is improved, with its policy.
+    """A trajectory to be improved, with its policy.
 
     Attributes:
         x: States, shape (nodes, nx).
         u: Commands, shape (nodes, n).
-        policy: How they are to change.
-        low: Least command of each node, shape (nodes, n).
-        high: Largest, likewise.
+        policy: Change of the commands.
+        low: Lower limits of the commands, shape (nodes, n).
+        high: Upper limits, likewise.
     """
 
     x: Array
@@ -42,7 +42,7 @@ class Course:
 
 
 class Forward:
-    """Motion of one simulator's arm under policies; its own state does not change."""
+    """Rollouts of one simulator's arm under policies; its own state does not change."""
 
     def __init__(self, simulator: Simulator) -> None:
         self._simulator = simulator
@@ -53,13 +53,13 @@ class Forward:
         _ = self._library
 
     def follow(self, course: Course, size: Array, x: Array, u: Array) -> None:
-        """Advance an arm for each size of the step.
+        """Simulate an arm for each step size.
 
         Args:
-            course: What they follow.
-            size: Sizes, shape (b,).
-            x: Receives states, shape (b, nodes + 1, nx); the first of each is given. NaN from
-                where an arm diverges.
+            course: The trajectory and its policy.
+            size: Step sizes, shape (b,).
+            x: Receives states, shape (b, nodes + 1, nx); the first of each is an input. NaN once
+                an arm diverges.
             u: Receives commands, shape (b, nodes, n).
         """
         library, alone = self._library, list(range(len(size)))
@@ -71,7 +71,7 @@ class Forward:
     def _side_by_side(
         self, library: ctypes.CDLL, course: Course, size: Array, x: Array, u: Array
     ) -> list[int]:
-        """Advance all arms; those that are returned meet stops, and have to be advanced alone."""
+        """Simulate all arms; those that are returned meet stops and must be simulated alone."""
         policy, met = course.policy, (ctypes.c_byte * len(size))()
         given = [
             np.ascontiguousarray(array)
@@ -88,7 +88,7 @@ class Forward:
         return [arm for arm in range(len(size)) if met[arm]]
 
     def _one(self, course: Course, size: float, x: Array, u: Array) -> None:
-        """Advance an arm tick by tick through its events, x of shape (nodes + 1, nx)."""
+        """Simulate an arm tick by tick through its events, x of shape (nodes + 1, nx)."""
         stepper, policy, now = self._stepper, course.policy, x[0].copy()
         stepper.restart()
         stepper.p[:] = self._simulator.parameters
@@ -109,7 +109,7 @@ class Forward:
 
     @cached_property
     def _library(self) -> ctypes.CDLL | None:
-        """Compiled code for the widest registers that can be had; None where arms go alone."""
+        """Compiled code for the widest registers; None where arms are simulated alone."""
         if self._simulator.backend == "vm" or not alike(self._plant, self._choice):
             return None
         for width in widths(None):

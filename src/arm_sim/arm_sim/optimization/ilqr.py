@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: Apache-2.0
-"""iLQR on the simulator's own steps, with limits of commands.
+"""iLQR with the simulator's own steps and with command limits.
 
 Trajectories are improved by differential dynamic programming without second derivatives of the
 steps: Li and Todorov, "Iterative linear quadratic regulator design for nonlinear biological
-movement systems", ICINCO 2004. Limits hold in the backward pass (Tassa, Mansard and Todorov,
-"Control-limited differential dynamic programming", ICRA 2014). All sizes of a step are tried at
-once, each by an arm in a lane of a vector register.
+movement systems", ICINCO 2004. Limits are enforced in the backward pass (Tassa, Mansard and
+Todorov, "Control-limited differential dynamic programming", ICRA 2014). All step sizes are tried
+at once, each by an arm in a SIMD lane.
 """
 
 from __future__ import annotations
@@ -27,21 +27,22 @@ from arm_sim.optimization.forward import Course, Forward
 from arm_sim.simulator import Simulator
 
 SIZES: Final[Array] = np.array([0.5**k for k in range(8)])
-"""Sizes of the step that are tried."""
+"""Step sizes that are tried."""
 FIRST, FACTOR, LEAST, MOST = 1e-2, 5.0, 1e-8, 1e8
-"""Damping: where it begins, how it changes, below which it is zero, above which it is given up."""
-# Within limits by more than rounding: at a limit itself a command has no derivative.
+"""Regularization: initial value, factor, value below which it is zero, value above which to
+stop."""
+# Margin to limits beyond rounding: at a limit itself a command has no derivative.
 _INSIDE = 1.0 - 1e-9
 
 
 @dataclass(frozen=True)
 class Phase:
-    """Nodes in which an arm has the same equations; what it carries may change between phases.
+    """Nodes with the same equations; the payload may change between phases.
 
     Attributes:
-        simulator: The arm. A node is a tick of it, with its tunable quantities as they are; its
-            sensors and the delay of commands are not part of what is optimized.
-        nodes: How many.
+        simulator: The arm. A node is one of its ticks, with its current tunable quantities;
+            sensors and command delays are not part of the optimization.
+        nodes: Number of nodes.
     """
 
     simulator: Simulator
@@ -50,16 +51,16 @@ class Phase:
 
 @dataclass(frozen=True)
 class Trajectory:
-    """A motion that obeys the equations, and what is known about improving it.
+    """A feasible motion, and the state of its optimization.
 
     Attributes:
         x: States (q, v, z), shape (nodes + 1, nx).
-        u: Commands, as ``Simulator.step`` takes them, shape (nodes, n).
-        cost: What it costs.
-        feedback: K of u + K (x' - x), by which an arm comes back to it, shape (nodes, n, nx).
-        costs: What it cost from the beginning, and after each improvement.
-        damping: Of the next improvement.
-        verdict: ``converged``, ``stuck`` (no step makes it better), or empty.
+        u: Commands, as for ``Simulator.step``, shape (nodes, n).
+        cost: Its cost.
+        feedback: Gains K of u + K (x' - x), which stabilize it, shape (nodes, n, nx).
+        costs: Initial cost, and the cost after each iteration.
+        damping: Regularization of the next iteration.
+        verdict: ``converged``, ``stuck`` (no step reduces the cost), or empty.
     """
 
     x: Array
@@ -72,21 +73,21 @@ class Trajectory:
 
 
 class ILQR:
-    """Improves trajectories of an arm.
+    """Optimizes trajectories of an arm.
 
     Attributes:
-        cost: What is to be small; after it is replaced, ``moved`` takes a trajectory up again.
+        cost: Cost to be minimized; after replacing it, continue a trajectory by ``moved``.
 
     Args:
-        phases: The arm, or several that differ in what they carry, one after the other.
-        cost: What is to be small.
-        low: Least commands, a number or shape (n,) or (nodes, n); None for the scene's limits.
-        high: Largest commands, likewise.
-        tolerance: Share of the cost that is not worth another improvement.
-        threads: Cores for derivatives; None for all.
+        phases: The arm, or several with different payloads, one after the other.
+        cost: Cost to be minimized.
+        low: Lower command limits, a number or shape (n,) or (nodes, n); None for the scene's.
+        high: Upper command limits, likewise.
+        tolerance: Relative reduction of the cost below which to stop.
+        threads: Number of threads for derivatives; None for all cores.
 
     Raises:
-        InvalidInput: If the phases do not go together, or limits leave nothing.
+        InvalidInput: If the phases do not match, or limits leave no admissible command.
 
     Example:
         >>> optimizer = ILQR([Phase(sim, 100)], cost)
@@ -119,15 +120,15 @@ class ILQR:
             raise InvalidInput("low is above high, or beyond the scene's limits")
 
     def start(self, x0: ArrayLike, u: ArrayLike) -> Trajectory:
-        """Make the motion of a guess.
+        """Simulate an initial guess.
 
         Args:
-            x0: The state at the beginning, such as ``Simulator.x``, shape (nx,).
-            u: Commands, shape (nodes, n); cut at their limits.
+            x0: Initial state, such as ``Simulator.x``, shape (nx,).
+            u: Commands, shape (nodes, n); clipped to their limits.
 
         Raises:
             InvalidInput: If a shape or value is not allowed.
-            SimulationDiverged: If the motion has no end.
+            SimulationDiverged: If the motion diverges.
         """
         given, commands = real_array("x0", x0), real_array("u", u)
         for name, array, shape in (
@@ -136,36 +137,36 @@ class ILQR:
         ):
             if array.shape != shape or not np.isfinite(array).all():
                 raise InvalidInput(
-                    f"{name} has shape {array.shape}; finite numbers of {shape} are needed"
+                    f"{name} has shape {array.shape}; finite numbers of {shape} are expected"
                 )
         states, feedback = np.tile(given, (self._nodes + 1, 1)), (*commands.shape, self._nx)
         return self.moved(Trajectory(states, commands, np.inf, np.zeros(feedback)), given)
 
     def moved(self, old: Trajectory, x0: Array, du: Array | float = 0.0) -> Trajectory:
-        """The motion from another initial state, which comes back to the old one by its feedback.
+        """The motion from another initial state, which tracks the old one by its feedback.
 
         Args:
             old: A trajectory.
-            x0: State at the beginning, shape (nx,).
-            du: What is added to commands, shape (nodes, n).
+            x0: Initial state, shape (nx,).
+            du: Offsets of the commands, shape (nodes, n).
 
         Raises:
-            SimulationDiverged: If that motion has no end.
+            SimulationDiverged: If that motion diverges.
         """
         policy = Policy(np.zeros(old.u.shape) + du, old.feedback, promised=0.0)
         made = self._step(replace(old, costs=()), policy, np.ones(1), x0)
         if made is None:
-            raise SimulationDiverged("the motion diverges, or costs no finite number")
+            raise SimulationDiverged("the motion diverges, or its cost is not finite")
         return replace(made, damping=old.damping)
 
     def improve(self, old: Trajectory) -> Trajectory:
-        """Make one iteration: derivatives, the best policy, and the best size of its step.
+        """Perform one iteration: derivatives, backward pass, and line search.
 
         Returns:
-            A trajectory that costs less, or the same with a verdict.
+            A trajectory of lower cost, or the same with a verdict.
 
         Raises:
-            NotDifferentiable: If a node has no derivative.
+            NotDifferentiable: If a node is not differentiable.
             CompilerMissing: If there is no C compiler.
         """
         slopes, expansion = self._slopes(old), self.cost.expansion(old.x, old.u)
@@ -190,18 +191,18 @@ class ILQR:
         iterations: int = 100,
         told: Callable[[Trajectory], object] | None = None,
     ) -> Trajectory:
-        """Improve a guess until that is not worth while.
+        """Optimize from an initial guess until convergence.
 
         Args:
             x0: As for ``start``.
             u: As for ``start``.
-            iterations: How many improvements at most.
-            told: Called with the trajectory after each.
+            iterations: Largest number of iterations.
+            told: Called with the trajectory after each iteration.
 
         Raises:
             InvalidInput: If an argument is not allowed.
-            SimulationDiverged: If the motion of the guess has no end.
-            NotDifferentiable: If a node has no derivative.
+            SimulationDiverged: If the motion of the guess diverges.
+            NotDifferentiable: If a node is not differentiable.
             CompilerMissing: If there is no C compiler.
         """
         whole("iterations", iterations, 0)
@@ -232,7 +233,7 @@ class ILQR:
     def _step(
         self, old: Trajectory, policy: Policy, sizes: Array, x0: Array | None = None
     ) -> Trajectory | None:
-        """The best of the motions that a policy makes with steps of these sizes, if any."""
+        """The best motion of a policy over these step sizes, if any is an improvement."""
         x = np.empty((len(sizes), self._nodes + 1, self._nx))
         u = np.empty((len(sizes), self._nodes, self._n))
         x[:, 0] = old.x[0] if x0 is None else x0
@@ -253,7 +254,7 @@ class ILQR:
         given = real_array(name, limit)
         if given.shape not in ((), (self._n,), (self._nodes, self._n)):
             raise InvalidInput(
-                f"{name} has shape {given.shape}; allowed is a number, ({self._n},) or "
+                f"{name} has shape {given.shape}; allowed: a number, ({self._n},) or "
                 f"({self._nodes}, {self._n})"
             )
         return np.broadcast_to(given, (self._nodes, self._n))
@@ -272,13 +273,13 @@ def prepare(simulator: Simulator) -> None:
 
 def _check(phases: tuple[Phase, ...]) -> None:
     if not phases:
-        raise InvalidInput("no phase is given; at least one is needed")
+        raise InvalidInput("no phase is given; at least one is expected")
     for phase in phases:
         whole("nodes", phase.nodes, 1)
     sizes = [_size(phase.simulator) for phase in phases]
     if len(set(sizes)) > 1:
         raise InvalidInput(f"phases have states of {[size[0] for size in sizes]} numbers; arms of "
-                           "the same joints and laws are needed")  # fmt: skip
+                           "the same joints and states are expected")  # fmt: skip
 
 
 def _size(simulator: Simulator) -> tuple[int, tuple[str, ...]]:

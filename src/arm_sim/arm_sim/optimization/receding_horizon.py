@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A controller that looks ahead: iLQR over a receding horizon, improved once for each torque.
+"""Model predictive control: iLQR over a receding horizon, one iteration per sample.
 
 One iteration a sample suffices, since a trajectory changes little from one sample to the next
 (Diehl, Bock and Schlöder, "A real-time iteration scheme for nonlinear optimization in optimal
@@ -23,12 +23,12 @@ from arm_sim.optimization.cost import Expansion
 from arm_sim.optimization.ilqr import ILQR, Phase, Trajectory
 from arm_sim.simulator import Simulator
 
-_FIRST = 10  # improvements where there is nothing to begin with
+_FIRST = 10  # iterations for the first plan
 
 
 @dataclass(frozen=True)
 class _Cost:
-    """½ Σ eᵀ Q e + ½ Σ dᵀ R d, the last error weighted by F; d is what torques exceed τ_d by."""
+    """½ Σ eᵀ Q e + ½ Σ dᵀ R d, the last error weighted by F; d is the torque in excess of τ_d."""
 
     x: Array
     tau: Array
@@ -52,7 +52,7 @@ class _Cost:
 
 
 class RecedingHorizon:
-    """Torques that are best over the next moments, within the arm's limits.
+    """Optimal torques over a receding horizon, within the arm's limits.
 
     What is small over the horizon is ∫ e² + (4ζ² - 2) ė²/ω² + |M⁻¹ (τ - τ_d)|²/ω⁴ dt, with τ_d the
     torque of the reference, and at its end what that integral would be for ever. Far from limits
@@ -74,16 +74,16 @@ class RecedingHorizon:
         horizon: float = 0.3,
         nodes: int = 10,
     ) -> None:
-        """Compile what is needed.
+        """Compile the model.
 
         Args:
             dynamics: The model; used from one thread only.
             dt: Time between torques in [s].
             bandwidth: ω in [rad/s], a number or shape (n,), above zero.
             damping_ratio: ζ, a number or shape (n,), at least 0.71.
-            limit: Largest torques in [N m] or [N], beside those of the model.
-            horizon: How far it looks ahead in [s].
-            nodes: How often the torque may change in that time.
+            limit: Torque limits in [N m] or [N], in addition to the model's.
+            horizon: Length of the horizon in [s].
+            nodes: Number of torques over the horizon.
 
         Raises:
             InvalidInput: If a setting is not allowed, or the model's motion is not smooth.
@@ -94,10 +94,10 @@ class RecedingHorizon:
         ))  # fmt: skip
         if np.any(omega <= 0.0) or np.any(zeta < np.sqrt(0.5)):
             raise InvalidInput(f"bandwidth = {bandwidth!r}, damping_ratio = {damping_ratio!r}; "
-                               "allowed are numbers above 0, and of at least 0.71")  # fmt: skip
+                               "allowed: numbers above 0, and of at least 0.71")  # fmt: skip
         self._dynamics, self._omega = dynamics, omega
         self._node = horizon / nodes
-        self._share = dt / self._node  # of a node that passes between two torques
+        self._share = dt / self._node  # fraction of a node that passes between two torques
         self._times = self._node * np.arange(nodes + 1)[:, None]
         self._Q, self._F = _weights(omega, zeta, self._node)
         arm = _smooth_arm(dynamics.model, self._node)
@@ -109,7 +109,7 @@ class RecedingHorizon:
         self._begin(np.concatenate([start.q, start.v]))  # compiles
 
     def restart(self) -> None:
-        """Forget what was planned."""
+        """Discard the plan."""
         self._best = None
 
     def torque(self, state: Moving, reference: Reference) -> Array:
@@ -127,11 +127,11 @@ class RecedingHorizon:
         return torque
 
     def _begin(self, x: Array) -> Trajectory:
-        """The plan where there is none yet."""
+        """The first plan."""
         return self._optimizer.solve(x, self._cost.tau, _FIRST)
 
     def _cost_of(self, q: Array, reference: Reference) -> _Cost:
-        """What is to be small from here."""
+        """Cost of the horizon that begins here."""
         t, a = self._times, np.tile(reference.a, (len(self._times), 1))
         places = reference.q + t * (reference.v + 0.5 * t * a)
         speeds = reference.v + t * a
@@ -142,7 +142,7 @@ class RecedingHorizon:
 
 
 def _weights(omega: Array, zeta: Array, dt: float) -> tuple[Array, Array]:
-    """Of errors (e, ė) in a node of length dt, and at the end of the horizon."""
+    """Weights of errors (e, ė) in a node of length dt, and at the end of the horizon."""
     Q = dt * np.diag(np.concatenate([np.ones(omega.shape), (4.0 * zeta**2 - 2.0) / omega**2]))
     both = np.diag(1.0 / omega**2)
     by_place, by_speed = np.diag(2.0 * zeta / omega), np.diag(2.0 * zeta / omega**3)
@@ -150,10 +150,10 @@ def _weights(omega: Array, zeta: Array, dt: float) -> tuple[Array, Array]:
 
 
 def _smooth_arm(model: ArmModel, dt: float) -> Simulator:
-    """The arm as joint torques move it, without stops.
+    """The arm driven by joint torques, without stops.
 
     Raises:
-        InvalidInput: If its motion has events, or states that are not measured.
+        InvalidInput: If its motion has events, or internal states that are not measured.
     """
     joints = {
         name: joint.model_copy(update={
@@ -167,16 +167,16 @@ def _smooth_arm(model: ArmModel, dt: float) -> Simulator:
     )
     arm = Simulator(scene, integrator="rk4", dt=dt)
     if arm.plant.eventful or arm.plant.nz:
-        what = "contacts" if arm.plant.points else "dry friction or a law with states"
+        what = "contacts" if arm.plant.points else "dry friction or internal states"
         raise InvalidInput(
-            f"a receding horizon needs a model whose motion is smooth, and this one has {what}; "
-            "give the controller a scene without"
+            f"the model has {what}, but a receding horizon requires smooth motion; give the "
+            "controller a scene without it"
         )
     return arm
 
 
 def _rotor(motor: Actuator) -> Actuator:
-    """What of a motor is felt where the joint's torque is the command."""
+    """Properties of a motor that remain where the joint's torque is the command."""
     return Actuator(
         rotor_inertia=motor.rotor_inertia, rotor_damping=motor.rotor_damping,
         gear_ratio=motor.gear_ratio, efficiency=motor.efficiency,

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Sweeps: many closed loops of one arm or several, and what came out of each as a table.
+"""Sweeps: many closed-loop simulations of one arm or several, and a table of their results.
 
-Knows simulators, controllers and what a study says; of libraries it asks for joblib, Dask and
-pyarrow only where they are needed, and it knows no ROS. Public is ``sweep`` with what it takes and
-gives.
+Depends on simulators and controllers, not on ROS; joblib, Dask and pyarrow are imported only where
+required. Public are ``sweep``, its arguments and its results.
 """
 
 from arm_sim.sweeps.metrics import METRICS

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Controllers that run in compiled code, with their gains as inputs: one code for all gains."""
+"""Controllers in compiled code, with their gains as inputs: the same code for all gains."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from arm_dynamics.equations.tree import constant
 from arm_dynamics.model.tree_builder import gravity_of, tree_of
 
 type Torque = Callable[[ArmModel, ca.SX, ca.SX, Sequence[ca.SX], ca.SX, ca.SX, float], ca.SX]
-"""Torque by model, q, v, desired (q, v, a), gains K_p and K_d, and the length of a tick."""
+"""Torque from model, q, v, desired (q, v, a), gains K_p and K_d, and the length of a tick."""
 
 GAINS = ("bandwidth", "damping_ratio")
 """Settings that compiled controllers support; with others a run uses the Python controller."""
@@ -111,7 +111,7 @@ def law(name: str, model: ArmModel, dt: float) -> ca.Function:
 
 
 def gains(name: str, dynamics: Dynamics, settings: Settings) -> Array:
-    """K_p and K_d of a compiled controller as ``make_controller`` would choose them, (2n,)."""
+    """K_p and K_d of a compiled controller as chosen by ``make_controller``, shape (2n,)."""
     tuning, n = (settings.bandwidth, settings.damping_ratio), dynamics.n
     if name == "computed_torque":
         return np.concatenate(held_gains(*tuning, n, settings.dt))

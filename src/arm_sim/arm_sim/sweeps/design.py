@@ -14,9 +14,9 @@ import numpy as np
 from arm_dynamics.arrays import Array
 from arm_sim.sweeps.study import Study, Varied
 
-# What random numbers are for; each has numbers of its own.
+# Purposes of random numbers; each has its own numbers.
 _POINTS, _HYPERCUBE, _NOISE = range(3)
-_EDGE = 2.0**-54  # below which a share is taken for this: a normal variable has no share 0
+_EDGE = 2.0**-54  # smallest probability, since the quantile of a normal variable at 0 is infinite
 
 
 @dataclass(frozen=True)
@@ -24,7 +24,7 @@ class Point:
     """One run of the design.
 
     Attributes:
-        index: Its number, by which the table is ordered.
+        index: Its number, which orders the table.
         sample: Number of the sample, which all points of the grid share.
         values: Varied values by key.
     """
@@ -66,7 +66,7 @@ def noise_seed(study: Study, sample: int) -> int:
 
 def _shares(study: Study, dimensions: int) -> Array:
     """Points in the unit cube, shape (samples, dimensions)."""
-    if study.sampling == "random":  # a sample depends on seed and number alone
+    if study.sampling == "random":  # a sample depends only on seed and number
         rows = [_generator(study, _POINTS, k).random(dimensions) for k in range(study.samples)]
         return np.reshape(rows, (study.samples, dimensions))
     return _latin_hypercube(_generator(study, _HYPERCUBE, 0), study.samples, dimensions)

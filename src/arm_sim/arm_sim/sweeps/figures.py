@@ -17,8 +17,8 @@ from arm_sim.sweeps.study import Study
 from arm_sim.sweeps.table import Table
 
 _MOST = 5  # rows and columns of a figure, and curves in it
-_DECADES = 10.0  # ratio of ends from which an axis is logarithmic
-_MANY = 2000  # points from which they are drawn small
+_DECADES = 10.0  # ratio of the ends above which an axis is logarithmic
+_MANY = 2000  # number of points above which markers are small
 
 
 def draw(study: Study, table: Table, folder: Path) -> list[Path]:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The journal: rows in the order of completion, from which an interrupted sweep continues.
 
-The first line of JSON identifies the study; each further line is one run. Numbers are written so
-that they are read back bit for bit.
+The first line of JSON identifies the study; each further line is one run. Numbers are written such
+that they are read back exactly.
 """
 
 from __future__ import annotations
@@ -29,7 +29,7 @@ class Journal:
 
     Args:
         folder: Folder of the file.
-        about: Inputs of the rows, by key; another study is refused.
+        about: Inputs of the rows, by key; a file of another study is rejected.
 
     Raises:
         InvalidInput: If the file is not of this study, or another process writes it.
@@ -97,7 +97,7 @@ class Journal:
 
     def _check_head(self, lines: list[bytes], about: dict[str, Any]) -> None:
         if not lines:
-            return  # new, or ended while its first line was written
+            return  # new, or interrupted while its first line was written
         try:
             head = json.loads(lines[0])
             assert isinstance(head, dict) and "format" in head

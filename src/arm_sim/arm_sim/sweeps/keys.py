@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Keys of varied quantities: their place in a scene, and the effort of a change.
+"""Keys of varied quantities: their location in a scene, and the cost of a change.
 
-A change of a tunable quantity needs no new equations; nor does one of the start, of the motion, of
-a controller's settings or of sensors and commands. All others need a world of their own.
+A change of a tunable quantity, the initial state, the motion, a controller's settings, or sensors
+and commands requires no new equations. All other changes require a separate world.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ OF_STUDY = ("scene", "controller", "motion")
 OF_RUN = (
     "motion", "controller.settings", "initial.position", "initial.velocity", "sensors", "commands",
 )  # fmt: skip
-"""Keys that need no new equations; ``commands.gravity_compensated`` does."""
+"""Keys that require no new equations, except ``commands.gravity_compensated``."""
 _IN_EQUATIONS = ("commands.gravity_compensated",)
 
 
 def check_key(key: str) -> None:
-    """Refuse a key that begins with nothing that can be varied.
+    """Reject a key whose first part cannot be varied.
 
     Raises:
         SceneError: If it does.
@@ -53,19 +53,19 @@ def below(key: str, above: Sequence[str]) -> bool:
 
 
 def of_run(key: str) -> bool:
-    """Whether a change of a key, tunable ones apart, leaves the equations as they are."""
+    """Whether a change of a key, apart from tunable ones, leaves the equations unchanged."""
     return below(key, OF_RUN) and not below(key, _IN_EQUATIONS)
 
 
 def with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str, Any]:
-    """A scene file's content, or a part of it, with other values.
+    """The content of a scene file, or a part of it, with other values.
 
     Args:
         data: The content.
-        values: By keys with dots between them.
+        values: New values by keys, whose parts are separated by dots.
 
     Raises:
-        SceneError: If a key leads nowhere.
+        SceneError: If a key does not exist.
     """
     made = deepcopy(dict(data))
     for key, value in values.items():
@@ -74,7 +74,7 @@ def with_values(data: Mapping[str, Any], values: Mapping[str, Any]) -> dict[str,
 
 
 def value_at(data: Any, key: str) -> Any:
-    """What stands under a key; None if nothing does."""
+    """The value of a key; None if there is none."""
     for name in key.split("."):
         if isinstance(data, Mapping):
             data = data.get(name)
@@ -86,7 +86,7 @@ def value_at(data: Any, key: str) -> Any:
 
 
 def overlaid(below: Mapping[str, Any], above: Mapping[str, Any]) -> dict[str, Any]:
-    """A mapping laid over another, key by key; lists are replaced."""
+    """A mapping merged into another, key by key; lists are replaced."""
     made = dict(below)
     for key, value in above.items():
         old = made.get(key)
@@ -107,7 +107,7 @@ def _put(made: dict[str, Any], key: str, value: Any) -> None:
 
 
 def _entry(here: Any, name: str, place: str, key: str) -> Any:
-    """Under what a name stands here: an index of a list, or the name itself."""
+    """The index in a list that a name denotes, or the name itself."""
     if isinstance(here, list):
         if name.isdecimal() and int(name) < len(here):
             return int(name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is kept of a run: numbers that say how well it went."""
+"""Metrics: numbers that summarize a run."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ from arm_dynamics.exceptions import choices
 
 @dataclass(frozen=True)
 class Run:
-    """A closed loop of k ticks, of n joints.
+    """A closed-loop run of k ticks and n joints.
 
     Attributes:
         dt: Length of a tick in [s].
-        q: Positions at the ends of ticks, the start included, in [rad] or [m], shape (k+1, n).
-        reference: Where they should have been, likewise.
-        torque: Torques that acted on the joints in [N m] or [N], shape (k, n).
-        command: What was commanded, cut at its limit, shape (k, n).
-        limit: Limits of commands, infinite where there is none, shape (n,).
+        q: Positions at the ends of ticks, initial position included, in [rad] or [m], (k+1, n).
+        reference: Desired positions, likewise.
+        torque: Effective joint torques in [N m] or [N], shape (k, n).
+        command: Commands, clipped to their limits, shape (k, n).
+        limit: Command limits, infinite where there is none, shape (n,).
         stops: Positions of the lower and the upper stops, infinite where there is none, (2, n).
     """
 
@@ -35,7 +35,7 @@ class Run:
     stops: Array
 
     def of(self, joint: int) -> Run:
-        """The same of one joint alone."""
+        """The run of one joint alone."""
         one = slice(joint, joint + 1)
         return replace(
             self, q=self.q[:, one], reference=self.reference[:, one], torque=self.torque[:, one],
@@ -45,12 +45,12 @@ class Run:
 
 @dataclass(frozen=True)
 class Metric:
-    """A number of a run.
+    """A metric of a run.
 
     Attributes:
-        of: Computes it.
-        unit: For headings.
-        meaning: What it is.
+        of: Function that computes it.
+        unit: Its unit, for headings.
+        meaning: Its definition.
     """
 
     of: Callable[[Run], float]
@@ -63,7 +63,7 @@ def _error(run: Run) -> Array:
 
 
 def _overshoot(run: Run) -> float:
-    """Largest way beyond the goal, of the way there; of joints whose goal is elsewhere."""
+    """Largest overshoot relative to the distance, over joints with a goal away from the start."""
     way = run.reference[-1] - run.reference[0]
     moved = way != 0.0
     if not moved.any():
@@ -73,7 +73,7 @@ def _overshoot(run: Run) -> float:
 
 
 def _energy(run: Run) -> float:
-    """A torque that is held for a tick does the work τ Δq in it."""
+    """A torque that is constant over a tick does the work τ Δq in it."""
     return float(np.abs(run.torque * np.diff(run.q, axis=0)).sum())
 
 
@@ -109,10 +109,11 @@ METRICS: dict[str, Metric] = {
         "largest tracking error of a joint at the end",
     ),
     "overshoot": Metric(
-        _overshoot, "1", "largest way of a joint beyond its goal, relative to its way there",
+        _overshoot, "1",
+        "largest overshoot of a joint beyond its goal, relative to its distance from the start",
     ),
     "energy": Metric(
-        _energy, "J", "sum of the work of the drives, driving and braking both counted positive",
+        _energy, "J", "work of the drives, with driving and braking both counted positive",
     ),
     "torque_rms": Metric(
         lambda run: _root_mean_square(run.torque), "N m, N",
@@ -122,7 +123,7 @@ METRICS: dict[str, Metric] = {
         lambda run: _largest(run.torque), "N m, N", "largest torque of a joint",
     ),
     "saturation": Metric(
-        _saturation, "1", "share of the time in which the command of a joint is at its limit",
+        _saturation, "1", "fraction of the time for which the command of a joint is at its limit",
     ),
     "stop_time": Metric(_stop_time, "s", "time for which a joint is at a stop"),
 }  # fmt: skip
@@ -130,18 +131,18 @@ METRICS: dict[str, Metric] = {
 
 
 def check_metric(name: str) -> None:
-    """Refuse what is no metric's name; that of a joint after it is not looked at here.
+    """Reject unknown names of metrics; the joint after a name is not checked here.
 
     Raises:
         ValueError: If there is no such metric.
     """
     metric = name.partition(".")[0]
     if metric not in METRICS:
-        raise ValueError(f"no metric is called '{metric}'; allowed: {choices(metric, METRICS)}")
+        raise ValueError(f"unknown metric '{metric}'; allowed: {choices(metric, METRICS)}")
 
 
 def check_joints(names: Sequence[str], joints: Sequence[str]) -> None:
-    """Refuse metrics of joints that an arm does not have.
+    """Reject metrics of joints that an arm does not have.
 
     Raises:
         ValueError: If there is no such joint.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""How long a sweep will still take, from what its runs have taken so far."""
+"""Estimate of the remaining time of a sweep from the durations of its runs so far."""
 
 from __future__ import annotations
 
@@ -8,18 +8,18 @@ from collections.abc import Mapping
 
 from arm_sim.sweeps.sharing import Result
 
-_FEW = 3  # results before anything is said
+_FEW = 3  # results required for an estimate
 
 
 class Pace:
     """Estimates the remaining time.
 
-    Runs of one kind cost about the same; those of a kind of which none is done yet are taken to
-    cost what the others do. What counts is the time since the first result, so that starting
-    processes and compiling is not taken for the cost of runs; what compiling takes later is.
+    Runs of one kind take about the same time; a kind without results is assumed to take as long as
+    the others. Time is counted from the first result, so that process start-up and initial
+    compilation are excluded; later compilation is included.
 
     Args:
-        left: Runs to make, by kind.
+        left: Number of remaining runs, by kind.
     """
 
     def __init__(self, left: Mapping[str, int]) -> None:
@@ -30,7 +30,7 @@ class Pace:
         self._results, self._busy = 0, 0.0
 
     def note(self, result: Result, now: float) -> None:
-        """Take account of a result that came at a time in [s]."""
+        """Record a result that arrived at a time in [s]."""
         runs = len(result.rows)
         self._left[result.kind] -= runs
         self._done[result.kind] += runs
@@ -43,14 +43,14 @@ class Pace:
         self._results += 1
 
     def remaining(self, now: float) -> float | None:
-        """Time that is left in [s]; None while too little is known."""
+        """Remaining time in [s]; None while too little is known."""
         if self._results < _FEW or self._began is None or not self._busy or now <= self._began:
             return None
         side_by_side = self._busy / (now - self._began)
         return self._work_left() / side_by_side
 
     def _work_left(self) -> float:
-        """Seconds of one worker that the runs to come will take."""
+        """Time of a single worker that the remaining runs will take in [s]."""
         usual = sum(self._spent_seconds.values()) / max(1, sum(self._done.values()))
         return sum(
             count * (self._spent_seconds[kind] / done if (done := self._done[kind]) else usual)

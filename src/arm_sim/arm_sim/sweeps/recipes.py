@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""From a study to worlds: which runs share their equations, and what differs between them."""
+"""From a study to worlds: groups of runs with common equations, and their differences."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from arm_sim.sweeps.study import Study
 from arm_sim.sweeps.world import Job, Recipe
 
 _PROBE = 1e-3
-_LONG = 1000.0  # [s] of simulated time of one world for which code in lanes is compiled
+_LONG = 1000.0  # [s] of simulated time of one world above which SIMD code is compiled
 type Slots = dict[str, tuple[int, ...]]
 
 
 @dataclass(frozen=True)
 class Group:
-    """Runs of one world.
+    """The runs of one world.
 
     Attributes:
-        scene: Its scene as the study names it.
-        values: What makes the world, by key.
-        slots: Places of varied numbers in their tunable quantities, by key.
+        scene: Its scene, as named in the study.
+        values: Values that define the world, by key.
+        slots: Indices of varied numbers in their tunable quantities, by key.
         points: Its runs.
     """
 
@@ -43,13 +43,13 @@ class Group:
 
 
 class Planner:
-    """Groups the runs of a study, and writes the recipes of their worlds.
+    """Groups the runs of a study, and creates the recipes of their worlds.
 
     Attributes:
         study: The study.
 
     Raises:
-        ArmError: If a scene cannot be used, or a key leads nowhere.
+        ArmError: If a scene cannot be used, or a key does not exist.
     """
 
     def __init__(self, study: Study) -> None:
@@ -58,7 +58,7 @@ class Planner:
             keys.check_key(key)
 
     def groups(self, points: Sequence[Point]) -> list[Group]:
-        """The runs by worlds, in order."""
+        """The runs grouped by worlds, in order."""
         slots: dict[str, Slots] = {}
         found: dict[str, Group] = {}
         for point in points:
@@ -107,7 +107,7 @@ class Planner:
         )
 
     def job(self, group: Group, point: Point) -> Job:
-        """What a run of a group is told."""
+        """The job of a run of a group."""
         values = {
             key: value
             for key, value in point.values.items()
@@ -116,7 +116,7 @@ class Planner:
         return Job(point.index, noise_seed(self.study, point.sample), values)
 
     def content(self, scene: str | dict[str, Any]) -> dict[str, Any]:
-        """The content of a scene file with the study's changes laid over it."""
+        """The content of a scene file with the study's changes merged into it."""
         name = repr(scene)
         if name not in self._contents:
             content = _content(load_scene(scene))
@@ -128,16 +128,17 @@ class Planner:
         return self._contents[name]
 
     def _of_run(self, scene: str | dict[str, Any], key: str) -> bool:
-        """Whether a key changes no equation; where loops are to be closed, the start may."""
+        """Whether a key changes no equation; with loop constraints, the initial state may."""
         if keys.below(key, ("initial",)):
             constraints = self.content(scene).get("constraints", ())
             return all(each["type"] == "contact" for each in constraints)
         return keys.of_run(key)
 
     def _slots(self, content: dict[str, Any], points: Sequence[Point]) -> Slots:
-        """Keys that are numbers of the vector p, and where.
+        """Keys that are entries of the vector p, and their indices.
 
-        Whether one is does not depend on which values it takes, else bits would.
+        This does not depend on the values that a key takes, otherwise results would depend on
+        them.
         """
         found = {}
         for key in self.study.vary:
@@ -149,12 +150,12 @@ class Planner:
 
 
 def _spelled(key: str, value: Any) -> str:
-    """Where a value belongs; a controller that is a name alone keeps its settings."""
+    """The full key of a value; a controller given by name alone keeps its settings."""
     return "controller.name" if key == "controller" and isinstance(value, str) else key
 
 
 class _about:
-    """Say of an error in which part of the study it is."""
+    """Adds the key of the study to error messages."""
 
     def __init__(self, key: str) -> None:
         self._key = key
@@ -177,10 +178,10 @@ def _is_number(value: object) -> bool:
 
 
 def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
-    """Places of a key's number in a tunable quantity; none if the quantity is not that number.
+    """Indices of a key's value in a tunable quantity; none if the quantity is not that value.
 
-    Asked of the model itself: two values of the key must differ in the quantity in nothing but
-    that the one stands where the other did.
+    Determined from the model itself: between two values of the key, the quantity must differ only
+    in that the one replaces the other.
     """
     here = keys.value_at(content, key)
     x = float(here) if _is_number(here) else 0.0
@@ -188,11 +189,12 @@ def _places(content: Mapping[str, Any], key: str, name: str) -> tuple[int, ...]:
     try:
         p = [_nominal(content, key, name, value) for value in probes]
     except SceneError:
-        return ()  # inertias that no body has with this number alone
+        return ()  # no body has an inertia with this value alone
     places = np.flatnonzero(p[0] != p[1])
     if not places.size:
         raise SceneError(
-            f"study: 'vary.{key}' changes nothing: entries of joints go before that of all joints"
+            f"study: 'vary.{key}' changes nothing: entries of single joints take "
+            "precedence over that of all joints"
         )
     held = all((row[places] == value).all() for row, value in zip(p, probes, strict=True))
     return tuple(places.tolist()) if held else ()

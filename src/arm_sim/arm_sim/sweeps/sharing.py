@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Shares runs out to processes of this machine, or to a cluster; rows come back in any order."""
+"""Distribution of runs to processes of this machine or a cluster; rows return in any order."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ from arm_dynamics.exceptions import InvalidInput, plain
 from arm_sim.inputs import whole
 from arm_sim.sweeps.world import COMPILED, FAILED, Job, Recipe, Row, world_of
 
-_PATIENCE = 10  # [s] for a scheduler to answer
-_GLANCE = 0.5  # [s] between looks of a worker whether its parent is there
+_PATIENCE = 10  # [s] timeout of a scheduler
+_GLANCE = 0.5  # [s] between checks of a worker for its parent
 
 
 @dataclass(frozen=True)
 class Task:
-    """Some runs of one world; none: the world is only made, so that its code is in the cache.
+    """Some runs of one world; without runs the world is only built, which fills the code cache.
 
     Attributes:
-        recipe: What the world is made from.
+        recipe: Recipe of the world.
         jobs: The runs.
-        kind: How its runs are made: ``COMPILED`` or ``PYTHON``.
+        kind: How its runs are simulated: ``COMPILED`` or ``PYTHON``.
     """
 
     recipe: Recipe
@@ -39,13 +39,13 @@ class Task:
 
 @dataclass(frozen=True)
 class Result:
-    """What came of a task.
+    """Result of a task.
 
     Attributes:
-        rows: One for each run.
-        kind: That of the task.
-        seconds: What its runs took, without the making of their world.
-        making: What the making of the world took in [s]; nothing if it was there.
+        rows: One row for each run.
+        kind: Kind of the task.
+        seconds: Duration of its runs in [s], without building their world.
+        making: Duration of building the world in [s]; zero if it was cached.
     """
 
     rows: tuple[Row, ...]
@@ -55,7 +55,7 @@ class Result:
 
 
 def work(task: Task) -> Result:
-    """Make the runs of a task, in whatever process this is called."""
+    """Simulate the runs of a task, in the calling process."""
     begin = time.perf_counter()
     try:
         world = world_of(task.recipe)
@@ -71,7 +71,7 @@ def work(task: Task) -> Result:
 
 
 def work_below(task: Task, parent: int) -> Result:
-    """As ``work``, in a process that ends when its parent has, even if that was killed."""
+    """As ``work``, in a process that ends with its parent, even if that is killed."""
     _end_with(parent)
     return work(task)
 
@@ -94,20 +94,20 @@ def cores() -> int:
 
 @contextmanager
 def shared_out(workers: int | None, cluster: str | None) -> Iterator[Crew]:
-    """Who does the work, for as long as the context lasts.
+    """The workers, for the duration of the context.
 
     Args:
-        workers: Processes; None for one a core, 1 for this process alone.
-        cluster: Address of a Dask scheduler, whose workers do it then.
+        workers: Number of processes; None for one per core, 1 for this process alone.
+        cluster: Address of a Dask scheduler, whose workers are used instead.
 
     Raises:
-        InvalidInput: If a library is missing, or nobody answers at the address.
+        InvalidInput: If a library is missing, or no scheduler answers at the address.
     """
     if workers is not None:
         whole("workers", workers, 1)
     if cluster is not None:
         if workers is not None:
-            raise InvalidInput("workers and cluster are given; a cluster has workers of its own")
+            raise InvalidInput("workers and cluster are given; a cluster has its own workers")
         with _client(cluster) as client:
             threads = sum(client.nthreads().values())
             if not threads:
@@ -132,15 +132,15 @@ class Crew:
     """Workers.
 
     Attributes:
-        size: How many work side by side.
-        backend: For joblib; None: this process alone.
+        size: Number of workers in parallel.
+        backend: Backend of joblib; None for this process alone.
     """
 
     size: int
     backend: dict[str, Any] | None
 
     def results(self, tasks: Iterable[Task]) -> Iterator[Result]:
-        """Results as they come; tasks are asked for as workers come free."""
+        """Results in order of completion; tasks are taken as workers become free."""
         if self.backend is None:
             yield from map(work, tasks)
             return
@@ -157,7 +157,7 @@ class Crew:
 
 @contextmanager
 def _workers_stay() -> Iterator[None]:
-    """Say in a word that workers ended, for which each library has an error of its own."""
+    """Translate the libraries' errors for terminated workers into one."""
     try:
         yield
     except (BrokenExecutor, ConnectionError) as error:
@@ -169,8 +169,8 @@ def _workers_stay() -> Iterator[None]:
 
 
 _LOST = (
-    "workers ended before their runs were done (killed, or out of memory); what is done is kept "
-    "where a folder was named, and the same call goes on from there"
+    "workers ended before their runs were done (killed, or out of memory); with an output "
+    "folder, finished runs are kept and the same call continues from there"
 )
 
 
@@ -195,6 +195,6 @@ def _library(name: str) -> Any:
     except ModuleNotFoundError:
         raise InvalidInput(
             f"Python cannot find the module '{name}', which distributes runs: './arm setup sweep' "
-            "installs it, or pip install 'arm-dynamics-suite[sweep]'; one worker needs nothing "
-            "more"
+            "installs it, or pip install 'arm-dynamics-suite[sweep]'; a single worker does not "
+            "require it"
         ) from None

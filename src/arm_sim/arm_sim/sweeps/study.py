@@ -25,10 +25,10 @@ from arm_dynamics.scene.types import Finite, NonNegative, Part, Positive
 from arm_sim.sweeps.metrics import METRICS, check_metric
 
 type StudySource = str | os.PathLike[str] | Mapping[str, Any] | Study
-"""What a study is made of; see ``load_study``."""
+"""Source of a study; see ``load_study``."""
 
 _WHAT = "study"
-_PLAIN = (str, int, float, list)  # what a value in a list may be, beside true and false
+_PLAIN = (str, int, float, list)  # types of values in a list, besides true and false
 
 
 def _a_scene(value: object) -> object:
@@ -50,15 +50,15 @@ Count = Annotated[StrictInt, BeforeValidator(_count)]
 
 
 class Varied(Part):
-    """What one quantity is varied over: a list of values, or a distribution.
+    """Variation of one quantity: a list of values, or a distribution.
 
     A list may be written without its key.
 
     Attributes:
-        values: Values, each of which meets all values of the other lists: a grid.
-        uniform: Lowest and highest value, all between them equally likely.
-        log_uniform: Lowest and highest value, likewise for the logarithm.
-        normal: Mean and standard deviation.
+        values: List of values; several lists form a grid.
+        uniform: Lowest and highest value of a uniform distribution.
+        log_uniform: Lowest and highest value of a log-uniform distribution.
+        normal: Mean and standard deviation of a normal distribution.
     """
 
     values: tuple[Any, ...] | None = None
@@ -99,8 +99,8 @@ class ControllerChoice(Part):
 
     Attributes:
         name: One of ``arm_dynamics.control.NAMES``, or ``package.module:Class``.
-        scene: The scene that it knows; by default the study's with nothing varied.
-        settings: What it is tuned to, by the names of ``arm_dynamics.control.Settings``.
+        scene: Scene of its model; by default the study's without variations.
+        settings: Its settings, by the names of ``arm_dynamics.control.Settings``.
     """
 
     name: str = "computed_torque"
@@ -114,11 +114,11 @@ class ControllerChoice(Part):
 
 
 class MotionPoint(Part):
-    """A point to pass.
+    """A waypoint.
 
     Attributes:
-        time: Since the start in [s].
-        position: Positions by joint in [rad] or [m]; others are where they were before.
+        time: Time since the start in [s].
+        position: Positions by joint in [rad] or [m]; other joints keep theirs.
     """
 
     time: Positive
@@ -126,11 +126,11 @@ class MotionPoint(Part):
 
 
 class MotionChoice(Part):
-    """What the arm is to do: pass points, by quintic segments within its limits of speed.
+    """Reference motion: waypoints connected by quintic segments within the velocity limits.
 
     Attributes:
-        points: Points in the order of their times; none: it stays where it is.
-        file: A joint trajectory in place of them, as ``arm excite`` writes it.
+        points: Waypoints in order of time; empty to hold the initial position.
+        file: A joint trajectory in place of waypoints, as ``arm excite`` writes it.
     """
 
     points: tuple[MotionPoint, ...] = ()
@@ -149,19 +149,19 @@ class Study(Part):
     Attributes:
         scene: The arm: name of a ready scene, path (relative to the study), or a mapping as in a
             scene file.
-        changes: What is laid over the scene, as in a scene file.
-        duration: Of each run in [s].
-        controller: Its name, or with settings; ``vary`` may vary it.
-        motion: What the controller is to follow.
-        vary: What is varied, by keys of the scene with dots between them, such as
+        changes: Changes merged into the scene, as in a scene file.
+        duration: Duration of each run in [s].
+        controller: Name of the controller, or name and settings; ``vary`` may vary it.
+        motion: Reference motion of the controller.
+        vary: Varied quantities, by keys of the scene separated by dots, such as
             ``joints.*.friction.viscous`` or ``payloads.0.mass``; also ``scene``, ``controller``,
             ``controller.settings.NAME`` and ``motion.points.0.time``.
-        samples: Points drawn from the distributions, the same at every point of the grid; without
-            distributions, repetitions with other noise.
-        sampling: ``random``: independent points; ``latin_hypercube``: points that spread evenly
-            over each quantity.
-        seed: Of all random numbers.
-        metrics: What is kept of each run; ``NAME.JOINT`` for one joint alone.
+        samples: Number of samples of the distributions, the same at every point of the grid;
+            without distributions, number of repetitions with different noise.
+        sampling: ``random``: independent samples; ``latin_hypercube``: samples spread evenly over
+            each quantity.
+        seed: Seed of all random numbers.
+        metrics: Metrics of each run; ``NAME.JOINT`` for one joint alone.
     """
 
     scene: SceneName
@@ -192,7 +192,7 @@ def load_study(source: StudySource) -> Study:
 
     Args:
         source: Path of a study file (YAML), a dictionary of the same shape, or a study, which is
-            returned as it is.
+            returned unchanged.
 
     Returns:
         The study, paths in it made absolute.
@@ -224,7 +224,7 @@ def _validated(data: dict[str, Any]) -> Study:
 
 
 def _resolved(study: Study, folder: Path) -> Study:
-    """The study with absolute paths, so that it means the same in every folder."""
+    """The study with absolute paths, which makes it independent of the working folder."""
     changes: dict[str, Any] = {"scene": _found(study.scene, folder)}
     if study.controller.scene is not None:
         known = _found(study.controller.scene, folder)

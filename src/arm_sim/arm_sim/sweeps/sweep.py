@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A sweep from its study to its table."""
+"""Execution of a sweep, from its study to its table."""
 
 from __future__ import annotations
 
@@ -28,19 +28,19 @@ from arm_sim.sweeps.table import Table, table_of
 from arm_sim.sweeps.world import COMPILED, PYTHON, Row, runs_compiled, world_of
 
 _RUNS = {COMPILED: 32, PYTHON: 2}
-"""Runs of a task: as many as keep the cost of handing it over out of sight."""
-_LEAST_TASKS = 4  # for each worker, so that none is left waiting at the end
+"""Runs per task, such that the cost of passing it to a worker is negligible."""
+_LEAST_TASKS = 4  # tasks per worker, such that none is idle at the end
 
 
 @dataclass(frozen=True)
 class Progress:
-    """How far a sweep is.
+    """Progress of a sweep.
 
     Attributes:
-        done: Runs that are done, earlier ones included.
-        total: All runs.
-        remaining: Time that is left in [s]; None while too little is known.
-        what: What happens now.
+        done: Number of finished runs, earlier ones included.
+        total: Number of all runs.
+        remaining: Remaining time in [s]; None while too little is known.
+        what: Current activity.
     """
 
     done: int
@@ -51,13 +51,13 @@ class Progress:
 
 @dataclass(frozen=True)
 class Plan:
-    """What a sweep consists of.
+    """Extent of a sweep.
 
     Attributes:
-        runs: All runs.
-        worlds: Sets of equations that are generated and compiled.
-        compiled: Runs that happen in compiled code as a whole; the others have their controller,
-            sensors or lines in Python.
+        runs: Number of all runs.
+        worlds: Number of sets of equations that are generated and compiled.
+        compiled: Number of runs simulated entirely in compiled code; in the others, controller,
+            sensors or delays run in Python.
         tunable: Keys whose values are inputs of the equations.
     """
 
@@ -69,14 +69,14 @@ class Plan:
 
 @dataclass(frozen=True)
 class Sweep:
-    """A sweep that is done.
+    """A finished sweep.
 
     Attributes:
-        study: What was asked.
-        plan: What it consisted of.
-        table: A row for each run, in order.
-        made: Runs that were made now; the others were there.
-        seconds: What those took.
+        study: Its study.
+        plan: Its extent.
+        table: One row for each run, in order.
+        made: Number of runs simulated now; the others were in the journal.
+        seconds: Duration of those in [s].
         dropped: Whether a damaged last line of the journal was dropped.
     """
 
@@ -96,25 +96,25 @@ def sweep(
     cluster: str | None = None,
     told: Callable[[Progress], None] | None = None,
 ) -> Sweep:
-    """Make the runs of a study.
+    """Simulate the runs of a study.
 
-    Results depend on the study alone: neither on the number of workers nor on the order in which
-    they are done, to the bit.
+    Results depend on the study alone: they are bitwise identical for any number of workers and
+    order of execution.
 
     Args:
-        source: A study, anything ``load_study`` takes.
-        out: Folder for the journal, in which rows are kept as they come: called again, only what
-            is missing is made. None: nothing is written.
-        workers: Processes; None for one a core, 1 for this process alone.
-        cluster: Address of a Dask scheduler, whose workers do it then.
-        told: Is told of progress.
+        source: A study, or anything that ``load_study`` accepts.
+        out: Folder for the journal of finished runs: if called again, only missing runs are
+            simulated. With None, nothing is written.
+        workers: Number of processes; None for one per core, 1 for this process alone.
+        cluster: Address of a Dask scheduler, whose workers are used instead.
+        told: Called with the progress.
 
     Returns:
-        The table and what there is to know of it.
+        The table and information about the sweep.
 
     Raises:
-        InvalidInput: If the folder holds runs of another study, a library is missing or nobody
-            answers at the address.
+        InvalidInput: If the folder holds runs of another study, a library is missing, or no
+            scheduler answers at the address.
         SceneError: If the study, or the scene of its first run, cannot be used.
 
     Example:
@@ -153,7 +153,7 @@ def _fill(
     journal: Journal | None, workers: int | None, cluster: str | None,
     tell: Callable[[Progress], None],
 ) -> None:  # fmt: skip
-    """Make the runs that are missing, and put them into ``rows`` and the journal."""
+    """Simulate the missing runs, and add them to ``rows`` and the journal."""
     missing = [
         (group, [point for point in group.points if point.index not in rows]) for group in groups
     ]
@@ -164,7 +164,7 @@ def _fill(
         return
     pace = Pace(left)
     with shared_out(workers, cluster) as crew:
-        # What several workers will need is compiled once, before they all begin to.
+        # Code that several workers share is compiled once, before they start.
         shared = [group for group, points_left in missing if len(points_left) > 1]
         first = [Task(planner.recipe(group), (), kinds[group.points[0].index]) for group in shared]
         for k, _ in enumerate(crew.results(first if crew.size > 1 else [])):
@@ -192,7 +192,7 @@ def _tasks(
 
 
 def _check_first(planner: Planner, group: Group) -> None:
-    """Raise what is wrong with the first run: it will be so with the others, too."""
+    """Raise an error of the first run, since the others would fail in the same way."""
     world = world_of(planner.recipe(group))
     world.check(planner.job(group, group.points[0]))
     try:
@@ -202,7 +202,7 @@ def _check_first(planner: Planner, group: Group) -> None:
 
 
 def _kinds(planner: Planner, groups: Sequence[Group]) -> dict[int, str]:
-    """How each run is made: as a whole in compiled code, or in part in Python."""
+    """How each run is simulated: entirely in compiled code, or partly in Python."""
     found, known = {}, dict[tuple[int, str], str]()
     for number, group in enumerate(groups):
         recipe = None
@@ -218,12 +218,12 @@ def _kinds(planner: Planner, groups: Sequence[Group]) -> dict[int, str]:
 
 
 def _about(study: Study, planner: Planner, groups: Sequence[Group]) -> dict[str, Any]:
-    """What rows depend on: the study, the scenes in it as they are now, and the suite."""
+    """Inputs of the rows: the study, the content of its scenes, and the suite's version."""
     contents = {str(group.scene)[:80]: planner.content(group.scene) for group in groups}
     return {
         "suite": arm_sim.__version__,
         "study": study.model_dump(mode="json", exclude_unset=True),
-        "order of vary": list(study.vary),  # by which runs are numbered and numbers are drawn
+        "order of vary": list(study.vary),  # determines numbering and random numbers
         "content of scene": {name: _digest(content) for name, content in contents.items()},
     }
 

@@ -25,9 +25,9 @@ class Table:
     """Columns of equal length.
 
     Attributes:
-        columns: By name: ``run`` and ``sample``, what is varied by its keys, metrics, ``status``
-            (``done``, ``diverged`` or ``failed``) and ``note``.
-        varied: Names of those that are varied.
+        columns: Columns by name: ``run`` and ``sample``, varied quantities by key, metrics,
+            ``status`` (``done``, ``diverged`` or ``failed``) and ``note``.
+        varied: Names of the varied quantities.
         metrics: Names of the metrics.
     """
 
@@ -47,7 +47,7 @@ class Table:
 
     @property
     def done(self) -> NDArray[np.bool_]:
-        """Which runs came to their end."""
+        """Which runs were completed."""
         found: NDArray[np.bool_] = self.columns["status"] == DONE
         return found
 
@@ -55,7 +55,7 @@ class Table:
         """Write ``table.parquet``, or ``table.csv`` where pyarrow is not installed.
 
         Returns:
-            Where it is.
+            Path of the file.
         """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
@@ -86,12 +86,12 @@ class Table:
         try:
             import pandas
         except ModuleNotFoundError:
-            raise InvalidInput("to_pandas needs pandas, which is not installed") from None
+            raise InvalidInput("to_pandas requires pandas, which is not installed") from None
         return pandas.DataFrame(self.columns).set_index("run")
 
 
 def table_of(study: Study, runs: Sequence[Point], rows: Mapping[int, Row]) -> Table:
-    """The table of a study whose runs are all there."""
+    """The table of a study whose runs are complete."""
     ordered = [rows[run.index] for run in runs]
     columns: dict[str, NDArray[Any]] = {
         "run": np.array([run.index for run in runs]),
@@ -107,7 +107,7 @@ def table_of(study: Study, runs: Sequence[Point], rows: Mapping[int, Row]) -> Ta
 
 
 def _column(values: list[Any]) -> NDArray[Any]:
-    """Numbers where all are; else text, lists and mappings as JSON."""
+    """Numbers if all values are; else text, with lists and mappings as JSON."""
     if all(isinstance(value, int | float) and not isinstance(value, bool) for value in values):
         return np.array(values, dtype=float)
     return np.array([value if isinstance(value, str) else json.dumps(value) for value in values])

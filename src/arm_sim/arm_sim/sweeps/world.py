@@ -41,7 +41,7 @@ COMPILED, PYTHON = "compiled", "Python"
 DONE, DIVERGED, FAILED = "done", "diverged", "failed"
 IMPERFECT = ("sensors", "commands")
 OF_LOOP = ("initial", "motion", "controller")
-_FEW = 3  # smallest number of runs for which vector registers pay
+_FEW = 3  # smallest number of runs for which SIMD is worthwhile
 _ROOM = 4_000_000  # largest number of values of runs that are simulated together
 _REMEMBERED = 64  # number of references and starts of a world that are cached
 

@@ -3,7 +3,7 @@
  * Backward pass of iLQR with limits of the command: Tassa, Mansard, Todorov, "Control-limited differential dynamic
  * programming", ICRA 2014.
  *
- * Before this file: NX, NU (lengths of state and command). Matrices lie row by row.
+ * Required definitions: NX, NU (lengths of state and command). Matrices are stored by rows.
  */
 #include <math.h>
 #include <string.h>
@@ -12,7 +12,7 @@
 #define EXPORTED __attribute__((visibility("default")))
 enum { MOST_TURNS = 20 + 4 * NU, MOST_HALVINGS = 40 };
 
-/* Factor of the rows and columns of H that are free: L Lᵀ; whether they are positive definite. */
+/* Cholesky factor L of the free rows and columns of H; returns whether they are positive definite. */
 static int factor(const double H[NU][NU], const int* at, int count, double L[NU][NU]) {
   for (int i = 0; i < count; ++i)
     for (int j = 0; j <= i; ++j) {
@@ -25,7 +25,7 @@ static int factor(const double H[NU][NU], const int* at, int count, double L[NU]
   return 1;
 }
 
-/* Solve L Lᵀ y = y for `width` right sides at once; row i is at y + i * width. */
+/* Solve L Lᵀ y = y in place for `width` right-hand sides; row i is at y + i * width. */
 static void solve(const double L[NU][NU], int count, int width, double* y) {
   for (int i = 0; i < count; ++i) {
     for (int m = 0; m < i; ++m)
@@ -49,9 +49,9 @@ static double value(const double H[NU][NU], const double* g, const double* k) {
   return sum;
 }
 
-/* The k within limits that makes ½ kᵀ H k + gᵀ k least, by Newton steps that are projected (Bertsekas, SIAM J. Control 20,
- * 1982). `at` receives which of its entries are not at a limit, L the factor of their part of H. Returns how many, or -1
- * if H is not positive definite there.
+/* Minimize ½ kᵀ H k + gᵀ k within limits by projected Newton steps (Bertsekas, SIAM J. Control 20, 1982). `at` receives the
+ * indices of entries that are not at a limit, L the factor of their part of H. Returns their number, or -1 if H is not
+ * positive definite there.
  */
 static int least(const double H[NU][NU], const double* g, const double* low, const double* high, double* k, int* at,
                  double L[NU][NU]) {
@@ -86,7 +86,7 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
         promised += slope[m] * (tried[m] - k[m]);
       }
       if (value(H, g, tried) <= now + 0.1 * promised) break;
-      if (halving == MOST_HALVINGS) return count; /* rounding is all that is left */
+      if (halving == MOST_HALVINGS) return count; /* only rounding is left */
     }
     memcpy(k, tried, sizeof tried);
   }
@@ -99,10 +99,10 @@ static int least(const double H[NU][NU], const double* g, const double* low, con
  * lx, lxx:    cost by the state, (nodes + 1) * NX and * NX * NX.
  * lu, luu:    cost by the command, nodes * NU and * NU * NU.
  * low, high:  limits of du, nodes * NU.
- * damping:    how many times luu is added to itself for k and K.
+ * damping:    regularization: multiple of luu that is added to it for k and K.
  * k, K:       receive the policy, nodes * NU and nodes * NU * NX.
- * promised:   receives the change of the model's cost under this policy.
- * Returns nodes if all is well, else the node at which the curvature by the command is not positive.
+ * promised:   receives the predicted change of the cost under this policy.
+ * Returns nodes on success, else the node at which the curvature by the command is not positive.
  */
 EXPORTED long long backward(long long nodes, const double* slopes, const double* lx, const double* lxx, const double* lu,
                             const double* luu, const double* low, const double* high, double damping, double* k, double* K,
@@ -117,7 +117,7 @@ EXPORTED long long backward(long long nodes, const double* slopes, const double*
     double *kn = k + node * NU, (*Kn)[NX] = (double(*)[NX])(K + node * NU * NX);
     double W[NX][NS], Q[NS][NS], q[NS], H[NU][NU], L[NU][NU], T[NU][NX], t[NU], rows[NU][NX];
     int at[NU] = {0};
-    /* Quadratic model of cost and what follows, by (x, u): Q = Sᵀ V S, q = Sᵀ v, and the node's own. */
+    /* Quadratic model of the cost-to-go by (x, u): Q = Sᵀ V S, q = Sᵀ v, plus the node's own cost. */
     memset(W, 0, sizeof W);
     memset(Q, 0, sizeof Q);
     memcpy(q, lx + node * NX, NX * sizeof(double));
@@ -140,7 +140,7 @@ EXPORTED long long backward(long long nodes, const double* slopes, const double*
     for (int i = 0; i < NU; ++i) kn[i] = fmin(high[node * NU + i], fmax(low[node * NU + i], 0.0));
     const int count = least(H, q + NX, low + node * NU, high + node * NU, kn, at, L);
     if (count < 0) return node;
-    /* A command at its limit follows no feedback. */
+    /* A command at its limit has no feedback. */
     memset(Kn, 0, NU * NX * sizeof(double));
     for (int i = 0; i < count; ++i)
       for (int c = 0; c < NX; ++c) rows[i][c] = -Q[NX + at[i]][c];

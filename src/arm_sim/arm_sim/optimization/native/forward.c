@@ -1,22 +1,22 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Arms that follow one policy with steps of different size, LANES at a time. C where `real` is a double, C++ where it is a
+ * Rollouts of one policy with several step sizes, LANES at a time. C where `real` is a double, C++ where it is a
  * vector of them.
  *
- * Before this file: as for rollout.c, of which it is the twin with feedback.
+ * Required definitions: as for rollout.c, of which this is the variant with feedback.
  */
 #ifdef __cplusplus
 extern "C"
 #endif
-/* Advance arms over `nodes` ticks under u + size k + K (x' - x), within limits.
+/* Simulate arms over `nodes` ticks under u + size k + K (x' - x), within limits.
  *
- * x, u, k, K: the trajectory that is improved and its policy, rows of NX, NU, NU and NU * NX numbers a node.
- * low, high:  limits of the command, NU a node.
- * sizes:      of the step, one an arm.
+ * x, u, k, K: the trajectory to be improved and its policy, rows of NX, NU, NU and NU * NX numbers per node.
+ * low, high:  limits of the command, NU per node.
+ * sizes:      step sizes, one per arm.
  * p:          parameters, for all arms.
- * out:        states; that of arm i at a node at out + i * out_arm + node * NX. The first is given.
- * used:       receives commands, likewise of NU numbers.
- * met:        set to 1 for an arm that meets a stop; its states are worth nothing from there on.
+ * out:        states; that of arm i at a node at out + i * out_arm + node * NX. The first is an input.
+ * used:       receives commands, likewise, of NU numbers.
+ * met:        set to 1 for an arm that meets a stop; its states are invalid from there on.
  */
 __attribute__((visibility("default")))
 void follow(const double* x, const double* u, const double* k, const double* K, const double* low, const double* high,
