@@ -313,7 +313,7 @@ def test_a_step_that_is_too_coarse_is_told_once(caplog: pytest.LogCaptureFixture
     share = abs(run.balance).max() / moved
     assert share > 1e-3
     assert repr(run).startswith("<Recording: 50 ticks, 0 to 1 s")
-    assert "not to be trusted: " in repr(run)
+    assert "not trustworthy: " in repr(run)
     assert repr(run) == repr(run)
     assert run.energy_error == pytest.approx(share, rel=1e-6)
     assert not run.trusted
@@ -336,7 +336,7 @@ def test_what_rests_is_trusted() -> None:
 def test_a_look_does_not_make_ticks_again(sim: Simulator) -> None:
     sim.reset()
     run = sim.run(0.005, U)
-    assert repr(run).endswith("energy account not looked at yet>")
+    assert repr(run).endswith("energy account not evaluated yet>")
     assert run.trusted
     assert "closed to" in repr(run)
 

@@ -22,7 +22,7 @@ class Jump:
         x: State before, shape (nx,).
         p: Tunable quantities before, shape (np,).
         tunable: Names of those that were tunable before.
-        substep: Sub-step that error control tries next in [s]; see ``Simulator.substep``.
+        substep: Next trial sub-step of the error control in [s]; see ``Simulator.substep``.
     """
 
     row: int
@@ -47,7 +47,7 @@ class _Changing(Protocol):
 
 
 class Changes:
-    """Registers changes that a controller makes in its simulation.
+    """Records changes that a controller makes in its simulation.
 
     Args:
         simulator: The simulator at the start of a run.
@@ -71,7 +71,7 @@ class Changes:
         self._last, x[row] = token, here
 
     def held(self, row: int, how: int) -> None:
-        """Register what held the arm in the tick that begins at a row."""
+        """Record what held the arm (servos or brakes) in the tick that begins at a row."""
         self._holds[row] = how
 
     def hold(self, rows: int) -> NDArray[np.uint8] | None:
@@ -92,7 +92,7 @@ class Changes:
         return read_only(np.concatenate(parts))
 
     def jumps(self) -> tuple[Jump, ...]:
-        """The changes, in order of time."""
+        """The changes in chronological order."""
         before = zip(self._rows[1:], self._states, self._tuned, self._substeps, strict=False)
         return tuple(
             Jump(row, read_only(x), self._merged(tuned), tuple(tuned), substep)

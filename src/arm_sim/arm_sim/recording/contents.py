@@ -35,10 +35,10 @@ class Contents:
     """States at the start of a run and after each of its k ticks; arrays are read-only.
 
     Attributes:
-        time: In [s], shape (k+1,). It continues across resets of the simulation.
+        time: Time in [s], shape (k+1,); continues across resets of the simulation.
         q: Joint positions in [rad] or [m], shape (k+1, n).
         v: Joint velocities in [rad/s] or [m/s], shape (k+1, n); NaN where a robot reported none.
-        z: States of the scene's laws, shape (k+1, nz).
+        z: Internal states of drives and friction, shape (k+1, nz).
         command: Effective command from each time, limits applied, shape (k+1, n): torques in
             [N m] or [N], or the command of a joint's drive; the last row repeats the last tick's.
             Of a robot, its measured effort, NaN where it reported none.
@@ -47,7 +47,7 @@ class Contents:
         joint_names: Order of the joints in each row.
         p: Tunable quantities from each time, shape (k+1, np).
         origin: Scene, method and versions; None if unknown.
-        held: Names of the constraints that held.
+        held: Names of the active constraints.
         jumps: Changes between two ticks.
         events: Events during the recording.
         hold: What held the arm in the tick that begins at each time, shape (k+1,): ``FREE``,
@@ -56,7 +56,7 @@ class Contents:
             is damaged.
         substep: Initial sub-step of the error control, in [s]; see ``Simulator.substep``.
         measured: Sensor measurements at each time; None if the scene has no sensors.
-        of_robot: Whether it is of a robot or of another simulator, and not of our ticks.
+        of_robot: Whether it is of a robot or another simulator, not of our own ticks.
     """
 
     time: Array

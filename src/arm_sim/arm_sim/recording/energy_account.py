@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The energy account of a motion: energy stored in laws, work supplied and heat lost.
+"""The energy account of a motion: stored energy, supplied work and dissipated heat.
 
 If a motion is smooth and the command is the torque, both follow from the recorded states, to
-fourth order. With error control that is not accurate enough. If laws have states, a current rises
-and bristles snap within a tick, and with events friction and stops jump within one: a quadrature
-over the recorded states would miss it. Then every tick is repeated from its recorded start, by
-the same method, with work and heat as additional states, which are integrated as accurately as
-the motion itself. All of this is computed on demand.
+fourth order. With error control that is not accurate enough. With internal states, a current rises
+and bristles deflect within a tick, and with events friction and stop forces jump within one: a
+quadrature over the recorded states would miss that. Then every tick is repeated from its recorded
+start, by the same method, with work and heat as additional states, which are integrated as
+accurately as the motion itself. All of this is computed on demand.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from arm_sim.plant.plant import Plant, Power, split
 from arm_sim.plant.present import PresentDynamics
 from arm_sim.stepping.stepper import Stepper
 
-# Number of ticks that a joint may be away from a stop, at its velocity, and still have hit it.
+# Distance to a stop, in ticks at the joint's velocity, within which it may have hit the stop.
 MARGIN = 2.0
 
 FLOWS = (
-    "work supplied [J]", "heat lost [J]", "heat of friction [J]", "work from outside [J]",
+    "work supplied [J]", "heat lost [J]", "heat of friction [J]", "external work [J]",
     "lost in contacts [J]",
 )  # fmt: skip
 """Energies that a repeated tick integrates."""
@@ -44,16 +44,16 @@ ROUNDING = 1e-9
 
 @dataclass(frozen=True)
 class Ledger(Ensemble):
-    """The laws of a scene with energy flows as additional states, which come last.
+    """The models of a scene with energy flows as additional states, which come last.
 
-    They are the work supplied to laws and the heat lost in them, and those of ``Plant.accounted``:
-    heat of the joints' friction and of dampers, external work, and losses in friction of contacts
-    and in compliant stops. Impacts are not included.
+    They are the work supplied to the models and the heat dissipated in them, and those of
+    ``Plant.accounted``: heat of the joints' friction and of dampers, external work, and losses in
+    friction of contacts and in compliant stops. Impacts are not included.
     """
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The laws' states, and the account."""
+        """The internal states, and the account."""
         return (*super().names, *FLOWS)
 
     @property
@@ -62,11 +62,11 @@ class Ledger(Ensemble):
         return np.concatenate([super().scale, np.ones(len(FLOWS))])
 
     def initial(self, q: Array, v: Array) -> Array:
-        """The laws' states, and an empty account."""
+        """The internal states, and an empty account."""
         return np.concatenate([super().initial(q, v), np.zeros(len(FLOWS))])
 
     def equations(self, q: ca.SX, v: ca.SX, z: ca.SX, u: ca.SX) -> Flow:
-        """Equations of the laws, and their powers as rates of the first two energies."""
+        """Equations of the models, and their powers as rates of the first two energies."""
         flow = super().equations(q, v, z, u)
         return Flow(flow.torque, ca.vertcat(flow.slope, flow.supplied, flow.lost))
 
@@ -105,18 +105,19 @@ class EnergyAccount:
     def makes_ticks_again(self, x: Array) -> bool:
         """Whether ``flows`` costs as much as the ticks themselves for states of shape (k+1, nx).
 
-        A smooth motion by fixed steps, without laws, needs it only where it meets a stop.
+        A smooth motion with fixed steps and without internal states requires it only at stops.
         """
         model = self._plant.model
         if self._always or (self._plant.eventful and not self._plant.free):
             return True
         q, v = x[:, : model.n], x[:, model.n : 2 * model.n]
-        # A rebound shows in the velocity after it, even if no recorded position is at the stop.
+        # A rebound is visible in the velocity after it, even if no recorded position is at the
+        # stop.
         near = [q, *(q + way * self._choice.dt * v for way in (-MARGIN, MARGIN))]
         return any(model.stops.touched(place).any() for place in near)
 
     def stored(self, x: Array) -> Array:
-        """Energy that the laws store at states of shape (k, nx), in [J], shape (k,)."""
+        """Energy stored in drives and friction at states of shape (k, nx), in [J], shape (k,)."""
         if not self._plant.laws:
             return np.zeros(len(x))
         return np.array(self._stored(x.T)).ravel()
@@ -145,7 +146,7 @@ class EnergyAccount:
             x: States, shape (k, nx).
             tau: Torques on the joints, friction at rest included, in [N m] or [N], shape (k, n).
             p: Tunable quantities at each state, shape (k, np).
-            held: Names of the constraints that hold.
+            held: Names of the active constraints.
 
         Returns:
             In [N] and [N m], shape (k, m).
@@ -165,7 +166,7 @@ class EnergyAccount:
         Args:
             x: States at the beginning of each tick, shape (k, nx).
             after: States at its end, shape (k, nx).
-            u: Command that acted in each tick, shape (k, n).
+            u: Effective command in each tick, shape (k, n).
             p: Tunable quantities in each tick, shape (k, np).
 
         Returns:
@@ -251,7 +252,7 @@ def relative_error(balance: float, moved: float, size: float) -> float:
 
 
 def friction_heat(plant: Plant) -> Power:
-    """Power lost in the joints' friction and dampers, without laws with states."""
+    """Power lost in the joints' friction and dampers, without friction models with states."""
     model, tuned = plant.model, plant.parameters.place("friction")
     law, tree = model.friction, tree_of(model)
 

@@ -45,7 +45,7 @@ class Metered(Protocol):
 
 
 class EnergyMeter:
-    """Notes every tick cheaply and adds up when asked.
+    """Records every tick cheaply and evaluates the account on request.
 
     Attributes:
         error: Largest unexplained energy so far, relative to the energy that moved.
@@ -60,22 +60,22 @@ class EnergyMeter:
         self._most = np.zeros(3)
 
     def note(self) -> None:
-        """Take in the tick that was just made."""
+        """Record the last tick."""
         self.note_all(self._simulator.x[None], self._simulator.command[None])
 
     def note_all(self, x: Array, u: Array) -> None:
-        """Take in ticks: the states after them, shape (k, nx), and what acted, shape (k, n)."""
+        """Record ticks: states after them, shape (k, nx), and effective commands, shape (k, n)."""
         p = np.broadcast_to(self._simulator.parameters, (len(x), len(self._simulator.parameters)))
         self._ticks.append((x.copy(), u.copy(), p))
 
     def keep_up(self) -> None:
-        """Add up at once what must be made again for it, so that no tick has to wait for many."""
+        """Repeat ticks now where the account requires it, so that no later tick waits for many."""
         after = self._ticks[-1][0]
         if self._simulator.energy_account.makes_ticks_again(np.vstack([self._last, after])):
             self._add_up()
 
     def change(self, action: Callable[[], Any]) -> None:
-        """Run what changes payload, friction, gravity or state, and note what it puts in."""
+        """Run an action that changes payload, friction, gravity or state; record its energy."""
         self._add_up()
         before = sum(self._energies())
         action()
@@ -83,7 +83,7 @@ class EnergyMeter:
         self._changed += sum(self._energies()) - before
 
     def account(self) -> Account:
-        """Sum up the energies since the account was opened."""
+        """The energies since the account was opened."""
         self._add_up()
         energies = self._energies()
         total, (supplied, lost) = float(sum(energies)), self._flows.tolist()

@@ -17,8 +17,8 @@ _STYLE = {
     "font.size": 9.0, "lines.linewidth": 1.2,
 }  # fmt: skip
 _LINES = ("-", "--", ":", "-.")
-_POINTS = 4000  # of a line; more than a figure has columns
-_MARKS = 40  # events drawn at most
+_POINTS = 4000  # points of a line; more than a figure has pixel columns
+_MARKS = 40  # largest number of events drawn
 
 
 def draw(recordings: Sequence[Motion], joints: Sequence[str]) -> Any:
@@ -68,7 +68,7 @@ def _joints(recordings: Sequence[Motion], asked: Sequence[str]) -> list[str]:
 
 
 def _there(recordings: Sequence[Motion], part: str) -> bool:
-    """Whether any of them has a quantity."""
+    """Whether any of the recordings has a quantity."""
     return any(np.isfinite(parts(recording)[part]).any() for recording in recordings)
 
 

@@ -36,7 +36,7 @@ def with_scene(contents: Contents, scene: Any) -> Contents:
         )
     if contents.origin is not None:
         raise SceneError(
-            "the recording brings the scene that made it; another one cannot take its place "
+            "the recording contains its own scene, which cannot be replaced "
             "(./arm replay --scene repeats it with another one)"
         )
     order = [names.index(name) for name in model.joint_names]

@@ -48,16 +48,16 @@ class Recording(Contents):
 
         Args:
             path: ``.npz`` for NumPy; ``.mcap`` for ``ros2 bag``, PlotJuggler and Foxglove; without
-                suffix a folder, as ``ros2 bag record`` makes them. What is there is replaced.
+                suffix a folder, as ``ros2 bag record`` creates it. Existing files are replaced.
 
         Returns:
-            Where it is.
+            Path of the file or folder.
 
         Raises:
-            InvalidInput: If the suffix is another one, or the motion is not of a scene.
+            InvalidInput: If the suffix is not supported, or the motion is not of a scene.
             OSError: If it cannot be written.
         """
-        from arm_sim.recording import files  # with libraries that a run does not need
+        from arm_sim.recording import files  # imports libraries that a run does not require
 
         return files.save(self, path, lambda: self.tau)
 
@@ -101,7 +101,7 @@ class Recording(Contents):
         """Columns by name, each of shape (k+1,), such as ``time`` and ``position.elbow``.
 
         Positions, velocities, efforts (torques on the joints), commands of joints with drives, and
-        states of laws.
+        internal states.
         """
         return columns(self)
 
@@ -201,7 +201,7 @@ class Recording(Contents):
 
     @property
     def stored(self) -> Array:
-        """Energy stored in laws in [J], shape (k+1,): flexible drives, inductances, bristles."""
+        """Stored energy in [J], shape (k+1,): flexible drives, inductances, bristles."""
         return self._energies[:, 2]
 
     @cached_property
@@ -221,7 +221,7 @@ class Recording(Contents):
 
     @cached_property
     def stop_torque(self) -> Array:
-        """Torques with which stops hold joints back from each time on in [N m] or [N], (k+1, n).
+        """Torques of the stops on the joints from each time in [N m] or [N], (k+1, n).
 
         See ``Simulator.stop_torque``.
         """
@@ -323,7 +323,7 @@ class Recording(Contents):
         fresh = "account" in vars(self.physics)
         cheap = fresh and not self.account.makes_ticks_again(self._x)
         known = "energy_error" in vars(self) or cheap
-        told = self._told(self.energy_error) if known else "energy account not looked at yet"
+        told = self._told(self.energy_error) if known else "energy account not evaluated yet"
         return [method, told]
 
     @staticmethod
@@ -331,7 +331,7 @@ class Recording(Contents):
         if error <= TRUSTED:
             return f"energy account closed to {error:.2g} of the energy that moved"
         return (
-            f"not to be trusted: the energy account is off by {error:.2g} of the energy that "
+            f"not trustworthy: the energy account is off by {error:.2g} of the energy that "
             f"moved, more than {TRUSTED:g}"
         )
 
@@ -381,7 +381,7 @@ class Recording(Contents):
     def _flows(self) -> Array:
         if self.of_robot:
             raise InvalidInput(
-                "what came in and went out between measured states is not known; of a recording "
+                "supplied work and lost heat between measured states are unknown; a recording "
                 "of a robot there are kinetic, potential and stored energy only"
             )
         x, after = self._x, self._x[1:].copy()

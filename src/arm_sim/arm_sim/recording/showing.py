@@ -35,7 +35,7 @@ class Recorded(Protocol):
 
     @property
     def z(self) -> Array:
-        """States of laws, shape (k, nz)."""
+        """Internal states, shape (k, nz)."""
 
     @property
     def command(self) -> Array:
@@ -59,7 +59,7 @@ class Recorded(Protocol):
 
     @property
     def of_robot(self) -> bool:
-        """Whether it is of a robot, and not of our ticks."""
+        """Whether it is of a robot, not of our own ticks."""
 
     @property
     def account(self) -> EnergyAccount:
@@ -69,7 +69,7 @@ class Recorded(Protocol):
         """Number of states."""
 
     def part(self, rows: Array) -> Recorded:
-        """Some of its states."""
+        """The selected states."""
 
     @property
     def tau(self) -> Array:
@@ -85,7 +85,7 @@ class Recorded(Protocol):
 
     @property
     def stored(self) -> Array:
-        """Energy of laws, shape (k,)."""
+        """Stored energy of drives and friction, shape (k,)."""
 
     @property
     def supplied(self) -> Array:

@@ -60,7 +60,7 @@ class Motion(Protocol):
 
 
 UNITS = {"position": ("rad", "m"), "velocity": ("rad/s", "m/s"), "effort": ("N m", "N")}
-"""Of what turns and of what slides."""
+"""Units of revolute and of prismatic joints."""
 
 
 def parts(recording: Motion) -> dict[str, Array]:
@@ -118,4 +118,4 @@ def _laws(recording: Motion) -> tuple[str, ...]:
 
 
 def _missing(name: str, method: str) -> str:
-    return f"{method} needs {name}, which is not installed; to_dict works without it"
+    return f"{method} requires {name}, which is not installed; to_dict works without it"

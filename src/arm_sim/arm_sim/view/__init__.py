@@ -3,8 +3,8 @@
 
 The content of a picture (shapes, marks: computed by Pinocchio) is independent of its drawing
 (stage, charts: viser), and both are independent of the source of motion (player, bench, follower).
-Depends on the model of the arm and on how a simulation is used, and not on the simulator itself,
-whose method ``view`` leads here.
+Depends on the arm model and on the interface of a simulation, but not on the simulator itself,
+whose method ``view`` calls this package.
 """
 
 from arm_sim.view.bench import Rig

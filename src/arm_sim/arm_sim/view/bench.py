@@ -28,14 +28,14 @@ from arm_sim.view.stage import Actor
 if TYPE_CHECKING:
     import viser
 
-NOTHING, WEIGHT, SLIDERS = "nothing", "its weight is carried", "it goes to the sliders"
+NOTHING, WEIGHT, SLIDERS = "nothing", "gravity compensation", "move to sliders"
 CONTROLS = (NOTHING, WEIGHT, SLIDERS)
 SPEEDS = ("0.05", "0.1", "0.25", "0.5", "1", "2")
-AT_ONCE = 0.025  # [s] of this machine's time that ticks may take between two pictures
+AT_ONCE = 0.025  # [s] of real time that ticks may take between two frames
 MEMORY = 10.0  # [s] that curves go back
 SAMPLED = 0.02  # [s] between points of curves, in simulated time
 CHARTED = 0.25  # [s] between drawings of curves
-EAGER = 4.0  # [rad/s] with which references go to the sliders
+EAGER = 4.0  # [rad/s] with which references move to the sliders
 UNLIMITED = {"prismatic": 1.0}  # range of a slider without limits in [m]; others: one turn
 
 
@@ -60,13 +60,13 @@ class Simulated(Protocol):
 
     @property
     def effort(self) -> Array:
-        """Torques that acted, shape (n,)."""
+        """Effective torques, shape (n,)."""
 
     def advance(self, tau: Sequence[float]) -> None:
-        """Make a tick."""
+        """Advance by one tick."""
 
     def reset(self) -> State:
-        """Start again."""
+        """Reset to the initial state."""
 
     def set_state(self, q: Any = None, v: Any = None) -> State:
         """Set its state."""
@@ -120,7 +120,7 @@ class Rig:
     def push(self, frame: str, wrench: Array, ticks: int) -> None:
         """Apply a force in [N] and moment in [N m], in world axes, to a frame for some ticks."""
         if not self._pushable:
-            self.wrenches.push(frame, wrench, 0)  # refuses at once what cannot be pushed
+            self.wrenches.push(frame, wrench, 0)  # raises an error if it cannot be pushed
             self.account.change(self._let_push)
             self._pushable = True
         self.wrenches.push(frame, wrench, self.simulation.state.step + ticks - 1)
@@ -129,7 +129,7 @@ class Rig:
         """Make a tick."""
         simulation, state = self.simulation, self.simulation.state
         if state.step != self._seen:
-            self.account.forget()  # somebody else has moved it
+            self.account.forget()  # the state was changed from elsewhere
         if self.wrenches.active or self._pushed:
             torque = self.wrenches.torque(state.q, state.step)
             simulation.set_parameter("external", torque)
@@ -197,7 +197,7 @@ class Bench:
         step.on_click(lambda _: order(lambda: self.step(int(self._ticks.value))))
         gui.add_button("Reset").on_click(lambda _: order(self.reset))
         self._speed = gui.add_dropdown("speed", SPEEDS, initial_value="1")
-        control = gui.add_dropdown("what moves it", CONTROLS, initial_value=NOTHING)
+        control = gui.add_dropdown("controller", CONTROLS, initial_value=NOTHING)
         control.on_update(self.pulse.moved(self._choose))
         self._status = gui.add_markdown("")
         self._sliders = [
@@ -225,7 +225,7 @@ class Bench:
         self.draw()
 
     def step(self, ticks: int) -> None:
-        """Make some ticks."""
+        """Advance by some ticks."""
         self.run(False)
         for _ in range(ticks):
             self._tick()

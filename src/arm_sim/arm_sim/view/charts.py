@@ -20,8 +20,8 @@ COLOURS = (
     "#1f77b4", "#ff7f0e", "#2ca02c", "#d62728", "#9467bd", "#8c564b", "#e377c2", "#7f7f7f",
     "#bcbd22", "#17becf",
 )  # fmt: skip
-POINTS = 1200  # of a curve
-WIDTH = 380  # of the panel in pixels
+POINTS = 1200  # points of a curve
+WIDTH = 380  # size of the panel in pixels
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ def with_curves(page: str, charts: Sequence[Chart], times: Sequence[float], rate
         "begin": times[0], "end": times[-1], "pictures": len(times), "rate": rate,
     }  # fmt: skip
     data = json.dumps(drawn, separators=(",", ":"), allow_nan=False)
-    data = data.replace("<", "\\u003c")  # a name must not end the script
+    data = data.replace("<", "\\u003c")  # a name must not terminate the script
     fragment = (files(__package__) / "curves.html").read_text(encoding="utf-8")
     head, end, tail = page.rpartition("</body>")
     return head + fragment.replace("DRAWN", data) + end + tail

@@ -14,7 +14,7 @@ from arm_sim.exceptions import ViewError
 from arm_sim.view.charts import Chart
 from arm_sim.view.marks import Instant
 
-LOOKS = 4000  # instants of a motion at which forces are looked at, at most
+LOOKS = 4000  # largest number of instants at which forces are computed
 
 
 @dataclass(frozen=True)

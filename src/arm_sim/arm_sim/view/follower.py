@@ -22,8 +22,8 @@ if TYPE_CHECKING:
 
 MEMORY, SAMPLED = 20.0, 0.05  # [s] that curves go back, and between their points
 CHARTED = 0.5  # [s] between drawings of curves
-OLD = 0.5  # [s] after which an arm counts as silent
-ENERGIES = ("kinetic", "potential", "total", "came in", "went out")
+OLD = 0.5  # [s] without data after which an arm is reported as silent
+ENERGIES = ("kinetic", "potential", "total", "supplied", "dissipated")
 
 
 @dataclass(frozen=True)
@@ -35,7 +35,7 @@ class News:
         q: Joint positions in [rad] or [m], shape (n,).
         effort: Torques in [N m] or [N], shape (n,).
         error: Errors from its reference, shape (n,); zeros if unknown.
-        energy: Those of ``ENERGIES`` in [J], shape (5,); zeros if unknown.
+        energy: The ``ENERGIES`` in [J], shape (5,); zeros if unknown.
     """
 
     time: float
@@ -70,7 +70,7 @@ class Follower:
         self._server, self._pairs = server, tuple(zip(told, actors, strict=True))
         self.pulse = Pulse(self._beat, self._say)
         self._status = server.gui.add_markdown("waiting")
-        forget = server.gui.add_button("Forget the way")
+        forget = server.gui.add_button("Clear path")
         forget.on_click(lambda _: self.pulse.order(self._forget))
         size = round(MEMORY / SAMPLED)
         self._samples: list[deque[tuple[float, Array]]] = [deque(maxlen=size) for _ in actors]
@@ -103,7 +103,7 @@ class Follower:
     def _take(self, news: News, actor: Actor, samples: deque[tuple[float, Array]]) -> None:
         with self._server.atomic():
             actor.trail(actor.draw(Instant(news.time, news.q)).hand)
-        if samples and news.time < samples[-1][0]:  # it was started again
+        if samples and news.time < samples[-1][0]:  # it was restarted
             samples.clear()
             actor.forget_way()
         if not samples or news.time - samples[-1][0] >= SAMPLED:
@@ -114,7 +114,7 @@ class Follower:
         now, lines = time.monotonic(), []
         for (_, actor), heard, at in zip(self._pairs, self._heard, self._times, strict=True):
             silent = f", silent for {now - heard:.0f} s" if now - heard > OLD else ""
-            lines.append(f"{actor.name}: t = {at:.2f} s{silent if heard else ', not heard yet'}")
+            lines.append(f"{actor.name}: t = {at:.2f} s{silent if heard else ', no data yet'}")
         self._status.content = "\n\n".join([*lines, *([f"**{trouble}**"] if trouble else [])])
 
     def _curves(self) -> list[Chart]:

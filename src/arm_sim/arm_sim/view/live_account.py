@@ -52,13 +52,13 @@ class Meter(Protocol):
     """Keeps an account, as an ``EnergyMeter``."""
 
     def note(self) -> None:
-        """Take in a tick."""
+        """Record a tick."""
 
     def change(self, action: Callable[[], None]) -> None:
-        """Run what changes the scene."""
+        """Run an action that changes the scene."""
 
     def account(self) -> Energies:
-        """Add up."""
+        """The energies since the account was opened."""
 
 
 class LiveAccount:
@@ -67,12 +67,12 @@ class LiveAccount:
     Ticks do not wait for that: the account opens with the first after it.
 
     Args:
-        build: Builds what accounts need; called on a thread of its own.
-        open_meter: Opens an account at the present state.
+        build: Builds the equations of accounts; called on a separate thread.
+        open_meter: Opens an account at the current state.
         stores: Whether drives or bristles store energy.
 
     Attributes:
-        names: Of the energies of ``now``.
+        names: Names of the energies of ``now``.
     """
 
     def __init__(
@@ -98,7 +98,7 @@ class LiveAccount:
         pool.shutdown(wait=False)  # the thread ends with its job
 
     def note(self) -> None:
-        """Take in the tick that was just made."""
+        """Record the last tick."""
         if self._meter is not None:
             self._meter.note()
         elif self._built is not None and self._built.done() and self._built.result():
@@ -109,7 +109,7 @@ class LiveAccount:
         if self._built is None:
             action()
             return
-        self._built.result()  # equations are built one after the other
+        self._built.result()  # equations are built one after another
         action() if self._meter is None else self._meter.change(action)
         self.prepare()
 

@@ -32,7 +32,7 @@ class Instant:
     """The data of a picture of an arm at one instant.
 
     Attributes:
-        time: In [s].
+        time: Time in [s].
         q: Joint positions in [rad] or [m], shape (n,).
         contacts: Points in the world in [m] and forces on the arm there in [N], shape (k, 2, 3).
         multipliers: λ of the constraints, shape (m,); empty if unknown.
@@ -51,8 +51,8 @@ class Marks:
     """Positions in the world, in [m].
 
     Attributes:
-        position: Of Pinocchio's joints, the world first, shape (k, 3).
-        rotation: Of their axes as quaternions w, x, y, z, shape (k, 4).
+        position: Positions of Pinocchio's joints, the world first, shape (k, 3).
+        rotation: Orientations of their axes as quaternions w, x, y, z, shape (k, 4).
         hand: Position of the hand, shape (3,).
         contacts: Points and forces in [N] there, shape (c, 2, 3).
         constraints: The same of constraints between frames, on the first one, shape (r, 2, 3).
@@ -118,7 +118,8 @@ class Marker:
     def extent(self, q: Array, carried: Iterable[tuple[int, Array]] = ()) -> Array:
         """Points that the arm reaches around at joint positions, shape (k, 3).
 
-        Origins of joints and frames, and as far beyond the centre of mass of each body.
+        Origins of joints and frames, and points equally far beyond the centre of mass of each
+        body.
 
         Args:
             q: Joint positions, shape (n,).
@@ -151,7 +152,7 @@ class Marker:
         """Points and forces on the first frame of each constraint, shape (r, 2, 3).
 
         The power of λ is that of the force: λ·A q̇ = f·u̇ with u the first point as seen from the
-        second frame. λ acts against the motion, see ``Dynamics.constrained_forward``.
+        second frame. λ is opposed to the motion, see ``Dynamics.constrained_forward``.
         """
         if self._rows is None or not len(multipliers):
             return _NONE

@@ -25,13 +25,16 @@ HOW_TO_GET_ONE = (
     "install one (Debian: sudo apt install chromium; Ubuntu: sudo snap install chromium), or name "
     "one in ARM_BROWSER"
 )
-DRAWING = (  # without a graphics card, too
+DRAWING = (  # also without a graphics card
     "--use-gl=angle", "--use-angle=swiftshader", "--enable-unsafe-swiftshader",
     "--hide-scrollbars", "--disable-dev-shm-usage",
 )  # fmt: skip
 PATIENCE = 60.0  # [s] for the page, and for each picture
 MARGIN = 8  # pixels between that panel and the drawing
-SETTLED, STILL = 0.5, 3  # [s] from look to look at what is drawn, and how many must be alike
+SETTLED, STILL = (
+    0.5,
+    3,
+)  # [s] between pictures, and how many must be equal
 
 
 def browser() -> str:
@@ -65,7 +68,7 @@ def page_in_browser(url: str, size: tuple[int, int]) -> Iterator[Any]:
     program = browser()
     from playwright.sync_api import Error, sync_playwright
 
-    root = hasattr(os, "geteuid") and os.geteuid() == 0  # whom Chromium's sandbox does not take
+    root = hasattr(os, "geteuid") and os.geteuid() == 0  # Chromium's sandbox refuses it
     arguments = [*DRAWING, *(["--no-sandbox"] if root else [])]
     width, height = size
     with sync_playwright() as playwright:
@@ -101,7 +104,7 @@ def camera(server: viser.ViserServer, size: tuple[int, int]) -> Iterator[Any]:
             try:
                 return client.get_render(height, width, timeout=PATIENCE)[..., :3]
             except (TimeoutError, RuntimeError) as error:
-                raise ViewError(f"the browser gave no picture: {error}") from None
+                raise ViewError(f"the browser returned no picture: {error}") from None
 
         _wait_until_still(page, shoot)
         yield shoot
@@ -120,13 +123,13 @@ def _wait_until_still(page: Any, shoot: Callable[[], Any]) -> None:
 
 
 def refuse_film(path: Path) -> None:
-    """Refuse a film that ``write_film`` cannot write, before any picture is drawn.
+    """Reject a film that ``write_film`` cannot write, before any picture is drawn.
 
     Raises:
         ViewError: If the format is unknown, or ffmpeg is missing.
     """
     if path.suffix not in (".gif", ".mp4"):
-        raise ViewError(f"'{path}': films are .gif or .mp4")
+        raise ViewError(f"'{path}': unknown film format; allowed: .gif, .mp4")
     if path.suffix == ".mp4" and shutil.which("ffmpeg") is None:
         raise ViewError(
             f"'{path}': .mp4 needs ffmpeg (Debian, Ubuntu: sudo apt install ffmpeg); .gif does not"

@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     import viser
 
 SPEEDS = ("0.1", "0.25", "0.5", "1", "2", "5", "10")
-WAY_POINTS = 1500  # of the way of a hand
+WAY_POINTS = 1500  # points of the path of a hand
 
 
 class Player:

@@ -35,7 +35,7 @@ class Pulse:
         self._thread = threading.Thread(target=self._run, name="arm view", daemon=True)
 
     def start(self) -> None:
-        """Begin."""
+        """Start the thread."""
         self._thread.start()
 
     def order(self, action: Callable[[], object]) -> None:
@@ -56,7 +56,7 @@ class Pulse:
         return callback
 
     def stop(self) -> None:
-        """End, and wait until it has ended."""
+        """End the thread, and wait until it has ended."""
         self._ended.set()
         if self._thread.is_alive() and self._thread is not threading.current_thread():
             self._thread.join(timeout=5.0)
@@ -83,6 +83,6 @@ class Pulse:
             action()
         except ArmError as error:
             self._on_error(str(error))
-        except Exception as error:  # a page that stands still would not say why
+        except Exception as error:  # otherwise the page would stop without a message
             _log.exception("the view met a failure")
             self._on_error(f"{type(error).__name__}: {error}")

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 HERE = "127.0.0.1"
 PORT = 8080
-TRIED = 50  # ports after the usual one
+TRIED = 50  # ports tried after the default one
 
 _log = logging.getLogger(__name__)
 
@@ -56,7 +56,7 @@ def open_server(label: str, host: str = HERE, port: int | None = None) -> viser.
     if server.get_port() != chosen:
         close_server(server)
         raise ViewError(f"port {chosen} of {host} was just taken by another process; try again")
-    # The library can let the whole world in through a tunnel, for whoever asks the page to.
+    # The library can publish the page through a tunnel, on request of any visitor.
     server.request_share_url = lambda verbose=True: None
     server.gui.configure_theme(show_share_button=False, show_logo=False)
     return server
@@ -69,7 +69,7 @@ def close_server(server: viser.ViserServer) -> None:
 
 
 def address(server: viser.ViserServer) -> str:
-    """What a browser is to open."""
+    """URL for a browser."""
     host = server.get_host()
     return f"http://{'localhost' if host == '0.0.0.0' else host}:{server.get_port()}"
 
@@ -99,7 +99,7 @@ def _free_port(host: str, port: int | None) -> int:
 def _silent() -> Iterator[None]:
     """Suppress the library's own tables, but not the output of other threads.
 
-    It prints through rich's common console, which nobody else of the suite uses.
+    It prints through rich's global console, which the suite does not use otherwise.
     """
     import rich
 

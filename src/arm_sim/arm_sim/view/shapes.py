@@ -26,8 +26,8 @@ METAL: Colour = (0.72, 0.74, 0.78, 1.0)
 LOAD: Colour = (0.93, 0.55, 0.15, 1.0)
 SURFACE: Colour = (0.45, 0.6, 0.75, 0.35)
 TOUCH: Colour = (0.15, 0.35, 0.6, 1.0)
-LOAD_DENSITY = 1000.0  # [kg/m³] of the balls that stand for payloads
-THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, of the robot's reach
+LOAD_DENSITY = 1000.0  # [kg/m³] of the balls that represent payloads
+THIN, THICK = 0.012, 0.08  # least and largest radius of capsules, relative to the robot's reach
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ def reach(robot: Robot) -> float:
 def corners(visual: Visual) -> Array:
     """Corners of the box around a solid, in the frame of the joint that carries it, shape (8, 3).
 
-    Of a mesh, whose size is in its file, only the position.
+    For a mesh, whose size is in its file, only its position.
     """
     shape = visual.shape
     if isinstance(shape, Box):
@@ -199,8 +199,8 @@ def capsules_of(robot: Robot, joints: Iterable[int]) -> list[Visual]:
     """Bodies of joints as capsules of the same inertia, with thin ones to the next joints.
 
     A cylinder of mass m, radius r and length l has m r²/2 about its axis and m (3 r² + l²)/12
-    across (Goldstein, Classical Mechanics, section 5.3); these are solved for r and l, the mean of
-    the larger two moments taken for the one across, and the ends are rounded.
+    across (Goldstein, Classical Mechanics, section 5.3); these are solved for r and l, with the
+    mean of the two larger moments as the transverse one, and the ends are rounded.
 
     Args:
         robot: The robot.
@@ -235,13 +235,13 @@ def _capsule(body: pin.Inertia, size: float) -> tuple[pin.SE3, Cylinder]:
 
 
 def _along(direction: Array) -> Array:
-    """A rotation that brings z onto a direction, shape (3, 3)."""
+    """A rotation that maps z to a direction, shape (3, 3)."""
     z = np.array([0.0, 0.0, 1.0])
     turn: Array = pin.Quaternion.FromTwoVectors(z, np.asarray(direction, dtype=float)).matrix()
     return turn
 
 
-# --- what the scene adds ---------------------------------------------------------------------
+# --- additions of the scene ---------------------------------------------------------------------
 
 
 def _payloads(robot: Robot) -> Iterable[Visual]:

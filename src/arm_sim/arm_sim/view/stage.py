@@ -41,9 +41,9 @@ CONTACT, TIE, SPRING, STOP, WAY = (
 )  # fmt: skip
 """Colors of forces of contacts and constraints, springs, stops, and the path of the hand."""
 
-LONGEST = 0.6  # length of an arrow, of the reach; half of it stands for the arm's weight
-FIELD = 0.7  # [rad] that the camera sees from top to bottom
-KEPT = 300  # points of the way behind a moving hand
+LONGEST = 0.6  # length of an arrow, relative to the reach; half of it represents the arm's weight
+FIELD = 0.7  # [rad] vertical field of view of the camera
+KEPT = 300  # points of the path behind a moving hand
 
 
 class Actor:
@@ -104,7 +104,7 @@ class Actor:
                 thickness_units="screen",
             )
             for kind, colour, width in (
-                ("springs", SPRING, 4.0), ("way", WAY, 2.5), ("whole way", (150, 150, 150), 1.5)
+                ("springs", SPRING, 4.0), ("path", WAY, 2.5), ("whole path", (150, 150, 150), 1.5)
             )
         }  # fmt: skip
         self._stops = [
@@ -114,7 +114,7 @@ class Actor:
             for i in range(model.n)
         ]
         self._shown = dict.fromkeys(
-            ("contact forces", "constraint forces", "springs", "way"), True
+            ("contact forces", "constraint forces", "springs", "path"), True
         )
 
     def draw(self, instant: Instant) -> Marks:
@@ -140,16 +140,16 @@ class Actor:
         if self._way and float(np.linalg.norm(hand - self._way[-1])) < 2e-3 * self.size:
             return
         self._way = [*self._way[-KEPT:], hand]
-        self._set(self._lines["way"], _pairs(np.array(self._way)), self._shown["way"])
+        self._set(self._lines["path"], _pairs(np.array(self._way)), self._shown["path"])
 
     def forget_way(self) -> None:
         """Restart the hand's path."""
         self._way = []
-        self._lines["way"].visible = False
+        self._lines["path"].visible = False
 
     def show_path(self, path: Array) -> None:
         """Draw a complete, permanent path of the hand, shape (k, 3)."""
-        self._set(self._lines["whole way"], _pairs(path), self._shown["way"])
+        self._set(self._lines["whole path"], _pairs(path), self._shown["path"])
 
     def show_axes(self, on: bool) -> None:
         """Show or hide the axes of the joints' frames."""
@@ -162,10 +162,10 @@ class Actor:
             link.visible = on
 
     def show(self, kind: str, on: bool) -> None:
-        """Show or hide ``way``, ``springs``, ``contact forces`` or ``constraint forces``."""
+        """Show or hide ``path``, ``springs``, ``contact forces`` or ``constraint forces``."""
         self._shown[kind] = on
         for handle in (
-            [self._lines["way"], self._lines["whole way"]] if kind == "way"
+            [self._lines["path"], self._lines["whole path"]] if kind == "path"
             else [(self._arrows | self._lines)[kind]]
         ):  # fmt: skip
             handle.visible = on and bool(np.ptp(handle.points))
@@ -193,7 +193,7 @@ class Actor:
             try:
                 handle = self._draw_one(visual, f"{joints[visual.joint]}/{i} {visual.name}")
                 handles.append((visual.name, handle))
-            except Exception as error:  # whatever a parser of meshes may raise
+            except Exception as error:  # any error of a mesh parser
                 _log.warning(
                     "link '%s' is drawn without its mesh %s: %s: %s", visual.name,
                     getattr(visual.shape, "path", ""), type(error).__name__, error,
@@ -274,7 +274,7 @@ def _coils(springs: Array, size: float, turns: int = 9) -> Array:
 
 @lru_cache(maxsize=256)
 def _glb(mesh: Mesh, colour: Colour | None) -> bytes:
-    """A mesh file as binary glTF, in [m]; a color is for files that have none."""
+    """A mesh file as binary glTF, in [m]; a color applies to files that have none."""
     import trimesh
 
     loaded = trimesh.load_scene(mesh.path)

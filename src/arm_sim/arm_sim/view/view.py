@@ -27,9 +27,9 @@ if TYPE_CHECKING:
     import viser
 
 SIZE = 960, 600
-RATE = 25.0  # [Hz] pictures of a film
+RATE = 25.0  # [Hz] frame rate of a film
 MOST = 3000  # pictures of a page or film
-GAP = 0.6  # between arms that stand beside each other, of the reach of the larger
+GAP = 0.6  # distance between adjacent arms, relative to the reach of the larger
 
 
 class View:
@@ -47,7 +47,7 @@ class View:
         self._server, self.actors, self.source = server, tuple(actors), source
         with server.gui.add_folder("Show", expand_by_default=False):
             for what, on in (
-                ("links", True), ("axes", False), ("way", True), ("springs", True),
+                ("links", True), ("axes", False), ("path", True), ("springs", True),
                 ("contact forces", True), ("constraint forces", True),
             ):  # fmt: skip
                 self._add_switch(what, on)
@@ -55,7 +55,7 @@ class View:
 
     @property
     def url(self) -> str:
-        """What a browser is to open."""
+        """URL of the page."""
         return address(self._server)
 
     @property
@@ -175,7 +175,7 @@ class View:
 
     def _times(self, rate: float) -> list[float]:
         if not isinstance(self.source, Player):
-            raise ViewError("a simulation has no end; films and times are for recordings")
+            raise ViewError("a simulation has no end; films and times require a recording")
         if not rate > 0.0:
             raise ViewError(f"{rate:g} pictures per second of the motion; more than 0 is expected")
         begin, end = self.source.begin, self.source.end
@@ -185,7 +185,7 @@ class View:
     def _seek(self, time: float) -> None:
         """Draw a time of the motion immediately: the pulse draws only when it plays."""
         if not isinstance(self.source, Player):
-            raise ViewError("a simulation has no end; films and times are for recordings")
+            raise ViewError("a simulation has no end; films and times require a recording")
         self.source.play(False)
         self.source.seek(time)
 

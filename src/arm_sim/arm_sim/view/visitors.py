@@ -24,7 +24,7 @@ _starting = threading.Lock()
 
 
 def refusal(asked: str | None, origin: str | None, host: str) -> str:
-    """Why a request is refused; empty if it is not.
+    """Reason why a request is refused; empty if it is accepted.
 
     Args:
         asked: Its header ``Host``: the address that the browser opened.
@@ -57,7 +57,7 @@ def _means_this_machine(name: str | None, host: str) -> bool:
         ip_address(name)
     except ValueError:
         return False
-    return True  # nobody can make an address mean another machine
+    return True  # a plain address cannot be rebound to another machine
 
 
 def _same(site: SplitResult, address: SplitResult) -> bool:

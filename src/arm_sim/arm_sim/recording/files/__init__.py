@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Files of recordings: our own (MCAP and NumPy), bags of robots, and tables.
+"""Files of recordings: the suite's own (MCAP and NumPy), bags of robots, and tables.
 
-Depends on the parts of a recording and on the formats, and not on ROS: messages are serialized
-here. Public are ``save`` and ``load``, and what the recorder of a running system uses for writing.
+Depends on the contents of a recording, but not on ROS: messages are serialized here. Public are
+``save`` and ``load``, and the writers used by the recorder of a running system.
 """
 
 from __future__ import annotations
@@ -32,8 +32,8 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
 
     Args:
         contents: The recording.
-        path: Where.
-        efforts: Returns the torques that act on the joints from each time, shape (k+1, n).
+        path: Path of the file or folder.
+        efforts: Returns the torques on the joints from each time, shape (k+1, n).
     """
     path = Path(path)
     if path.suffix == ".npz":
@@ -58,7 +58,7 @@ def save(contents: Contents, path: str | os.PathLike[str], efforts: Callable[[],
 
 
 def where(path: Path) -> tuple[Path, Path | None]:
-    """The MCAP file of a path, and the bag's folder if it is one, which is created.
+    """The MCAP file of a path, and the bag's folder, which is created, if the path is one.
 
     Raises:
         InvalidInput: If it is neither.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages of bags that ROS 2 wrote: MCAP, SQLite, or a folder of them; no ROS is needed."""
+"""Reading of ROS 2 bags without ROS: MCAP, SQLite, or a folder of them."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ def _folder(path: Path, wanted: Callable[[str, str], bool]) -> Found:
     """The files of a bag, in the order of their names."""
     files = [file for suffix in BAGS for file in path.glob(f"*{suffix}")]
     if not files:
-        raise InvalidInput(f"'{path}' holds no {' and no '.join(BAGS)}; a bag's folder does")
+        raise InvalidInput(f"'{path}' contains no {' or '.join(BAGS)}; allowed: a bag's folder")
     by_number = sorted(files, key=lambda file: (len(file.stem), file.stem))
     first, *others = (read_bag(file, wanted) for file in by_number)
     for other in others:
@@ -53,7 +53,7 @@ def _sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Found:
     """The layout of rosbag2_storage_sqlite3: tables ``topics`` and ``messages``."""
     with path.open("rb") as file:
         if file.read(len(SQLITE)) != SQLITE:
-            raise InvalidInput(f"'{path}' is no SQLite database, which a bag .db3 is")
+            raise InvalidInput(f"'{path}' is not an SQLite database; allowed for .db3: a bag")
     found = Found()
     try:
         with closing(
@@ -73,7 +73,7 @@ def _sqlite(path: Path, wanted: Callable[[str, str], bool]) -> Found:
                 found.count += 1
     except sqlite3.Error as error:
         if not any(found.messages.values()):
-            raise InvalidInput(f"'{path}' is damaged or no bag of ROS 2: {error}") from None
+            raise InvalidInput(f"'{path}' is damaged or not a bag of ROS 2: {error}") from None
         found.damage.append(f"it is damaged from message {found.count} on: {error}")
     return found
 

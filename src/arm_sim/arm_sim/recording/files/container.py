@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
 """MCAP files, written chunk by chunk and read as far as they are intact.
 
-So a failure loses at most the last chunk. Specification: https://mcap.dev/spec. The library
+A failure thus loses at most the last chunk. Specification: https://mcap.dev/spec. The library
 ``mcap`` writes and reads every kind of record except messages: it takes 20 µs for one in Python,
 and a recording of ten minutes has two million. Here a chunk of them is one array.
 """
@@ -31,14 +31,14 @@ try:
     from mcap.opcode import Opcode
 except ModuleNotFoundError as error:
     raise InvalidInput(
-        f"files of recordings need the module '{error.name}': pip install mcap (./arm has it)"
+        f"files of recordings require the module '{error.name}': pip install mcap (./arm has it)"
     ) from None
 
 MAGIC = b"\x89MCAP0\r\n"
 MESSAGE = struct.Struct("<BQHIQQ")
 """Head of a message: opcode, length, channel, sequence, log time and publish time in [ns]."""
 _PREFIX, _CHUNK = struct.Struct("<BQ"), struct.Struct("<QQQI")
-_IDS_AND_TIMES = 22  # bytes of a message's record before its data
+_IDS_AND_TIMES = 22  # bytes of a message record before its data
 _LEVEL = 1  # of zstd; see docs/how-to/recordings.md for a comparison
 
 
@@ -265,7 +265,7 @@ class Found:
         found, schemas = cls(), dict[int, str]()
         with path.open("rb") as file:
             if file.read(len(MAGIC)) != MAGIC:
-                raise InvalidInput(f"'{path}' is no MCAP file: it does not begin as one")
+                raise InvalidInput(f"'{path}' is not an MCAP file: its first bytes differ")
             with mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as raw:
                 for opcode, start, end in found._records(raw):
                     found._take(raw, opcode, start, end, schemas, wanted)
@@ -282,7 +282,7 @@ class Found:
             ended = opcode == Opcode.DATA_END
             yield opcode, start, at
         if not ended:
-            self.damage.append("it breaks off: the end of the recording is missing")
+            self.damage.append("it is truncated: the end of the recording is missing")
 
     def _take(
         self, raw: mmap.mmap, opcode: int, start: int, end: int, schemas: dict[int, str],
@@ -342,7 +342,7 @@ def _text(text: str) -> bytes:
 
 
 def _field(rows: NDArray[np.uint8], places: NDArray[np.int64], kind: Any) -> NDArray[Any]:
-    """Numbers of a type at places of a buffer."""
+    """Numbers of a type at offsets of a buffer."""
     size = np.dtype(kind).itemsize
     found: NDArray[Any] = rows[places[:, None] + np.arange(size)].view(kind)[:, 0]
     return found
@@ -358,7 +358,7 @@ def _unpacked(chunk: records.Chunk) -> bytes:
     else:
         data = chunk.data
     if chunk.uncompressed_crc and zlib.crc32(data) != chunk.uncompressed_crc:
-        raise ValueError("its check sum is another one")
+        raise ValueError("its checksum differs")
     return data
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Meaning of a table's columns, by the names that loggers give them."""
+"""Meaning of a table's columns, from the names that common loggers use."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 PARTS = ("position", "velocity", "effort")
-"""Of a joint state."""
+"""The quantities of a joint state."""
 _WORDS = {
     "position": ("position", "pos", "angle", "q"),
     "velocity": ("velocity", "vel", "speed", "qd", "dq", "v"),
@@ -44,7 +44,7 @@ class Header:
 
     Attributes:
         clock: Column of times; None if there is none.
-        joints: In the order of their first column.
+        joints: Names of the joints, in the order of their first column.
         columns: By part and joint.
     """
 

@@ -21,15 +21,15 @@ _SEPARATORS = (",", ";", "\t")
 
 
 def from_bag(found: Found, topic: str | None, where: Path) -> Contents:
-    """Joint states of a topic, in the order of time.
+    """Joint states of a topic, in chronological order.
 
     Args:
         found: The bag's messages.
-        topic: Its name; None for the only one, or that with most messages.
+        topic: Its name; None for the only topic, or that with most messages.
         where: The bag, for messages.
 
     Raises:
-        InvalidInput: If there is no such topic, or nothing on it.
+        InvalidInput: If there is no such topic, or no readable message on it.
     """
     topics = found.of(JOINT_STATE)
     if topic is not None and topic not in topics:
@@ -53,7 +53,7 @@ def from_bag(found: Found, topic: str | None, where: Path) -> Contents:
 
 
 def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> Contents:
-    """Rows of the joints that the most messages name; others' messages are passed over."""
+    """Rows of the joints that most messages name; messages of other joints are ignored."""
     kinds: dict[frozenset[str], int] = {}
     for state in states:
         kinds[frozenset(state.names)] = kinds.get(frozenset(state.names), 0) + 1
@@ -63,12 +63,12 @@ def _contents(states: list[JointStates], times: list[int], notes: list[str]) -> 
         notes = [*notes, f"{len(states) - len(kept)} messages name other joints"]
     names = kept[0][0].names
     stamps = np.array([state.stamp for state, _ in kept], np.int64)
-    if not np.all(np.diff(stamps) > 0):  # a robot without a clock: the time of arrival is left
+    if not np.all(np.diff(stamps) > 0):  # a robot without a clock: only arrival times are known
         stamps = np.array([time for _, time in kept], np.int64)
     rows = np.argsort(stamps, kind="stable")
     once = rows[np.diff(stamps[rows], prepend=stamps[rows[0]] - 1) > 0]
     if len(once) < len(rows):
-        notes = [*notes, f"{len(rows) - len(once)} messages bear the time of another one"]
+        notes = [*notes, f"{len(rows) - len(once)} messages have the time of another one"]
     time = 1e-9 * (stamps[once] - stamps[once[0]])
     places = [[state.names.index(name) for name in names] for state, _ in kept]
     parts = [
@@ -86,10 +86,10 @@ def _numbers(values: Array, places: list[int]) -> Array:
 
 
 def from_table(path: Path) -> Contents:
-    """A CSV file with a column of times and ``position.NAME`` and its like; see ``read_header``.
+    """Read a CSV file with columns such as ``time`` and ``position.NAME``; see ``read_header``.
 
     Raises:
-        InvalidInput: If it is none.
+        InvalidInput: If it is not such a file.
     """
     try:
         with path.open(newline="", encoding="utf-8-sig") as file:
@@ -99,7 +99,7 @@ def from_table(path: Path) -> Contents:
             names, *rows = [row for row in csv.reader(file, delimiter=between) if row]
         values = np.array([[float(word or "nan") for word in row] for row in rows], float)
     except (ValueError, UnicodeDecodeError, csv.Error) as error:
-        raise InvalidInput(f"'{path}' is no table of numbers: {error}") from None
+        raise InvalidInput(f"'{path}' is not a table of numbers: {error}") from None
     header = read_header(names)
     if header.clock is None or not header.joints or values.ndim != 2 or len(values) < 1:
         raise InvalidInput(
@@ -115,7 +115,7 @@ def from_table(path: Path) -> Contents:
     time = of(header.clock)
     if not np.isfinite(time).all() or not np.all(np.diff(time) > 0.0):
         raise InvalidInput(
-            f"'{path}': column '{names[header.clock.place]}' does not grow from row to row"
+            f"'{path}': column '{names[header.clock.place]}' does not increase from row to row"
         )
     parts = [
         np.column_stack([of(header.columns.get((part, joint))) for joint in header.joints])

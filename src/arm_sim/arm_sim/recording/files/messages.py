@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The messages in our files: their definitions, and how they are written and read without ROS."""
+"""The messages in the suite's files: definitions, and serialization without ROS."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ LATCHED = """- history: 1
   liveliness_lease_duration: {sec: 9223372036, nsec: 854775807}
   avoid_ros_namespace_conventions: false
 """
-"""Quality of service of a topic whose last message every subscriber gets, as rosbag2 writes it."""
+"""Quality of service of a latched topic (transient local), as rosbag2 writes it."""
 
 _TIME = "int32 sec\nuint32 nanosec"
 _HEADER = "builtin_interfaces/Time stamp\nstring frame_id"
@@ -44,7 +44,7 @@ _OWN = {
 
 
 def definition(kind: str) -> str:
-    """The text of a type and of all that it is made of, as files of ROS carry it."""
+    """The definition of a type and of all types that it contains, in the format of ROS bags."""
     own = _OWN[kind]
     used = [name for name in _PARTS if any(name in text for text in (own, _HEADER))]
     parts = [f"\n{'=' * 80}\nMSG: {name}\n{_PARTS[name]}" for name in used if kind != STRING]
@@ -52,15 +52,15 @@ def definition(kind: str) -> str:
 
 
 class TickWriter:
-    """A serialized ``arm_msgs/Tick`` of which only stamp and numbers change.
+    """A serialized ``arm_msgs/Tick`` in which only stamp and numbers change.
 
     Attributes:
         raw: The message.
-        stamp: Where its stamp is.
-        state: Its numbers: (q, v, z), the command, error and time-stepped ticks; as bytes.
-        command: Likewise.
-        notes: Likewise.
-        hold: Where it says what held the arm.
+        stamp: Offset of its stamp.
+        state: Bytes of (q, v, z).
+        command: Bytes of the command.
+        notes: Bytes of the error and the number of time-stepped ticks.
+        hold: Offset of the field ``hold``.
     """
 
     def __init__(self, nx: int, n: int) -> None:
@@ -78,15 +78,16 @@ class TickWriter:
 
 @dataclass(frozen=True)
 class Change:
-    """What is from here on: written when anything but a tick has changed it.
+    """The complete state after a change other than by a tick.
 
     Attributes:
         stamp: Simulated time in [ns].
-        text: Why.
-        tunable: Names of the quantities that may change.
-        p: What they are, shape (np,).
+        text: Reason of the change.
+        tunable: Names of the tunable quantities.
+        p: Their values, shape (np,).
         x: State (q, v, z), shape (nx,).
-        notes: Sub-step that error control tries next in [s], error, and time-stepped ticks.
+        notes: Next trial sub-step of the error control in [s], error, and number of time-stepped
+            ticks.
     """
 
     stamp: int
@@ -97,7 +98,7 @@ class Change:
     notes: tuple[float, float, float]
 
     def written(self) -> bytes:
-        """As ``arm_msgs/Change``."""
+        """Serialize as ``arm_msgs/Change``."""
         writer = CdrWriter()
         writer.time(self.stamp)
         writer.text("")
@@ -110,10 +111,10 @@ class Change:
 
     @classmethod
     def read(cls, raw: bytes) -> Change:
-        """From the bytes of one.
+        """Read a serialized one.
 
         Raises:
-            InvalidInput: If they are none.
+            InvalidInput: If the bytes are something else.
         """
         reader = CdrReader(raw)
         stamp = reader.nanoseconds()
@@ -152,12 +153,12 @@ def string_message(text: str) -> bytes:
 
 
 class JointStateWriter:
-    """A serialized JointState of which only stamp and numbers change.
+    """A serialized JointState in which only stamp and numbers change.
 
     Attributes:
         raw: The message.
-        stamp: Where its stamp is.
-        places: Where the numbers of position, velocity and effort are.
+        stamp: Offset of its stamp.
+        places: Offsets of the numbers of position, velocity and effort.
     """
 
     def __init__(self, names: Sequence[str]) -> None:
@@ -171,7 +172,7 @@ class JointStateWriter:
 
 @dataclass(frozen=True)
 class JointStates:
-    """One JointState as it was read; an array may be empty."""
+    """A JointState that was read; arrays may be empty."""
 
     stamp: int
     names: tuple[str, ...]
@@ -181,7 +182,7 @@ class JointStates:
 
     @classmethod
     def read(cls, raw: bytes) -> JointStates:
-        """From the bytes of one, or InvalidInput."""
+        """Read a serialized one, or raise InvalidInput."""
         reader = CdrReader(raw)
         stamp = reader.nanoseconds()
         reader.text()
@@ -190,19 +191,19 @@ class JointStates:
 
 
 def numbers_at(rows: np.ndarray, place: int, count: int) -> Array:
-    """The ``count`` numbers at ``place`` of equal messages, shape (k, count), copied."""
+    """Copy ``count`` numbers at an offset of messages of the same layout, shape (k, count)."""
     return np.ascontiguousarray(rows[:, place : place + 8 * count]).view(float)
 
 
 def stamps_at(rows: np.ndarray, place: int) -> np.ndarray:
-    """The stamps at ``place`` of equal messages in [ns], shape (k,)."""
+    """The stamps at an offset of messages of the same layout in [ns], shape (k,)."""
     parts = np.ascontiguousarray(rows[:, place : place + 8])
     seconds = parts[:, :4].copy().view(np.int32)[:, 0].astype(np.int64)
     return seconds * 1_000_000_000 + parts[:, 4:].copy().view(np.uint32)[:, 0]
 
 
 def tick_sizes(raw: bytes) -> tuple[int, int]:
-    """Lengths of state and command in an ``arm_msgs/Tick``, or InvalidInput."""
+    """Lengths of state and command in an ``arm_msgs/Tick``, or raise InvalidInput."""
     reader = CdrReader(raw)
     reader.nanoseconds()
     reader.text()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Recordings as NumPy's archives: every array by its name, and the rest as text."""
+"""Recordings as NumPy archives: every array by its name, and the rest as text."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def write(contents: Contents, path: Path) -> None:
 
 
 def read(path: Path) -> Contents:
-    """Read one.
+    """Read a recording.
 
     Raises:
         InvalidInput: If it is damaged or something else.
@@ -57,7 +57,7 @@ def read(path: Path) -> Contents:
             arrays = {name: archive[name] for name in archive.files}
     except (ValueError, EOFError, zipfile.BadZipFile, KeyError) as error:
         raise InvalidInput(
-            f"'{path}' is damaged or no archive of NumPy's: {error}; Recording.save writes them"
+            f"'{path}' is damaged or not a NumPy archive: {error}; allowed: files of save()"
         ) from None
     try:
         return _contents(arrays)
@@ -65,7 +65,7 @@ def read(path: Path) -> Contents:
         if isinstance(error, InvalidInput):
             raise
         raise InvalidInput(
-            f"'{path}' holds {', '.join(sorted(arrays)) or 'nothing'} and is no recording: "
+            f"'{path}' holds {', '.join(sorted(arrays)) or 'nothing'} and is not a recording: "
             f"{error!r}"
         ) from None
 
@@ -100,7 +100,7 @@ def _contents(arrays: dict[str, Any]) -> Contents:
 def _check(rows: dict[str, Any], n: int) -> None:
     lengths = {name: len(array) for name, array in rows.items()}
     if len(set(lengths.values())) != 1:
-        raise InvalidInput(f"its arrays are of {lengths} rows; as many of each are expected")
+        raise InvalidInput(f"its arrays have {lengths} rows; equal numbers are expected")
     for name in ("q", "v", "command"):
         if rows[name].shape[1:] != (n,):
             raise InvalidInput(f"{name} has shape {rows[name].shape}; {n} columns are expected")

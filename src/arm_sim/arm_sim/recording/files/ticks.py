@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Our recordings as MCAP: ticks and changes, from which a run can be repeated to the bit."""
+"""Recordings as MCAP: ticks and changes, from which a run can be repeated bit by bit."""
 
 from __future__ import annotations
 
@@ -46,27 +46,27 @@ from arm_sim.recording.origin import URDF_FILE, Origin
 FACTS, FORMAT = "arm_sim", "1"
 EXTERNAL, SWITCHES = "external", "constraints"
 UNCHANGED = -1.0
-"""Sub-step of a change of nothing but torques from outside."""
+"""Sub-step of a change of external torques only."""
 _INFO = 20
-_ROWS = 500  # ticks of a chunk
+_ROWS = 500  # ticks per chunk
 
 
 class TickFile:
     """A file of ticks that is being written.
 
     Args:
-        path: Of the file.
+        path: Path of the file.
         origin: Scene and method.
         joint_names: Order of the joints.
-        prefix: Of our topics, such as ``/sim``.
+        prefix: Prefix of the suite's topics, such as ``/sim``.
         states: Topic of joint states.
 
     Attributes:
         mcap: The file.
         states: Number of the channel of joint states.
-        ticks: Of ticks.
-        changes: Of changes.
-        log: Of events.
+        ticks: Number of that of ticks.
+        changes: Number of that of changes.
+        log: Number of that of events.
     """
 
     def __init__(
@@ -100,12 +100,12 @@ class TickFile:
 
 
 def write(contents: Contents, efforts: Array, path: Path) -> McapWriter:
-    """Write a recording; return the file, which is to be closed.
+    """Write a recording; return the open file, to be closed by the caller.
 
     Args:
         contents: The recording.
-        efforts: Torques that act on the joints from each time on, shape (k+1, n).
-        path: Of the file.
+        efforts: Torques on the joints from each time, shape (k+1, n).
+        path: Path of the file.
 
     Raises:
         InvalidInput: If it is not of a simulated scene.
@@ -113,8 +113,7 @@ def write(contents: Contents, efforts: Array, path: Path) -> McapWriter:
     """
     if contents.origin is None or contents.of_robot:
         raise InvalidInput(
-            "the recording is not of a simulated scene; as a bag it is there already, and "
-            ".npz keeps any"
+            "the recording is not of a simulated scene, which .mcap requires; allowed: .npz"
         )
     file = TickFile(path, contents.origin, contents.joint_names)
     pieces = _Pieces()
@@ -130,7 +129,7 @@ def write(contents: Contents, efforts: Array, path: Path) -> McapWriter:
     pieces.flush(file.mcap)
     last, done = len(contents.time) - 1, 0
     for row in sorted({*changes, *range(_ROWS, last, _ROWS), last} - {0}):
-        upto = row - 1 if row in contents.gaps else row  # no tick of ours leads across a gap
+        upto = row - 1 if row in contents.gaps else row  # no tick leads across a gap
         file.mcap.chunk(rows.rows[done:upto].tobytes(), rows.offsets(upto - done))
         done = row
         if row in changes:
@@ -167,14 +166,14 @@ class _Rows:
         self.first, self.rows, self._starts = state, rows[1:], np.array(starts, np.int64)
 
     def offsets(self, count: int) -> NDArray[np.int64]:
-        """Where the messages of ``count`` rows are."""
+        """Offsets of the messages of ``count`` rows."""
         size = self.rows.shape[1]
         places: NDArray[np.int64] = np.arange(count, dtype=np.int64)[:, None] * size + self._starts
         return places.ravel()
 
 
 def _rows(contents: Contents, efforts: Array, file: TickFile) -> _Rows:
-    """Records of the states after each tick; the tick that would lead to the first is no tick."""
+    """Records of the states after each tick; the first state has no preceding tick."""
     k, n = contents.q.shape
     x, stamps = _before_jumps(contents), np.round(1e9 * contents.time).astype(np.int64)
     state, tick = JointStateWriter(contents.joint_names), TickWriter(x.shape[1], n)
@@ -183,7 +182,7 @@ def _rows(contents: Contents, efforts: Array, file: TickFile) -> _Rows:
         starts.append(len(template))
         template += MESSAGE.pack(5, 22 + len(message), channel, 0, 0, 0) + message
     rows = np.tile(np.frombuffer(bytes(template), np.uint8), (k, 1))
-    # What acted in the tick that ended at each time.
+    # Effective commands of the tick that ended at each time.
     command, effort = (np.roll(array, 1, axis=0) for array in (contents.command, efforts))
     effort[0] = 0.0
     notes, told = np.column_stack([contents.error, contents.time_stepped]), contents.measured
@@ -211,7 +210,7 @@ def _parts(told: Measured) -> tuple[Array, Array, Array]:
 
 
 def with_measured(contents: Contents, messages: list[tuple[int, int, bytes]]) -> Contents:
-    """A recording with what its sensors told, if there is a joint state of every time."""
+    """A recording with its sensor measurements, if there is a joint state at every time."""
     states = {state.stamp: state for state in (JointStates.read(raw) for *_, raw in messages)}
     found = [states.get(_nanoseconds(time)) for time in contents.time]
     n, rows = len(contents.joint_names), list[Array]()
@@ -229,15 +228,15 @@ def _put(rows: NDArray[np.uint8], place: int, values: NDArray[Any]) -> None:
 
 
 def _before_jumps(contents: Contents) -> Array:
-    """States at the end of each tick, before what changed them."""
+    """States at the end of each tick, before changes."""
     x = np.hstack([contents.q, contents.v, contents.z])
-    for jump in reversed(contents.jumps):  # the first of several at a time comes last
+    for jump in reversed(contents.jumps):  # the first of several at one time is kept
         x[jump.row] = jump.x
     return x
 
 
 def _changes(contents: Contents) -> Iterator[tuple[int, Change]]:
-    """The start, and every change of anything but by a tick; the last of several at a time."""
+    """The start, and every change other than by a tick; the last of several at one time."""
     x = np.hstack([contents.q, contents.v, contents.z])
     scene, jumps = _scene(contents), {jump.row: i for i, jump in enumerate(contents.jumps)}
     later = [*(jump.tunable for jump in contents.jumps[1:]), tunable_names(scene)]
@@ -264,25 +263,25 @@ def _scene(contents: Contents) -> Scene:
 
 
 def tunable_names(scene: Scene) -> tuple[str, ...]:
-    """Names of what is tunable, in the order of p."""
+    """Names of the tunable quantities, in the order of p."""
     order = ("gravity", "payload", "friction", EXTERNAL)
     names = [name for name in order if name in scene.tunable]
     return (*names, *([SWITCHES] if switches(scene.constraints).size else []))
 
 
 def _external_place(scene: Scene, p: Array) -> int:
-    """Where torques from outside end in p."""
+    """End of the external torques in p."""
     return len(p) - switches(scene.constraints).size
 
 
 def read(found: Found) -> Contents:
-    """A recording from what was found in a file.
+    """A recording from the contents of a file.
 
     Args:
         found: Changes, ticks and events.
 
     Raises:
-        InvalidInput: If there is no whole recording in it.
+        InvalidInput: If it does not contain a complete recording.
     """
     facts = found.facts[FACTS]
     if facts.get("format") != FORMAT:
@@ -297,7 +296,7 @@ def read(found: Found) -> Contents:
     changes = [(place, Change.read(raw)) for place, _, raw in _only(found, CHANGE)]
     ticks = _only(found, TICK)
     if not changes:
-        raise InvalidInput("the recording breaks off before its first state")
+        raise InvalidInput("the recording is truncated before its first state")
     return _joined(found, origin, names, changes, ticks)
 
 
@@ -346,7 +345,7 @@ def _matrices(
 
 
 class _Run:
-    """Puts changes and ticks together to rows."""
+    """Assembles rows from changes and ticks."""
 
     def __init__(self, dt: float, scene: Scene, n: int) -> None:
         self._dt, self._scene, self._n = dt, scene, n
@@ -358,7 +357,7 @@ class _Run:
         self._tunable: tuple[str, ...] = ()
 
     def change(self, change: Change) -> None:
-        """Take what is from here on."""
+        """Apply a change."""
         step, p = round(1e-9 * change.stamp / self._dt), self._whole(change)
         if not self._rows:
             self._row(step, change, np.zeros(self._n), p)
@@ -373,7 +372,7 @@ class _Run:
             self._gaps.append(self._rows)
             self._row(step, change, self._commands[-1][-1], p)
         elif step < self._last:
-            self._offset += self._last - step  # a reset: time goes on here
+            self._offset += self._last - step  # a reset: the recording's time continues
         self._last = step
         self._x[-1][-1], self._p[-1][-1] = change.x, p
         if change.notes[0] != UNCHANGED:
@@ -384,7 +383,7 @@ class _Run:
         self, steps: NDArray[np.int64], x: Array, command: Array, notes: Array,
         hold: NDArray[np.uint8],
     ) -> None:  # fmt: skip
-        """Take ticks one after another, and see whether some are missing."""
+        """Append successive ticks, and detect missing ones."""
         missing = np.flatnonzero(np.diff(steps, prepend=self._last) != 1).tolist()
         cuts = sorted({0, *missing})
         for first, end in zip(cuts, [*cuts[1:], len(steps)], strict=True):
@@ -396,7 +395,7 @@ class _Run:
                 self._commands[-1][-1], self._holds[-1][-1] = command[first], hold[first]
                 self._steps.append(steps[block] + self._offset)
                 self._x.append(x[block].copy())
-                # What acts from a time on is told by the tick that begins there.
+                # The effective command from a time is that of the tick that begins there.
                 self._commands.append(np.roll(command[block], -1, axis=0))
                 self._holds.append(np.roll(hold[block], -1))
                 self._commands[-1][-1], self._holds[-1][-1] = command[end - 1], FREE
@@ -414,19 +413,19 @@ class _Run:
         self._rows, self._last = self._rows + 1, step
 
     def _whole(self, change: Change) -> Array:
-        """The vector p with torques from outside, which may have become tunable later."""
+        """The vector p with external torques, which may have become tunable later."""
         if EXTERNAL in change.tunable or EXTERNAL not in self._scene.tunable:
             return change.p
         return np.insert(change.p, _external_place(self._scene, change.p), np.zeros(self._n))
 
     def time(self) -> Array:
-        """Of each row in [s]."""
+        """Time of each row in [s]."""
         return np.asarray(np.concatenate(self._steps) * self._dt)
 
     def contents(
         self, origin: Origin, names: tuple[str, ...], events: tuple[Event, ...]
     ) -> Contents:
-        """All of it."""
+        """The complete recording."""
         n, x, notes = self._n, np.vstack(self._x), np.vstack(self._notes)
         p, hold = read_only(np.vstack(self._p)), np.concatenate(self._holds)
         q, v, z = (read_only(part) for part in np.split(x, (n, 2 * n), axis=1))
