@@ -215,7 +215,7 @@ def test_filters_choose(client: Client, node: SimNode) -> None:
 @pytest.mark.parametrize(
     ("filter_", "complaint"),
     [
-        ("(", "'(' is no POSIX extended regular expression: "),
+        ("(", "'(' is not a POSIX extended regular expression: "),
         ("a{1,255}", "without intervals"),
         ("(a)\\1", "back references"),
         ("a" * 100_000, "allowed: 200 characters"),

@@ -14,7 +14,7 @@ import numpy as np
 _FINE = 20_000  # bins of 1 µs
 _COARSE = 512  # bins beyond, each longer than the one before by the factor 2 ** (1 / 32)
 _STEPS = 32
-_REMEMBERED = 256  # states; an answer to an older one is not counted
+_REMEMBERED = 256  # number of states; answers to older ones are not counted
 
 
 @dataclass(frozen=True)

@@ -21,7 +21,7 @@ LOCKSTEP, CLOCK, HAND = "lockstep", "clock", "hand"
 class SimParams(ThreadParams, RobotParams):
     """Parameters of the sim node."""
 
-    scene: str = parameter("", f"{SCENE}; what is simulated")
+    scene: str = parameter("", f"{SCENE}; the simulated scene")
     integrator: str = parameter("", "Integration method; empty: that of the scene")
     dt: float = parameter(0.0, "Length of a tick [s]; 0: that of the scene", low=0.0, high=1.0)
     tolerance: float = parameter(
@@ -89,7 +89,7 @@ class SimParams(ThreadParams, RobotParams):
         BRAKE,
         "What acts without a command or with an old one: brake stops the arm and its brakes hold "
         "it; servo stops it and the servos hold it; zero torque; hold of the last torque; or "
-        "gravity, the torque that carries the arm's weight",
+        "gravity, the torque that compensates gravity and springs",
         choices=POLICIES,
         read_only=False,
     )

@@ -26,8 +26,8 @@ class LoopReport:
         ticks: Number of calls.
         elapsed: Elapsed time in [s].
         missed: Ticks that began after the next one was due.
-        dropped: Deadlines that were given up, left out or shifted.
-        lateness: How long after their deadline ticks began.
+        dropped: Deadlines that were dropped, skipped or shifted.
+        lateness: Delays of ticks after their deadlines.
     """
 
     ticks: int
@@ -50,11 +50,11 @@ class Due(Structure):
         earliest: Earliest start of the next tick.
         period: Time between deadlines; 0: there are none.
         closest: Shortest time between ticks.
-        give_up: Lag beyond which deadlines are dropped, left out or shifted.
+        give_up: Lag beyond which deadlines are dropped, skipped or shifted.
         slow_down: Whether they are shifted.
         missed: Ticks that began after the next one was due.
-        dropped: Deadlines that were dropped, left out or shifted.
-        lateness: Address of the histogram of how long after their deadline ticks began.
+        dropped: Deadlines that were dropped, skipped or shifted.
+        lateness: Address of the histogram of the delays of ticks after their deadlines.
     """
 
     _fields_ = (

@@ -20,7 +20,7 @@ class TickQueue:
 
     Attributes:
         served: Whether another thread empties the queue.
-        bell: Not 0 while the ticking thread has work between two ticks.
+        bell: Nonzero while the ticking thread has work between two ticks.
     """
 
     def __init__(self, timeout: float = 30.0) -> None:

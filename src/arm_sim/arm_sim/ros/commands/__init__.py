@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Commands: merged by joints, arbitrated between sources, and valid until they are stale.
 
-And how the arm is stopped and held without commands. The folder depends neither on messages and
-topics nor on other parts of the node.
+Also stopping and holding of the arm without commands. Depends neither on messages and topics nor
+on other parts of the node.
 """
 
 from arm_sim.ros.commands.arbiter import Arbiter

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Lets C make the ticks in which nothing out of the ordinary happens."""
+"""Executes ordinary ticks in C."""
 
 from __future__ import annotations
 
@@ -23,11 +23,11 @@ SOURCE = Path(__file__).with_name("native") / "ticks.c"
 _KINDS = 4  # as in joint_state.c
 _FUNCTIONS = ("by_the_clock", "in_lockstep")
 _LEFT, _MADE = range(2)  # as in ticks.c
-_ROWS = 1024  # ticks that wait for the energy account
+_ROWS = 1024  # ticks stored for the energy account
 
 
 class Ticks(Structure):
-    """``ticks_t`` of ticks.c, which says what it holds."""
+    """``ticks_t`` of ticks.c, where the fields are explained."""
 
     _fields_ = (
         ("bell", c_void_p),
@@ -47,11 +47,11 @@ class Ticks(Structure):
 
 
 class OrdinaryTicks:
-    """Makes ticks in C as long as they are ordinary, for the thread that ticks.
+    """Executes ticks in C as long as they are ordinary, for the ticking thread.
 
     Attributes:
-        refusal: Why C makes none, whatever comes; empty where it can.
-        count: How many it has made.
+        refusal: Reason why C can never execute ticks of this node; empty if it can.
+        count: Number of ticks executed in C.
     """
 
     def __init__(
@@ -62,7 +62,7 @@ class OrdinaryTicks:
         recorder: TickRecorder | None,
         commands: str,
     ) -> None:
-        """Look whether C can make ticks of this scene; ``commands`` is their topic, resolved."""
+        """Check whether C can execute the scene's ticks; ``commands`` is their resolved topic."""
         self._engine, self._inputs, self._outputs = engine, inputs, outputs
         self._recorder, self._listeners, self.count = recorder, len(engine.on_tick), 0
         self.refusal = self._why_not()
@@ -97,25 +97,25 @@ class OrdinaryTicks:
         if simulator.pointers is None:
             return "the scene runs on CasADi's virtual machine"
         if simulator.sensors is not None or command_line(simulator.model.scene, simulator.dt):
-            return "the scene has sensors, or commands that take time"
+            return "the scene has sensors or delayed commands"
         if not self._outputs.plain:
             return "joint states are computed after the tick"
         return ""
 
     def by_the_clock(self, due: Due) -> bool:
-        """Make the ticks that are due until one is not ordinary.
+        """Execute the ticks that are due until one is not ordinary.
 
         Returns:
-            Whether there is none yet that is left to ``TickEngine.tick``.
+            Whether no tick is left to ``TickEngine.tick`` yet.
         """
         return self._made_by("by_the_clock", due) != _LEFT
 
     def in_lockstep(self, waiting: Waiting) -> Ahead:
-        """Make the ticks that answers ask for, as long as these come soon and are ordinary."""
+        """Execute ticks triggered by answers, as long as these arrive soon and are ordinary."""
         return Ahead(self._made_by("in_lockstep", waiting))
 
     def _made_by(self, function: str, what: Structure) -> int:
-        """Make ticks; why that ended."""
+        """Execute ticks; return the reason for the end."""
         if self.refusal or not self._begin():
             return _LEFT
         recorder, chunk = self._recorder, None
@@ -134,7 +134,7 @@ class OrdinaryTicks:
         return why
 
     def _begin(self) -> bool:
-        """Say what holds now; whether the next tick may be an ordinary one."""
+        """Pass the current settings to C; return whether the next tick may be ordinary."""
         engine, ticks = self._engine, self._ticks
         slot, arbiter, simulator = engine.commands, engine.arbiter, engine.simulator
         efforts, only, reader = slot.efforts, arbiter.only, self._reader
@@ -158,7 +158,7 @@ class OrdinaryTicks:
         return True
 
     def _end(self) -> None:
-        """Let the parts of the node know what happened."""
+        """Update the parts of the node with the executed ticks."""
         engine, ticks = self._engine, self._ticks
         arbiter, rows = engine.arbiter, ticks.rows
         arbiter.now, self._heard.at, self._heard.count = ticks.now, ticks.heard, ticks.count

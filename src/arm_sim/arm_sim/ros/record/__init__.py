@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """Recordings of running systems: every tick of a sim node, or the messages of any topics.
 
-Knows the engine and its topics, and how recordings are written; a thread of its own compresses and
-writes. Public is what the sim node needs.
+Depends on the engine, its topics, and the writers of recordings; a separate thread compresses and
+writes. Public are the parts that the sim node uses.
 """
 
 from arm_sim.ros.record.copying import SOURCE as RECORD

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Messages on their way to a file: gathered by those who have them, written by a thread.
+"""Buffering of messages for a file that a background thread writes.
 
-Who hands over a message never waits for the disk. It is copied into a chunk as it will be in the
-file, by Python or, where it comes with every tick, by C (``native/record.c``); the thread
-compresses whole chunks and writes them, almost all of it without the interpreter lock. There are a
-few chunks, and no more: when the disk cannot follow, messages are lost and counted.
+Adding a message never waits for the disk. It is copied into a chunk in the format of the file, by
+Python or, for ticks, by C (``native/record.c``); the thread compresses and writes whole chunks,
+mostly without the interpreter lock. The number of chunks is fixed: when the disk is too slow,
+messages are dropped and counted.
 """
 
 from __future__ import annotations
@@ -22,22 +22,22 @@ from numpy.typing import NDArray
 
 from arm_sim.recording.files import MESSAGE, McapWriter
 
-PERIOD = 0.5  # [s] after which a chunk goes to the file, full or not
-SIZE = 1 << 20  # bytes of a chunk
-COUNT = 8  # chunks there are
-_OPCODE, _EXTRA = 5, 22  # of a message, and what its length counts besides its data
+PERIOD = 0.5  # [s] after which a chunk is written, even if not full
+SIZE = 1 << 20  # bytes per chunk
+COUNT = 8  # number of chunks
+_OPCODE, _EXTRA = 5, 22  # bytes of a message's head, and the part that its length includes
 HEAD, _pack = MESSAGE.size, MESSAGE.pack_into
 PERIOD_NS = round(1e9 * PERIOD)
-_NICE = 10  # priority of the thread: below those that keep deadlines
+_NICE = 10  # priority of the thread, below those with deadlines
 
 
 class Chunk(Structure):
-    """Room for messages: ``chunk_t`` of record.c.
+    """A buffer for messages: ``chunk_t`` of record.c.
 
     Attributes:
-        at: Bytes so far.
-        count: Messages so far.
-        since: Time of the first of them in [ns].
+        at: Number of bytes so far.
+        count: Number of messages so far.
+        since: Time of the first message in [ns].
     """
 
     _fields_ = (
@@ -46,14 +46,14 @@ class Chunk(Structure):
     )  # fmt: skip
 
     def __init__(self) -> None:
-        """Make room for ``SIZE`` bytes, and as many messages as these may be."""
+        """Allocate ``SIZE`` bytes, and offsets of as many messages as fit."""
         self._memory, self._starts = bytearray(SIZE), np.zeros(SIZE // HEAD, np.int64)
         raw = addressof(c_char.from_buffer(self._memory))
         super().__init__(raw=raw, places=self._starts.ctypes.data)
         self.address = c_void_p(addressof(self))
 
     def put(self, channel: int, log: int, publish: int, data: bytes | bytearray) -> None:
-        """Copy a message, for which there is room; as ``put_record`` of record.c."""
+        """Copy a message that fits; as ``put_record`` of record.c."""
         at, size = self.at, len(data)
         if not at:
             self.since = log
@@ -64,16 +64,16 @@ class Chunk(Structure):
 
     @property
     def data(self) -> bytes:
-        """What is in it."""
+        """Its contents."""
         return bytes(memoryview(self._memory)[: self.at])
 
     @property
     def starts(self) -> NDArray[np.int64]:
-        """Where in it each message begins."""
+        """Offset of each message."""
         return self._starts[: self.count].copy()
 
     def clear(self) -> None:
-        """Empty it."""
+        """Discard its contents."""
         self.at = self.count = self.since = 0
 
 
@@ -81,13 +81,13 @@ class ChunkThread:
     """Writes messages to a file.
 
     Args:
-        mcap: The file, whose channels have been begun; closed at the end.
-        tell: Called with what went wrong, once, by the thread.
+        mcap: The file, with its channels; closed at the end.
+        tell: Called once by the thread with the error message of a failure.
 
     Attributes:
-        lock: Held by who uses ``room``.
-        lost: How many messages were lost because the disk could not follow, or refused.
-        failure: Why nothing is written any more; empty while it is.
+        lock: Held while ``room`` is used.
+        lost: Number of messages lost because the disk was too slow or failed.
+        failure: Reason why writing has stopped; empty while it has not.
     """
 
     def __init__(self, mcap: McapWriter, tell: Callable[[str], None] = lambda text: None) -> None:
@@ -102,21 +102,21 @@ class ChunkThread:
         self._thread.start()
 
     def add(self, channel: int, log: int, publish: int, data: bytes | bytearray) -> bool:
-        """Hand over a message; any thread may.
+        """Add a message; may be called from any thread.
 
         Args:
-            channel: Its number in the file.
-            log: Time it came at in [ns].
-            publish: Time it bears in [ns].
-            data: Its bytes, copied at once.
+            channel: Number of its channel in the file.
+            log: Time of its arrival in [ns].
+            publish: Time of its publication in [ns].
+            data: Its bytes, copied immediately.
 
         Returns:
-            Whether there was room for it.
+            Whether it was stored.
         """
         return self.add_all(log, ((channel, publish, data),))
 
     def add_all(self, log: int, messages: Sequence[tuple[int, int, bytes | bytearray]]) -> bool:
-        """Hand over messages that belong together: channel, publish time and data of each."""
+        """Add related messages: channel, publish time and data of each."""
         size = sum([HEAD + len(data) for _, _, data in messages])
         with self.lock:
             chunk = self.room(log, size, len(messages))
@@ -127,12 +127,12 @@ class ChunkThread:
             return True
 
     def room(self, log: int, size: int, count: int) -> Chunk | None:
-        """A chunk with room for messages that come now; for who holds the lock.
+        """A chunk with room for messages that arrive now; the lock must be held.
 
         Args:
             log: The time in [ns].
-            size: Their bytes, with ``HEAD`` for each.
-            count: How many they are.
+            size: Their bytes, including ``HEAD`` for each.
+            count: Their number.
 
         Returns:
             The chunk, or None if they are lost.
@@ -149,12 +149,12 @@ class ChunkThread:
         return self._chunk
 
     def channel(self, topic: str, kind: str, definition: str, profile: str = "") -> int:
-        """Begin a channel while others are being written; see ``McapWriter.channel``."""
+        """Add a channel while others are being written; see ``McapWriter.channel``."""
         with self._writing:
             return self.mcap.channel(topic, kind, definition, profile)
 
     def _exchange(self) -> bool:
-        """Hand the present chunk to the thread and begin another, if there is one."""
+        """Pass the current chunk to the thread and begin another one, if one is free."""
         if self.failure:
             self._chunk.clear()
             return False
@@ -167,7 +167,7 @@ class ChunkThread:
         return True
 
     def close(self) -> None:
-        """Write what there is and the summary, and end the thread; a second call does nothing."""
+        """Write all messages and the summary, and end the thread; may be called repeatedly."""
         with self.lock:
             if self._closed:
                 return
@@ -178,7 +178,7 @@ class ChunkThread:
         self._thread.join()
 
     def _run(self) -> None:
-        with suppress(OSError, AttributeError):  # what cannot be had is not needed
+        with suppress(OSError, AttributeError):  # optional: ignored if not permitted
             os.setpriority(os.PRIO_PROCESS, threading.get_native_id(), _NICE)
         while True:
             try:
@@ -194,9 +194,9 @@ class ChunkThread:
         self._end()
 
     def _look_after_the_last(self) -> None:
-        """Where nothing comes any more, what came last is written all the same."""
+        """Write the last messages even if no further ones arrive."""
         if not self.lock.acquire(blocking=False):
-            return  # then something comes
+            return  # wakes up when messages arrive
         try:
             chunk = self._chunk
             if chunk.at and time.time_ns() - chunk.since > PERIOD_NS:
@@ -209,7 +209,7 @@ class ChunkThread:
             try:
                 with self._writing:
                     self.mcap.chunk(chunk.data, chunk.starts)
-            except Exception as error:  # else the thread would end without a word
+            except Exception as error:  # otherwise the thread would end silently
                 self._fail(error, chunk.count)
         else:
             self.lost += chunk.count
@@ -219,8 +219,7 @@ class ChunkThread:
         self.lost += lost
         why = error if isinstance(error, OSError) else repr(error)
         self.failure = (
-            f"recording stopped after {self.mcap.written} bytes, what was written stays "
-            f"readable: {why}"
+            f"recording stopped after {self.mcap.written} bytes, which remain readable: {why}"
         )
         self._tell(self.failure)
 

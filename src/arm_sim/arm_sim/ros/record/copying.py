@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Copies of ticks into the room for messages, in one call of C where there is a compiler.
+"""Copying of ticks into message buffers, in a single C call if there is a compiler.
 
-A loop that wakes up a thousand times a second finds the processor's caches cold: there the same
-copy takes Python 50 µs.
+In a loop that wakes up a thousand times a second the processor's caches are cold, and the same
+copy takes 50 µs in Python.
 """
 
 from __future__ import annotations
@@ -23,28 +23,28 @@ from arm_sim.simulator import Simulator
 
 SOURCE = Path(__file__).with_name("native") / "record.c"
 State = tuple[int, bytearray]
-"""Stamp in [ns] of a joint state that was published, and its bytes."""
+"""Stamp in [ns] of a published joint state, and its bytes."""
 _log = logging.getLogger(__name__)
 
 
 class TickCopy(Protocol):
-    """Copies ticks, and the joint states that tell of them.
+    """Copies ticks, and the joint states published for them.
 
     Attributes:
-        size: Bytes that a tick takes.
+        size: Bytes per tick.
     """
 
     size: int
 
     def __call__(self, chunk: Chunk, now: int, stamp: int, hold: int, state: State | None) -> None:
-        """Copy the present tick into a chunk that has room for it.
+        """Copy the current tick into a chunk that has room for it.
 
         Args:
-            chunk: Where to.
+            chunk: The chunk.
             now: The time in [ns].
             stamp: Simulated time of the tick in [ns].
             hold: What held the arm, see ``Recording``.
-            state: What was published since the last tick, and goes before it.
+            state: The joint state published since the last tick, which is stored before it.
         """
 
 
@@ -60,7 +60,7 @@ class _Tick(Structure):
 
 @cache
 def native() -> CDLL | None:
-    """The compiled function; None where it cannot be had."""
+    """The compiled function; None if it is not available."""
     if not may_build():
         return None
     try:
@@ -138,12 +138,12 @@ class CopyInC:
 
 
 def tick_copy(writer: TickWriter, simulator: Simulator, tick: int, state: int) -> TickCopy:
-    """The quickest copy that can be had here; ``tick`` and ``state`` are channels' numbers."""
+    """The fastest available copy; ``tick`` and ``state`` are the numbers of their channels."""
     if (compiled := native()) is None:
         return CopyInPython(writer, simulator, tick, state)
     return CopyInC(compiled.record, writer, simulator, tick, state)
 
 
 def _address(buffer: bytearray) -> int:
-    """Where the bytes of a buffer are; it keeps its size from now on."""
+    """Address of the bytes of a buffer, whose size is fixed from now on."""
     return addressof(c_char.from_buffer(buffer))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Definitions of message types as files of ROS carry them: the type's own, and those it uses."""
+"""Definitions of message types in the format of ROS bags: the type's own, and those it uses."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ def kind_of(type_: Any) -> str:
 
 
 def definition_of(kind: str) -> str:
-    """The text of a type and of all that it is made of (format ``ros2msg`` of MCAP).
+    """The definition of a type and of all types that it contains (format ``ros2msg`` of MCAP).
 
     Raises:
         InvalidInput: If its definition is not installed.

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The recorder of a sim node: what of the node's topics goes into the file."""
+"""The recorder of a sim node: selection of the topics to be recorded."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ _TOPICS = (JOINT_COMMANDS, COMMANDS, WRENCH, ENERGY, MULTIPLIERS)
 
 
 def recorder_of(node: Node, path: str, engine: TickEngine) -> TickRecorder | None:
-    """The recorder that a node's parameter asks for; None for none.
+    """The recorder according to a node's parameter; None if it is empty.
 
     Args:
         node: The node.
-        path: File or folder; ``{time}`` in it stands for the present time.
-        engine: The node's.
+        path: File or folder; ``{time}`` in it stands for the current time.
+        engine: The node's engine.
 
     Raises:
         InvalidInput: If it cannot be written.
@@ -50,7 +50,7 @@ def recorder_of(node: Node, path: str, engine: TickEngine) -> TickRecorder | Non
 
 
 def listen(recorder: TickRecorder, node: Node, inputs: Inputs, outputs: Outputs) -> None:
-    """Let a recorder have what the node says and hears."""
+    """Pass the node's inputs and outputs to a recorder."""
     names = {topic.name: node.resolve_topic_name(topic.name) for topic in _TOPICS}
 
     def sent(topic: Topic, stamp: int, raw: Any) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Plays a recording into topics, in its own time."""
+"""Plays a recording on topics, with its original timing."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from arm_sim.recording.files.messages import CHANGE, JOINT_STATE, TICK, JointSta
 from arm_sim.recording.recording import Recording
 from arm_sim.ros.record.types import type_of
 
-_OURS = (TICK, CHANGE)  # which are for files
+_OURS = (TICK, CHANGE)  # topics that exist only in files
 _STATES = "/joint_states"
 
 
@@ -27,7 +27,7 @@ class Player(Node):
 
     Attributes:
         passed_over: Topics that are not played, and why.
-        published: How many messages were.
+        published: Number of published messages.
     """
 
     def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
@@ -35,7 +35,7 @@ class Player(Node):
 
         Args:
             path: A bag, or a recording without messages, which is played as joint states.
-            topics: Which; all that can be if none is named.
+            topics: Their names; all that can be played if none is named.
             **node_kwargs: For ``rclpy.node.Node``.
 
         Raises:
@@ -61,19 +61,19 @@ class Player(Node):
             self._pending += [(log, publisher, raw) for log, raw in messages]
         if not self._pending:
             there = ", ".join(f"{topic}: {why}" for topic, why in self.passed_over.items())
-            raise InvalidInput(f"'{path}' holds nothing to play; {there or 'it is empty'}")
+            raise InvalidInput(f"'{path}' contains nothing to play; {there or 'it is empty'}")
         self._pending.sort(key=lambda item: item[0])
 
     @property
     def duration(self) -> float:
-        """How long it takes in [s] at rate 1."""
+        """Duration in [s] at rate 1."""
         return 1e-9 * (self._pending[-1][0] - self._pending[0][0])
 
     def start(self, rate: float = 1.0) -> None:
-        """Publish everything, each message when its time has come, in a thread of its own.
+        """Publish all messages at their times, in a separate thread.
 
         Args:
-            rate: Recorded time per time of the clock; 0: as fast as possible.
+            rate: Playback speed relative to the clock; 0: as fast as possible.
 
         Raises:
             InvalidInput: If the rate is negative or not finite.
@@ -89,7 +89,7 @@ class Player(Node):
         return self._thread is not None and not self._thread.is_alive()
 
     def destroy_node(self) -> None:
-        """Stop, and take the node down."""
+        """Stop, and destroy the node."""
         self._stop.set()
         if self._thread is not None:
             self._thread.join()

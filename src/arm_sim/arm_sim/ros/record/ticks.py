@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Records every tick of a simulation, and what came in between."""
+"""Records every tick of a simulation, and the messages between ticks."""
 
 from __future__ import annotations
 
@@ -23,18 +23,18 @@ from arm_sim.ros.record.copying import CopyInC, TickCopy, tick_copy
 from arm_sim.ros.tick_engine import TickEngine
 
 INFO, ERROR = 20, 40
-_MANY = 100  # messages between two ticks
-ROOM = 1 << 17  # bytes for what a tick may bring
+_MANY = 100  # largest number of messages between two ticks
+ROOM = 1 << 17  # bytes reserved for the messages of a tick
 
 
 class TickRecorder:
-    """Writes what an engine does to a file; used by the ticking thread, but for what says else.
+    """Writes the ticks of an engine to a file; for the ticking thread, unless stated otherwise.
 
     Attributes:
-        ticks: How many are in the file or on their way.
-        lost: How many are not, since the disk could not follow.
+        ticks: Number of ticks in the file or in its buffers.
+        lost: Number of ticks that were dropped because the disk was too slow.
         path: The file or folder.
-        thread: What writes.
+        thread: The writing thread.
     """
 
     def __init__(
@@ -46,24 +46,24 @@ class TickRecorder:
         topics: Mapping[str, tuple[str, str]] = MappingProxyType({}),
         tell: Callable[[str], None] = lambda text: None,
     ) -> None:
-        """Begin a file and follow the engine.
+        """Create the file and attach to the engine.
 
         Args:
             path: ``.mcap``, or a bag's folder.
-            engine: What is recorded.
-            prefix: Of our topics.
+            engine: The recorded engine.
+            prefix: Prefix of the suite's topics.
             states: Topic of the joint states.
-            topics: Of messages that ``message`` is going to bring: type and definition.
-            tell: Called with what went wrong, by another thread.
+            topics: Type and definition of the topics passed to ``message``.
+            tell: Called with the error message of a failure, by another thread.
 
         Raises:
-            InvalidInput: If the path means neither, or is there already.
+            InvalidInput: If the path has another suffix, or exists already.
             OSError: If it cannot be written.
         """
         self._simulator = simulator = engine.simulator
         self._engine, self.path = engine, path
         if path.exists():
-            raise InvalidInput(f"'{path}' exists; a recording takes no other one's place")
+            raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
         self._name, (self._file, self._folder) = prefix.rpartition("/")[2], where(path)
         self.file = TickFile(self._file, simulator.origin, simulator.joint_names, prefix, states)
         begin = self.file.mcap.channel
@@ -76,7 +76,7 @@ class TickRecorder:
         )
         self._published: tuple[int, bytearray] | None = None
         self._waiting = deque[tuple[int, int, bytes]]()
-        self._whole = True  # whether the file has every tick up to the last
+        self._whole = True  # whether the file contains every tick so far
         self._plant, self._p = simulator.plant, b""
         self.ticks = self.lost = 0
         channel, robot = self.file.robot()
@@ -87,10 +87,10 @@ class TickRecorder:
         engine.on_jump.append(lambda: self._begin("changed"))
         engine.on_failure.append(lambda: self.note(engine.failure, ERROR))
         engine.on_staleness.append(self._staleness)
-        engine.on_pause.append(lambda: self.note("paused" if engine.paused else "goes on"))
+        engine.on_pause.append(lambda: self.note("paused" if engine.paused else "continues"))
 
     def tick(self) -> None:
-        """Take the tick that was just made."""
+        """Record the last tick."""
         now, simulator = time.time_ns(), self._simulator
         if not self._whole:
             self.lost += 1
@@ -116,16 +116,16 @@ class TickRecorder:
 
     @property
     def _is_tuned(self) -> bool:
-        """Whether quantities are others than in the file."""
+        """Whether tunable quantities differ from those in the file."""
         simulator = self._simulator
         return simulator.plant is not self._plant or bool(
             self._p and simulator.parameters.tobytes() != self._p
         )
 
     def lend(self) -> Chunk | None:
-        """Room for ticks that are copied elsewhere; None if the next one is not for that.
+        """A chunk for ticks that are copied elsewhere; None if the next one must not be.
 
-        Until ``take_back`` is called, what else comes has to wait.
+        Other messages wait until ``take_back`` is called.
         """
         if not self._whole or self._is_tuned:
             return None
@@ -137,7 +137,7 @@ class TickRecorder:
         return chunk
 
     def take_back(self, ticks: int) -> None:
-        """Take note of the ticks that were copied since ``lend``."""
+        """Register the ticks that were copied since ``lend``."""
         self.ticks += ticks
         self.thread.lock.release()
 
@@ -147,36 +147,36 @@ class TickRecorder:
 
     @property
     def place(self) -> Any:
-        """Address of what copies a tick in compiled code."""
+        """Address of ``tick_t``, for other compiled code."""
         return self._copy.place if isinstance(self._copy, CopyInC) else None
 
     def published(self, stamp: int, message: bytearray) -> None:
-        """Take a joint state with its stamp in [ns], whose bytes stay until the next one."""
+        """Record a joint state with its stamp in [ns]; its bytes stay valid until the next one."""
         self._published = stamp, message
 
     def message(self, topic: str, stamp: int, data: bytes) -> None:
-        """Take another message, with its stamp in [ns], 0: of the present; for any thread.
+        """Record another message, with its stamp in [ns] (0: now); may be called from any thread.
 
-        It goes to the file with the next tick: a loop does not lock and look at the clock twice.
+        It is written with the next tick, so the loop locks and reads the clock only once.
         """
         self._waiting.append((self._channels[topic], stamp, data))
-        if len(self._waiting) > _MANY:  # nothing ticks
+        if len(self._waiting) > _MANY:  # without ticks
             self._flush(wait=False)
 
     def _taken(self, now: int) -> list[tuple[int, int, bytes | bytearray]]:
-        """What came since the last tick."""
+        """The messages since the last tick."""
         found: list[tuple[int, int, bytes | bytearray]] = []
-        with suppress(IndexError):  # none is left
+        with suppress(IndexError):  # there are none
             while True:
                 channel, stamp, data = self._waiting.popleft()
                 found.append((channel, stamp or now, data))
         return found
 
     def _flush(self, wait: bool = True) -> None:
-        """Write what no tick follows: at a change, or while time stands still.
+        """Write messages that no tick follows: at a change, or while time stands still.
 
         Args:
-            wait: Whether to wait for ticks that are being made; if not, it may go with them.
+            wait: Whether to wait for ticks in progress; if not, they may be written with these.
         """
         if not self.thread.lock.acquire(blocking=wait):
             return
@@ -195,7 +195,7 @@ class TickRecorder:
             self.thread.add_all(now, messages)
 
     def note(self, text: str, level: int = INFO) -> None:
-        """Note an event; any thread may call it."""
+        """Record an event; may be called from any thread."""
         stamp = self._engine.stamp
         message = log_message(stamp, level, self._name, text)
         self._waiting.append((self.file.log, stamp, message))
@@ -203,17 +203,17 @@ class TickRecorder:
 
     def _staleness(self) -> None:
         stale, policy = self._engine.commands.stale, self._engine.stale_policy
-        self.note(f"no command: the policy '{policy}' acts" if stale else "commands are back")
+        self.note(f"no command: the policy '{policy}' acts" if stale else "commands have resumed")
 
     def _tuned(self) -> None:
-        """Note what was tuned since the last tick, of which the file has the state after it."""
+        """Record tuning since the last tick, the state after which is in the file."""
         simulator, x = self._simulator, np.frombuffer(self._writer.state)
         fresh = simulator.plant is not self._plant
         stamp = round(1e9 * ((simulator.step_count - 1) * simulator.dt))
         self._change(stamp, "tuned", x, 0.0 if fresh else UNCHANGED)
 
     def _begin(self, why: str) -> None:
-        """Write what is from here on."""
+        """Write the complete current state."""
         simulator = self._simulator
         self._flush()
         self._writer.state[:] = simulator.x.data.cast("B")
@@ -228,7 +228,7 @@ class TickRecorder:
         return self.thread.add(self.file.changes, time.time_ns(), stamp, change.written())
 
     def report(self) -> dict[str, Any]:
-        """How it went: ticks, what was lost, bytes, and the thread's processor time in [s]."""
+        """Summary: ticks, losses, bytes, and the thread's processor time in [s]."""
         thread = self.thread
         return {
             "ticks": self.ticks, "lost": self.lost, "messages lost": thread.lost,
@@ -237,7 +237,7 @@ class TickRecorder:
         }  # fmt: skip
 
     def close(self) -> None:
-        """Write what there is, and end."""
+        """Write the remaining messages, and end."""
         self._flush()
         self.thread.close()
         if self._folder is not None and not self.thread.failure:

@@ -18,35 +18,35 @@ from arm_sim.ros.record.chunks import ChunkThread
 from arm_sim.ros.record.definitions import definition_of
 from arm_sim.ros.record.types import type_of
 
-_LOOK = 0.5  # [s] between looks for new topics
-_DEPTH = 1000  # messages that may wait
+_LOOK = 0.5  # [s] between checks for new topics
+_DEPTH = 1000  # length of the message queue
 
 
 class TopicRecorder(Node):
-    """Subscribes to topics and writes their messages as they come.
+    """Subscribes to topics and writes their messages in order of arrival.
 
     Attributes:
-        count: Messages so far, by topic.
+        count: Number of messages so far, by topic.
         passed_over: Topics that are not recorded, and why.
         path: The file or folder.
-        thread: What writes.
+        thread: The writing thread.
     """
 
     def __init__(self, path: Path, topics: tuple[str, ...] = (), **node_kwargs: Any) -> None:
-        """Begin a file.
+        """Create the file.
 
         Args:
             path: ``.mcap``, or a bag's folder.
-            topics: Names; all that there are, also later, if none is named.
+            topics: Their names; all topics, including later ones, if none is named.
             **node_kwargs: For ``rclpy.node.Node``.
 
         Raises:
-            InvalidInput: If the path means neither, or is there already.
+            InvalidInput: If the path has another suffix, or exists already.
             OSError: If it cannot be written.
         """
         super().__init__("recorder", **node_kwargs)
         if path.exists():
-            raise InvalidInput(f"'{path}' exists; a recording takes no other one's place")
+            raise InvalidInput(f"'{path}' exists; recordings are not overwritten")
         self.path, (self._file, self._folder) = path, where(path)
         self.thread = ChunkThread(McapWriter(self._file), self.get_logger().error)
         self.count, self.passed_over = dict[str, int](), dict[str, str]()
@@ -71,14 +71,14 @@ class TopicRecorder(Node):
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """Topics that were asked for and have not been found."""
+        """Requested topics that have not been found."""
         return tuple(sorted(self._wanted - set(self.count) - set(self.passed_over)))
 
     def _subscribe(self, topic: str, kind: str, offered: list[QoSProfile]) -> None:
         type_ = type_of(kind)
         if type_ is None:
             raise InvalidInput(f"type {kind} is not installed")
-        # What every publisher offers, so that none is refused.
+        # The weakest quality of service, which is compatible with every publisher.
         reliable = all(qos.reliability == ReliabilityPolicy.RELIABLE for qos in offered)
         latched = all(qos.durability == DurabilityPolicy.TRANSIENT_LOCAL for qos in offered)
         profile = QoSProfile(
@@ -99,7 +99,7 @@ class TopicRecorder(Node):
         self.count[topic] += self.thread.add(channel, now, now, raw)
 
     def destroy_node(self) -> None:
-        """Write what there is, and take the node down."""
+        """Write the remaining messages, and destroy the node."""
         self.thread.close()
         if self._folder is not None and not self.thread.failure:
             text = bag_metadata(self.thread.mcap, self._file.name)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Message types by their names, as the graph and files tell them."""
+"""Message types by the names used in the ROS graph and in files."""
 
 from __future__ import annotations
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What ROS expects of a robot beside its joint states: its description, all joints, frames.
+"""Further topics of a robot besides joint states: description, all joints, and frames.
 
-It knows the cores and ``arm_dynamics.ros``, the outputs and the engine, and none of the services.
+Depends on the cores, ``arm_dynamics.ros``, the outputs and the engine, but not on the services.
 """
 
 from arm_sim.ros.robot.all_joints import AllJointStates

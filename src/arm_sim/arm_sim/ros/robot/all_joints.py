@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Joint states of all joints of the description: of locked and mimic joints, too."""
+"""Joint states of all joints of the description, including locked and mimic joints."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ class AllJointStates:
     """
 
     def __init__(self, joints: AllJoints, own: Sequence[Array]) -> None:
-        """Take the joints, and the arrays of the arm's own that are published."""
+        """Use these joints, and the published arrays of the arm's own joints."""
         self._joints, self._own = joints, tuple(own)
         self.arrays = tuple(np.zeros(len(joints.names)) for _ in own)
 
     def fill(self) -> None:
-        """Take what the arm's arrays hold now."""
+        """Copy the current contents of the arm's arrays."""
         (q, v, tau), (all_q, all_v, all_tau) = self._own, self.arrays
         all_q[:] = self._joints.positions(q)
         all_v[:] = self._joints.velocities(v)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What people look at: joint states of all joints, and frames, some times a second."""
+"""Topics for visualization: joint states of all joints, and frames, at a low rate."""
 
 from __future__ import annotations
 
@@ -23,17 +23,20 @@ from arm_sim.ros.robot.params import RobotParams
 from arm_sim.ros.tick_engine import TickEngine
 
 _RSP = "robot_state_publisher"
-_GLANCE, _SELDOM = 0.2, 5  # [s] between looks for listeners; one in five is for rivals, too
+_GLANCE, _SELDOM = (
+    0.2,
+    5,
+)  # [s] between checks for subscribers; each fifth for other publishers
 
 
 class Display:
     """Publishes ``~/all_joint_states`` and ``/tf`` while there are subscribers.
 
-    It works in the thread that spins the node, and asks the one that ticks for a copy of the state
-    between two ticks.
+    It runs in the thread that spins the node, and requests a copy of the state from the ticking
+    thread between two ticks.
 
     Attributes:
-        frames: What there is to say about ``/tf``, in words.
+        frames: State of ``/tf``, as text.
     """
 
     def __init__(
@@ -48,10 +51,10 @@ class Display:
 
         Args:
             node: The node.
-            engine: What ticks.
-            params: How often, and with which names.
-            arrays: Positions, velocities and efforts that ``joint_states`` has, each shape (n,).
-            stamp: Stamp of the present state in [ns], for the ticking thread.
+            engine: The engine.
+            params: Rate and names.
+            arrays: Positions, velocities and efforts of ``joint_states``, each of shape (n,).
+            stamp: Returns the stamp of the current state in [ns]; for the ticking thread.
         """
         self._engine, self._own, self._stamp = engine, arrays, stamp
         model = engine.simulator.model
@@ -72,7 +75,7 @@ class Display:
         self._watch = steady_timer(node, _GLANCE, self.look)
 
     def look(self) -> None:
-        """See who listens, and stop or go on."""
+        """Check for subscribers, and start or stop publishing."""
         idle = not (self._heard or self._wanted)
         self._heard, self._wanted = self._states.heard, self._frames_wanted()
         if not (self._heard or self._wanted):
@@ -81,11 +84,11 @@ class Display:
             self._timer.reset()
 
     def show(self) -> None:
-        """Publish what is asked for."""
+        """Publish the subscribed topics."""
         try:
             stamp = self._engine.queue.run(self._copy)
         except ArmError:
-            return  # it does not tick: there is nothing new
+            return  # without ticks there is nothing new
         self._all.fill()
         if self._heard:
             self._states.send(stamp)
@@ -106,12 +109,12 @@ class Display:
 
 
 class Frames:
-    """Transforms of the links: the fixed ones once for all who come, the others when told to."""
+    """Transforms of the links: the fixed ones once (latched), the others on request."""
 
     def __init__(
         self, node: Node, links: Links, names: Sequence[str], prefix: str, topics: Any
     ) -> None:
-        """Advertise and publish the fixed ones; ``names`` are of the positions to come."""
+        """Advertise, and publish the fixed ones; ``names`` are the joints of later positions."""
         self._node, self._links, self._names = node, links, names
         moving, still = topics
         self._publisher, static = advertise(node, moving), advertise(node, still)
@@ -127,13 +130,13 @@ class Frames:
     def where_possible(
         cls, node: Node, links: Links, names: Sequence[str], prefix: str
     ) -> Frames | None:
-        """The same where the package tf2_msgs is installed, else None."""
+        """Create them if the package tf2_msgs is installed, else return None."""
         topics = frames_topics()
         return None if topics is None else cls(node, links, names, prefix, topics)
 
     @property
     def heard(self) -> bool:
-        """Whether somebody listens."""
+        """Whether there are subscribers."""
         return bool(self._publisher.get_subscription_count())
 
     def rivals(self) -> bool:

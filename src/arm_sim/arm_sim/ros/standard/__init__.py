@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: Apache-2.0
 """The standard interfaces of simulators, where the package ``simulation_interfaces`` is installed.
 
-Definitions: github.com/ros-simulation/simulation_interfaces, version 2. It knows the engine and
-the simulation's frames; messages are looked for when the node starts. Public is
+Definitions: github.com/ros-simulation/simulation_interfaces, version 2. Depends on the engine and
+the simulation's frames; message packages are looked up when the node starts. Public is
 ``StandardServices``.
 """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What is in the simulation, by name: the robot, and its links as ``robot/link``."""
+"""Entities of the simulation by name: the robot, and its links as ``robot/link``."""
 
 from __future__ import annotations
 
@@ -25,9 +25,9 @@ class Entity:
     Attributes:
         name: Unique name.
         category: As in ``EntityCategory``.
-        description: What it is, in words.
+        description: Its description, as text.
         tags: ``arm``, or ``link`` and whether it moves.
-        frame: Its frame in the model that is simulated.
+        frame: Its frame in the simulated model.
     """
 
     name: str
@@ -59,7 +59,7 @@ class Entities:
         self._all = {entity.name: entity for entity in found}
 
     def named(self, name: str) -> Entity:
-        """The entity of a name.
+        """The entity of a given name.
 
         Raises:
             Unmet: If there is none.
@@ -68,19 +68,22 @@ class Entities:
             robot = next(iter(self._all))
             raise Unmet(
                 NOT_FOUND,
-                f"no entity {clipped(name)}; there are '{robot}' and its links, as '{robot}/link'",
+                f"no entity {clipped(name)}; allowed: '{robot}' and its links, as '{robot}/link'",
             )
         return self._all[name]
 
     def chosen(self, filters: Any) -> list[Entity]:
-        """Those that ``EntityFilters`` choose.
+        """The entities selected by ``EntityFilters``.
 
         Raises:
-            Unmet: If bounds are asked for.
-            InvalidInput: If a filter is none.
+            Unmet: If bounds are requested.
+            InvalidInput: If a filter is invalid.
         """
         if filters.bounds.points:
-            raise Unmet(UNSUPPORTED, "bounds: links have no shape here; leave them empty")
+            raise Unmet(
+                UNSUPPORTED,
+                "bounds are not supported; allowed: empty bounds",
+            )
         mode, tags = filters.tags.filter_mode, set(filters.tags.tags)
         if mode not in (_ANY, _ALL):
             raise InvalidInput(f"filter_mode is {mode}; allowed: 0 (any) or 1 (all)")
@@ -98,13 +101,13 @@ class Entities:
         return [entity for entity in self._all.values() if fits(entity)]
 
     def place(self, q: Array, v: Array) -> None:
-        """Put the arm at joint positions and velocities, each of shape (n,)."""
+        """Set joint positions and velocities, each of shape (n,)."""
         model = self._model
         pin.forwardKinematics(model.pin, self._data, model.configuration(q), model.spread(v))
         pin.updateFramePlacements(model.pin, self._data)
 
     def pose(self, entity: Entity) -> list[float]:
-        """Where it is in the world: x y z [m] and quaternion x y z w."""
+        """Pose in the world: x y z [m] and quaternion x y z w."""
         return pin.SE3ToXYZQUAT(self._data.oMf[entity.frame]).tolist()
 
     def twist(self, entity: Entity) -> list[float]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""POSIX extended regular expressions, which the standard asks for, by the C library."""
+"""POSIX extended regular expressions, which the standard prescribes, by the C library."""
 
 from __future__ import annotations
 
@@ -14,15 +14,15 @@ _ROOM = 256  # bytes; a regex_t has 64
 
 
 class Pattern:
-    """Finds names; compiled once, given back in the end.
+    """Matches names; compiled once, freed at the end.
 
-    Intervals and back references are refused: they are what makes expressions explode.
+    Intervals and back references are rejected, since they may take exponential time.
 
     Args:
         expression: A POSIX extended regular expression; it may match any part of a name.
 
     Raises:
-        InvalidInput: If it is none, or too long.
+        InvalidInput: If it is invalid or too long.
     """
 
     def __init__(self, expression: str) -> None:
@@ -39,7 +39,7 @@ class Pattern:
             why = ctypes.create_string_buffer(_ROOM)
             self._c.regerror(code, self._expression, why, _ROOM)
             raise InvalidInput(
-                f"filter {clipped(expression)} is no POSIX extended regular expression: "
+                f"filter {clipped(expression)} is not a POSIX extended regular expression: "
                 f"{why.value.decode()}"
             )
         self._compiled = True
@@ -49,6 +49,6 @@ class Pattern:
         return self._c.regexec(self._expression, name.encode(), 0, None, 0) == 0
 
     def __del__(self) -> None:
-        """Give the compiled expression back."""
+        """Free the compiled expression."""
         if self._compiled:
             self._c.regfree(self._expression)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Result codes of simulation_interfaces, and requests that are answered with one."""
+"""Result codes of simulation_interfaces, and exceptions that carry one."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ def clipped(text: str) -> str:
 
 @contextmanager
 def answering(result: Any, log: RcutilsLogger) -> Iterator[None]:
-    """Fill a ``simulation_interfaces/Result``; a node never dies of a request."""
+    """Fill a ``simulation_interfaces/Result``; no request ends the node."""
     try:
         yield
     except Unmet as error:
@@ -49,7 +49,7 @@ def answering(result: Any, log: RcutilsLogger) -> Iterator[None]:
 
 
 def answered(answer: Callable[[Any, Any], None], log: RcutilsLogger) -> Callable[..., Any]:
-    """A service callback out of a function that fills the response, or raises."""
+    """A service callback from a function that fills the response or raises an exception."""
 
     def callback(request: Any, response: Any) -> Any:
         with answering(response.result, log):

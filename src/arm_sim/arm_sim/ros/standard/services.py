@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The services of simulation_interfaces that have a meaning for one arm."""
+"""The services of simulation_interfaces that apply to a single arm."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ STOPPED, PLAYING, PAUSED = 0, 1, 2  # SimulationState.msg
 _STATES = {STOPPED: "stopped", PLAYING: "playing", PAUSED: "paused"}
 TIME, STATE, SPAWNED, ALL = 1, 2, 4, 255  # ResetSimulation.srv
 
-# What must be offered for a feature to be told, and the feature's name in SimulatorFeatures.msg.
+# Interfaces required for a feature, and the feature's name in SimulatorFeatures.msg.
 FEATURES = {
     "get_entities": ("ENTITY_TAGS", "ENTITY_CATEGORIES"),
     "get_entity_state": ("ENTITY_STATE_GETTING",),
@@ -43,19 +43,19 @@ class StandardServices:
     """Answers the standard services, and the action.
 
     Attributes:
-        offered: Names of those that are; none without the package.
+        offered: Names of the offered services; empty without the package.
     """
 
     def __init__(
         self, node: Node, engine: TickEngine, params: SimParams, stamp: Callable[[], int]
     ) -> None:
-        """Offer those that the installed package has, under ``~/``.
+        """Offer the services of the installed package, under ``~/``.
 
         Args:
             node: The node.
-            engine: What ticks.
-            params: Whether to offer any, and the name of the scene.
-            stamp: Stamp of the present state in [ns], for the ticking thread.
+            engine: The engine.
+            params: Whether to offer services, and the name of the scene.
+            stamp: Returns the stamp of the current state in [ns]; for the ticking thread.
         """
         self._engine, self._scene, self._stamp = engine, params.scene, stamp
         self.offered: list[str] = []
@@ -90,14 +90,14 @@ class StandardServices:
         self.offered.append("get_simulator_features")
 
     def close(self) -> None:
-        """Take the action away; before the node is destroyed."""
+        """End the action; call before the node is destroyed."""
         if self._steps is not None:
             self._steps.close()
 
     # --- the simulation ------------------------------------------------------------------------
 
     def _features(self, request: Any, response: Any) -> Any:
-        """Name what is offered."""
+        """List the supported features."""
         known = response.features
         names = [name for service in self.offered for name in FEATURES.get(service, ())]
         known.features = sorted(getattr(known, name) for name in names if hasattr(known, name))
@@ -113,11 +113,11 @@ class StandardServices:
         return PAUSED if self._engine.simulator.step_count else STOPPED
 
     def _get_state(self, request: Any, response: Any) -> None:
-        """Whether time goes on."""
+        """Whether the simulation is running."""
         response.state.state = self._engine.queue.run(self._state)
 
     def _set_state(self, request: Any, response: Any) -> None:
-        """Go on, pause, or stop, which is to pause and go back to the start."""
+        """Run, pause, or stop (pause and reset)."""
         self._engine.queue.run(lambda: self._enter(request.state.state))
 
     def _enter(self, target: int) -> None:
@@ -134,13 +134,12 @@ class StandardServices:
             engine.reset()
 
     def _reset(self, request: Any, response: Any) -> None:
-        """Go back to the start in time, in state, or both; whether time goes on stays."""
+        """Reset time, state, or both; a running simulation continues to run."""
         scope = request.scope or ALL
         if not scope & (TIME | STATE):
             raise Unmet(
                 UNSUPPORTED,
-                f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all): nothing "
-                "is spawned here",
+                f"scope {scope}; allowed: a sum of 1 (time) and 2 (state), or 0 (all)",
             )
         self._engine.queue.run(lambda: self._back(bool(scope & TIME), bool(scope & STATE)))
 
@@ -160,7 +159,7 @@ class StandardServices:
         self._engine.queue.run(lambda: self._engine.step(request.steps))
 
     def _get_world(self, request: Any, response: Any) -> None:
-        """The scene, by its name, or else as the description of its robot."""
+        """The scene by its name, or else the description of its robot."""
         model, world = self._engine.simulator.model, response.world
         world.name = model.whole.name
         world.description = "the scene of one robot arm"
@@ -175,18 +174,18 @@ class StandardServices:
         response.entities = [entity.name for entity in self._entities.chosen(request.filters)]
 
     def _get_info(self, request: Any, response: Any) -> None:
-        """What an entity is."""
+        """Description of an entity."""
         entity, info = self._entities.named(request.entity), response.info
         info.category.category, info.description = entity.category, entity.description
         info.tags = list(entity.tags)
 
     def _get_entity_state(self, request: Any, response: Any) -> None:
-        """Where an entity is."""
+        """Pose and velocity of an entity."""
         entity = self._entities.named(request.entity)
         self._fill(response.state, entity, self._look())
 
     def _get_entities_states(self, request: Any, response: Any) -> None:
-        """Names of entities, and where they are."""
+        """Names, poses and velocities of entities."""
         from simulation_interfaces.msg import EntityState
 
         entities, stamp = self._entities.chosen(request.filters), self._look()
@@ -194,7 +193,7 @@ class StandardServices:
         response.states = [self._fill(EntityState(), entity, stamp) for entity in entities]
 
     def _look(self) -> int:
-        """Put the entities where they are now; return its stamp in [ns]."""
+        """Update the entities to the current state; return its stamp in [ns]."""
         simulator = self._engine.simulator
         n, (stamp, x) = simulator.n, self._engine.queue.run(
             lambda: (self._stamp(), simulator.x.copy())

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The action SimulateSteps: many ticks while paused, with feedback, and up to a cancel."""
+"""The action SimulateSteps: many ticks while paused, with feedback; may be cancelled."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from arm_dynamics.ros.common.executor import steady_timer
 from arm_sim.ros.standard.results import FAILED, INCORRECT_STATE, OK, Unmet, answering
 from arm_sim.ros.tick_engine import TickEngine
 
-_PARTS = 100  # feedback comes after each of so many parts of a goal
-_LARGEST = 200  # ticks in a part, so that a cancel is seen soon
-_PERIOD = 0.001  # [s] between parts; others get their turn
+_PARTS = 100  # number of parts of a goal, each followed by feedback
+_LARGEST = 200  # largest number of ticks in a part, such that a cancel takes effect soon
+_PERIOD = 0.001  # [s] between parts, for other callbacks
 
 
 class SimulateSteps:
-    """Makes the ticks of one goal at a time, part by part, by a timer of the spinning thread."""
+    """Executes one goal at a time, in parts, by a timer of the spinning thread."""
 
     def __init__(self, node: Node, engine: TickEngine, kind: Any) -> None:
         """Offer the action ``~/simulate_steps`` of type ``kind``."""
@@ -54,7 +54,7 @@ class SimulateSteps:
             raise Unmet(FAILED, "steps = 0; allowed: 1 or more")
 
     def _part(self) -> None:
-        """Make some ticks, unless the goal was cancelled."""
+        """Execute some ticks, unless the goal was cancelled."""
         goal, asked = self._goal, self._goal.request.steps
         if goal.is_cancel_requested:
             self._result.result.error_message = f"cancelled after {self._made} of {asked} steps"
@@ -81,6 +81,6 @@ class SimulateSteps:
         self._done.set_result(self._result)
 
     def close(self) -> None:
-        """Take the action away; before the node is destroyed."""
+        """End the action; call before the node is destroyed."""
         self._timer.cancel()
         self._server.destroy()

@@ -1,29 +1,29 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Ordinary ticks: a command like those before has come or still acts, the arm moves, and the state is told. Whatever is
- * out of the ordinary is left to Python, untouched, which alone decides on it.
+ * Ordinary ticks: a command of the known controller has arrived or still acts, the arm moves, and the state is
+ * published. All other cases are left unchanged to Python, which alone decides on them.
  *
- * Before this file: joint_state.c of arm_dynamics, and record.c. Where a type is said to be of Python, the fields are
- * those of the structure of that module, which also says what they mean.
+ * Compiled after joint_state.c of arm_dynamics, and record.c. A type with the name of a Python module has the fields of
+ * the structure in that module, where they are explained.
  */
 #include <sched.h>
 #include <time.h>
 
-#define FINE 20000    /* bins of a microsecond in a histogram, see latency.py */
-#define COARSE 512    /* and beyond, each longer than the one before */
-#define STEPS 32      /* of a factor of two */
-#define SENT 256      /* states whose answers are awaited */
-#define ROOMY 4096    /* bytes of a command that may be in a recording without a closer look */
-#define TURN 100000000 /* [ns] after which Python is asked whether to go on */
+#define FINE 20000    /* histogram bins of a microsecond, see latency.py */
+#define COARSE 512    /* bins beyond, of increasing width */
+#define STEPS 32      /* of them per factor of two */
+#define SENT 256      /* number of states whose answers are awaited */
+#define ROOMY 4096    /* largest command in bytes that is recorded without a check of the space */
+#define TURN 100000000 /* [ns] after which Python decides whether to continue */
 
-/* Why ticks end: the next one is to be made by Python; one was made, and Python has to tell of it; it is time to ask;
- * there is an answer, and Python has to make the tick that follows it. */
+/* Reason for returning: Python must execute the next tick; a tick was executed and Python must publish it; Python must
+ * decide whether to continue; an answer has arrived, and Python must execute its tick. */
 enum { LEFT, MADE, TURN_OVER, ANSWERED };
 
 typedef long long (*roll_t)(double*, const double*, long long, const double*, double, long long, double*, double*,
                             double*, void*, void*);
 
-/* roll.Roll: what advances the state by a tick. */
+/* roll.Roll: advances the state by a tick. */
 typedef struct {
   roll_t roll;
   double* x;
@@ -62,35 +62,35 @@ typedef struct {
 
 /* ticks.Ticks */
 typedef struct {
-  int64_t* bell; /* not 0: Python has something to do between two ticks */
-  /* Commands: where they come from, who may lead, and what it said last. */
+  int64_t* bell; /* nonzero: Python has work between two ticks */
+  /* Commands: their source, the admitted controller, and its newest command. */
   source_t* source;
   joint_state_t* reader;
-  int64_t at_once;      /* commands read in a tick at most */
-  int64_t leads[KINDS]; /* kinds of messages whose source leads all joints alone */
-  int64_t now, patience, heard, count; /* of the arbiter: ticks so far, and of that source */
+  int64_t at_once;      /* largest number of commands read in a tick */
+  int64_t leads[KINDS]; /* kinds of messages whose source commands all joints alone */
+  int64_t now, patience, heard, count; /* of the arbiter: ticks so far, and state of that source */
   int64_t age, timeout;
   double* newest;
-  int64_t fresh;   /* whether it is newer than what Python knows */
-  int64_t pending; /* outcome of a message that was taken and is left to Python; NONE: there is none */
+  int64_t fresh;   /* whether the command is newer than the one known to Python */
+  int64_t pending; /* outcome of a message that was taken and that Python must process; NONE: none */
   /* The arm. */
   step_t* step;
   int64_t joints, states;
   int64_t ticks; /* since the last reset */
-  int64_t notice; /* whether commands that were cut are told */
-  /* States before Python looked at them, for the energy account; no room: they are not kept. */
+  int64_t notice; /* whether clipped commands must be reported */
+  /* States not yet processed by Python, for the energy account; without room they are not kept. */
   double *trail, *acted;
   int64_t rows, room;
-  /* What is told. */
-  int64_t every, seldom; /* ticks from joint state to joint state, and to what Python publishes */
+  /* Outputs. */
+  int64_t every, seldom; /* ticks between joint states, and between checks of topics that Python publishes */
   sink_t *state, *clock; /* NULL: no clock */
   times_t* times;        /* NULL: stamps are simulated time */
   trip_t* trip;
   /* The recording; NULL: there is none. */
   chunk_t* chunk;
   tick_t* copy;
-  int64_t size, oldest; /* bytes that may be in a chunk, and their age in [ns] */
-  int64_t commands;     /* number of the commands' channel */
+  int64_t size, oldest; /* limits of a chunk: bytes, and age in [ns] */
+  int64_t commands;     /* number of the channel of commands */
   int64_t recorded;
 } ticks_t;
 
@@ -119,7 +119,7 @@ static void sent(trip_t* t, int64_t stamp) {
   t->next = (t->next + 1) % SENT;
 }
 
-/* RoundTrip.answered; the newest state first: it is the one that is answered. */
+/* RoundTrip.answered; searches from the newest state, which is usually the answered one. */
 static void answered(trip_t* t, int64_t stamp, int64_t arrival) {
   for (int64_t i = 1; i <= SENT; ++i) {
     const int64_t k = (t->next + SENT - i) % SENT;
@@ -130,7 +130,7 @@ static void answered(trip_t* t, int64_t stamp, int64_t arrival) {
   }
 }
 
-/* NodeTime.at of an even clock, between two looks at the lag; negative: Python has to say. */
+/* NodeTime.at of an even clock, between two checks of the lag; negative: Python must determine it. */
 EXPORT int64_t stamp_at(times_t* t, int64_t simulated, int64_t now) {
   if (!t) return simulated;
   const int64_t passed = simulated - t->simulated;
@@ -150,7 +150,7 @@ EXPORT int64_t stamp_at(times_t* t, int64_t simulated, int64_t now) {
   return stamp;
 }
 
-/* Take in the command that was read last, if it is one of those that Python has admitted before; `now`: the tick. */
+/* Accept the command that was read last, if Python has admitted its source before; `now`: the tick. */
 static int admit(ticks_t* t, int64_t outcome, int64_t now) {
   int64_t told[3];
   memcpy(told, t->reader->found, sizeof told);
@@ -174,7 +174,7 @@ static int64_t stamp_of(const joint_state_t* s) {
   return stamp;
 }
 
-/* Inputs.read_waiting; 0: Python has to look at one. */
+/* Inputs.read_waiting; 0: Python must process one. */
 static int read_waiting(ticks_t* t) {
   for (int64_t i = 0; i < t->at_once; ++i) {
     const int64_t outcome = take(t->source, t->reader);
@@ -196,7 +196,7 @@ static void keep(ticks_t* t) {
   ++t->rows;
 }
 
-/* Publish and record the state; 0: Python has to. */
+/* Publish and record the state; 0: Python must. */
 static int tell(ticks_t* t) {
   const int64_t simulated = llrint(1e9 * (t->ticks * t->step->dt));
   int64_t stamp = -1;
@@ -213,7 +213,7 @@ static int tell(ticks_t* t) {
   return 1;
 }
 
-/* Whether Python has nothing to do, and there is room for all that a tick may bring. */
+/* Whether Python has no work, and there is room for all messages of a tick. */
 static int ready(const ticks_t* t) {
   const chunk_t* c = t->chunk;
   if (__atomic_load_n(t->bell, __ATOMIC_ACQUIRE) || (t->room && t->rows == t->room)) return 0;
@@ -222,7 +222,7 @@ static int ready(const ticks_t* t) {
   return c->at + most <= t->size && !(c->at && time_of(CLOCK_REALTIME) - c->since > t->oldest);
 }
 
-/* Make a tick under the newest command. */
+/* Execute a tick with the newest command. */
 static int tick(ticks_t* t) {
   step_t* s = t->step;
   if (t->timeout && t->age >= t->timeout) return LEFT;
@@ -251,7 +251,7 @@ static int64_t shift(due_t* d, int64_t late) {
   return d->slow_down ? late : dropped * d->period;
 }
 
-/* Make ticks by the clock, see RealtimeLoop; with a period of 0 one after another. */
+/* Execute ticks by the clock, see RealtimeLoop; with a period of 0 one after another. */
 EXPORT int64_t by_the_clock(ticks_t* t, due_t* due) {
   const int64_t end = time_of(CLOCK_MONOTONIC) + TURN;
   for (;;) {
@@ -281,7 +281,7 @@ static void wait_for(waiting_t* w, int64_t stamp) {
   w->asked = w->first = time_of(CLOCK_MONOTONIC);
 }
 
-/* Make the ticks that answers ask for, see Lockstep, as long as these come soon. */
+/* Execute the ticks triggered by answers, see Lockstep, as long as these arrive soon. */
 EXPORT int64_t in_lockstep(ticks_t* t, waiting_t* w) {
   for (;;) {
     const int64_t now = time_of(CLOCK_MONOTONIC);

@@ -1,24 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * A tick, and the joint state that tells of it, copied into the room for messages in one call. What the records of a
- * file are is said in recording/files/container.py; who looks whether there is room, in chunks.py.
+ * Copies a tick, and the joint state published for it, into a message buffer in a single call. The format of the records
+ * is defined in recording/files/container.py; chunks.py checks that there is room.
  */
 #include <stdint.h>
 #include <string.h>
 
-/* Room for records, as they will be in the file. */
+/* A buffer for records in the format of the file. */
 typedef struct {
   uint8_t* raw;
-  int64_t* places;   /* where each record begins */
-  int64_t at, count; /* bytes and records so far */
-  int64_t since;     /* time of the first one in [ns] */
+  int64_t* places;   /* offset of each record */
+  int64_t at, count; /* number of bytes and records so far */
+  int64_t since;     /* time of the first record in [ns] */
 } chunk_t;
 
-/* What is copied with every tick. */
+/* The data copied with every tick. */
 typedef struct {
-  uint8_t* raw; /* a serialized arm_msgs/Tick, of which these parts change */
+  uint8_t* raw; /* a serialized arm_msgs/Tick, and the offsets of its variable parts */
   int64_t size, stamp, hold, at[3];
-  const uint8_t* numbers[3]; /* state, what acted, and notes on them */
+  const uint8_t* numbers[3]; /* state, effective command, and notes */
   int64_t sizes[3];          /* in bytes */
   int64_t tick, state;       /* numbers of the channels */
 } tick_t;
@@ -27,7 +27,7 @@ static void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish
   uint8_t* to = c->raw + c->at;
   const uint64_t length = size + 22, times[2] = {log, publish};
   const uint16_t number = channel;
-  to[0] = 5; /* a message */
+  to[0] = 5; /* opcode of a message */
   memcpy(to + 1, &length, 8);
   memcpy(to + 9, &number, 2);
   memset(to + 11, 0, 4);
@@ -38,7 +38,7 @@ static void put_record(chunk_t* c, int64_t channel, int64_t log, int64_t publish
   c->at += 31 + size;
 }
 
-/* Copy the tick of this stamp in [ns], made at `now`; before it the joint state that was published, if `size` is not 0. */
+/* Copy the tick of this stamp in [ns], executed at `now`; before it the published joint state, if `size` is not 0. */
 __attribute__((visibility("default"))) void record(chunk_t* c, tick_t* t, int64_t now, int64_t stamp, int64_t hold,
                                                    const uint8_t* state, int64_t size, int64_t state_stamp) {
   const int32_t seconds = stamp / 1000000000;
