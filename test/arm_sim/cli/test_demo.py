@@ -149,7 +149,7 @@ def kill_sim(demo: Demo, ids: dict[str, int]) -> None:
     [
         (interrupt, 130, "interrupted; all processes of the demo have been ended"),
         (terminate, 130, "interrupted"),
-        (kill_sim, 1, "Error: the sim process ended by itself (killed by SIGKILL)"),
+        (kill_sim, 1, "Error: the sim process ended unexpectedly (killed by SIGKILL)"),
     ],
 )
 def test_it_ends_its_processes_whatever_happens(
@@ -208,7 +208,7 @@ def test_a_loop_that_does_not_close_is_said() -> None:
     )  # fmt: skip
     assert complaints(good) == remarks(good) == []
     for change, words in (
-        ({"rate": 500.0}, "500.0 ticks a second instead of 1000"),
+        ({"rate": 500.0}, "500.0 ticks per second instead of 1000"),
         ({"commands": 10}, "only 10 of 10000 states"),
         ({"questions": 0}, "answered no torque query"),
         ({"error_rms": float("nan")}, "tracking error nan rad RMS"),

@@ -37,10 +37,10 @@ def observer(ros: Ros) -> Iterator[Observer]:
 @pytest.mark.parametrize(
     ("wait", "granted", "said"),
     [
-        ("wait_for_partners", 0, "the dynamics node gave no answer within 60 s"),
-        ("wait_for_partners", 1, "the controller was not there within 60 s"),
-        ("wait_for_motion", 0, "the controller has said nothing within 60 s"),
-        ("wait_for_motion", 1, "the sim node gave no answer within 60 s"),
+        ("wait_for_partners", 0, "the dynamics node did not answer within 60 s"),
+        ("wait_for_partners", 1, "the controller did not start within 60 s"),
+        ("wait_for_motion", 0, "the controller sent no command within 60 s"),
+        ("wait_for_motion", 1, "the sim node did not answer within 60 s"),
     ],
 )
 def test_at_the_start_each_is_waited_for_a_minute(

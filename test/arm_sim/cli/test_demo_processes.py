@@ -143,7 +143,9 @@ def test_one_that_has_ended_by_itself_is_told_of_until_it_is_stopped(children: P
         with pytest.raises(DemoFailed) as caught:
             children.check()
         said = caught.value.message
-        assert said.startswith("the gone process ended by itself with status 3:\n    arguments ")
+        assert said.startswith(
+            "the gone process ended unexpectedly with status 3:\n    arguments "
+        )
         assert "-m arm_sim.cli gone --with-parent --more" in said
         children.stop("gone")
         children.check()
@@ -165,7 +167,7 @@ def test_what_it_said_last_is_shown(children: Processes) -> None:
         assert lines == [f"    line {k}" for k in range(9, 21)]
         children.stop("talker")
         ended(children, "silent")
-        with pytest.raises(DemoFailed, match="with status 1:\nit said nothing"):
+        with pytest.raises(DemoFailed, match="with status 1:\nits log is empty"):
             children.check()
 
 

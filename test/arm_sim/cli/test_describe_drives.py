@@ -25,7 +25,7 @@ def test_describe_says_what_each_joint_takes() -> None:
     for words in (
         "shoulder current [A] 10 100 0.4 1 flexible, 6000, stiffening, hysteresis, kinematic",
         "elbow voltage [V] 36 -40 0.064 1 flexible, 900",
-        "motors and transmissions 2 joints, 6 states of their own",
+        "motors and transmissions 2 joints, 6 states",
         "error controlled to 1e-10",
     ):
         assert words in text
@@ -34,7 +34,7 @@ def test_describe_says_what_each_joint_takes() -> None:
 def test_describe_says_what_a_gear_costs() -> None:
     text = described("motor_pendulum.yaml")
     assert "swing voltage [V] 24 50 0.075 0.85 rigid" in text
-    assert "gear losses 1 joints, friction by load solved by events" in text
+    assert "gear losses 1 joints, load-dependent friction, solved by events" in text
 
 
 def test_describe_gives_four_digits_of_a_gear(tmp_path: Path) -> None:

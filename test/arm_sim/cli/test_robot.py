@@ -45,7 +45,7 @@ def test_goals_are_positions_or_distances() -> None:
 
 @pytest.mark.parametrize("word", ["elbow", "elbow=", "=1", "elbow=nan", "elbow=inf", "elbow=1,2"])
 def test_what_is_no_goal_is_refused(word: str) -> None:
-    with pytest.raises(click.UsageError, match=re.escape(f"'{word}' is no goal of a joint")):
+    with pytest.raises(click.UsageError, match=re.escape(f"'{word}' is not a joint goal")):
         goal.parse([word])
 
 

@@ -31,7 +31,7 @@ def test_few_runs_are_lines_of_a_table(tmp_path: Path) -> None:
     done = run(tmp_path, STUDY + "samples: 3\n")
     assert done.exit_code == 0, done.output
     assert "pd_gravity" in done.stdout and "tracking_rms" in done.stdout
-    assert "6 runs made in" in done.stdout and "6 in compiled code" in done.stdout
+    assert "6 runs simulated in" in done.stdout and "6 in compiled code" in done.stdout
     for name in ("scatter.png", "distribution.png", "runs.jsonl"):
         assert (tmp_path / "out" / name).stat().st_size > 100
     again = run(tmp_path, STUDY + "samples: 3\n")

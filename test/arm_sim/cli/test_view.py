@@ -59,7 +59,7 @@ def test_a_recording_is_shown_as_it_was(shown: dict[str, Any], tmp_path: Path) -
 def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path: Path) -> None:
     table = tmp_path / "robot.csv"
     table.write_text("time,position.elbow,position.shoulder\n0,0.1,0.2\n0.5,0.3,0.4\n")
-    with pytest.raises(ViewError, match=r"robot.csv' brings no scene.*name it by --scene"):
+    with pytest.raises(ViewError, match=r"robot.csv' contains no scene.*name it by --scene"):
         sources.shown([str(table)], HERE)
     sources.shown([str(table)], Wish("127.0.0.1", 0, scene="two_link"))
     np.testing.assert_array_equal(shown["films"][0].q, [[0.2, 0.1], [0.4, 0.3]])
@@ -70,8 +70,8 @@ def test_a_recording_of_a_robot_needs_its_scene(shown: dict[str, Any], tmp_path:
     [
         ([], 2, "a scene, a recording, or --live"),
         (["pandaa"], 1, "did you mean 'panda'?"),
-        (["panda", "--size", "big"], 2, "'big'; 16x16 to 4096x4096 is allowed"),
-        (["panda", "run.npz"], 1, "'run.npz' is a recording and 'panda' is none"),
+        (["panda", "--size", "big"], 2, "'big'; allowed: 16x16 to 4096x4096"),
+        (["panda", "run.npz"], 1, "'run.npz' is a recording and 'panda' is not"),
         (["no.npz"], 1, "no.npz"),
         (
             ["two_link", "--png", "/no/such/folder/a.png"],

@@ -107,7 +107,7 @@ def test_killed_in_the_middle_and_called_again(alone: dict[str, bytes], tmp_path
         [*command, "--workers", "1", "--no-figures"], capture_output=True, text=True, timeout=120
     )
     assert done.returncode == 0, done.stderr
-    assert f"{17 - len(lines)} runs made" in done.stdout
+    assert f"{17 - len(lines)} runs simulated" in done.stdout
     assert bits(sweep(file, out, workers=1).table) == alone
 
 

@@ -60,7 +60,7 @@ def describe(
 
     with waiting(f"building {scene}"):
         simulator = Simulator(scene, integrator=integrator, dt=dt, tolerance=tolerance)
-        facts_of(simulator)  # over which the time of a tick is measured
+        facts_of(simulator)  # number of runs for measuring the time of a tick
     if as_json:
         click.echo(json.dumps(facts_of(simulator), indent=1))
         return

@@ -44,7 +44,7 @@ class _Said(logging.Handler):
     """Writes to the current stderr, so that lines appear above a progress bar."""
 
     def emit(self, record: logging.LogRecord) -> None:
-        """Write a line; go on if that fails, as on a full disk."""
+        """Write a line; ignore errors, as on a full disk."""
         try:
             print(self.format(record), file=sys.stderr)
         except OSError:
@@ -53,7 +53,7 @@ class _Said(logging.Handler):
 
 @contextmanager
 def waiting(what: str) -> Iterator[None]:
-    """Show on a terminal what the command waits for, and how long, after two seconds."""
+    """Show on a terminal, after two seconds, what the command waits for and how long."""
     if not sys.stderr.isatty():
         yield
         return

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from arm_sim.sweeps import Progress, Sweep
 
 _PATH = click.Path(path_type=Path)
-_LISTED = 20  # runs up to which each is a line
+_LISTED = 20  # number of runs up to which each is printed
 _EVERY = 5.0  # [s] between lines of progress without a terminal
 
 
@@ -89,7 +89,7 @@ def _report(done: Sweep, written: list[Path]) -> None:
     if done.made:
         rate = done.made * done.study.duration / max(done.seconds, 1e-9)
         out.print(
-            f"{done.made} runs made in {done.seconds:.3g} s ({rate:.3g} simulated seconds a "
+            f"{done.made} runs simulated in {done.seconds:.3g} s ({rate:.3g} simulated seconds a "
             f"second), {plan.runs - done.made} were there; {how}; "
             f"sets of equations: {plan.worlds}",
             markup=False,

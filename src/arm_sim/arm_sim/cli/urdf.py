@@ -56,12 +56,13 @@ def with_hardware(model: ArmModel, command: str, topics: dict[str, str]) -> str:
     Source: README of joint_state_topic_hardware_interface (ros-controls).
     """
     robot = ElementTree.fromstring(model.scene.robot.urdf)
-    for other in robot.findall("ros2_control"):  # of the real robot's hardware
+    for other in robot.findall("ros2_control"):  # remove the tag of the real robot's hardware
         robot.remove(other)
     tag = ElementTree.SubElement(robot, "ros2_control", name="arm", type="system")
     hardware = ElementTree.SubElement(tag, "hardware")
     ElementTree.SubElement(hardware, "plugin").text = HARDWARE
-    # Not positive: it publishes always, since silence would count as stopped commands.
+    # Not positive: it always publishes, since missing messages would be treated as stopped
+    # commands.
     for name, value in {**topics, "trigger_joint_command_threshold": "-1"}.items():
         ElementTree.SubElement(hardware, "param", name=name).text = value
     for name, start in zip(model.joint_names, model.q0, strict=True):

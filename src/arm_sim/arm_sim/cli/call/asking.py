@@ -20,8 +20,8 @@ if TYPE_CHECKING:
     from arm_dynamics.client import ArmClient
 
 VECTOR = VectorType()
-SHOWN = 20  # points of a batch on a terminal
-UNITS = {  # of revolute joints and of prismatic ones
+SHOWN = 20  # points of a batch shown on a terminal
+UNITS = {  # units of revolute joints and of prismatic ones
     "position": ("rad", "m"), "seed": ("rad", "m"), "velocity": ("rad/s", "m/s"),
     "acceleration": ("rad/s²", "m/s²"), "effort": ("N m", "N"), "inertia": ("kg m²", "kg"),
     "damping": ("N m s/rad", "N s/m"),

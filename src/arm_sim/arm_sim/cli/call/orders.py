@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 )
 @asks(SIM)
 def reset(client: ArmClient, as_json: bool) -> None:
-    """Put the simulation back to its initial state and time zero."""
+    """Reset the simulation to its initial state and time zero."""
     client.reset()
     _print_done("reset to the initial state at time zero", as_json)
 

@@ -252,7 +252,7 @@ def _one_direction(
               help="Compute torques, from --acceleration and --multipliers.")  # fmt: skip
 @vector("acceleration", "Joint accelerations")
 @click.option("--multipliers", type=VECTOR,
-              help="Forces against the constraints in N or N m; zero when omitted.")  # fmt: skip
+              help="Forces on the constraints in N or N m; zero when omitted.")  # fmt: skip
 @joints
 @asks(DYNAMICS, check=_one_direction)
 def constrained_dynamics(
@@ -299,7 +299,7 @@ def constrained_dynamics(
 )
 @asks(DYNAMICS)
 def model_info(client: ArmClient, as_json: bool) -> None:
-    """Facts about the node's arm: joints, limits, frames, mass."""
+    """Properties of the node's arm: joints, limits, frames, mass."""
     info = client.model_info()
     limits = ("position_lower", "position_upper", "velocity_limits", "effort_limits")
     if as_json:

@@ -29,18 +29,18 @@ PANDA = Path(__file__).parents[2] / "scenes/panda.yaml"
 @click.option("--robot", type=SCENE, default=None, metavar="URDF|SCENE",
               help="Arm to move: a URDF or scene file; the Panda when omitted.")  # fmt: skip
 @click.option("--duration", default=10.0, show_default=True, type=click.FloatRange(1.0, 3600.0),
-              help="How long the motion takes, in s.")  # fmt: skip
+              help="Duration of the motion in s.")  # fmt: skip
 @click.option("--output", default="reports/demo", show_default=True,
               type=click.Path(file_okay=False, path_type=Path),
               help="Folder for the figure, the numbers and the logs.")  # fmt: skip
-@click.option("--view", is_flag=True, help="Show it in the browser meanwhile.")
+@click.option("--view", is_flag=True, help="Show the motion in the browser.")
 def demo(robot: str | None, duration: float, output: Path, view: bool) -> None:
-    """Close the loop on an arm at 1 kHz in real time, and show how well it went.
+    """Close the loop on an arm at 1 kHz in real time, and report the results.
 
-    Three processes talk over ROS 2: the simulated arm, a computed-torque controller that moves it
-    along a joint trajectory, and the dynamics node, which is asked for torques meanwhile. They
-    have a ROS domain of their own on this machine and are ended whatever happens. The exit status
-    is 1 when the loop did not close, with the reason.
+    Three processes communicate over ROS 2: the simulated arm, a computed-torque controller that
+    moves it along a joint trajectory, and the dynamics node, which answers torque queries during
+    the motion. They use a separate ROS domain on this machine and are always terminated. The exit
+    status is 1, with the reason, if the loop was not closed.
     """
     from arm_sim.cli.demo.course import run
     from arm_sim.cli.demo.processes import interruptible

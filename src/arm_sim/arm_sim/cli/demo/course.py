@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The course of a demo: plan, start, watch, stop, report."""
+"""The sequence of the demo: plan, start, observe, stop, report."""
 
 from __future__ import annotations
 
@@ -27,10 +27,10 @@ from arm_sim.cli.demo.report import Numbers, complaints, numbers, remarks, resul
 from arm_sim.cli.output import console, show
 from arm_sim.view.server import library
 
-_SETTLED = 0.3  # [s] that are watched after the motion
-_OPENING = 3.0  # [s] that a browser is given to open
-_LATE = 10.0  # [s] that the motion may take longer than one and a half times its duration
-# By simulated time a busy machine slows the motion down; by the clock it would disturb it.
+_SETTLED = 0.3  # [s] of observation after the motion
+_OPENING = 3.0  # [s] for a browser to open
+_LATE = 10.0  # [s] that the motion may take beyond one and a half times its duration
+# In simulated time a busy machine slows the motion down; in real time it would disturb it.
 _ROS_SIM = ("--ros-args", "-p", "time:=sim")
 _ROS_CONTROLLER = ("--ros-args", "-p", "state_period:=0.01")
 
@@ -41,11 +41,11 @@ def run(robot: str, duration: float, output: Path, view: bool = False) -> None:
     """Run the demo, whose arguments ``demo`` explains.
 
     Raises:
-        DemoFailed: If the loop did not close.
+        DemoFailed: If the loop was not closed.
         ArmError: If there is no motion for the arm.
     """
     if view:
-        library()  # or say now that it is missing
+        library()  # raises an error now if it is missing
     motion = choose_motion(load_scene(robot), duration)
     output.mkdir(parents=True, exist_ok=True)
     out = console()
@@ -62,9 +62,9 @@ def _run(
     bar: Callable[[float], None],
     view: bool,
 ) -> tuple[Seen, dict[str, Any]]:
-    """Have the processes follow the motion; return what was seen and the sim node's report."""
+    """Execute the motion; return the observations and the sim node's report."""
     scene, report, domain = scratch / "scene.yaml", scratch / "clock.json", free_domain()
-    # One file that needs no other, for all three nodes.
+    # A self-contained file for all three nodes.
     data = motion.model.scene.model_dump(mode="json", exclude_none=True, exclude_defaults=True)
     scene.write_text(yaml.safe_dump(data, allow_unicode=True), encoding="utf-8")
     duration = motion.trajectory.duration
@@ -74,7 +74,7 @@ def _run(
         processes.check()
         bar(observer.now() / duration)
 
-    # For the children, which inherit it, and for our own node.
+    # For the child processes, which inherit it, and for the demo's own node.
     os.environ |= {"ROS_DOMAIN_ID": str(domain), **as_usual()}
     with (
         Processes(output) as processes,
@@ -84,7 +84,7 @@ def _run(
         processes.start("dynamics", "dynamics", str(scene), "--with-parent")
         processes.start("controller", "controller", str(scene), "--with-parent", *_ROS_CONTROLLER)
         observer.wait_for_partners()
-        # Last and alone, so that no other start-up disturbs its clock.
+        # Started last, so that no other start-up disturbs its timing.
         processes.start("sim", "sim", str(scene), "--with-parent", "--report", str(report))
         observer.wait_for_motion()
         shown = f"; the view is at {_open_view(processes, scene)}" if view else ""
@@ -104,13 +104,13 @@ def _run(
         processes.stop("view", "controller", "dynamics")
         if not report.exists():
             raise DemoFailed(
-                "the sim node did not end cleanly; it said:\n" + processes.tail("sim")
+                "the sim node did not end cleanly; its log says:\n" + processes.tail("sim")
             )
         return observer.seen(), json.loads(report.read_text())
 
 
 def _open_view(processes: Processes, scene: Path) -> str:
-    """Start a view that follows the arm, and a browser where there is one; its address."""
+    """Start a view that follows the arm, and a browser if there is one; return its address."""
     processes.start("view", "view", str(scene), "--live")
     while "(Ctrl-C ends)" not in (said := processes.log("view").read_text(errors="replace")):
         processes.check()
@@ -123,12 +123,12 @@ def _open_view(processes: Processes, scene: Path) -> str:
 
 @contextmanager
 def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
-    """Progress on a terminal; lines of text where there is none."""
+    """Progress on a terminal; lines of text without a terminal."""
     if not out.is_terminal:
         yield (lambda text: out.print(f"{text} …")), (lambda share: None)
         return
     columns = (TextColumn("{task.description}"), BarColumn(), TimeElapsedColumn())
-    # Refreshed by hand: a thread of its own would disturb what is measured.
+    # Refreshed explicitly: a separate thread would disturb the measurement.
     with Progress(*columns, console=out, transient=True, auto_refresh=False) as progress:
         task = progress.add_task("", total=1.0)
 
@@ -139,7 +139,7 @@ def _progress(out: Any) -> Iterator[tuple[Say, Callable[[float], None]]]:
 
 
 def _tell(output: Path, motion: Motion, seen: Seen, n: Numbers, out: Any) -> None:
-    """Write the figure and the numbers, and print what they say."""
+    """Write the figure and the numbers, and print a summary."""
     figure, file, model = output / "demo.png", output / "demo.json", motion.model
     title = (
         f"{n.robot}: computed torque at {n.wanted_rate:g} Hz, tracking error {n.error_rms:.1e} "
@@ -151,6 +151,6 @@ def _tell(output: Path, motion: Motion, seen: Seen, n: Numbers, out: Any) -> Non
     show(out, result_table(n))
     out.print(f"figure:  {figure}\nnumbers: {file}", soft_wrap=True)
     if reasons := complaints(n):
-        raise DemoFailed("the loop did not close:\n  " + "\n  ".join(reasons))
+        raise DemoFailed("the loop was not closed:\n  " + "\n  ".join(reasons))
     for remark in remarks(n):
         out.print(f"note: {remark}", markup=False)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The picture of a demo run: position, tracking error and torque against time."""
+"""The figure of a demo run: position, tracking error and torque over time."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ _STYLE = {
     "grid.color": "#e4e6ea", "grid.linewidth": 0.8, "axes.edgecolor": "#8a8f98",
     "xtick.color": "#555a63", "ytick.color": "#555a63", "legend.frameon": False,
 }  # fmt: skip
-_DOTS = 45  # answers of the service that are drawn, over the whole motion
+_DOTS = 45  # number of service answers that are drawn
 
 
 def draw(
     file: Path, seen: Seen, names: Sequence[str], types: Sequence[str], duration: float, title: str
 ) -> None:
-    """Draw a PNG; ``types`` are those of the joints, ``duration`` that of the motion in [s]."""
+    """Draw a PNG; ``types`` are the joint types, ``duration`` is that of the motion in [s]."""
     with matplotlib.rc_context(_STYLE):
         figure = Figure(figsize=(9.6, 8.0), layout="constrained")
         axes = figure.subplots(
@@ -73,9 +73,7 @@ def _torques(axis: Any, seen: Seen, types: Sequence[str], colors: Any) -> None:
             markerfacecolor="white", markeredgewidth=0.9,
             markeredgecolor=colors[joint % len(colors)],
         )  # fmt: skip
-    axis.set_title(
-        "Torque commanded; circles: what the dynamics service answered for the reference"
-    )
+    axis.set_title("Commanded torque; circles: answers of the dynamics service for the reference")
     axis.set_ylabel(f"torque [{units(types, 'N m', 'N')}]")
 
 
@@ -88,6 +86,6 @@ def _prefix(largest: float) -> tuple[float, str]:
 
 
 def _short(name: str, names: Sequence[str]) -> str:
-    """The name without what all names begin with."""
+    """The name without the common prefix of all names."""
     common = os.path.commonprefix(names) if len(names) > 1 else ""
     return name[max(common.rfind("_"), common.rfind("/")) + 1 :]

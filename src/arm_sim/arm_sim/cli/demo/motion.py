@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""A motion that suits any arm: inside its joint limits, slow and light enough for its drives."""
+"""A motion for any arm: within its joint, velocity and effort limits."""
 
 from __future__ import annotations
 
@@ -15,10 +15,10 @@ from arm_dynamics.trajectory.reference import Limits, Trajectory, Waypoint
 from arm_dynamics.trajectory.waypoints import quintic
 
 TURN, SLIDE = 0.6, 0.15  # [rad], [m]: largest excursion from the start
-SHARE_OF_RANGE = 0.3  # of a joint's range that an excursion may take
-MARGIN = 0.05  # of a joint's range that is kept free at its ends
-SPEED_SHARE, EFFORT_SHARE = 0.7, 0.8  # of the limits that the motion may use
-WEIGHT_SHARE = 0.6  # of the effort limits that holding the start may need
+SHARE_OF_RANGE = 0.3  # largest excursion as a fraction of a joint's range
+MARGIN = 0.05  # margin at the ends of a joint's range, as a fraction of it
+SPEED_SHARE, EFFORT_SHARE = 0.7, 0.8  # fraction of the limits that the motion may use
+WEIGHT_SHARE = 0.6  # fraction of the effort limits that holding the start may require
 SECONDS_A_POINT = 1.4
 SHRINK, TRIES = 0.8, 30
 SAMPLES_A_SECOND = 100
@@ -26,14 +26,14 @@ SAMPLES_A_SECOND = 100
 
 @dataclass(frozen=True)
 class Motion:
-    """Where the arm starts and which points it passes.
+    """Start and waypoints of the arm.
 
     Attributes:
         model: The arm with that start.
         waypoints: Points after the start; the last one is the start again, at rest.
-        trajectory: What leads through them.
-        effort_share: Largest torque as a part of its limit; 0 where nothing limits it.
-        speed_share: Largest speed as a part of its limit, likewise.
+        trajectory: The trajectory through them.
+        effort_share: Largest torque relative to its limit; 0 without limits.
+        speed_share: Largest speed relative to its limit, likewise.
     """
 
     model: ArmModel
@@ -46,9 +46,9 @@ class Motion:
 def choose_motion(scene: Scene, duration: float) -> Motion:
     """Choose a motion of ``duration`` in [s] for the arm of a scene.
 
-    The scene's own start is kept if it lies within the joint limits, the drives can hold the arm
-    there and there is room to move; else a start is looked for. Excursions shrink until inverse
-    dynamics and speeds fit the limits.
+    The scene's initial position is kept if it is within the joint limits, the drives can hold the
+    arm there and there is room to move; else another one is searched. Excursions are reduced until
+    torques and speeds are within the limits.
 
     Raises:
         InvalidInput: If no joint has room to move, or the drives are too weak for any motion.
@@ -56,7 +56,7 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
     dynamics = Dynamics(ArmModel(scene))
     model = dynamics.model
     if not np.any(model.position_upper > model.position_lower):
-        raise InvalidInput("no joint of this arm may move: all lower limits equal the upper ones")
+        raise InvalidInput("no joint of this arm can move: all lower limits equal the upper ones")
     q0 = model.q0
     inside = np.all((model.position_lower <= q0) & (q0 <= model.position_upper))
     if inside and _weight_shares(dynamics, q0).max() <= EFFORT_SHARE:
@@ -71,7 +71,7 @@ def choose_motion(scene: Scene, duration: float) -> Motion:
 
 
 def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
-    """The largest motion around ``start`` that keeps to all limits, None if there is none."""
+    """The largest motion around ``start`` within all limits; None if there is none."""
     model, limits = dynamics.model, Limits.of(dynamics.model)
     count = max(2, round(duration / SECONDS_A_POINT))
     times = duration / count * np.arange(1, count + 1)
@@ -84,7 +84,7 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
         try:
             trajectory = quintic([Waypoint(0.0, start), *waypoints], limits)
         except InvalidInput:
-            continue  # it swings beyond a joint limit between its points
+            continue  # it exceeds a joint limit between its waypoints
         speed, effort = _shares(dynamics, trajectory)
         if speed <= SPEED_SHARE and effort <= EFFORT_SHARE:
             return Motion(_starting(model, start), waypoints, trajectory, effort, speed)
@@ -92,7 +92,7 @@ def _around(start: Array, dynamics: Dynamics, duration: float) -> Motion | None:
 
 
 def _pattern(count: int, n: int) -> Array:
-    """Swings of the joints at each point from -1 to 1, each at its own pace; back at the end."""
+    """Relative excursions at each waypoint, -1 to 1, each joint at its own frequency."""
     k, joint = np.arange(1, count + 1)[:, None], np.arange(n)
     swings = np.sin(2.0 * np.pi * (k * (0.29 + 0.045 * (joint % 4)) + 0.13 * joint))
     swings[-1] = 0.0
@@ -100,7 +100,7 @@ def _pattern(count: int, n: int) -> Array:
 
 
 def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
-    """Least and greatest positions to go to: away from the limits, unless the start is there."""
+    """Range of positions: at a distance from the limits, unless the start is closer."""
     span = model.position_upper - model.position_lower
     free = MARGIN * np.where(np.isfinite(span), span, 0.0)
     lower, upper = model.position_lower + free, model.position_upper - free
@@ -108,7 +108,7 @@ def _room(model: ArmModel, start: Array) -> tuple[Array, Array]:
 
 
 def _better_start(dynamics: Dynamics) -> Array:
-    """A posture with room to all sides in which the drives can carry the arm well."""
+    """A posture away from the limits in which the drives can hold the arm easily."""
     model = dynamics.model
     low = np.where(np.isfinite(model.position_lower), model.position_lower, -np.pi)
     high = np.where(np.isfinite(model.position_upper), model.position_upper, np.pi)
@@ -132,7 +132,7 @@ def _better_start(dynamics: Dynamics) -> Array:
 
 
 def _weight_shares(dynamics: Dynamics, q: Array) -> Array:
-    """Parts of the effort limits that holding the arm on its springs needs."""
+    """Holding torques, springs included, relative to the effort limits."""
     return np.abs(dynamics.gravity(q) + dynamics.spring(q)) / dynamics.model.effort_limit
 
 
@@ -146,7 +146,7 @@ def _shares(dynamics: Dynamics, trajectory: Trajectory) -> tuple[float, float]:
 
 
 def _starting(model: ArmModel, start: Array) -> ArmModel:
-    """The arm with another start; joints that are locked stay where they are."""
+    """The arm with another initial position; locked joints keep theirs."""
     position: dict[str, Any] = dict(model.scene.initial.position)
     position |= dict(zip(model.joint_names, start.tolist(), strict=True))
     return ArmModel(model.scene.model_copy(update={"initial": Initial(position=position)}))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""The demo's own node: sends the trajectory, watches the loop and asks for torques meanwhile."""
+"""The demo's own node: sends the trajectory, observes the loop and queries torques."""
 
 from __future__ import annotations
 
@@ -35,25 +35,25 @@ from arm_sim.ros.interfaces import ENERGY
 _START_TIMEOUT, _MOTION_TIMEOUT = 60.0, 10.0  # [s]
 _IN_TIME = f"within {_START_TIMEOUT:g} s"
 _BETWEEN_LOOKS = 0.02  # [s]
-_AT_EASE = 0.5  # [s]: who has just been met may be holding the others up for a third of a second
-_ASK_AGAIN = 1.0  # [s] until an unanswered question is asked again
+_AT_EASE = 0.5  # [s]: discovery of a node may block the others for a third of a second
+_ASK_AGAIN = 1.0  # [s] until an unanswered request is repeated
 _FIELDS = ("reference_position", "feedback_position", "position_error", "effort")
 
 
 @dataclass(frozen=True)
 class Seen:
-    """What was seen of a motion; time starts with the trajectory, rows are samples.
+    """Observations of a motion; time starts with the trajectory, rows are samples.
 
     Attributes:
-        time: In [s], shape (k,).
-        reference: Where the joints should be, shape (k, n).
-        position: Where they were, shape (k, n).
+        time: Time in [s], shape (k,).
+        reference: Desired joint positions, shape (k, n).
+        position: Measured joint positions, shape (k, n).
         error: Reference minus position, shape (k, n).
-        effort: Torque commanded, shape (k, n).
-        asked_time: When the service was asked in [s], shape (m,).
-        asked_effort: The torque that it answered for the reference motion, shape (m, n).
-        asked_for: The torque commanded at those times, shape (m, n).
-        latencies: How long each answer took in [s], shape (m,).
+        effort: Commanded torque, shape (k, n).
+        asked_time: Times of the service requests in [s], shape (m,).
+        asked_effort: Torques returned for the reference motion, shape (m, n).
+        asked_for: Torques commanded at those times, shape (m, n).
+        latencies: Durations of the service calls in [s], shape (m,).
         energy: kinetic, potential, total, input, dissipated and balance in [J], shape (e, 6).
     """
 
@@ -73,9 +73,9 @@ class Observer:
     """Joins the graph of the demo; use it in a ``with`` statement."""
 
     def __init__(self, names: Sequence[str], domain: int, glance: Callable[[], None]) -> None:
-        """Watch the joints ``names`` in the ROS domain ``domain``.
+        """Observe the joints ``names`` in the ROS domain ``domain``.
 
-        ``glance`` is called every now and then while something is waited for.
+        ``glance`` is called periodically while waiting.
         """
         self._names, self._domain, self._glance = list(names), domain, glance
         self._states: list[Any] = []
@@ -108,7 +108,7 @@ class Observer:
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Take the node down."""
+        """Destroy the node."""
         self._executor.shutdown()
         self._node.destroy_node()
         self._context.try_shutdown()
@@ -116,7 +116,7 @@ class Observer:
     # --- waiting -------------------------------------------------------------------------------
 
     def until(self, condition: Callable[[], bool], timeout: float) -> bool:
-        """Spin until ``condition``; say whether it came true within ``timeout`` in [s]."""
+        """Spin until ``condition``; return whether it was met within ``timeout`` in [s]."""
         end, look = time.monotonic() + timeout, 0.0
         while not (met := condition()) and (now := time.monotonic()) < end:
             with postponed():
@@ -128,31 +128,31 @@ class Observer:
         return met
 
     def wait_for_partners(self) -> None:
-        """Wait until the dynamics node answers and the controller listens."""
-        self._demand(self._answer_of(self._info), f"the dynamics node gave no answer {_IN_TIME}")
+        """Wait until the dynamics node answers and the controller subscribes."""
+        self._demand(self._answer_of(self._info), f"the dynamics node did not answer {_IN_TIME}")
         self._demand(
             lambda: self._send.get_subscription_count() > 0,
-            f"the controller was not there {_IN_TIME}",
+            f"the controller did not start {_IN_TIME}",
         )
 
     def wait_for_motion(self) -> None:
-        """Wait until the controller answers the simulated arm, which counts from then on."""
+        """Wait until the controller answers the simulated arm, whose counters start then."""
         self._demand(
             lambda: len(self._states) > 3,
-            f"the controller has said nothing {_IN_TIME}: no joint states reach it",
+            f"the controller sent no command {_IN_TIME}: it receives no joint states",
         )
-        silence = f"the sim node gave no answer {_IN_TIME}"
+        silence = f"the sim node did not answer {_IN_TIME}"
         self._demand(self._reset.service_is_ready, silence)
         self.until(lambda: False, _AT_EASE)
         self._demand(self._answer_of(self._reset), silence)
 
     def _demand(self, condition: Callable[[], bool], failure: str) -> None:
-        """Wait at the start, and fail if it takes too long."""
+        """Wait for a condition at start-up, and fail after a timeout."""
         if not self.until(condition, _START_TIMEOUT):
             raise DemoFailed(failure)
 
     def _answer_of(self, client: Any) -> Callable[[], bool]:
-        """Whether a service has answered an empty request, which is asked again every second."""
+        """Whether a service has answered an empty request, which is repeated every second."""
         answers = list[Future]()
         asked = 0.0
 
@@ -168,7 +168,7 @@ class Observer:
     # --- the trajectory ------------------------------------------------------------------------
 
     def send(self, waypoints: Sequence[Waypoint]) -> bool:
-        """Send the trajectory; say whether the controller began to follow it in time."""
+        """Send the trajectory; return whether the controller started to follow it in time."""
         message = JointTrajectory(joint_names=self._names)
         for waypoint in waypoints:
             point = JointTrajectoryPoint(positions=np.asarray(waypoint.q).tolist())
@@ -179,7 +179,7 @@ class Observer:
         self._send.publish(message)
 
         def moving() -> Iterator[int]:
-            """Places of the states whose reference is elsewhere."""
+            """Indices of the states whose reference differs from the start."""
             later = enumerate(self._states[first:], first)
             return (k for k, state in later if list(state.reference_position) != here)
 
@@ -215,7 +215,7 @@ class Observer:
             self._pending = None
 
     def seen(self) -> Seen:
-        """Everything seen since the trajectory began."""
+        """All observations since the trajectory began."""
         states = [s for s in self._states if _stamp(s) >= self.start]
         columns = (np.array([getattr(s, field) for s in states]) for field in _FIELDS)
         good = [(s, waited, r) for s, waited, r in self._questions if r.success]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""Processes that are ended whatever happens, each with a log of its own."""
+"""Child processes that are always terminated, each with its own log."""
 
 from __future__ import annotations
 
@@ -17,30 +17,30 @@ import click
 
 from arm_dynamics.ros.common.transport import clear_dead
 
-_PATIENCE = 5.0  # [s] for an orderly end
+_PATIENCE = 5.0  # [s] for a clean exit
 _TAIL = 12  # lines of a log in a message
 _DOMAINS = range(1, 100)
 _INTERRUPTIONS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class DemoFailed(click.ClickException):
-    """The loop did not close, and why."""
+    """The loop was not closed; the message states the reason."""
 
 
 class Processes:
-    """Children by name; leaving the ``with`` statement ends those that still run."""
+    """Child processes by name; leaving the ``with`` statement ends those that still run."""
 
     def __init__(self, folder: Path) -> None:
-        """Keep logs in ``folder``."""
+        """Write logs to ``folder``."""
         self._folder = folder
         self._running: dict[str, subprocess.Popen[bytes]] = {}
 
     def __enter__(self) -> Processes:
-        """Begin without children."""
+        """Start without child processes."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """End all children, the youngest first, whatever is pressed meanwhile."""
+        """End all child processes, the newest first, ignoring interrupts."""
         with _handled_by(signal.SIG_IGN):
             self.stop(*reversed(self._running))
 
@@ -48,14 +48,14 @@ class Processes:
         """Run a command of the suite.
 
         Args:
-            name: Of the process and its log.
+            name: Name of the process and its log.
             arguments: The command line after ``./arm``.
         """
         with self.log(name).open("wb") as log:
             self._running[name] = subprocess.Popen(
                 [sys.executable, "-P", "-m", "arm_sim.cli", *arguments],
                 stdin=subprocess.DEVNULL, stdout=log, stderr=log,
-                start_new_session=True,  # Ctrl-C reaches them in order, through us
+                start_new_session=True,  # Ctrl-C is passed on to them in order
             )  # fmt: skip
         return self._running[name]
 
@@ -65,21 +65,23 @@ class Processes:
         return {name: process.pid for name, process in self._running.items()}
 
     def check(self) -> None:
-        """See that all run.
+        """Check that all processes are running.
 
         Raises:
             DemoFailed: If one has ended.
         """
         for name, process in self._running.items():
             if (status := process.poll()) is not None:
-                said = self.tail(name) or "it said nothing"
-                raise DemoFailed(f"the {name} process ended by itself {_ending(status)}:\n{said}")
+                said = self.tail(name) or "its log is empty"
+                raise DemoFailed(
+                    f"the {name} process ended unexpectedly {_ending(status)}:\n{said}"
+                )
 
     def stop(self, *names: str) -> None:
-        """Ask processes to end, together, and end those for good that do not."""
+        """Ask all processes to end, and kill those that do not."""
         asked = [self._running[name] for name in names if name in self._running]
         for process in asked:
-            process.send_signal(signal.SIGINT)  # passes over one that has ended
+            process.send_signal(signal.SIGINT)  # ignored if it has ended
         for process in asked:
             try:
                 process.wait(_PATIENCE)
@@ -92,11 +94,11 @@ class Processes:
             self._running.pop(name, None)
 
     def log(self, name: str) -> Path:
-        """Where a process writes what it says."""
+        """Log file of a process."""
         return self._folder / f"{name}.log"
 
     def tail(self, name: str) -> str:
-        """The last lines that a process wrote, indented."""
+        """The last lines of a process's log, indented."""
         lines = self.log(name).read_text(errors="replace").splitlines()[-_TAIL:]
         return "\n".join(f"    {line}" for line in lines)
 
@@ -130,7 +132,7 @@ def free_domain() -> int:
 def interruptible() -> Iterator[None]:
     """Let SIGTERM and SIGHUP end the program as Ctrl-C does, so that it cleans up.
 
-    SIGINT too: shells start what runs in the background without it.
+    SIGINT too, since shells ignore it for background processes.
     """
 
     def interrupt(number: int, _: Any) -> None:
@@ -142,9 +144,9 @@ def interruptible() -> Iterator[None]:
 
 @contextmanager
 def postponed() -> Iterator[None]:
-    """Let a signal interrupt the program only afterwards.
+    """Defer signals to the end of the block.
 
-    While rclpy makes a message, an interruption would come out as a RuntimeError of its own.
+    While rclpy creates a message, an interruption would raise a RuntimeError instead.
     """
     received: list[int] = []
     with _handled_by(lambda number, _: received.append(number)):

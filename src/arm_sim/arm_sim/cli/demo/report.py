@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: Apache-2.0
-"""What a demo run measured: numbers, a table, and whether the loop closed."""
+"""Results of a demo run: numbers, a table, and whether the loop was closed."""
 
 from __future__ import annotations
 
@@ -18,9 +18,9 @@ if TYPE_CHECKING:
     from arm_sim.cli.demo.motion import Motion
 
 
-# What must hold for the loop to count as closed; a good run is far better than any of these.
-LEAST_RATE = 0.8  # of the ticks that real time asks for
-GOOD_RATE = 0.99  # below this it is worth a remark
+# Requirements for a closed loop; a good run is far better than these.
+LEAST_RATE = 0.8  # fraction of the ticks of real time
+GOOD_RATE = 0.99  # fraction below which a remark is printed
 LEAST_COMMANDS = 100  # commands per second of the motion
 MOST_ERROR = 0.02  # [rad, m] RMS
 ARRIVED = 0.02  # [rad, m] from the goal at the end
@@ -61,7 +61,7 @@ class Numbers:
 
 
 def numbers(motion: Motion, seen: Seen, clock: dict[str, Any]) -> Numbers:
-    """Put together what was measured; ``clock`` is the sim node's own report."""
+    """Collect the results; ``clock`` is the sim node's own report."""
     model, duration = motion.model, motion.trajectory.duration
     goal = np.asarray(motion.waypoints[-1].q)
     loop, trip = clock["loop"], clock["round_trip"]
@@ -95,7 +95,7 @@ def _largest(values: Array) -> float:
 
 
 def complaints(n: Numbers) -> list[str]:
-    """Why the loop does not count as closed; empty when it does."""
+    """Reasons why the loop is not considered closed; empty if it is."""
     found = []
     if not n.rate >= LEAST_RATE * n.wanted_rate:
         found.append(_slow(n))
@@ -104,22 +104,22 @@ def complaints(n: Numbers) -> list[str]:
     if not n.questions:
         found.append("the dynamics node answered no torque query")
     if not n.error_rms <= MOST_ERROR:
-        found.append(f"tracking error {n.error_rms:.3g} {n.unit} RMS; {MOST_ERROR:g} is allowed")
+        found.append(f"tracking error {n.error_rms:.3g} {n.unit} RMS; allowed: {MOST_ERROR:g}")
     if not n.goal_distance <= ARRIVED:
         found.append(
-            f"the arm stopped {n.goal_distance:.3g} {n.unit} from its goal; {ARRIVED:g} is allowed"
+            f"the arm stopped {n.goal_distance:.3g} {n.unit} from its goal; allowed: {ARRIVED:g}"
         )
     return found
 
 
 def remarks(n: Numbers) -> list[str]:
-    """What is not as it should be although the loop closed."""
+    """Deficiencies although the loop was closed."""
     return [_slow(n)] if n.rate < GOOD_RATE * n.wanted_rate else []
 
 
 def _slow(n: Numbers) -> str:
     return (
-        f"the simulator made {n.rate:.1f} ticks a second instead of {n.wanted_rate:g}: "
+        f"the simulator executed {n.rate:.1f} ticks per second instead of {n.wanted_rate:g}: "
         "this machine is too slow or too busy"
     )
 

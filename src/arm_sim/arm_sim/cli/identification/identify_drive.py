@@ -153,7 +153,7 @@ def _show(found: Match, units: dict[str, str]) -> None:
     if not found.follows:
         out.print(
             "the model does not fit the records: the residual is not noise, so no parameter is "
-            "identified (wrong columns or units, another law, or another kind of test?)"
+            "identified (wrong columns or units, another friction model, or another kind of test?)"
         )
     elif found.missing:
         out.print(f"not determined by these records: {', '.join(found.missing)}", markup=False)

@@ -23,9 +23,9 @@ from arm_dynamics.trajectory import files
 from arm_sim.cli.robot.listener import Listener, full
 from arm_sim.cli.robot.parameters import Parameters
 
-_JUMP = 0.05  # [s] by which what remains of a motion changes when another one takes its place
-_PLANNING = 30.0  # [s] that a straight line may take to plan
-_SAME = 1e-9  # [rad] or [m] between references that are the same
+_JUMP = 0.05  # [s] by which the remaining time changes when a motion is replaced
+_PLANNING = 30.0  # [s] timeout of planning
+_SAME = 1e-9  # [rad] or [m] tolerance between equal references
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Controller:
     def _on_state(self, state: Any) -> None:
         self._state, self._count = state, self._count + 1
 
-    # --- what it says --------------------------------------------------------------------------
+    # --- its state ----------------------------------------------------------------------------
 
     @property
     def reference(self) -> dict[str, float]:

@@ -19,8 +19,8 @@ if TYPE_CHECKING:
     from arm_dynamics.trajectory.files import JointTrajectory
     from arm_sim.cli.robot.controller import Controller
 
-_THERE = 1e-6  # [rad] or [m] between a reference and a start that need not be gone to
-_SETTLING = 2.0  # [s] for the last errors to vanish once the reference stands still
+_THERE = 1e-6  # [rad] or [m] between reference and start without a motion to it
+_SETTLING = 2.0  # [s] for the last errors to vanish once the reference is at rest
 
 
 class Missed(click.ClickException):
@@ -39,16 +39,16 @@ class Missed(click.ClickException):
 @click.argument("goals", metavar="JOINT=POSITION…", nargs=-1)
 @click.option("--duration", type=click.FloatRange(0.0, 3600.0, min_open=True),
               help="Duration of the motion, in s; by default, no joint is faster than 1 rad/s "
-              "or 1 m/s. The controller takes longer where limits ask for it.")  # fmt: skip
+              "or 1 m/s. The controller takes longer where limits require it.")  # fmt: skip
 @click.option("--pose", type=VectorType(), metavar='"X Y Z QX QY QZ QW"',
-              help="Lead a frame straight to a pose instead, in m; the quaternion has length "
+              help="Move a frame straight to a pose instead, in m; the quaternion has length "
               "1.")  # fmt: skip
 @click.option("--frame", help="Frame that --pose is of; else the controller's task_frame.")
 @click.option("--trajectory", type=click.Path(dir_okay=False, path_type=Path),
-              help="File of ./arm excite, or any JointTrajectory as YAML: lead the joints to its "
+              help="File of ./arm excite, or any JointTrajectory as YAML: move the joints to its "
               "start, then along it.")  # fmt: skip
 @click.option("--tolerance", default=0.01, show_default=True, type=click.FloatRange(0.0),
-              help="Error of a joint with which the arm has arrived, in rad or m.")  # fmt: skip
+              help="Largest joint error at which the goal is reached, in rad or m.")  # fmt: skip
 @click.option("--controller", "node", default="controller", show_default=True,
               help="Controller node, with its namespace.")  # fmt: skip
 @click.option("--timeout", default=5.0, show_default=True, type=click.FloatRange(0.1),
@@ -67,9 +67,9 @@ def go(
 ) -> None:
     """Move the arm of a running controller to joint positions, or a frame to a pose.
 
-    Joints that are not named stay; JOINT+=X and JOINT-=X are relative to the current reference.
-    The controller (./arm controller SCENE) and its robot (./arm sim SCENE) must be running. Exits
-    with status 1 if the goal is refused or not reached.
+    Joints that are not named do not move; JOINT+=X and JOINT-=X are relative to the current
+    reference. The controller (./arm controller SCENE) and its robot (./arm sim SCENE) must be
+    running. Exits with status 1 if the goal is refused or not reached.
     """
     wanted = parse(goals)
     numbers = _pose(pose)
@@ -176,8 +176,8 @@ def _lead(
         raise Missed("no longer waiting; the arm continues to its goal") from None
     if controller.replaced:
         raise Missed(
-            "led elsewhere: another goal has taken its place, or time or a joint jumped and the "
-            f"controller holds the arm; it says: {controller.words}"
+            "goal not reached: another goal has replaced it, or time or a joint jumped and the "
+            f"controller holds the arm; its message: {controller.words}"
         )
     if not error <= tolerance:
         off, allowed = number(error, 3), number(tolerance, 3)

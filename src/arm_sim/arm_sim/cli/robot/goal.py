@@ -13,8 +13,8 @@ import click
 from arm_dynamics.exceptions import choices
 
 _WORD = re.compile(r"(?P<name>[^=+]+?)(?P<how>\+=|-=|=)(?P<number>.+)", re.DOTALL)
-PEAK = 1.875  # of a quintic's speed to its mean
-FASTEST = 1.0  # [rad/s] or [m/s] that a joint reaches when no duration is given
+PEAK = 1.875  # ratio of a quintic's peak speed to its mean
+FASTEST = 1.0  # [rad/s] or [m/s], peak speed of a joint when no duration is given
 LEAST = 1.0  # [s]
 
 
@@ -54,7 +54,7 @@ def _goal(word: str) -> JointGoal:
         number = math.nan
     if found is None or not math.isfinite(number):
         raise click.UsageError(
-            f"'{word}' is no goal of a joint; allowed: JOINT=POSITION, JOINT+=DISTANCE and "
+            f"'{word}' is not a joint goal; allowed: JOINT=POSITION, JOINT+=DISTANCE and "
             "JOINT-=DISTANCE, with finite numbers in rad or m"
         )
     how = found["how"]

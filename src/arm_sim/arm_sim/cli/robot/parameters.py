@@ -187,14 +187,14 @@ def _read(name: str, text: str, about: ParameterDescriptor) -> Any:
     try:
         value = yaml.safe_load(text)
     except yaml.YAMLError:
-        raise click.ClickException(f"{name}: {text!r} is no value in YAML") from None
+        raise click.ClickException(f"{name}: {text!r} is not a value in YAML") from None
     if isinstance(value, str):
         value = _number(value)
     if about.type == _DOUBLE and isinstance(value, int) and not isinstance(value, bool):
         return float(value)
     if not isinstance(value, bool | int | float | str | list):
         raise click.ClickException(
-            f"{name}: {text!r} is no value of a parameter; expected {_kind(about)}"
+            f"{name}: {text!r} is not a parameter value; expected {_kind(about)}"
         )
     if isinstance(value, list) and {type(x) for x in value} == {int, float}:
         return [float(x) for x in value]

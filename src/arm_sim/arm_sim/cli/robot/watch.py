@@ -21,8 +21,8 @@ if TYPE_CHECKING:
 
     from arm_sim.cli.robot.listener import Listener
 
-_OLD = 0.5  # [s] after which joint states count as stopped
-_WINDOW = 200  # states over which the rate is measured
+_OLD = 0.5  # [s] after which joint states are reported as stopped
+_WINDOW = 200  # number of states over which the rate is measured
 _TOLD = {
     "at stops",
     "held",

@@ -36,7 +36,7 @@ class Size(click.ParamType):
         if not (width.isdecimal() and height.isdecimal()) or not (
             16 <= int(width) <= 4096 and 16 <= int(height) <= 4096
         ):
-            self.fail(f"{value!r}; 16x16 to 4096x4096 is allowed, e.g. 960x600", param, ctx)
+            self.fail(f"{value!r}; allowed: 16x16 to 4096x4096, e.g. 960x600", param, ctx)
         return int(width), int(height)
 
 

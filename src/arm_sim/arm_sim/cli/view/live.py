@@ -31,7 +31,7 @@ class Heard:
 
     Args:
         listener: Takes part in the ROS graph.
-        namespace: Of the nodes; empty for none.
+        namespace: Namespace of the nodes; empty for none.
     """
 
     def __init__(self, listener: Listener, namespace: str) -> None:

@@ -28,8 +28,8 @@ def shown(what: Sequence[str], wish: Wish) -> View:
         if len(recorded) < len(what):
             other = next(thing for thing in what if thing not in recorded)
             raise ViewError(
-                f"'{recorded[0]}' is a recording and '{other}' is none; only things of one kind "
-                "are shown side by side"
+                f"'{recorded[0]}' is a recording and '{other}' is not; allowed: several "
+                "arguments of one kind"
             )
         return show_films([_loaded(path, wish) for path in what], wish.host, wish.port, folder)
     simulators = [Simulator(scene) for scene in what]
@@ -49,7 +49,7 @@ def _is_recording(what: str) -> bool:
 def _loaded(path: str, wish: Wish) -> Film:
     recording = Recording.load(path, topic=wish.topic)
     if recording.scene is None and wish.scene is None:
-        raise ViewError(f"'{path}' brings no scene, so its arm is not known; name it by --scene")
+        raise ViewError(f"'{path}' contains no scene, so its arm is unknown; name it by --scene")
     if recording.scene is None:
         recording = recording.of(wish.scene)
     return film_of(recording, _name(path))
