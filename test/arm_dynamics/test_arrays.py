@@ -73,7 +73,7 @@ def test_one_number_that_is_not_finite_is_found_wherever_it_stands(bad: float, s
         numbers[place] = bad
         assert not all_finite(numbers)
         assert not finite_numbers(numbers.tolist())
-        with pytest.raises(InvalidInput, match=rf"^q\[{place}\] = {bad}; only finite numbers"):
+        with pytest.raises(InvalidInput, match=rf"^q\[{place}\] = {bad}; allowed: finite numbers"):
             vector("q", numbers, size)
 
 
@@ -205,9 +205,11 @@ def test_a_positive_number_is_no_truth_value(value: float) -> None:
 
 
 def test_a_number_that_is_not_finite_is_told_with_its_joint() -> None:
-    with pytest.raises(InvalidInput, match=r"q\[1\] = nan of joint 'elbow'; only finite"):
+    with pytest.raises(InvalidInput, match=r"q\[1\] = nan of joint 'elbow'; allowed: finite"):
         vector("q", [0.0, np.nan], ("shoulder", "elbow"))
-    with pytest.raises(InvalidInput, match=r"q\[2, 0\] = inf of joint 'shoulder'; only finite"):
+    with pytest.raises(
+        InvalidInput, match=r"q\[2, 0\] = inf of joint 'shoulder'; allowed: finite"
+    ):
         vectors(("shoulder", "elbow"), q=[[0, 0], [0, 0], [np.inf, 0]])
-    with pytest.raises(InvalidInput, match=r"q\[1\] = nan; only finite"):
+    with pytest.raises(InvalidInput, match=r"q\[1\] = nan; allowed: finite"):
         vector("q", [0.0, np.nan], 2)

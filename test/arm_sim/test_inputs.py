@@ -144,18 +144,18 @@ def said(caplog: pytest.LogCaptureFixture) -> list[str]:
 @pytest.mark.parametrize(
     ("command", "effort", "words"),
     [
-        ([1.0, 5.5, 0.0], [1.0, 5.0, 0.0], "5.5 at joint 'joint2' is beyond its limit of 5 "),
-        ([1.0, -5.5, 0.0], [1.0, -5.0, 0.0], "-5.5 at joint 'joint2' is beyond its limit of 5 "),
-        ([3.0, 9.0, 0.0], [2.0, 5.0, 0.0], "3 at joint 'joint1' is beyond its limit of 2 "),
+        ([1.0, 5.5, 0.0], [1.0, 5.0, 0.0], "5.5 at joint 'joint2' exceeds its limit of 5 "),
+        ([1.0, -5.5, 0.0], [1.0, -5.0, 0.0], "-5.5 at joint 'joint2' exceeds its limit of 5 "),
+        ([3.0, 9.0, 0.0], [2.0, 5.0, 0.0], "3 at joint 'joint1' exceeds its limit of 2 "),
         (
             [[1, 1, 1], [1, 1, 8.5], [1, 1, 1]],
             [[1, 1, 1], [1, 1, 7], [1, 1, 1]],
-            "8.5 at joint 'joint3' is beyond its limit of 7 ",
+            "8.5 at joint 'joint3' exceeds its limit of 7 ",
         ),
         (
             [[0, 6, 0], [0, -9, 0], [0, 8, 0]],
             [[0, 5, 0], [0, -5, 0], [0, 5, 0]],
-            "-9 at joint 'joint2' is beyond its limit of 5 ",
+            "-9 at joint 'joint2' exceeds its limit of 5 ",
         ),
     ],
 )  # fmt: skip

@@ -68,7 +68,7 @@ def vector(name: str, value: ArrayLike, joints: Joints) -> Array:
         bad = np.argwhere(~np.isfinite(array))[0]
         whose = "" if isinstance(joints, int) else f" of joint '{joints[bad[-1]]}'"
         raise InvalidInput(
-            f"{name}{bad.tolist()} = {array[tuple(bad)]}{whose}; only finite numbers are allowed"
+            f"{name}{bad.tolist()} = {array[tuple(bad)]}{whose}; allowed: finite numbers"
         )
     return array
 

@@ -140,6 +140,8 @@ class SaturationNotice:
         joint = np.argmax(np.any(cut, axis=0))
         asked = np.atleast_2d(command)[:, joint]
         name, limit = self._model.joint_names[joint], self._model.command_limit[joint]
-        text = "command %.6g at joint '%s' is beyond its limit of %.6g and was cut; said once"
+        text = (
+            "command %.6g at joint '%s' exceeds its limit of %.6g and was clipped; reported once"
+        )
         _log.warning(text, asked[np.argmax(abs(asked))], name, limit)
         self.said = True

@@ -138,14 +138,14 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
     dry = model.friction.static.mean
     locked, loads = len(scene.robot.lock), len(scene.payloads)
     contacts = _contacts(scene)
-    folded = f"{loads} bodies, folded into their links"
+    folded = f"{loads} bodies, merged into their links"
     limited = int(np.isfinite(model.effort_limit).sum())
     followers = model.pin.nv - model.n
     rows = sum(len(kept) for kept in model.constraint_rows.values())
     laws = plant.laws.laws if plant.laws else ()
     states = sum(len(law.names) for law in laws if law.replaces_command.any())
-    driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states of their own"
-    gears = f"{len(model.friction.gears)} joints, friction by load solved by events"
+    driven = f"{sum(map(bool, model.drives))} joints, {states or 'no'} states"
+    gears = f"{len(model.friction.gears)} joints, load-dependent friction, solved by events"
     tables = sum(
         bool(place or load)
         for dry in (model.friction, model.friction.by_law)
@@ -159,19 +159,21 @@ def _parts(plant: Plant) -> tuple[Part, ...]:
         _part("dry friction", dry.any(), f"{_at(dry)}, solved by events", "no level"),
         _part("contact", contacts, f"{contacts}, solved by events", "no point touches a plane"),
         *(_law_part(kind, laws) for kind in FRICTION),
-        _part("friction by place or load", tables, f"{tables} joints", "no table"),
+        _part("friction by position or load", tables, f"{tables} joints", "no table"),
         _part("drive inertia", armature.any(), _at(armature), "no armature"),
         _part("motors and transmissions", any(model.drives), driven, "no actuator"),
         _part("gear losses", model.friction.gears, gears, "every gear is ideal"),
         _part("payloads", loads, folded, "none", "payload" in p),
-        _part("constraints", rows, f"{rows} rows, {model.n - rows} freedoms left", "none"),
+        _part("constraints", rows, f"{rows} rows, {model.n - rows} degrees of freedom", "none"),
         _part("end stops", model.stops, _stops(model.stops), "no joint has one"),
         _part("effort limits", limited, f"{limited} joints", "no joint has one"),
-        _part("sensors", scene.sensors, _sensors(scene), "states are known as they are, at once"),
-        _part("delay and loss of commands", _late(scene), _late(scene), "commands act at once"),
+        _part("sensors", scene.sensors, _sensors(scene), "measurements are exact and immediate"),
+        _part(
+            "delay and loss of commands", _late(scene), _late(scene), "commands act immediately"
+        ),
         _part("mimic joints", followers, f"{followers} joints follow", "none"),
-        _part("locked joints", False, "", f"{locked} folded away" if locked else "none"),
-        _part("energies", False, "", "computed when asked for"),
+        _part("locked joints", False, "", f"{locked} eliminated" if locked else "none"),
+        _part("energies", False, "", "computed on demand"),
     )
 
 

@@ -692,7 +692,7 @@ class Simulator:
         Args:
             q0: As for ``rollout``; under bilateral constraints states that obey them.
             v0: As for ``rollout``.
-            tau: As for ``rollout``; they act at once.
+            tau: As for ``rollout``; they act immediately.
             steps: Ticks to advance.
             dq0: Change of the initial positions, shape (b, n).
             dv0: Change of the initial velocities, shape (b, n).
@@ -964,7 +964,7 @@ class Simulator:
         if self.sensors is not None or self._line is not None:
             raise InvalidInput(
                 "a compiled controller uses the true state without delay, but the scene has "
-                "'sensors' or 'commands'; a controller that is a function of the state is allowed"
+                "'sensors' or 'commands'; allowed: a controller that is a function of the state"
             )
 
     def _diverged(self) -> SimulationDiverged:

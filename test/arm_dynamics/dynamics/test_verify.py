@@ -42,7 +42,7 @@ def test_code_may_be_off_by_rounding_only() -> None:
     with pytest.raises(KernelError) as caught:
         compare("code", part([[0.0]], [[1.0]]), part([[0.0], [-1.01e-10]], [[1.0], [1.0]]))
     assert str(caught.value) == (
-        "generated code differs from Pinocchio by 1.01e-10 (relative); 1e-10 is allowed"
+        "generated code differs from Pinocchio by 1.01e-10 (relative); allowed: 1e-10"
     )
 
 

@@ -154,10 +154,10 @@ REFUSED: dict[str, tuple[dict[str, Any], str]] = {
     "table that turns back": ({"position": {"at": [0, 0], "factor": [1, 1]}}, "must increase"),
     "table of two lengths": ({"position": {"at": [0, 1], "factor": [1, 1, 1]}}, "2 points"),
     "table of a zero": ({"position": {"at": [0, 1], "factor": [1, 0]}}, "more than 0"),
-    "table that locks": ({"coulomb": 9.0, "load": BY_LOAD}, "could lock itself"),
+    "table that locks": ({"coulomb": 9.0, "load": BY_LOAD}, "could be self-locking"),
     "table that locks on one side": (
         {"coulomb": {"positive": 1.0, "negative": 9.0}, "load": BY_LOAD},
-        "could lock itself",
+        "could be self-locking",
     ),
     "period too short": ({"position": {"at": [0, 7], "factor": [1, 2], "period": 6}}, "longer"),
     "no Coulomb level": ({"lugre": {"sigma0": 1e5}}, "coulomb above zero"),

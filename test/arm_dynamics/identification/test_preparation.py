@@ -117,5 +117,5 @@ def test_what_is_missing_is_named():
         prepare(record(q=np.full((len(T), 2), np.nan)))
     with pytest.raises(InvalidInput, match="no stretch of 100 samples"):
         prepare(record(T[:40]))
-    with pytest.raises(InvalidInput, match="at most 200 Hz"):
+    with pytest.raises(InvalidInput, match="up to 200 Hz"):
         prepare(record(), band=240.0)

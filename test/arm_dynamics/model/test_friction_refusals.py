@@ -36,12 +36,12 @@ def test_friction_by_load_must_not_lock_a_lossy_gear() -> None:
     assert build(friction).friction.by_load
     said = refusal(friction, actuator={"efficiency": 0.5})
     assert said.startswith("joint2.friction.load': friction grows by 0.45 of the load")
-    assert "at most 0.25, half of the gear's efficiency 0.5, is allowed" in said
+    assert "allowed: up to 0.25, half of the gear's efficiency 0.5" in said
 
 
 def test_bristles_carry_the_friction_of_the_gear_too() -> None:
     said = refusal({"coulomb": 0.1, **LUGRE}, actuator={"efficiency": 0.9})
-    assert said.startswith("joint2.friction.lugre' and 'actuator.efficiency' = 0.9: bristles")
+    assert said.startswith("joint2.friction.lugre' and 'actuator.efficiency' = 0.9: the LuGre")
     assert "friction.load" in said
 
 
@@ -180,8 +180,8 @@ def test_friction_by_load_grows_by_less_than_half_of_the_load(
     assert build(levels | growing(0.2495), name).friction.by_load
     first = "joint1" if name == "*" else name
     assert refusal(levels | growing(0.2505), name) == (
-        f"{first}.friction.load': friction grows by 0.501 of the load that causes it; at most "
-        "0.5 is allowed, or the joint could lock itself"
+        f"{first}.friction.load': friction grows by 0.501 of the load that causes it; allowed: "
+        "up to 0.5; beyond, the joint could be self-locking"
     )
 
 

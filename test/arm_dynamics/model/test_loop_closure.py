@@ -89,7 +89,7 @@ def test_reset_and_set_state_close_what_they_are_given() -> None:
 
 def test_both_frames_on_one_body() -> None:
     weld = {"type": "point", "frames": ["forearm", "tip"]}
-    with pytest.raises(SceneError, match="'forearm' to 'tip', which cannot move against each"):
+    with pytest.raises(SceneError, match="'forearm' to 'tip', which cannot move relative to each"):
         Dynamics(robot(weld))
 
 

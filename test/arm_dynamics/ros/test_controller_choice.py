@@ -285,7 +285,7 @@ def test_torques_are_cut_only_when_asked(ros: Ros, capfd: pytest.CaptureFixture[
     effort(node, 2 * MS, HOME + 0.3)
     assert_close(effort(node, 3 * MS, HOME + 0.3), np.clip(asked, -limit, limit), ALGEBRA)
     said = capfd.readouterr().err
-    assert "torque cut at the effort limit: " in said
+    assert "torque clipped at the effort limit: " in said
     assert all(
         (name in said) == (abs(tau) > most)
         for name, tau, most in zip(node.dynamics.joint_names, asked, limit, strict=True)

@@ -83,7 +83,7 @@ def test_a_controller_says_what_went_wrong_since_it_was_last_asked(ros: Ros) -> 
         "1 joint states ignored",
         "1 goals refused",
         "time or the arm jumped; the arm was held at its position",
-        "torque cut at the effort limit: ",
+        "torque clipped at the effort limit: ",
     ):
         assert words in status.message
     assert "trajectory refused" in values(status)["goal"]

@@ -165,10 +165,10 @@ def test_what_is_cut_is_said_by_python(ros: Ros, rng: np.random.Generator) -> No
         pair.led(10, rng)
         pair.stamp += MS
         pair.answers(pair.state(pair.q, pair.v + 1e4))
-        assert "torque cut" in said()
+        assert "torque clipped" in said()
         count = pair.in_c
         pair.led(10, rng)
-        assert pair.in_c > count and "torque cut" not in said()
+        assert pair.in_c > count and "torque clipped" not in said()
 
 
 def test_what_is_no_state_is_refused_by_python(ros: Ros, rng: np.random.Generator) -> None:

@@ -49,7 +49,7 @@ REFUSED = {
     ),
     "no number": ({"position": {"noise": [1, 2]}}, "a number, or numbers by joint name"),
     "true": ({"position": {"noise": True}}, "a number is expected, not true or false"),
-    "nan": ({"effort": {"offset": float("nan")}}, "only finite numbers"),
+    "nan": ({"effort": {"offset": float("nan")}}, "allowed: finite numbers"),
     "both steps": (
         {"position": {"resolution": 1e-3, "counts": 10}},
         r"'\*' has resolution and counts; one of them is expected",

@@ -169,7 +169,7 @@ def test_what_is_said_of_a_locked_joint_would_be_without_effect(name: str) -> No
     given = {"joints": {name: {"limits": {"velocity": 5.0}, "friction": {"viscous": 1.0}}}}
     if name == "joint1":
         assert refusal(scene(lock=(name,), initial={"velocity": {name: 0.5}})) == (
-            "scene: 'initial.velocity.joint1' = 0.5, but 'robot.lock' holds it fast; 0 is allowed"
+            "scene: 'initial.velocity.joint1' = 0.5, but 'robot.lock' holds it fast; allowed: 0"
         )
     else:  # it follows the locked one, and has no limits
         del given["joints"][name]["limits"]

@@ -129,5 +129,7 @@ def test_a_state_that_is_lost_leaves_the_one_before_as_a_whole() -> None:
 
 
 def test_a_filter_too_fast_for_the_ticks_is_refused_by_name() -> None:
-    with pytest.raises(SceneError, match="cutoff' = 500 Hz of joint 'two': less than 500 Hz"):
+    with pytest.raises(
+        SceneError, match="cutoff' = 500 Hz of joint 'two'; allowed: less than 500 Hz"
+    ):
         told(np.zeros((1, 2)), velocity={"cutoff": {"two": 500}})

@@ -143,8 +143,8 @@ def test_the_plan_says_what_is_on() -> None:
     assert "computed    sensors: of position, velocity, effort; 1 to 3 ms late; 5 % lost" in plan
     assert "computed    delay and loss of commands: 1 to 2 ms late; 5 % lost" in plan
     plan = str(simulator().plan)
-    assert "skipped     sensors: states are known as they are, at once" in plan
-    assert "skipped     delay and loss of commands: commands act at once" in plan
+    assert "skipped     sensors: measurements are exact and immediate" in plan
+    assert "skipped     delay and loss of commands: commands act immediately" in plan
 
 
 def test_a_compiled_controller_cannot_be_told_what_sensors_tell() -> None:

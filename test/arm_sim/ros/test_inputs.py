@@ -171,7 +171,7 @@ def test_efforts_act_up_to_their_limit_and_are_cut_beyond_it(
     assert inputs.refused == 0
     told = (
         f"effort {effort[joint]:g} of joint '{NAMES[joint]}' is beyond its limit "
-        f"{LIMIT[joint]:g} N m and is cut to it"
+        f"{LIMIT[joint]:g} N m and is clipped to it"
     )
     assert log.warnings == ([told] if abs(factor) > 1.0 else [])
 

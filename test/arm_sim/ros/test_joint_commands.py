@@ -97,7 +97,7 @@ def test_a_place_beyond_a_stop_is_cut_to_it_and_told(
     lower = node.simulator.model.position_lower[3]
     np.testing.assert_allclose(node.simulator.state.q[3], lower, atol=1e-9)
     said = capfd.readouterr().err
-    assert "position -9 of joint 'panda_joint4' is beyond its stops and is cut" in said
+    assert "position -9 of joint 'panda_joint4' is beyond its stops and is clipped" in said
 
 
 def test_an_effort_beside_a_position_is_added_within_limits(

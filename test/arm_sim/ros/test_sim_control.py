@@ -79,8 +79,8 @@ def test_a_wrench_comes_over_its_topic_and_a_reset_ends_it(ros: Ros) -> None:
     [
         ("paw", [1.0] * 6, "frame 'paw'"),
         ("", [1.0] * 6, "frame ''"),
-        ("tip", [np.nan] * 6, "only finite numbers"),
-        ("tip", [np.inf] + [0.0] * 5, "only finite numbers"),
+        ("tip", [np.nan] * 6, "allowed: finite numbers"),
+        ("tip", [np.inf] + [0.0] * 5, "allowed: finite numbers"),
     ],
 )
 def test_bad_wrenches_are_passed_over(

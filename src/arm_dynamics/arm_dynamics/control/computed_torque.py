@@ -187,7 +187,7 @@ def gains(bandwidth: ArrayLike, damping_ratio: ArrayLike, n: int) -> tuple[Array
     """
     omega = gain("bandwidth", bandwidth, n)
     if np.any(omega > _FASTEST):
-        raise InvalidInput(f"bandwidth is {bandwidth!r}; at most {_FASTEST:g} rad/s is allowed")
+        raise InvalidInput(f"bandwidth is {bandwidth!r}; allowed: at most {_FASTEST:g} rad/s")
     return omega**2, 2.0 * gain("damping_ratio", damping_ratio, n) * omega
 
 

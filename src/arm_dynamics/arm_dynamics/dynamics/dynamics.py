@@ -261,7 +261,8 @@ def _chosen(terms: Term | int) -> list[bool]:
     """Flags of inertia, Coriolis, gravity, friction and springs."""
     if not isinstance(terms, int) or isinstance(terms, bool) or not 0 <= terms <= Term.ALL:
         raise InvalidInput(
-            f"terms = {terms!r}; a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, FRICTION 8, SPRING 16"
+            f"terms = {terms!r}; allowed: a sum of INERTIA 1, CORIOLIS 2, GRAVITY 4, "
+            "FRICTION 8, SPRING 16"
         )
     bits = int(terms)
     return [bool(bits & bit) for bit in _BITS]

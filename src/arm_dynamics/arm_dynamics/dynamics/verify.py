@@ -50,7 +50,7 @@ def compare(what: str, *parts: tuple[Array, Array]) -> float:
     if not error <= CHECK_TOLERANCE:
         raise KernelError(
             f"generated {what} differs from Pinocchio by {error:.2e} (relative); "
-            f"{CHECK_TOLERANCE:.0e} is allowed"
+            f"allowed: {CHECK_TOLERANCE:.0e}"
         )
     return error
 

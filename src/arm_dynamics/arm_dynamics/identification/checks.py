@@ -61,7 +61,7 @@ def check_record(record: JointRecord, model: ArmModel) -> None:
     step = float(np.median(np.diff(record.time))) if len(record.time) > 1 else 0.0
     if step > SLOWEST:
         raise InvalidInput(
-            f"{record.name}: samples are {step:.3g} s apart; at most {SLOWEST} s is allowed (are "
+            f"{record.name}: samples are {step:.3g} s apart; allowed: at most {SLOWEST} s (are "
             "the times in milliseconds or nanoseconds?)"
         )
     for j, name in enumerate(record.joint_names):
@@ -136,7 +136,7 @@ def check_explained(error: float, nominal: float, names: Sequence[str], scales: 
     hint = f"; efforts over nominal torques: {known_names(odd)}" if odd else ""
     raise InvalidInput(
         f"the best fit leaves {error:.0%} of the torques held out unexplained (the nominal scene "
-        f"{nominal:.0%}); at most {UNEXPLAINED:.0%} is allowed (another robot, wrong joint names, "
+        f"{nominal:.0%}); allowed: at most {UNEXPLAINED:.0%} (another robot, wrong joint names, "
         f"efforts that are not torques, or contact?){hint}"
     )
 

@@ -163,9 +163,9 @@ class ConstraintRows:
         first, second = (self._robot.pin.frames[self._index(f)] for f in constraint.frames)
         if first.parentJoint == second.parentJoint:
             raise SceneError(
-                f"scene: constraint '{name}' ties '{constraint.frames[0]}' to "
-                f"'{constraint.frames[1]}', which cannot move against each other: no joint is "
-                "between them, or all that are, are locked"
+                f"scene: constraint '{name}' connects '{constraint.frames[0]}' to "
+                f"'{constraint.frames[1]}', which cannot move relative to each other: no joint "
+                "is between them, or all of them are locked"
             )
 
 

@@ -155,7 +155,7 @@ def _check_motor(where: str, motor: Actuator) -> None:
         if needed and getattr(motor, key) is None:
             reason = by if direct else f"command: {motor.command}"
             raise SceneError(
-                f"{where}.actuator.{key}' is missing: '{reason}' needs it, a positive number"
+                f"{where}.actuator.{key}' is missing: '{reason}' requires a positive number"
             )
 
 
@@ -167,13 +167,13 @@ def _check_coupling(where: str, coupling: Transmission, motor: Actuator) -> None
         )
     if coupling.backlash and coupling.hysteresis:
         raise SceneError(
-            f"{where}.transmission.backlash' = {coupling.backlash}: with 'hysteresis' none is "
-            "allowed, for teeth that do not touch pass nothing on"
+            f"{where}.transmission.backlash' = {coupling.backlash}: not allowed with "
+            "'hysteresis', since teeth without contact transmit no torque"
         )
     error = coupling.kinematic_error
     if error and error.amplitude * error.order * abs(motor.gear_ratio) >= 1.0:
         raise SceneError(
             f"{where}.transmission.kinematic_error.amplitude' = {error.amplitude}: amplitude · "
             f"order · |gear_ratio| = {error.amplitude * error.order * abs(motor.gear_ratio):g} "
-            "must stay below 1, or the output would turn back while the motor goes on"
+            "must stay below 1, or the output would reverse while the motor continues"
         )

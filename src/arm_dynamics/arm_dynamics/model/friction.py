@@ -330,8 +330,8 @@ def _check(joint: Given) -> None:
     if joint.efficiency < 1.0 and law:
         raise refusal(
             joint.name,
-            f"{law}' and 'actuator.efficiency' = {joint.efficiency}: bristles carry all dry "
-            "friction of a joint; say with 'friction.load' how that of the gear grows",
+            f"{law}' and 'actuator.efficiency' = {joint.efficiency}: the LuGre model "
+            "includes all dry friction of a joint; give that of the gear by 'friction.load'",
         )
     fc, fc_skew = _sides(own.coulomb, joint.dry)
     fs, fs_skew = _sides(own.static, fc, fc_skew)
@@ -369,11 +369,11 @@ def _check_loads(joints: Sequence[Given], dry: DryFriction) -> None:
         steepest = level * float(np.max(np.diff(curve(grid)) / np.diff(grid)))
         allowed = STEEPEST * joint.efficiency  # the motor supplies 1/η of the friction torque
         if steepest > allowed:
-            gear = f", half of the gear's efficiency {joint.efficiency}," if allowed < 0.5 else ""
+            gear = f", half of the gear's efficiency {joint.efficiency}" if allowed < 0.5 else ""
             raise refusal(
                 joint.name,
-                f"load': friction grows by {steepest:.3g} of the load that causes it; at most "
-                f"{allowed:.3g}{gear} is allowed, or the joint could lock itself",
+                f"load': friction grows by {steepest:.3g} of the load that causes it; allowed: "
+                f"up to {allowed:.3g}{gear}; beyond, the joint could be self-locking",
             )
 
 

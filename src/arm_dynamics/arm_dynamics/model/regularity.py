@@ -61,6 +61,6 @@ def check_regular(M: Array, joint_names: Sequence[str]) -> None:
     who = alone if dead.any() else f"joints {listed} can move together so that they move"
     raise ModelError(
         f"{who} no mass, so no torque determines the acceleration: the condition number of the "
-        f"mass matrix is {condition[worst]:.3g}, up to {most:.1e} is allowed; give a "
+        f"mass matrix is {condition[worst]:.3g}, allowed: up to {most:.1e}; give a "
         "link inertia, a joint an armature, or lock one"
     )

@@ -54,8 +54,8 @@ def _frames(robot: Robot) -> dict[str, Frame]:
         if frames[first].link == frames[second].link:
             raise SceneError(
                 f"scene: spring '{spring_name(spring, i)}' is between '{first}' and '{second}', "
-                "which cannot move against each other: no joint is between them, or all that are, "
-                "are locked"
+                "which cannot move relative to each other: no joint is between them, or all of "
+                "them are locked"
             )
     return frames
 

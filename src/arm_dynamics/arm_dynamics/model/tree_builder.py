@@ -89,8 +89,8 @@ def _contact_point(robot: Robot, name: str, contact: Contact) -> ContactPoint:
     frame, carrier = frame_of(robot, contact.frame), frame_of(robot, plane.frame)
     if carrier.link in _one_body(robot, frame.link):
         raise SceneError(
-            f"contact '{name}': no joint moves its frame '{contact.frame}' against its plane's "
-            f"frame '{plane.frame}'; frames of two bodies are expected"
+            f"contact '{name}': no joint moves its frame '{contact.frame}' relative to its "
+            f"plane's frame '{plane.frame}'; frames of two bodies are expected"
         )
     normal = carrier.R @ np.array(plane.normal)
     axes = np.vstack([normal, across(normal)])

@@ -283,7 +283,7 @@ class ControllerNode(Node):
             self._say(f"no command, the torque would not be finite: {tau}")
             return None
         if cut := self._cut():
-            self._say(f"torque cut at the effort limit: {', '.join(cut)}")
+            self._say(f"torque clipped at the effort limit: {', '.join(cut)}")
         command = self._writer.write(stamp, self.dynamics.command_map(state.q, state.v, tau))
         self.send(command)
         self._log.note(raw, command)

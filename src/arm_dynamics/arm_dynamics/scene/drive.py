@@ -71,7 +71,7 @@ class Actuator(Part):
     @classmethod
     def _turns(cls, value: float) -> float:
         if value == 0.0:
-            raise ValueError("any number but zero is allowed")
+            raise ValueError("allowed: any number but zero")
         return value
 
 

@@ -161,5 +161,5 @@ def check_sensors(sensors: Sensors, urdf: Urdf, locked: Collection[str]) -> None
         if (name in counts or ALL in counts) and urdf.joints[name] == "prismatic":
             raise SceneError(
                 f"scene: 'sensors.position.counts': joint '{name}' slides, so it has no counts in "
-                "a turn; a resolution in m is allowed"
+                "a turn; allowed: a resolution in m"
             )

@@ -220,5 +220,5 @@ def _check_locked(scene: Scene, name: str) -> None:
     if scene.initial.velocity.get(name, 0.0) != 0.0:
         raise SceneError(
             f"scene: 'initial.velocity.{name}' = {scene.initial.velocity[name]:g}, but "
-            "'robot.lock' holds it fast; 0 is allowed"
+            "'robot.lock' holds it fast; allowed: 0"
         )

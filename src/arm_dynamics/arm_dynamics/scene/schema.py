@@ -88,7 +88,7 @@ class Limits(Part):
     """Limits of one joint that replace the URDF's ``<limit>``.
 
     Attributes:
-        effort: Largest torque in [N m] or force in [N], or ``inf``; commands beyond it are cut,
+        effort: Largest torque in [N m] or force in [N], or ``inf``; larger commands are clipped,
             with a warning. Default: the URDF's.
         velocity: Largest speed in [rad/s] or [m/s], or ``inf``: for planning, and for servos. The
             simulation itself does not enforce it. Default: the URDF's.

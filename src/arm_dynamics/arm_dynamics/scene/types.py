@@ -30,7 +30,7 @@ def _number(value: object) -> object:
 
 def _finite(value: float) -> float:
     if not np.isfinite(value):
-        raise ValueError("only finite numbers are allowed")
+        raise ValueError("allowed: finite numbers")
     return value
 
 

@@ -97,7 +97,7 @@ def read_urdf(text: str) -> Urdf:
     joints = _unique(robot, "joint")
     if not links:
         xacro = "; this is xacro source, expand it to URDF first" if "<xacro:" in text else ""
-        raise ModelError(f"robot description: no <link> found; at least one is needed{xacro}")
+        raise ModelError(f"robot description: no <link> found; at least one is required{xacro}")
     for name, element in {**links, **joints}.items():
         _check_numbers(element, f"{element.tag} '{name}'")
     for name, joint in joints.items():

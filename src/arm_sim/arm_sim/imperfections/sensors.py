@@ -181,7 +181,7 @@ def _filter(velocity: schema.VelocitySensor, names: Sequence[str], dt: float) ->
     for name, frequency in zip(names, cutoff, strict=True):
         if frequency * dt >= 0.5:
             raise SceneError(
-                f"scene: 'sensors.velocity.cutoff' = {frequency:g} Hz of joint '{name}': less "
-                f"than {0.5 / dt:g} Hz is allowed, half of the {1.0 / dt:g} samples per second"
+                f"scene: 'sensors.velocity.cutoff' = {frequency:g} Hz of joint '{name}'; "
+                f"allowed: less than {0.5 / dt:g} Hz, half of the {1.0 / dt:g} samples per second"
             )
     return LowPass(velocity.order, cutoff, dt) if any(cutoff) else None

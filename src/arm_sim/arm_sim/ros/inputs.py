@@ -184,7 +184,7 @@ class Inputs:
         joint = next(i for i, limit in enumerate(limits) if abs(tau[i]) > limit)
         self._warn(
             f"effort {tau[joint]:.6g} of joint '{model.joint_names[joint]}' is beyond its "
-            f"limit {limits[joint]:.6g} {model.command_unit[joint]} and is cut to it"
+            f"limit {limits[joint]:.6g} {model.command_unit[joint]} and is clipped to it"
         )
         pairs = zip(tau, limits, strict=True)
         return tuple(x if abs(x) <= limit or x != x else copysign(limit, x) for x, limit in pairs)

@@ -192,7 +192,7 @@ class Room:
         for i in np.flatnonzero(abs(tau) >= self.effort):
             raise InvalidInput(
                 f"start: gravity loads joint '{limits.name(int(i))}' with {abs(tau[i]):.4g} N m "
-                f"or N; less than {self.effort[i]:.4g} is allowed"
+                f"or N; allowed: less than {self.effort[i]:.4g}"
             )
         self._check_gaps(q[None], "at the start")
 

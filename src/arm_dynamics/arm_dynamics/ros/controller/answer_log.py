@@ -71,7 +71,7 @@ class AnswerLog:
         Args:
             node: The controller.
             controller: Name of the active controller.
-            cut: Joints whose torque was cut at its limit.
+            cut: Joints whose torque was clipped at its limit.
             goals: Outcome of the newest goal, and the number of ``goals refused``.
             answers: Values about answers in C.
         """
@@ -91,6 +91,6 @@ class AnswerLog:
         if self._growth.of("jumps", self.jumps):
             found.complain(WARN, "time or the arm jumped; the arm was held at its position")
         if cut:
-            found.complain(WARN, f"torque cut at the effort limit: {', '.join(cut)}")
+            found.complain(WARN, f"torque clipped at the effort limit: {', '.join(cut)}")
         self._answers, self._since = 0, now
         return found

@@ -106,6 +106,6 @@ class JointCommands:
             lower, upper = self._places[:, i]
             self._warn(
                 f"position {position[i]:.6g} of joint '{self._model.joint_names[i]}' is beyond "
-                f"its stops and is cut; allowed: {lower:.6g} to {upper:.6g}"
+                f"its stops and is clipped; allowed: {lower:.6g} to {upper:.6g}"
             )
         return allowed
