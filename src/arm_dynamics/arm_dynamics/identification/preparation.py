@@ -71,8 +71,8 @@ class EvenRecord:
             raise InvalidInput(f"{name}: band is {band} Hz; a positive number is expected")
         if np.isfinite(band) and band > widest:
             raise InvalidInput(
-                f"{name}: band is {band:g} Hz; at {1.0 / self.dt:.5g} samples per second at most "
-                f"{widest:.4g} Hz is allowed"
+                f"{name}: band is {band:g} Hz; at {1.0 / self.dt:.5g} samples per second; "
+                f"allowed: up to {widest:.4g} Hz"
             )
         return band
 

@@ -54,12 +54,12 @@ class _Cost:
 class RecedingHorizon:
     """Optimal torques over a receding horizon, within the arm's limits.
 
-    What is small over the horizon is ∫ e² + (4ζ² - 2) ė²/ω² + |M⁻¹ (τ - τ_d)|²/ω⁴ dt, with τ_d the
-    torque of the reference, and at its end what that integral would be for ever. Far from limits
-    every joint's error so obeys ë + 2 ζ ω ė + ω² e = 0, as under computed torque (the linear
+    The cost is ∫ e² + (4ζ² - 2) ė²/ω² + |M⁻¹ (τ - τ_d)|²/ω⁴ dt over the horizon, with τ_d the
+    torque of the reference, plus its infinite-horizon value as terminal cost. Far from limits
+    every joint's error thus satisfies ë + 2 ζ ω ė + ω² e = 0, as under computed torque (the linear
     quadratic regulator of a double integrator). At limits the arm brakes earlier than under
     computed torque and overshoots less; after a jump from which it cannot brake within the horizon
-    it still overshoots. The reference is continued at its acceleration.
+    it still overshoots. The reference is extrapolated at its acceleration.
 
     For the controller node and closed loops: ``arm_sim.optimization:RecedingHorizon``.
     """
