@@ -1,12 +1,12 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Many arms at a time, one in each lane of a vector register: `real` behaves as a double in generated code.
+ * Many arms at a time, one in each lane of a vector register: `real` behaves like a double in generated code.
  *
- * Before this file: LANES, the number of doubles in a register.
+ * Required definitions: LANES, the number of doubles in a register.
  */
 #include <math.h>
 
-/* CasADi's fmin and fmax call the library's, overloaded below, only if they believe in C99. */
+/* CasADi's fmin and fmax call the library functions, overloaded below, only if C99 is declared. */
 #define __STDC_VERSION__ 201112L
 
 typedef double lanes_t __attribute__((vector_size(8 * LANES)));
@@ -33,7 +33,7 @@ static inline real fmin(real x, real y) { return y.v < x.v ? y.v : x.v; }
 static inline real fmax(real x, real y) { return y.v > x.v ? y.v : x.v; }
 static inline real fabs(real x) { return (lanes_t)((bits)x.v & 0x7fffffffffffffffLL); }
 
-/* Truth is 1 or 0, as in C; what is not chosen may be anything, even no number. */
+/* Booleans are 1 or 0, as in C; the value that is not selected may be anything, even NaN. */
 static inline real truth(bits b) { return b ? 1.0 - lanes_t{} : lanes_t{}; }
 static inline real operator<(real x, real y) { return truth(x.v < y.v); }
 static inline real operator<=(real x, real y) { return truth(x.v <= y.v); }
@@ -74,7 +74,7 @@ static inline bool BEYOND(real x, double limit) {
 
 static inline real sin_shifted(real x, const long long quarters);
 
-/* Library functions for the lanes that are too far out, and only for those. */
+/* Library functions, only for lanes beyond the range of the polynomials. */
 static inline real far_sin(real x) {
   real y = sin_shifted(x, 0);
   for (int i = 0; i < LANES; ++i)

@@ -2,12 +2,12 @@
  *
  * A function of vectors for many points in one call.
  *
- * Before this file: POINT (name of the generated function), ARGUMENTS (how many vectors it takes), RESULTS (how many it gives),
- * SIZES (numbers in each of these), SZ_ARG, SZ_RES, SZ_IW, SZ_W (its work space).
+ * Required definitions: POINT (name of the generated function), ARGUMENTS (number of its vectors), RESULTS (number of its
+ * results), SIZES (numbers in each of these), SZ_ARG, SZ_RES, SZ_IW, SZ_W (its work space).
  */
 
-/* Answer `rows` points: vector i of point k begins at given[i] + k * steps[i], result i at made[i] + k * its size; it is left
- * out where made[i] is NULL. */
+/* Evaluate `rows` points: vector i of point k begins at given[i] + k * steps[i], result i at made[i] + k * its size; it is
+ * omitted where made[i] is NULL. */
 __attribute__((visibility("default")))
 void answer_rows(const double* const* given, const long long* steps, long long rows, double* const* made) {
   static const long long sizes[RESULTS] = {SIZES};

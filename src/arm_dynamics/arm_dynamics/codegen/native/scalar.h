@@ -17,9 +17,9 @@ static inline real far_cos(real x) { return cos(x); }
 
 #include "sincos.h"
 
-/* The library's are calls, and where the upper halves of vector registers are in use slow ones: seven take a microsecond.
- * Without a number among the two it is the first that counts. No number here is so large or small that squares leave the
- * range.
+/* The library's versions are function calls, which are slow while the upper halves of vector registers are in use: seven
+ * take a microsecond. If one argument is NaN, the first one is used. Numbers are never so large or small that squares
+ * overflow or underflow.
  */
 static inline real arm_fmin(real x, real y) { return y < x ? y : x; }
 static inline real arm_fmax(real x, real y) { return y > x ? y : x; }

@@ -1,10 +1,10 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Sine and cosine without branches, the same for one number (double) and for a vector of them, so that an arm that
- * rides in a vector lane gets the bits of an arm that rides alone. Error below one unit in the last place; next to
- * multiples of pi/2, where the result all but vanishes, below 1e-20.
+ * Sine and cosine without branches, the same for one number (double) and for a vector of them, so that an arm in a vector
+ * lane gets bitwise the same result as a single arm. Error below one unit in the last place; next to multiples of pi/2,
+ * where the result nearly vanishes, below 1e-20.
  *
- * Before this file: `real` (double or a vector of doubles), `bits` and `ubits` (64-bit integers, signed and not, or
+ * Required definitions: `real` (double or a vector of doubles), `bits` and `ubits` (64-bit integers, signed and not, or
  * vectors of them), AS_BITS(x) and AS_REAL(b), which reinterpret one as the other, and BEYOND(x, limit), true if any
  * |x| > limit.
  *

@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Arms side by side: which arm each lane has, and what is read for it.
+ * Arms in SIMD lanes: assignment of arms to lanes, and loading of their data.
  */
 
-/* Spare lanes of the last group, of the arms before `last`, repeat its last arm. */
+/* Spare lanes of the last group repeat the last arm before `last`. */
 static void choose_arms(long long arm, long long last, long long* of_lane) {
   for (int j = 0; j < LANES; ++j) of_lane[j] = arm + j < last ? arm + j : last - 1;
 }
 
-/* Some numbers of each arm; those of arm i are at from + i * stride. */
+/* Load some numbers of each arm; those of arm i are at from + i * stride. */
 static void read_arms(real* to, int count, const double* from, long long stride, const long long* of_lane) {
   for (int j = 0; j < LANES; ++j)
     for (int i = 0; i < count; ++i) LANE(to[i], j) = from[of_lane[j] * stride + i];

@@ -1,50 +1,50 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Forces or impulses of NC contacts with Coulomb friction: the complementarity problem, solved.
+ * Solution of the complementarity problem of forces or impulses of NC contacts with Coulomb friction.
  *
- * Wanted are forces r of contacts, three numbers each (normal, two tangents), and motions w = W r + c with
+ * The unknowns are contact forces r, three numbers each (normal, two tangents), and motions w = W r + c with
  *
  *     0 <= r_n, 0 <= w_n, r_n w_n = 0,   |r_t| <= mu r_n,   r_t = -mu r_n w_t / |w_t| where w_t != 0.
  *
- * The same problem stands for accelerations and for the speeds after an impact (Moreau, "Unilateral contact and dry
+ * The same problem applies to accelerations and to velocities after an impact (Moreau, "Unilateral contact and dry
  * friction in finite freedom dynamics", CISM 302, 1988). The cone is Coulomb's, not a pyramid: the direction in which a
  * contact starts to slide is the root of a trigonometric polynomial (Bonnefon, Daviet, "Quartic formulation of Coulomb 3D
  * frictional contact", INRIA, 2011). Several contacts are solved one after another until nothing changes (Jourdan, Alart,
  * Jean, "A Gauss-Seidel like algorithm to solve frictional contact problems", Comput. Methods Appl. Mech. Eng. 155, 1998),
- * and where that takes long together by Newton's method, with t = r_n - rho w_n and z = r_t - rho w_t, on
+ * and where that converges slowly, all together by Newton's method, with t = r_n - rho w_n and z = r_t - rho w_t, on
  *
  *     r_n = max(0, t),   r_t = z, or if |z| > mu t the vector of length mu t along z
  *
  * (Alart, Curnier, "A mixed formulation for frictional contact problems prone to Newton like solution methods", Comput.
  * Methods Appl. Mech. Eng. 92, 1991).
  *
- * Before this file: NC (contacts).
+ * Required definitions: NC (contacts).
  */
 
 #include <math.h>
 
 #define MC (3 * NC)
-/* Entry of a matrix as CasADi writes it, column by column. */
+/* Entry of a matrix in CasADi's column-major order. */
 #define AT(matrix, rows, i, j) ((matrix)[(i) + (rows) * (j)])
 
-#define SAMPLES 32       /* directions between which a contact may start to slide */
-#define ROOT_STEPS 100   /* bisections that find the direction */
-#define LEAST_NORM 1e-8  /* part of the trace that makes a singular W regular; two refinements take it out again */
+#define SAMPLES 32       /* intervals of directions in which a contact may start to slide */
+#define ROOT_STEPS 100   /* bisections to find the direction */
+#define LEAST_NORM 1e-8  /* fraction of the trace that regularizes a singular W; two refinements remove its effect */
 #define SETTLED 1e-15    /* relative change of the forces at which sweeps end */
 #define FORCE_STEPS 60
 #define STEP_HALVINGS 12
-#define SOLVED 1e-13     /* relative size of what Newton's equations are to leave, ... */
-#define ROUNDED 1e-10    /* ... the same where rounding leaves more, ... */
-#define REGULAR 1e-12    /* ... and part of the trace that keeps them regular */
-#define CONTINUED 20     /* steps in which friction grows from nothing where all else fails */
+#define SOLVED 1e-13     /* relative residual of Newton's equations, ... */
+#define ROUNDED 1e-10    /* ... the same where rounding prevents that, ... */
+#define REGULAR 1e-12    /* ... and fraction of the trace that keeps them regular */
+#define CONTINUED 20     /* continuation steps in which friction grows from zero, as the last resort */
 
-/* What a contact does. Python: ContactState. */
+/* State of a contact. Python: ContactState. */
 enum contact_state { APART, SLIDES, STICKS, UNSOLVABLE };
 
 typedef struct {
   enum contact_state state;
   double force[3];     /* normal, two tangents */
-  double direction[2]; /* of sliding */
+  double direction[2]; /* sliding direction */
 } answer_t;
 
 static const answer_t apart = {.state = APART, .direction = {1.0, 0.0}};
@@ -62,7 +62,7 @@ static void put_sliding(answer_t* answer, double normal, double mu, double d0, d
   answer->direction[1] = d1;
 }
 
-/* x of A x = b for n by n numbers, row by row, both overwritten, by elimination with row pivots: 0 if A is singular. */
+/* Solve A x = b for a row-major n by n matrix, both overwritten, by elimination with row pivots: 0 if A is singular. */
 static int solve_linear(int n, double* A, double* b) {
   for (int k = 0; k < n; ++k) {
     int pivot = k;
@@ -90,7 +90,7 @@ static int solve_linear(int n, double* A, double* b) {
   return 1;
 }
 
-/* Force that keeps the point still: least solution of W r = -c, W perhaps singular. */
+/* Force that keeps the point at rest: least-norm solution of W r = -c, where W may be singular. */
 static void hold(const double W[3][3], const double* c, double* r) {
   const double damping = LEAST_NORM * (W[0][0] + W[1][1] + W[2][2]);
   for (int i = 0; i < 3; ++i) r[i] = 0.0;
@@ -105,7 +105,7 @@ static void hold(const double W[3][3], const double* c, double* r) {
   }
 }
 
-/* Component of w_t across the direction of sliding, times the grip. */
+/* Component of w_t perpendicular to the sliding direction, times the grip. */
 static double across(const double W[3][3], const double* c, double mu, double angle) {
   const double d0 = cos(angle), d1 = sin(angle), grip = grip_of(W, mu, d0, d1);
   const double w1 = grip * c[1] - c[0] * (W[1][0] - mu * (W[1][1] * d0 + W[1][2] * d1));
@@ -124,7 +124,7 @@ static double root_of(const double W[3][3], const double* c, double mu, double l
   return 0.5 * (low + high);
 }
 
-/* The direction in which the point starts: w_t along it under the force that it means. */
+/* The direction in which the point starts to slide: w_t is along it under the resulting force. */
 static void start_to_slide(const double W[3][3], const double* c, double mu, answer_t* answer) {
   const double full_turn = 6.283185307179586;
   const double largest = fmax(fabs(c[0]), fmax(fabs(c[1]), fabs(c[2])));
@@ -153,7 +153,7 @@ static void start_to_slide(const double W[3][3], const double* c, double mu, ans
   }
 }
 
-/* Solve for one contact, which sticks up to `held`; `given` is the direction of one that slides already, else null. */
+/* Solve for one contact, which sticks up to `held`; `given` is the direction of a sliding one, else null. */
 static answer_t single(const double W[3][3], const double* c, double mu, double held, const double* given) {
   answer_t answer = apart;
   if (c[0] >= 0.0) return answer;
@@ -175,12 +175,12 @@ static answer_t single(const double W[3][3], const double* c, double mu, double 
 }
 
 typedef struct {
-  const double *W, *c; /* motion per force, and without */
-  const double *friction, *holding; /* coefficients of sliding and of sticking ... */
-  double mu[NC], held[NC];          /* ... and the part of them that is being solved for */
-  double given[NC][2]; /* direction of one that slides already ... */
-  int slides[NC];      /* ... where it does */
-  int allowed[NC];     /* whether a contact may carry at all */
+  const double *W, *c; /* motion per force, and motion without forces */
+  const double *friction, *holding; /* coefficients of sliding and static friction ... */
+  double mu[NC], held[NC];          /* ... and the fraction of them in the current continuation step */
+  double given[NC][2]; /* direction of a sliding contact ... */
+  int slides[NC];      /* ... and whether it slides */
+  int allowed[NC];     /* whether a contact may transmit a force */
 } cones_t;
 
 /* The contact's own part of W. */
@@ -189,7 +189,7 @@ static void own_block(const double* W, int k, double block[3][3]) {
     for (int j = 0; j < 3; ++j) block[i][j] = AT(W, MC, 3 * k + i, 3 * k + j);
 }
 
-/* Solve one contact after the other: 1 if they settle. */
+/* Solve one contact after another (Gauss-Seidel): 1 if this converges. */
 static int sweep(const cones_t* cones, double* r, int sweeps, answer_t* answers) {
   double block[3][3];
   for (int k = 0; k < NC; ++k) answers[k] = apart;
@@ -227,7 +227,7 @@ static void find_motion(const cones_t* cones, const double* r, double* w) {
   }
 }
 
-/* Tangential rows of a contact that starts to slide or slides in a direction that is not known. */
+/* Tangential rows of a contact that starts to slide, or slides in an unknown direction. */
 static void turning_rows(const cones_t* cones, int k, double rho, double pressed, const double* z, double size,
                          double regular, double J[MC][MC]) {
   const double mu = cones->mu[k], along[2] = {z[0] / size, z[1] / size}, part = mu * pressed / size;
@@ -244,7 +244,7 @@ static void turning_rows(const cones_t* cones, int k, double rho, double pressed
   }
 }
 
-/* What is left of Coulomb's law as equations, in forces, and its derivative; the sum of squares of what is left. */
+/* Residual of Coulomb's law as equations in the forces, and its derivative; returns the sum of squares of the residual. */
 static double equations(const cones_t* cones, const double* r, double* F, double J[MC][MC]) {
   double w[MC], trace = 0.0, sum = 0.0;
   find_motion(cones, r, w);
@@ -295,7 +295,7 @@ static void read_answers(const cones_t* cones, const double* r, answer_t* answer
   }
 }
 
-/* Improve forces by Newton's method until they obey, or as far as rounding lets them: 0 if they do not. */
+/* Improve forces by Newton's method until they satisfy the laws, to rounding: 0 if they do not. */
 static int newton(const cones_t* cones, double* r, answer_t* answers) {
   double trial[MC], after[MC], F[MC], J[MC][MC], step[MC], left, largest;
   for (int i = 0; i < MC; ++i) trial[i] = r[i];
@@ -333,9 +333,9 @@ static void take_part(cones_t* cones, double part) {
   }
 }
 
-/* Solve for several contacts: 0 if no answer is found. */
+/* Solve for several contacts: 0 if no solution is found. */
 static int several(cones_t* cones, answer_t* answers) {
-  static const int sweeps[2] = {20, 200}; /* before Newton's method is tried, and tried again */
+  static const int sweeps[2] = {20, 200}; /* sweeps before Newton's method is tried, and tried again */
   double r[MC];
   int found = 0;
   for (int i = 0; i < MC; ++i) r[i] = 0.0;

@@ -2,25 +2,25 @@
  *
  * Ticks with events: smooth segments between touch-downs, lift-offs, slips, stops and break-aways.
  *
- * Between two such instants each joint slides one way or sticks, and each contact is apart, slides or sticks; the equation
+ * Between two events each joint slides in one direction or sticks, and each contact is open, slides or sticks; the equation
  * is as smooth as without friction and contact, so the method keeps its order, and the instants are located to rounding
- * (Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, 1996). A joint that sticks has acceleration zero, not a
- * small one: it stays where it is, to the bit. Joints alone are the case of no contacts.
+ * (Pfeiffer, Glocker, Multibody Dynamics with Unilateral Contacts, 1996). The acceleration of a sticking joint is exactly
+ * zero, so its position does not change by a bit. Joints alone are the case of no contacts.
  *
- * Where events pile up, as when a ball comes to rest, the search for all of them would take longer than anyone waits. Once
- * a tick has taken MOST_WORK, the rest of it is time-stepped: modes are chosen at the beginning of a step and what went
- * wrong is caught at its end, without rebound, as in Moreau's scheme (Jean, "The non-smooth contact dynamics method",
- * Comput. Methods Appl. Mech. Eng. 177, 1999). That is of first order, and told.
+ * Where events accumulate, as when a ball comes to rest, locating all of them would take too long. Once
+ * a tick has taken MOST_WORK, the rest of it is time-stepped: modes are chosen at the beginning of a step, and violations
+ * are corrected at its end, without rebound, as in Moreau's scheme (Jean, "The non-smooth contact dynamics method", Comput.
+ * Methods Appl. Mech. Eng. 177, 1999). That is of first order, and reported.
  *
- * Before this file: impact.c, segments.c; DEEP (how far inside its plane a point may be and still be taken for touching),
- * MOST_WORK (operations of the generated functions that a tick may take before it is time-stepped).
+ * Required definitions: impact.c, segments.c; DEEP (penetration up to which a point is treated as touching),
+ * MOST_WORK (operations of the generated functions in a tick above which it is time-stepped).
  */
 
 #define EVENTS
-#define CATCHES 10   /* ways back from inside a plane, or to contacts that set joints turning */
-#define LEAST_PART 1e-6 /* part of such a step below which it is not made */
-#define TIME_STEPS 4 /* into which the rest of such a tick is divided */
-#define MOST_REBOUNDS 500 /* impacts in one tick after which its contacts do not rebound any more */
+#define CATCHES 10   /* corrections of penetrations, or of contacts that set joints in motion */
+#define LEAST_PART 1e-6 /* fraction of such a correction below which it is not applied */
+#define TIME_STEPS 4 /* steps into which the rest of a time-stepped tick is divided */
+#define MOST_REBOUNDS 500 /* impacts in one tick after which contacts no longer rebound */
 
 static int is_inside(const real* x) {
   geometry_t geometry;
@@ -30,7 +30,7 @@ static int is_inside(const real* x) {
   return inside;
 }
 
-/* Whether a joint moves against the direction in which it slides, as contacts that were brought to rest may make it. */
+/* Whether a joint moves against its sliding direction, as contacts that were brought to rest may cause. */
 static int turns_back(const real* x, const segment_t* segment) {
   const double rounding = turning_rounding(x);
   int any = 0;
@@ -38,7 +38,7 @@ static int turns_back(const real* x, const segment_t* segment) {
   return any;
 }
 
-/* Choose the modes at x, with impacts first, and set x right for them; `anchor` receives where points stick. */
+/* Choose the modes at x, after impacts, and correct x for them; `anchor` receives the positions of sticking points. */
 static enum trouble begin_segment(real* x, segment_t* segment, double tick, long long impacts, report_t* report,
                                   real* anchor) {
   geometry_t geometry;
@@ -66,8 +66,8 @@ static enum trouble begin_segment(real* x, segment_t* segment, double tick, long
   return NONE;
 }
 
-/* Bring back what went through its plane or its stop, and stop what turned although it should have come to rest. Speeds
- * into planes and stops stay, for the blow that takes them counts what it takes.
+/* Correct penetrations of planes and stops, and stop joints that reversed although they should have come to rest. Velocities
+ * into planes and stops are kept, since the impact that removes them accounts for their energy.
  */
 static void catch_up(real* x, const segment_t* segment) {
   segment_t caught = *segment;
@@ -83,14 +83,14 @@ static void catch_up(real* x, const segment_t* segment) {
   for (int turn = 0; turn < CATCHES; ++turn) {
     stop_at_limits(x);
     for (int i = 0; i < ND; ++i)
-      if (at_stop(x, i)) caught.p.direction[i] = 0.0; /* a way back that passes a stop is none */
+      if (at_stop(x, i)) caught.p.direction[i] = 0.0; /* a correction must not pass a stop */
     close_contacts(x, &caught, anchor);
     if (turn > 0 && !is_inside(x)) break;
   }
   for (int i = 0; i < NU; ++i) x[NU + i] = v[i];
 }
 
-/* Go only so much of the way from x as leaves no point inside a plane, where there is no way back to it. */
+/* Limit the motion from x such that no point is inside a plane, where penetrations cannot be corrected. */
 static void stop_short(const real* x, real* after) {
   real end[NU];
   double part = 1.0;
@@ -102,7 +102,7 @@ static void stop_short(const real* x, real* after) {
   }
 }
 
-/* The rest of a tick in few steps of fixed length, in place. */
+/* The rest of a tick in a few steps of fixed length, in place. */
 static enum trouble step_through(real* x, segment_t* segment, double left, report_t* report) {
   segment->step = left / TIME_STEPS;
   for (int k = 0; k < TIME_STEPS; ++k) {
@@ -120,7 +120,7 @@ static enum trouble step_through(real* x, segment_t* segment, double left, repor
 
 static long long time_stepped(const report_t* report) { return report->time_stepped; }
 
-/* The next record of a traced tick, which begins at x; none beyond the last there is room for. */
+/* The next record of a traced tick, which begins at x; null if there is no room. */
 static record_t* next_record(trace_t* trace, const real* x) {
   if (!trace || trace->count++ >= trace->most) return 0;
   record_t* record = trace->records + trace->count - 1;
@@ -160,7 +160,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
     const enum trouble trouble = begin_segment(now, segment, h, impacts, report, anchor);
     if (trouble != NONE) return trouble;
     note_segment(segment, now, segment->control ? segment->control->step : 0.0);
-    if (NX == 2 * NU && is_held(now, segment)) { /* with states of its own, a drive may still break it loose */
+    if (NX == 2 * NU && is_held(now, segment)) { /* a drive with internal states may still break it loose */
       for (int i = NU; i < NX; ++i) now[i] = 0.0;
       note_end(segment->record, now, left, 1);
       return NONE;
@@ -181,7 +181,7 @@ static enum trouble tick_with_events(const real* x, segment_t* segment, double h
 }
 
 #ifdef FREE
-/* A tick in which no joint comes to a stop, without looking at modes: 0 if it is not that. */
+/* A tick in which no joint meets a stop, without modes: 0 if one does. */
 static int free_tick(const real* x, const real* u, const real* p, double h, control_t* control, real* after) {
   const control_t kept = control ? *control : (control_t){0};
   int meets = 0;
@@ -210,7 +210,7 @@ static int tick(const real* x, const real* u, const real* p, double h, control_t
   return report->trouble == NONE;
 }
 
-/* One tick of which every segment is told: how many there were, even if there was room for fewer, or -1. */
+/* One traced tick: returns the number of segments, even if there was room for fewer, or -1. */
 EXPORTED long long trace_tick(const real* x, const real* u, const real* p, double h, control_t* control, report_t* report,
                               record_t* records, long long most, real* after) {
   long long work = 0;

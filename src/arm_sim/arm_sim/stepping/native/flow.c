@@ -2,7 +2,7 @@
  *
  * Smooth motion: one step of fixed length, or sub-steps under error control where ADAPTIVE is defined.
  *
- * Before this file: NX, NU (lengths of state and command), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated
+ * Required definitions: NX, NU (lengths of state and command), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated
  * functions), the generated
  * `step`, or with ADAPTIVE the generated `attempt`, substeps.c and MOST_SUBSTEPS (a tick may try).
  * With FREE also `free_step` or `free_attempt`: the same while no joint is at a stop, with tunable numbers alone in p.
@@ -13,13 +13,13 @@
 #define WORKSPACE real w[SZ_W]; casadi_int iw[SZ_IW]; const real* arg[SZ_ARG]; real* res[SZ_RES]
 #define EXPORTED __attribute__((visibility("default")))
 
-/* What error control remembers from one sub-step to the next. Python: SubstepControl. */
+/* State of the error control between sub-steps. Python: SubstepControl. */
 typedef struct {
-  double tolerance; /* scaled error that a sub-step may have */
-  double step;      /* length to try next; 0: not known yet */
+  double tolerance; /* largest scaled error of a sub-step */
+  double step;      /* next trial length; 0: unknown */
   double error;     /* sum of the estimated errors of q */
   long long attempts;
-  double reached;   /* time at which the last motion that could not be computed got stuck */
+  double reached;   /* time at which the last failed motion stopped */
 } control_t;
 
 static int within_reach(const real* x) {
@@ -72,8 +72,8 @@ static inline int flow_by(generated_t smooth, const real* x, const real* u, cons
 }
 #endif
 
-/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. Else that
- * says in `reached` how far it came, and `after` is the state there.
+/* Motion over h from x under u: 1 if every number stayed finite and, with error control, within the tolerance. Else
+ * `reached` is the length that was computed, and `after` the state there.
  */
 static int flow(const real* x, const real* u, const real* p, double h, control_t* c, real* after) {
   return flow_by(SMOOTH, x, u, p, h, c, after);

@@ -1,19 +1,19 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Gradients of functions of the states of a rollout, LANES arms at a time. Only states at ticks are kept; what happens within
- * a tick is computed again on the way back.
+ * Gradients of functions of the states of a rollout, LANES arms at a time. Only states at ticks are kept; the motion within
+ * a tick is recomputed in the backward pass.
  *
- * Before this file: as for rollout.c, and the generated `acting` (x, r) -> u, `adjoint` (x, u, p, h, weight) -> gradients by x,
- * u, p, and `limit_adjoint` (x, r, weight) -> gradients by x and r.
+ * Required definitions: as for rollout.c, and the generated `acting` (x, r) -> u, `adjoint` (x, u, p, h, weight) ->
+ * gradients by x, u, p, and `limit_adjoint` (x, r, weight) -> gradients by x and r.
  */
 #include <string.h>
 
 /* The arms first … last-1.
  *
- * x0, tau, p: as for rollout.                  g:    by the states of every tick, the first included, NX a tick.
+ * x0, tau, p: as for rollout.                  g:    gradients by the states of every tick, the first included, NX per tick.
  * motion:     work space, (ticks + 1) * NX * LANES numbers.
- * by_x, by_tau, by_p: receive gradients, NX, ticks * NU and NP an arm.
- * met:        set to 1 for an arm that comes to a stop or diverges; its gradients are worth nothing.
+ * by_x, by_tau, by_p: receive gradients, NX, ticks * NU and NP per arm.
+ * met:        set to 1 for an arm that meets a stop or diverges; its gradients are invalid.
  */
 #ifdef __cplusplus
 extern "C"

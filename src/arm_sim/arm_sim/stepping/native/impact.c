@@ -2,27 +2,27 @@
  *
  * Impacts: velocities that jump where a contact point meets its plane, or a joint its stop.
  *
- * Newton's restitution for the normal, Coulomb's law for the tangential impulse and the speed after (Moreau, "Unilateral
- * contact and dry friction in finite freedom dynamics", CISM 302, 1988). Both together may add energy (Kane, Levinson,
- * Dynamics, Theory and Applications, 1985); then the rebound is the highest that does not. A rebound for which no impulse
- * is found counts as one that does. Which stops take part in a blow is found by pivoting, as modes are: a stop that would
- * have to pull does not, one that its joint would pass does.
+ * Newton's restitution for the normal direction, Coulomb's law for the tangential impulse and the velocity after (Moreau,
+ * "Unilateral contact and dry friction in finite freedom dynamics", CISM 302, 1988). Both together may add energy (Kane,
+ * Levinson, Dynamics, Theory and Applications, 1985); then the rebound is the largest that does not. A rebound for which no
+ * impulse is found is treated as adding energy. The stops that take part in an impact are found by pivoting, like modes: a
+ * stop that would have to pull does not take part, one that its joint would pass does.
  *
- * Before this file: modes.c.
+ * Required definitions: modes.c.
  */
 
-#define REBOUND_HALVINGS 60 /* that find the highest rebound that adds no energy */
-#define BLOW_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* stops that may change their part in a blow ... */
-#define BLOW_WORST_FIRST (3 * NU)                         /* ... and before they do in order, which cannot go in circles */
-#define MISSED 1e-6   /* part of the speeds by which an impulse may miss those wanted: a jammed contact cannot rebound */
-#define PULLING 1e-12 /* part of the largest impulse that a stop may pull with */
+#define REBOUND_HALVINGS 60 /* bisections to find the largest rebound that adds no energy */
+#define BLOW_PIVOTS (3 * NU + (1 << (NU < 12 ? NU : 12))) /* changes of the stops that take part in an impact ... */
+#define BLOW_WORST_FIRST (3 * NU)                         /* ... and before the first violation is chosen */
+#define MISSED 1e-6   /* relative error of the velocities after an impulse: a jammed contact cannot rebound */
+#define PULLING 1e-12 /* tolerated pulling impulse of a stop, relative to the largest */
 
-/* A blow: how fast what is hit would leave again, and what came of it. */
+/* An impact: desired velocities after it, and its result. */
 typedef struct {
-  double rebound[NC];     /* of contacts ... */
-  double leaves[NU];      /* ... and velocities of joints that hit their stops; others at stops stay there */
+  double rebound[NC];     /* desired velocities of contacts ... */
+  double leaves[NU];      /* ... and of joints that hit their stops; other joints at stops remain there */
   int touching;           /* whether a contact takes part */
-  double impulse[MC];     /* of contacts */
+  double impulse[MC];     /* impulses of contacts */
   real after[NU];         /* velocities */
   double gain;            /* energy, INFINITY if no impulse was found */
 } blow_t;
@@ -57,7 +57,7 @@ static double find_impulse(const inertia_t* inertia, const real* before, double 
 
 #ifdef RIGID
 
-/* Velocities after a blow in which joints without direction change by `change`, and the impulses of their stops. */
+/* Velocities after an impact in which joints without direction change by `change`, and the impulses of their stops. */
 static void find_strike(const real* x, const segment_t* segment, const real* change, const double* impulse, real* after,
                         real* held) {
   WORKSPACE;
@@ -67,7 +67,7 @@ static void find_strike(const real* x, const segment_t* segment, const real* cha
   *segment->work += COST_STRIKE;
 }
 
-/* The joint at a stop whose part in the blow is wrong, the worst or just the first; -1 if there is none. */
+/* The joint at a stop with the largest, or just the first, violation in the impact; -1 if there is none. */
 static int find_wrong_part(const real* x, const segment_t* segment, const real* after, const real* held, int first) {
   const double fastest = 1.0 + largest_of(x + NU, NU), hardest = largest_of(held, NU);
   double most = 0.0;
@@ -85,7 +85,7 @@ static int find_wrong_part(const real* x, const segment_t* segment, const real* 
   return worst;
 }
 
-/* Find who takes part in a blow, with a part of the full rebound, and what comes of it. */
+/* Find which contacts and stops take part in an impact with a fraction of the full rebound, and its result. */
 static void find_blow(const real* x, segment_t* segment, double part, blow_t* blow) {
   inertia_t inertia;
   geometry_t geometry;
@@ -126,7 +126,7 @@ static void find_blow(const real* x, segment_t* segment, double part, blow_t* bl
   }
 }
 
-/* Velocities with which joints that hit their stops leave: 1 if one hits, 2 if one rebounds. */
+/* Velocities of joints after they hit their stops: 1 if one hits, 2 if one rebounds. */
 static int find_leaving(const real* x, segment_t* segment, int rebounds, double calm, double* leaves) {
   int hits = 0, known = 0;
   real slope[NX];
@@ -169,7 +169,7 @@ static int find_leaving(const real* x, segment_t* segment, int rebounds, double 
 
 #endif
 
-/* Tell a traced tick of a blow with a part of the full rebound. */
+/* Record an impact with a fraction of the full rebound in a traced tick. */
 static void note_blow(record_t* record, const segment_t* segment, const blow_t* blow, double part) {
   if (!record) return;
   record->hit = 1.0;
@@ -183,9 +183,9 @@ static void note_blow(record_t* record, const segment_t* segment, const blow_t* 
 /* Change the velocities where a touching contact approaches, or a joint hits its stop: energy lost, or -1 if no impulse
  * is found.
  *
- * A contact that opens just then takes part too, for the blow may push it back, and so does a joint that rests at its stop.
- * A rebound that would not rise above the rounding of the gap is none, and without `rebounds` there are none at all: the
- * contact closes. `geometry` is that of x, before and after.
+ * A contact that is just opening takes part too, since the impact may push it back, and so does a joint at rest at its stop.
+ * A rebound within the rounding of the gap is ignored, and without `rebounds` all are: the contact closes. `geometry` is
+ * that of x, before and after.
  */
 static double impact(real* x, segment_t* segment, int rebounds, geometry_t* geometry) {
   blow_t blow = {.touching = 0};

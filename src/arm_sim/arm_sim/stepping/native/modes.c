@@ -1,32 +1,31 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * What joints with dry friction, joints at their stops, and contacts do next.
+ * Selection of the modes of joints with dry friction, joints at stops, and contacts.
  *
- * A joint at rest sticks while the torque that holds it is within its static level; one that is let go moves the way it is
- * pulled (Glocker, Set-Valued Force Laws, 2001). One that rests at a rigid stop is held too, with a torque that may be
- * any towards the stop. A contact counts as touching where its gap is zero to rounding. Which of
- * them stick, slide, carry or let go is a complementarity problem in the metric of M, solved by pivoting: the one that
- * disobeys most changes while the others stay as they are, until none disobeys. Should that go in circles, joints alone
- * are taken in order, which cannot (Murty, Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1),
- * and contacts are solved together by cone.c.
+ * A joint at rest sticks while its holding torque is within the static level; otherwise it slides in the direction of the
+ * torque on it (Glocker, Set-Valued Force Laws, 2001). A joint at rest at a rigid stop is also held, by a reaction that only
+ * pushes. A contact touches where its gap is zero to rounding. Which of them stick, slide, transmit forces or separate is a
+ * complementarity problem in the metric of M, solved by pivoting: the entry with the largest violation changes its mode
+ * until there is none. If that cycles, the first violation is chosen for joints alone, a rule that cannot cycle (Murty,
+ * Linear Complementarity, Linear and Nonlinear Programming, 1988, section 4.1), and contacts are solved together by cone.c.
  *
- * Before this file: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
- * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`, `contact_inertia`;
- * RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the generated
- * `strike`; NQ (joints that may lean on compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
- * `pressures`; SLOWEST (tangential speed up to which a contact rests); NB (whether there are bilateral constraints) and with them
- * the generated `bilateral`.
+ * Required definitions: flow.c, cone.c; NP (tunable numbers), ND (joints with a direction in p: NU or 0), STATIC, FRICTION,
+ * HOLDING, RESTITUTION (brace lists), the generated `loads` and `rhs`, and with contacts `contact_geometry`,
+ * `contact_inertia`; RIGID where joints have rigid stops: at LOWER and UPPER, with LOWER_REBOUND and UPPER_REBOUND, and the
+ * generated `strike`; NQ (joints with compliant stops: NU or 0), with SOFT_LOWER and SOFT_UPPER and the generated
+ * `pressures`; SLOWEST (tangential speed up to which a contact is at rest); NB (whether there are bilateral constraints) and
+ * with them the generated `bilateral`.
  */
 
-#define GAP_ROUNDING (4 * 2.220446049250313e-16) /* rounding of a gap, as a multiple of the lengths that make it up ... */
-#define HOP (64 * 2.220446049250313e-16)         /* ... and what a gap that opens must exceed */
-#define SPEED_ROUNDING 1e-13 /* speeds relative to the fastest joint's where they are rounding errors */
-#define LEAST_REBOUND 1e-9   /* speed of a rebound that is taken for rest */
-#define HIGHEST_HOP 1e-4     /* speed above which no one need ask whether it is a hop within rounding */
-#define SLACK 1e-9           /* acceleration, relative to the largest, by which one about to move may go wrong */
-#define EDGE 1e-9            /* part of its cone that a force may lack and still be on the edge */
+#define GAP_ROUNDING (4 * 2.220446049250313e-16) /* rounding of a gap, as a multiple of the lengths that add up to it ... */
+#define HOP (64 * 2.220446049250313e-16)         /* ... and the threshold of an opening gap */
+#define SPEED_ROUNDING 1e-13 /* speeds treated as rounding, relative to the fastest joint */
+#define LEAST_REBOUND 1e-9   /* speed of a rebound that is treated as rest */
+#define HIGHEST_HOP 1e-4     /* speed above which a rebound is certainly not a hop within rounding */
+#define SLACK 1e-9           /* tolerated acceleration in the wrong direction, relative to the largest */
+#define EDGE 1e-9            /* relative distance from the friction cone within which a force is on its boundary */
 #define PIVOTS (NC ? 40 * (NC + NU) : 3 * NU + (1 << (NU < 12 ? NU : 12)))
-#define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before joints alone are taken in order */
+#define WORST_FIRST (NC ? PIVOTS : 3 * NU) /* pivots before the first violation is chosen */
 
 #if NC == 0 /* no contacts: their functions are not generated, and every loop over them is empty */
 #define contact_geometry(arg, res, iw, w, mem)
@@ -43,72 +42,72 @@
 /* Why a tick could not be computed. Python: Trouble. */
 enum trouble { NONE, NUMBERS, UNDETERMINED, INSIDE };
 
-/* What adds up over ticks. Python: EventReport. */
+/* Totals over ticks. Python: EventReport. */
 typedef struct {
   double impact_loss; /* energy lost in impacts */
   long long impacts;
-  long long trouble;      /* why the last tick failed */
-  long long time_stepped; /* ticks of which a part was time-stepped */
+  long long trouble;      /* reason of the last failure */
+  long long time_stepped; /* number of time-stepped ticks */
 } report_t;
 
 /* Entries of p for a contact, as numbers for the generated functions. Python: ContactMode; equations/contact.py: Mode. */
 typedef struct {
-  real closed;    /* 1 if it carries, 0 if it is apart */
+  real closed;    /* 1 if it is closed, 0 if it is open */
   real sticks;    /* 1 if a closed one sticks, 0 if it slides */
   real along[2];  /* direction of sliding in the two tangents */
-  real fixed;     /* 1 if it keeps that direction, 0 if it slides as it moves */
+  real fixed;     /* 1 if it keeps that direction, 0 if the direction follows the motion */
 } contact_mode_t;
 
 /* The vector p of the generated functions. Python: modes_type(). */
 typedef struct {
   real tunable[NP];
   real direction[ND]; /* of joints: -1 and 1 slide, 0 is held by friction or a stop; without friction sliding is 1 */
-  real pressed[NQ];   /* of joints: -1 and 1 lean on the lower and the upper compliant stop, else 0 */
+  real pressed[NQ];   /* of joints: -1 and 1 press against the lower and the upper compliant stop, else 0 */
   contact_mode_t contact[NC];
 } modes_t;
 
-/* What the engine knows of a contact besides its mode. */
+/* State of a contact besides its mode. */
 typedef struct {
   int touching;
-  int slides;               /* already, in the direction ... */
+  int slides;               /* slides already, in the direction ... */
   double given[2];
-  int slow;                 /* counts as at rest although it creeps */
-  enum contact_state ended; /* how its last mode came to its end: APART, SLIDES, else STICKS ... */
-  double slips[2];          /* ... and in which direction it will slide */
+  int slow;                 /* treated as at rest although it creeps */
+  enum contact_state ended; /* end of its last mode: APART, SLIDES, else STICKS ... */
+  double slips[2];          /* ... and its next sliding direction */
 } contact_t;
 
-/* A segment of a tick as derivatives need it, all of it real numbers. Python: segment_type(). */
+/* A segment of a tick, for derivatives; all entries are real numbers. Python: segment_type(). */
 typedef struct {
-  real before[NX], begin[NX], end[NX]; /* states before its blow, after it, and where its motion ended */
+  real before[NX], begin[NX], end[NX]; /* states before its impact, after it, and at the end of its motion */
   modes_t p;
-  real limit[NC];         /* part of its normal force up to which a contact sticks */
-  real length, step;      /* of its motion, and with error control of the sub-step tried first */
+  real limit[NC];         /* fraction of its normal force up to which a contact sticks */
+  real length, step;      /* length of its motion, and with error control of the first trial sub-step */
   real calm;              /* 1 if no event ended it */
-  real hit, part;         /* 1 if a blow began it, and the part of the full rebound it had */
-  real meets[ND];         /* 0 for joints that took part in the blow at their stops */
-  real leaves[NU];        /* velocities with which they leave */
-  real rebound[NC], impulse[MC]; /* of contacts: speeds with which they leave, impulses */
+  real hit, part;         /* 1 if it began with an impact, and the fraction of the full rebound */
+  real meets[ND];         /* 0 for joints that took part in the impact at their stops */
+  real leaves[NU];        /* velocities after the impact */
+  real rebound[NC], impulse[MC]; /* of contacts: velocities after the impact, impulses */
 } record_t;
 typedef struct { record_t* records; long long most, count; } trace_t;
 
-/* A smooth segment of a tick: what acts, and what every joint and contact does. */
+/* A smooth segment of a tick: command, and modes of joints and contacts. */
 typedef struct {
   const real* u;
   control_t* control;
   modes_t p;
   contact_t contact[NC];
-  int turned[ND];  /* whether a joint that moved the wrong way has been tried the other way */
-  long long* work; /* operations that the generated functions took in the tick */
-  double step;     /* length of the steps where the tick is time-stepped, else 0 */
-  record_t* record; /* of this segment, if the tick is traced */
+  int turned[ND];  /* whether the other direction has been tried for a joint that moved the wrong way */
+  long long* work; /* operations of the generated functions in the tick */
+  double step;     /* length of the steps if the tick is time-stepped, else 0 */
+  record_t* record; /* record of this segment, if the tick is traced */
 } segment_t;
 
 typedef struct { real place[MC], speed[MC], size[NC]; } geometry_t; /* contact points in their planes' axes */
 typedef struct { real load[NU], force[MC], rate[MC], grip[NC]; } loads_t;
 typedef struct { real W[MC * MC], B[NU * MC], free[MC]; } inertia_t;
 static const double static_level[NU] = STATIC;
-static const double friction[NC] = FRICTION; /* coefficients of sliding ... */
-static const double holding[NC] = HOLDING;   /* ... and up to which a contact sticks */
+static const double friction[NC] = FRICTION; /* coefficients of sliding friction ... */
+static const double holding[NC] = HOLDING;   /* ... and of static friction */
 static const double restitution[NC] = RESTITUTION;
 
 /* Rigid stops: -1 and 1 for a joint at its lower or upper one, else 0. */
@@ -129,7 +128,7 @@ static void find_geometry(const real* x, geometry_t* geometry) {
   contact_geometry(arg, res, iw, w, 0);
 }
 
-/* Torques that hold sticking joints, on the scale of their level; forces, accelerations and grips of contacts. */
+/* Holding torques of sticking joints, relative to their level; forces, accelerations and grips of contacts. */
 static void find_loads(const real* x, const segment_t* segment, loads_t* found) {
   WORKSPACE;
   arg[0] = x; arg[1] = segment->u; arg[2] = (const real*)&segment->p;
@@ -163,14 +162,14 @@ static double largest_of(const real* values, int count) {
 
 static double sign_of(double x) { return x > 0.0 ? 1.0 : x < 0.0 ? -1.0 : 0.0; }
 
-/* Speed of a contact that is rounding. */
+/* Speed of a contact treated as rounding. */
 static double speed_rounding(const real* x) { return SPEED_ROUNDING * (1.0 + largest_of(x + NU, NU)); }
 
-/* Whether dry friction may hold a joint, and whether it is at rest and held by friction or a stop, unless let go. */
+/* Whether dry friction may hold a joint; whether a joint is at rest and may be held by friction or a stop. */
 static int may_stick(int joint) { return ND && static_level[joint] > 0.0; }
 static int rests(const real* x, int joint) { return x[NU + joint] == 0.0 && (may_stick(joint) || at_stop(x, joint)); }
 
-/* What a compliant stop pushes with, by which it is met (no less than how deep it is), for both sides of all joints. */
+/* Torques of compliant stops (at least the penetration), by which contact is detected, on both sides of all joints. */
 static void find_pressures(const real* x, double met[2][NU], double push[2][NU]) {
   real found[2 * NU];
   WORKSPACE;
@@ -184,7 +183,7 @@ static void find_pressures(const real* x, double met[2][NU], double push[2][NU])
     }
 }
 
-/* Joints that lean on compliant stops: those that press them, or are about to. */
+/* Joints in contact with compliant stops: those that press against them, or are about to. */
 static void find_pressed(const real* x, segment_t* segment) {
   double met[2][NU], push[2][NU];
   if (!NQ) return;
@@ -197,14 +196,14 @@ static void find_pressed(const real* x, segment_t* segment) {
   }
 }
 
-/* Up to which part of its normal force a contact sticks: one that creeps has broken away already. */
+/* Fraction of its normal force up to which a contact sticks: one that creeps has broken away already. */
 static double stick_limit(const segment_t* segment, int k) {
   return segment->contact[k].slow ? friction[k] : holding[k];
 }
 
 static int is_sliding(const contact_mode_t* mode) { return mode->closed != 0.0 && mode->sticks == 0.0; }
 
-/* Put joints with dry friction or at stops at rest that what holds the arm keeps there but for rounding: 1 if any moved. */
+/* Set joints with dry friction or at stops at rest if the arm's constraints hold them up to rounding: 1 if any moved. */
 static int stop_rounding(real* x) {
   const double limit = speed_rounding(x);
   int any = 0;
@@ -217,10 +216,11 @@ static int stop_rounding(real* x) {
   return any;
 }
 
-/* Speed of a hop off a stop that would not rise above the rounding of the joint's position, under an acceleration. */
+/* Speed of a hop off a stop within the rounding of the joint's position, under an acceleration. */
 static double hop_of_joint(double q, double fall) { return LEAST_REBOUND + sqrt(2.0 * fabs(fall) * HOP * (1.0 + fabs(q))); }
 
-/* Put joints at rest that a blow elsewhere throws off their stops by such a hop, or two that take turns would never stop. */
+/* Set joints at rest that an impact elsewhere moves off their stops by such a hop; otherwise two alternating ones would
+ * never stop. */
 static void rest_on_stops(real* x, const segment_t* segment) {
   real slope[NX];
   int known = 0;
@@ -233,7 +233,7 @@ static void rest_on_stops(real* x, const segment_t* segment) {
   }
 }
 
-/* Speeds of hops that would not rise above the rounding of the gap, or would end within a step. */
+/* Speeds of hops within the rounding of the gap, or shorter than a step. */
 static void find_hops(const real* x, const segment_t* segment, const geometry_t* geometry, double* hop) {
   inertia_t inertia;
   double fall = 0.0;
@@ -260,7 +260,7 @@ static void find_touching(const real* x, segment_t* segment, const geometry_t* g
   for (int k = 0; k < NC; ++k) contact[k].touching &= geometry->speed[3 * k] <= hop[k];
 }
 
-/* How the last mode of a contact came to its end says with what to begin. */
+/* The end of a contact's last mode determines the initial guess. */
 static void begin_as_ended(contact_mode_t* mode, const contact_t* contact) {
   if (!contact->touching || contact->ended == STICKS) return;
   if (contact->ended == APART) mode->closed = 0.0;
@@ -270,7 +270,7 @@ static void begin_as_ended(contact_mode_t* mode, const contact_t* contact) {
   mode->along[1] = contact->ended == SLIDES ? contact->slips[1] : 0.0;
 }
 
-/* Take it that moving joints slide and those at rest stick, that contacts that touch carry and those at rest stick. */
+/* Initial guess: moving joints slide and those at rest stick; touching contacts are closed and those at rest stick. */
 static void guess(const real* x, segment_t* segment, const geometry_t* geometry) {
   for (int i = 0; i < ND; ++i) {
     segment->p.direction[i] = rests(x, i) ? 0.0 : may_stick(i) ? sign_of(x[NU + i]) : 1.0;
@@ -292,7 +292,7 @@ static void guess(const real* x, segment_t* segment, const geometry_t* geometry)
   }
 }
 
-/* In a loop that moves, a joint that passes through rest is taken along: begin with the way it goes. */
+/* In a moving loop, a joint that passes through rest is driven by the loop: begin with its direction. */
 static void guess_turning(const real* x, segment_t* segment) {
   real slope[NX];
   int resting = 0;
@@ -309,14 +309,14 @@ static void guess_turning(const real* x, segment_t* segment) {
   }
 }
 
-/* By how much the torque on a joint at rest is more than friction and its stop hold: not positive if they do. */
+/* Excess of the torque on a joint at rest over the capacity of friction and its stop: not positive if they hold it. */
 static double joint_excess(const real* x, const loads_t* found, int joint) {
   const double load = found->load[joint];
   const int side = at_stop(x, joint);
   return (side ? -side * load : fabs(load)) - static_level[joint];
 }
 
-/* How much a contact disobeys: not positive if it obeys. */
+/* Violation of the laws by a contact: not positive if satisfied. */
 static double contact_excess(const segment_t* segment, const loads_t* found, int k, double heaviest, double fastest) {
   const real *r = found->force + 3 * k, *a = found->rate + 3 * k;
   const contact_mode_t* mode = segment->p.contact + k;
@@ -328,7 +328,7 @@ static double contact_excess(const segment_t* segment, const loads_t* found, int
   return fmax(-ahead, fabs(astray)) / fastest - SLACK;
 }
 
-/* The entry that disobeys most, or just the first: a contact, or NC plus a joint; -1 if all obey. */
+/* The entry with the largest, or just the first, violation: a contact, or NC plus a joint; -1 if there is none. */
 static int find_disobedient(const real* x, const segment_t* segment, const loads_t* found, int first) {
   const double heaviest = 1.0 + largest_of(found->force, MC), fastest = 1.0 + largest_of(found->rate, MC);
   const real* d = segment->p.direction;
@@ -373,7 +373,7 @@ static void let_slip(answer_t* answer, const double* force) {
   for (int i = 0; i < 2; ++i) answer->direction[i] = -force[1 + i] / size;
 }
 
-/* Let the entry do what obeys while the others stay as they are: 0 if nothing does. */
+/* Change the entry to a mode that satisfies the laws while the others are unchanged: 0 if none does. */
 static int pivot(const real* x, segment_t* segment, const loads_t* found, int entry) {
   if (entry >= NC) {
     const int joint = entry - NC, turns = NB && !segment->turned[joint] && !at_stop(x, joint);
@@ -393,12 +393,12 @@ static int pivot(const real* x, segment_t* segment, const loads_t* found, int en
     c[i] = found->rate[3 * entry + i] - (block[i][0] * r[0] + block[i][1] * r[1] + block[i][2] * r[2]);
   answer_t answer = single(block, c, friction[entry], stick_limit(segment, entry), contact->slides ? contact->given : 0);
   if (answer.state == UNSOLVABLE) return 0;
-  if (answer.state == STICKS && mode->closed != 0.0 && mode->sticks != 0.0) let_slip(&answer, r); /* at the very edge */
+  if (answer.state == STICKS && mode->closed != 0.0 && mode->sticks != 0.0) let_slip(&answer, r); /* on the boundary */
   put_mode(mode, &answer);
   return 1;
 }
 
-/* Solve all contacts together, where one after another goes in circles; the modes stay where no answer is found. */
+/* Solve all contacts together, where pivoting cycles; the modes are kept if no solution is found. */
 static void solve_together(const real* x, segment_t* segment) {
   inertia_t inertia;
   double limit[NC];
@@ -414,14 +414,14 @@ static void solve_together(const real* x, segment_t* segment) {
   if (!several(&cones, answers)) return;
   for (int k = 0; k < NC; ++k) {
     const double *r = answers[k].force, size = hypot(r[1], r[2]);
-    /* On the very edge of its cone: where contacts are redundant, the forces of least norm would leave it. */
+    /* On the boundary of its cone: where contacts are redundant, the forces of least norm would leave it. */
     if (answers[k].state == STICKS && size >= (1.0 - EDGE) * limit[k] * r[0] && size > 0.0)
       let_slip(answers + k, r);
     put_mode(segment->p.contact + k, answers + k);
   }
 }
 
-/* Whether a contact touches or a joint that may be held is at rest: else there is nothing to find. */
+/* Whether a contact touches or a joint that may be held is at rest; else there are no modes to find. */
 static int anything_rests(const real* x, const segment_t* segment) {
   int any = 0;
   for (int k = 0; k < NC; ++k) any |= segment->contact[k].touching;
@@ -429,7 +429,7 @@ static int anything_rests(const real* x, const segment_t* segment) {
   return any;
 }
 
-/* Find what every contact and joint does: 0 if nothing obeys, or there is no single motion (Painlevé 1895). */
+/* Find the modes of all contacts and joints: 0 if none satisfies the laws, or the motion is not unique (Painlevé 1895). */
 static int settle(const real* x, segment_t* segment, const geometry_t* geometry) {
   loads_t found;
   guess(x, segment, geometry);
@@ -440,7 +440,7 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
       find_loads(x, segment, &found);
       const int entry = find_disobedient(x, segment, &found, k >= WORST_FIRST);
       if (entry < 0) {
-        /* Friction must not press a sliding contact together faster than its normal force opens it. */
+        /* Friction must not close a sliding contact faster than its normal force opens it. */
         for (int i = 0; i < NC; ++i)
           if (is_sliding(segment->p.contact + i) && !(found.grip[i] > 0.0)) return 0;
         return 1;
@@ -452,7 +452,8 @@ static int settle(const real* x, segment_t* segment, const geometry_t* geometry)
   return 0;
 }
 
-/* Fill in what every joint and contact does at x under u, the tunable numbers of p given: why not, else NONE. */
+/* Determine the modes of all joints and contacts at x under u, with the tunable quantities of p given; returns NONE or the
+ * reason of a failure. */
 EXPORTED long long find_modes(const real* x, const real* u, modes_t* p) {
   long long work = 0;
   segment_t segment = {.u = u, .p = *p, .work = &work};

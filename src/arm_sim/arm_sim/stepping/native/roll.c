@@ -2,7 +2,7 @@
  *
  * Many ticks in one call. The torque is constant within a tick.
  *
- * Before this file: flow.c and the generated `actuate`; in a scene with events also events.c, which defines EVENTS.
+ * Required definitions: flow.c and the generated `actuate`; in a scene with events also events.c, which defines EVENTS.
  */
 
 #ifndef EVENTS
@@ -22,11 +22,11 @@ static long long time_stepped(const report_t* report) {
 
 /* Advance `ticks` ticks of length h from x, in place.
  *
- * command: what is commanded in the first tick; the next tick's is `stride` numbers further (0: held throughout).
- * trace:   state after every tick.                   effort: what acted in every tick, limits applied.
- * notes:   estimated error of q after every tick, and how many ticks were time-stepped.
- * control: of error control, else null.
- * Returns the number of ticks that could be computed; x is the state after the last of them.
+ * command: command of the first tick; that of the next tick is `stride` numbers further (0: constant).
+ * trace:   state after every tick.                   effort: effective command in every tick, limits applied.
+ * notes:   estimated error of q after every tick, and number of time-stepped ticks.
+ * control: error control, or null.
+ * Returns the number of computed ticks; x is the state after the last of them.
  */
 EXPORTED long long roll(real* x, const real* command, long long stride, const real* p, double h, long long ticks,
                         real* trace, real* effort, real* notes, control_t* control, report_t* report) {

@@ -2,8 +2,8 @@
  *
  * Many arms, LANES at a time. C where `real` is a double, C++ where it is a vector of them.
  *
- * Before this file: arms.c, and as for roll.c; NP (length of the parameters); where joints have stops also stops.c, and STOPS.
- * With a controller in the tick also NR, the length of its references, which then stand in the place of torques.
+ * Required definitions: arms.c, and as for roll.c; NP (length of the parameters); where joints have stops also stops.c, and
+ * STOPS. With a controller in the tick also NR, the length of its references, which then replace torques.
  */
 #ifdef NR
 #define WITH_CONTROLLER
@@ -18,13 +18,13 @@ extern "C"
 #endif
 /* Advance the arms first … last-1.
  *
- * x0:   initial states, NX an arm.
+ * x0:   initial states, NX per arm.
  * tau:  torques; arm i, tick k at tau + i * tau_arm + k * tau_tick.
  * p:    parameters; arm i at p + i * p_arm.
- * out:  states of every tick, the first included, (ticks + 1) * NX an arm; if last_only, NX an arm.
- * met:  set to 1 for an arm that meets a stop; its states are worth nothing from there on.
- * effort: with a controller, what acts in every tick, ticks * NU an arm.
- * An arm that diverges is NaN from there on; its neighbours do not notice.
+ * out:  states of every tick, the first included, (ticks + 1) * NX per arm; if last_only, NX per arm.
+ * met:  set to 1 for an arm that meets a stop; its states are invalid from there on.
+ * effort: with a controller, effective commands of every tick, ticks * NU per arm.
+ * An arm that diverges is NaN from there on; other lanes are not affected.
  */
 __attribute__((visibility("default")))
 void rollout(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,

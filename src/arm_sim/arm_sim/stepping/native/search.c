@@ -1,14 +1,14 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * The instant at which something begins, to rounding.
+ * Location of an event in time, to rounding.
  */
 
 #include <math.h>
 #include <string.h>
 
 #define MOST_TRIALS 200
-#define INSTANT 2e-16 /* half of what an instant may be off, as a part of the time searched */
-#define GROWTH 32.0   /* of the steps out of where values are rounding */
+#define INSTANT 2e-16 /* half of the tolerance of an instant, relative to the searched interval */
+#define GROWTH 32.0   /* growth of the steps out of an interval where values are rounding */
 
 static double largest_among(const double* values, int count) {
   double largest = -INFINITY;
@@ -16,8 +16,8 @@ static double largest_among(const double* values, int count) {
   return largest;
 }
 
-/* Where a value is zero, as a part of the way from x1 to x2: inverse quadratic interpolation where three values allow it,
- * else the middle (Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function
+/* Zero of a value, as a fraction of the interval from x1 to x2: inverse quadratic interpolation where three values allow it,
+ * else bisection (Chandrupatla, "A new hybrid quadratic/bisection algorithm for finding the zero of a nonlinear function
  * without using derivatives", Advances in Engineering Software 28, 1997).
  */
 static double zero_between(double x1, double x2, double x3, double f1, double f2, double f3) {
@@ -26,12 +26,12 @@ static double zero_between(double x1, double x2, double x3, double f1, double f2
   return f1 / (f2 - f1) * f3 / (f2 - f3) + (x3 - x1) / (x2 - x1) * f1 / (f3 - f1) * f2 / (f3 - f2);
 }
 
-/* Where the first of some values changes from not positive, as all are at 0, to positive, as one is at h, where they are
- * `at_h`; values of up to `nothing` are good enough, for they are rounding.
+/* First instant at which one of several values changes from not positive, as all are at 0, to positive, as one is at h,
+ * where they are `at_h`; values up to `nothing` are accepted as rounding.
  *
- * Each value that changes between the ends says where it does, the earliest is tried: one by one they are smooth, the
- * largest of them is not. At the answer one is positive, and just before it none, or nothing to speak of. If one is at
- * 0 already, that is the answer.
+ * Zeros are predicted for each value that changes its sign, and the earliest is tried: each value is smooth, the largest of
+ * them is not. At the result one is positive, and just before it none, up to rounding. If one is positive at 0 already, that
+ * is the result.
  */
 static double first_positive(void (*values_at)(const void*, double, double*), const void* asked, int count, double h,
                              const double* at_h, double nothing) {
@@ -53,11 +53,11 @@ static double first_positive(void (*values_at)(const void*, double, double*), co
     memcpy(f1, value, size);
     const double least = INSTANT * h / fabs(x2 - x1);
     if (least > 0.5 || (worst > 0.0 && (worst <= nothing || creep > 0.0))) break;
-    double rising = -INFINITY; /* of those that are positive at the other end */
+    double rising = -INFINITY; /* the earliest prediction of values that are positive at the other end */
     for (int i = 0; i < count; ++i)
       if (f2[i] > 0.0) rising = fmax(rising, f1[i]);
     creep = worst > 0.0 || rising < -nothing ? 0.0 : creep > 0.0 ? GROWTH * creep : INSTANT * h;
-    if (creep > 0.0) { /* interpolation is of no use between values that are rounding */
+    if (creep > 0.0) { /* interpolation is useless between values that are rounding */
       part = fmin(creep / fabs(x2 - x1), 0.5);
       continue;
     }

@@ -1,24 +1,24 @@
 /* SPDX-License-Identifier: Apache-2.0
  *
- * Smooth segments between events: how long the modes stay right, and what is set right at the ends.
+ * Smooth segments between events: how long the modes remain valid, and corrections at the ends.
  *
- * Before this file: modes.c, search.c, stops.c; the generated `contact_close`.
+ * Required definitions: modes.c, search.c, stops.c; the generated `contact_close`.
  */
 
-#define TURNING_BACK 1e-13 /* speed, relative, by which a joint let go at the very edge may leave in the wrong direction */
-#define SUDDEN_STOP 1e-6   /* speed, relative to the fastest joint's, that a joint may have where it is found to stop */
-#define SINKING 1e-12      /* speed by which a contact that is apart may sink without being called an approach */
-#define HELD 1e-9          /* speed of an arm all of whose joints are held that is rounding */
-#define INDEPENDENT 1e-10  /* part of the trace that a row of the rank's matrix must exceed to count */
-#define MOST_PARTS 32      /* into which slow sliding may divide a tick ... */
-#define MUCH_TURN 0.05     /* ... and turn of its direction in a tick that is much [rad] */
-#define SHORT_WAY 1e-9      /* way back to contacts whose square is far below rounding: a second step has nothing to do */
-#define AT_ITS_END 1e-9     /* disobedience where error control is stuck by which a mode is at its end there, not before */
-#define NOTHING 1e-15       /* disobedience that is rounding */
-#define SURELY 1.2          /* when a mode has surely ended, as a multiple of the time after which it should ... */
-#define FARTHER 4.0         /* ... and where to look next if nothing has ended by then */
+#define TURNING_BACK 1e-13 /* relative speed in the wrong direction tolerated of a joint that begins to slide */
+#define SUDDEN_STOP 1e-6   /* speed tolerated of a joint that is found to stop, relative to the fastest joint */
+#define SINKING 1e-12      /* speed up to which an open contact is not treated as approaching */
+#define HELD 1e-9          /* speed treated as rounding if all joints of an arm are held */
+#define INDEPENDENT 1e-10  /* fraction of the trace that a pivot must exceed to count for the rank */
+#define MOST_PARTS 32      /* segments into which slow sliding may divide a tick ... */
+#define MUCH_TURN 0.05     /* ... and rotation of its direction in a tick that is large [rad] */
+#define SHORT_WAY 1e-9      /* correction to contacts whose square is far below rounding: a second step is unnecessary */
+#define AT_ITS_END 1e-9     /* violation at which a mode has ended where error control is stuck */
+#define NOTHING 1e-15       /* violation treated as rounding */
+#define SURELY 1.2          /* time at which a mode has certainly ended, as a multiple of the predicted one ... */
+#define FARTHER 4.0         /* ... and the next trial if no mode has ended by then */
 
-/* Motion over h in which error control does not learn: 1 if it can be computed. */
+/* Motion over h that does not update the error control: 1 if it can be computed. */
 static int try_flow(const real* x, const segment_t* segment, double h, real* after) {
   control_t kept = segment->control ? *segment->control : (control_t){0};
   const long long before = kept.attempts;
@@ -35,8 +35,8 @@ static int anything_held(const segment_t* segment) {
   return any;
 }
 
-/* What must not be positive: of contacts their gaps, or normal and tangential forces; of joints their friction, and both
- * of their stops. Each is smooth in time while the modes last.
+/* Event functions, which must not be positive: of contacts gaps, or normal and tangential forces; of joints friction, and
+ * both stops. Each is smooth in time while the modes last.
  */
 typedef struct { double contact[2 * NC], joint[ND], stop[2 * NU], pressed[2 * NQ]; } limits_t;
 #define LIMITS ((int)(sizeof(limits_t) / sizeof(double)))
@@ -45,7 +45,7 @@ static void fill(limits_t* limits, double value) {
 }
 static double worst_of(const limits_t* limits) { return largest_among((const double*)limits, LIMITS); }
 
-/* Positive where a joint is beyond a rigid stop, meets a compliant one or loses it, after a motion of length t. */
+/* Positive where a joint is beyond a rigid stop, meets a compliant one or separates from it, after a motion of length t. */
 static void stop_disobedience(const real* x, const segment_t* segment, double t, limits_t* limits) {
   double met[2][NU], push[2][NU];
 #ifdef RIGID
@@ -64,10 +64,10 @@ static void stop_disobedience(const real* x, const segment_t* segment, double t,
       limits->pressed[2 * i + side] = segment->p.pressed[i] == (side ? 1.0 : -1.0) ? -push[side][i] : met[side][i];
 }
 
-/* Speed against its direction that a sliding joint may have from rounding. */
+/* Speed against its direction that a sliding joint may have by rounding. */
 static double turning_rounding(const real* x) { return TURNING_BACK * (1.0 + largest_of(x + NU, NU)); }
 
-/* Positive where a contact or joint does not obey its mode after a motion of length t; the worst of it. */
+/* Positive where a contact or joint violates its mode after a motion of length t; returns the largest violation. */
 static double disobedience(const real* x, const segment_t* segment, const double* ground, double t, limits_t* limits) {
   const real *d = segment->p.direction, *v = x + NU;
   const double rounding = turning_rounding(x);
@@ -95,8 +95,8 @@ static double disobedience(const real* x, const segment_t* segment, const double
   return worst_of(limits);
 }
 
-/* A motion from x, and what may be looked for in it beside modes that are not obeyed: where a contact begins to rise, or a
- * joint (joint >= 0) to come back from its upper (side 1) or lower (side -1) stop. */
+/* A motion from x, and a further event that may be searched in it: where a contact begins to rise, or a joint (joint >= 0)
+ * to return from its upper (side 1) or lower (side -1) stop. */
 typedef struct {
   const real* x;
   const segment_t* segment;
@@ -111,7 +111,7 @@ static int state_at(const search_t* search, double t, real* after) {
   return 1;
 }
 
-/* Whether a mode is obeyed after a motion of length t. */
+/* Whether all modes are satisfied after a motion of length t. */
 static double excess_at(const search_t* search, double t, limits_t* limits) {
   real after[NX];
   if (state_at(search, t, after)) return disobedience(after, search->segment, search->ground, t, limits);
@@ -121,7 +121,7 @@ static double excess_at(const search_t* search, double t, limits_t* limits) {
 
 static void limits_at(const void* asked, double t, double* limits) { excess_at(asked, t, (limits_t*)limits); }
 
-/* The speed at which a contact rises, or a joint comes back from a stop. */
+/* The speed at which a contact rises, or a joint returns from a stop. */
 static void return_at(const void* asked, double t, double* speed) {
   const search_t* search = asked;
   real after[NX];
@@ -135,7 +135,7 @@ static void return_at(const void* asked, double t, double* speed) {
   }
 }
 
-/* A time before `length` at which a contact is below its plane, on its way up again; 0 if there is none. */
+/* A time before `length` at which a contact is below its plane and begins to rise; 0 if there is none. */
 static double dip_before(search_t* search, double length, const real* end, limits_t* depth) {
   geometry_t before, back;
   int any = 0;
@@ -154,7 +154,7 @@ static double dip_before(search_t* search, double length, const real* end, limit
   return 0.0;
 }
 
-/* A time before `length` at which a joint is beyond a stop, on its way back; 0 if there is none. */
+/* A time before `length` at which a joint is beyond a stop and begins to return; 0 if there is none. */
 static double bump_before(search_t* search, double length, const real* end, limits_t* depth) {
   for (int i = 0; i < NU; ++i) {
     const int side = may_dip(search->x[i], search->x[NU + i], end[NU + i], length, i);
@@ -169,7 +169,7 @@ static double bump_before(search_t* search, double length, const real* end, limi
   return 0.0;
 }
 
-/* When something that moves so would be at a place that is `way` ahead, were its acceleration to last: INFINITY if never. */
+/* Time to cover the distance `way` at constant acceleration: INFINITY if never. */
 static double arrival(double way, double speed, double push) {
   const double square = speed * speed + 2.0 * push * way;
   if (square < 0.0) return INFINITY;
@@ -177,9 +177,8 @@ static double arrival(double way, double speed, double push) {
   return time > 0.0 ? time : INFINITY;
 }
 
-/* When the first mode ends, and a little later, were all accelerations to last: a contact touches, a joint meets a rigid
- * stop or comes to rest in friction. An interval that is short for what is searched otherwise, where blows follow one
- * another. Infinite if nothing ends.
+/* Interval around the end of the first mode at constant accelerations: a contact touches, a joint meets a rigid stop or
+ * comes to rest in friction. It shortens the search where impacts follow one another. Infinite if no mode ends.
  */
 static double find_next(const real* x, const segment_t* segment, const geometry_t* geometry) {
   double soonest = INFINITY;
@@ -206,7 +205,7 @@ static double find_next(const real* x, const segment_t* segment, const geometry_
   return SURELY * soonest;
 }
 
-/* Motion to where the modes stop being right, at most over `reach`: its length, -1 if it cannot be computed. */
+/* Motion to the end of the modes, at most over `reach`: its length, -1 if it cannot be computed. */
 static double advance(const real* x, segment_t* segment, double reach, real* after, int* calm) {
   search_t search = {.x = x, .segment = segment, .joint = -1};
   const control_t kept = segment->control ? *segment->control : (control_t){0};
@@ -221,7 +220,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
   else fill(&limits, INFINITY);
   *calm = wrong <= 0.0;
   if (!reached && segment->control) {
-    /* A contact that comes to rest has no direction any more: error control follows it as far as it can. */
+    /* The direction of a contact is undefined as it comes to rest: error control follows it as far as possible. */
     known = length = segment->control->reached;
     if (known <= 0.0) return -1.0;
     wrong = disobedience(after, segment, search.ground, known, &limits);
@@ -249,7 +248,7 @@ static double advance(const real* x, segment_t* segment, double reach, real* aft
   return flow(x, segment->u, (const real*)&segment->p, length, segment->control, after) ? length : -1.0;
 }
 
-/* Whether a closed contact is not quite closed, or does not quite rest. */
+/* Whether a closed contact has a gap or a velocity to be corrected. */
 static int is_off(const real* x, const segment_t* segment, const geometry_t* geometry) {
   const double limit = speed_rounding(x) / 10.0;
   for (int k = 0; k < NC; ++k) {
@@ -262,7 +261,7 @@ static int is_off(const real* x, const segment_t* segment, const geometry_t* geo
   return 0;
 }
 
-/* Bring positions and velocities back to the closed contacts, and to the anchors of those that stick. */
+/* Project positions and velocities onto the closed contacts, and onto the anchors of sticking ones. */
 static void close_contacts(real* x, const segment_t* segment, const real* anchor) {
   int any = 0;
   real after[2 * NU];
@@ -279,9 +278,9 @@ static void close_contacts(real* x, const segment_t* segment, const real* anchor
   }
 }
 
-/* Bring all that touches to rest where closing some contacts has set others moving into their planes.
+/* Bring all touching points to rest where closing some contacts has moved others into their planes.
  *
- * The blow that stopped those has opened these, but slower than counts: a body that rocks so little rests.
+ * The impact that stopped the former has opened the latter, but below the threshold: a body that rocks so little is at rest.
  */
 static void rest_touching(real* x, const segment_t* segment, const real* anchor) {
   const double calm = speed_rounding(x);
@@ -298,12 +297,12 @@ static void rest_touching(real* x, const segment_t* segment, const real* anchor)
   if (any) close_contacts(x, &resting, anchor);
 }
 
-/* Where each point is in its plane's tangents. */
+/* Position of each point in its plane's tangents. */
 static void find_anchors(const geometry_t* geometry, real* anchor) {
   for (int i = 0; i < 2 * NC; ++i) anchor[i] = geometry->place[3 * (i / 2) + 1 + i % 2];
 }
 
-/* What contacts will do whose mode has just come to its end: lift off, or slip. */
+/* Next mode of contacts whose mode has just ended: lift off, or slip. */
 static void find_ended(const real* x, segment_t* segment, int calm) {
   loads_t found;
   if (NC && !calm) find_loads(x, segment, &found);
@@ -322,7 +321,7 @@ static void find_ended(const real* x, segment_t* segment, int calm) {
   }
 }
 
-/* Put joints that have just reached zero speed at rest: 0 if one was still fast, for that was no continuous motion. */
+/* Set joints that have just reached zero speed at rest: 0 if one was still fast, since the motion was not continuous. */
 static int stop_joints(real* x, const segment_t* segment) {
   const double fastest = largest_of(x + NU, NU);
   for (int i = 0; i < ND; ++i)
@@ -333,7 +332,7 @@ static int stop_joints(real* x, const segment_t* segment) {
   return 1;
 }
 
-/* Put joints that are beyond a rigid stop but for rounding at it. */
+/* Move joints that are beyond a rigid stop by rounding to the stop. */
 static void stop_at_limits(real* x) {
   (void)x;
 #ifdef RIGID
@@ -344,7 +343,7 @@ static void stop_at_limits(real* x) {
 #endif
 }
 
-/* Rank of a symmetric matrix that is not negative, by elimination with diagonal pivots. */
+/* Rank of a positive semidefinite matrix, by elimination with diagonal pivots. */
 static int rank_of(real* W) {
   double limit = 0.0;
   int count = 0;
@@ -363,7 +362,7 @@ static int rank_of(real* W) {
   return count;
 }
 
-/* How many motions of sliding joints the bilateral constraints take away. */
+/* Number of degrees of freedom of sliding joints that the bilateral constraints remove. */
 static int find_bilateral_rank(const real* x, const segment_t* segment) {
   real rank = 0.0;
   WORKSPACE;
@@ -373,7 +372,7 @@ static int find_bilateral_rank(const real* x, const segment_t* segment) {
   return (int)(rank + 0.5);
 }
 
-/* Whether friction, constraints and contacts leave no joint any motion. */
+/* Whether friction, constraints and contacts leave no degree of freedom. */
 static int is_held(const real* x, const segment_t* segment) {
   if (largest_of(x + NU, NU) > HELD) return 0;
   inertia_t inertia;
@@ -390,7 +389,7 @@ static int is_held(const real* x, const segment_t* segment) {
   return rank_of(inertia.W) >= free;
 }
 
-/* Rate at which friction turns each contact that slides into its direction: 0 if none does. */
+/* Rate at which friction rotates the velocity of each sliding contact towards its direction; 0 if none slides. */
 static int find_rates(const real* x, const segment_t* segment, loads_t* found, geometry_t* geometry, double* rate) {
   inertia_t inertia;
   int any = 0;
@@ -416,9 +415,9 @@ static int find_rates(const real* x, const segment_t* segment, loads_t* found, g
 
 /* Contacts that slide so slowly that an explicit method cannot follow their direction: 1 if there are any.
  *
- * Friction turns a contact into its direction at the rate mu lambda w / s, with w the acceleration per force across it
- * and s its speed. One that gets faster, or turns, is better given the direction in which it would start from rest; one
- * that stops straight on is found exactly.
+ * Friction rotates the velocity of a contact towards its direction at the rate mu lambda w / s, with w the transverse
+ * acceleration per force and s its speed. A contact that speeds up or turns is given the direction in which it would start
+ * from rest; the stop of one on a straight line is located exactly.
  */
 static int find_slow(const real* x, segment_t* segment, double tick) {
   double rate[NC];
@@ -436,7 +435,7 @@ static int find_slow(const real* x, segment_t* segment, double tick) {
   return any;
 }
 
-/* How long a segment may be for slow sliding to be followed. */
+/* Longest segment over which slow sliding can be followed. */
 static double find_reach(const real* x, const segment_t* segment, double tick) {
   double rate[NC], fastest = 1.0 / tick;
   loads_t found;
@@ -446,7 +445,7 @@ static double find_reach(const real* x, const segment_t* segment, double tick) {
   return fmax(1.0 / fastest, tick / MOST_PARTS);
 }
 
-/* Stop slow contacts that move against the direction in which they are to start. */
+/* Stop slow contacts that move against the direction in which they would start. */
 static void align(real* x, const segment_t* segment) {
   geometry_t geometry;
   real anchor[2 * NC];

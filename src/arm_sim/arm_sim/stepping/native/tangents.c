@@ -3,11 +3,11 @@
  * Derivatives of smooth motion carried in columns, see columns.h; where LANES > 1 they are those of as many arms, each in a
  * lane. The columns' matrices lie row by row, `count` numbers a row.
  *
- * Before this file: NX, NU (lengths of state and command), NP (of the parameters), NT (of those that columns change), SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the
- * generated functions), ND and NA (how many numbers the derivatives of a step and of the limits need), and the generated
- * `acting` (x, r) -> u and those NA, `limit` (columns dx, dr -> du), `advance` (x, u, p, h) -> x and those ND, `carry` (columns
- * dx, dw -> dx, where dw is du and below it the change of parameters); with STRETCH also `stretch` (columns dx, dw, dh -> dx);
- * arms.c; where joints have stops stops.c, and STOPS.
+ * Required definitions: NX, NU (lengths of state and command), NP (of the parameters), NT (number of varied parameters),
+ * SZ_ARG, SZ_RES, SZ_IW, SZ_W (work space of the generated functions), ND and NA (numbers of coefficients of the derivatives
+ * of a step and of the limits), and the generated `acting` (x, r) -> u and those NA, `limit` (columns dx, dr -> du),
+ * `advance` (x, u, p, h) -> x and those ND, `carry` (columns dx, dw -> dx, where dw is du and below it the change of
+ * parameters); with STRETCH also `stretch` (columns dx, dw, dh -> dx); arms.c; where joints have stops stops.c, and STOPS.
  */
 
 #include <string.h>
@@ -57,15 +57,15 @@ static inline void put(const column* from, double* matrix, const long long* of_l
 }
 #endif
 
-/* The arms first … last-1 over `ticks` ticks, with what becomes of columns.
+/* Propagate tangents of the arms first … last-1 over `ticks` ticks.
  *
  * x0:      initial states, NX an arm.                            after: receives states at the end.
  * tau:     commands, NU numbers; tick k of arm i at tau + i * tau_arm + k * tau_tick.
  * p:       parameters; arm i at p + i * p_arm.
  * given:   columns of x at the beginning, NX rows; arm i at given + i * given_arm.
  * pushed:  columns of commands and parameters, NU + NT rows; tick k of arm i at pushed + i * pushed_arm + k * pushed_tick.
- * columns: receives columns of x, NX rows; what follows tick k of arm i at columns + i * columns_arm + k * columns_tick.
- * met:     set to 1 for an arm that comes near a stop; what is found of it is worth nothing.
+ * columns: receives columns of x, NX rows; those after tick k of arm i at columns + i * columns_arm + k * columns_tick.
+ * met:     set to 1 for an arm that comes near a stop; its results are invalid.
  */
 EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm, long long tau_tick, const double* p,
                           long long p_arm, const double* h, long long ticks, long long first, long long last,
@@ -121,7 +121,7 @@ EXPORTED void carry_ticks(const double* x0, const double* tau, long long tau_arm
 }
 
 #ifdef STRETCH
-/* One step of length h[0] from x under what acts, with columns of (x, w, h): NX + NU + NT + 1 rows. */
+/* One step of length h[0] from x under the effective command, with columns of (x, w, h): NX + NU + NT + 1 rows. */
 EXPORTED void carry_step(const double* x, const double* u, const double* p, const double* h, const double* given,
                          long long count, double* after, double* columns) {
   real w[SZ_W], derivatives[ND];
